@@ -1,0 +1,88 @@
+"""The configuration of every task: one record per task, made of the records of its groups.
+
+Standard library only. A key has the same name in every task that knows it; its type, default and meaning are
+declared once, in the file of its group.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from rearl_jax.config._key import key
+from rearl_jax.config.data import DataConfig
+from rearl_jax.config.generator import GeneratorConfig
+from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
+from rearl_jax.config.scenes import (
+    FeaturesConfig,
+    ScenesConfig,
+    SpacingConfig,
+    SpeedConfig,
+    SplitConfig,
+    TracksConfig,
+)
+
+
+@dataclass(unsafe_hash=True)
+class ResultsConfig:
+    """Where results are written"""
+
+    root: str = key("results", "folder of all studies; relative to the folder rearl is called from")
+
+
+def _group(record: type) -> Any:
+    """The field of a whole group, headed by the first line of its docstring."""
+    return key(record, (record.__doc__ or "").partition("\n")[0].rstrip("."))
+
+
+def _study(name: str) -> Any:
+    return key(name, "name of the folder under results.root; the same name again replaces its files")
+
+
+@dataclass(unsafe_hash=True)
+class PrepareTask:
+    """Recordings to canonical tables and scenes."""
+
+    study: str = _study("prepare")
+    results: ResultsConfig = _group(ResultsConfig)
+    data: DataConfig = _group(DataConfig)
+    generator: GeneratorConfig = _group(GeneratorConfig)
+    tracks: TracksConfig = _group(TracksConfig)
+    scenes: ScenesConfig = _group(ScenesConfig)
+    speed: SpeedConfig = _group(SpeedConfig)
+    features: FeaturesConfig = _group(FeaturesConfig)
+    spacing: SpacingConfig = _group(SpacingConfig)
+
+
+@dataclass(unsafe_hash=True)
+class EvaluateTask:
+    """Simulated against measured scenes."""
+
+    study: str = _study("evaluate")
+    results: ResultsConfig = _group(ResultsConfig)
+    data: DataConfig = _group(DataConfig)
+    tracks: TracksConfig = _group(TracksConfig)
+    scenes: ScenesConfig = _group(ScenesConfig)
+    speed: SpeedConfig = _group(SpeedConfig)
+    features: FeaturesConfig = _group(FeaturesConfig)
+    spacing: SpacingConfig = _group(SpacingConfig)
+    split: SplitConfig = _group(SplitConfig)
+    hist: HistConfig = _group(HistConfig)
+    mape: MapeConfig = _group(MapeConfig)
+    thw: ThwConfig = _group(ThwConfig)
+    safety: SafetyConfig = _group(SafetyConfig)
+    realism: RealismConfig = _group(RealismConfig)
+
+
+@dataclass(unsafe_hash=True)
+class ValidateTask:
+    """The traffic core against highway-env."""
+
+    study: str = _study("validate")
+    results: ResultsConfig = _group(ResultsConfig)
+
+
+@dataclass(unsafe_hash=True)
+class BenchCoreTask:
+    """The speed of the traffic core."""
+
+    study: str = _study("bench_core")
+    results: ResultsConfig = _group(ResultsConfig)

@@ -1,0 +1,28 @@
+"""Declaration of one configuration key: its default and its one-line documentation, in one place.
+
+`rearl TASK --help` prints what is declared here, so a key cannot exist without a sentence that explains it.
+"""
+
+from dataclasses import field
+from typing import Any
+
+
+def key(default: Any, help: str) -> Any:
+    """Dataclass field of a configuration record, documented.
+
+    Args:
+        default: Default value; for a nested record its class (a fresh record is built from the class's own
+            defaults) or a function of no arguments. A sequence is written as a tuple.
+        help: One line: meaning, unit in brackets, source of the default.
+
+    Raises:
+        ValueError: The text is empty or longer than one line, or the default is a list or dict.
+    """
+    if not help.strip() or "\n" in help:
+        raise ValueError(f"the help text of a configuration key must be one non-empty line, got {help!r}")
+    if isinstance(default, (list, dict, set)):
+        raise ValueError(f"the default {default!r} is mutable: write a tuple, or a record for named values")
+    metadata = {"help": help}
+    if callable(default):
+        return field(default_factory=default, metadata=metadata)
+    return field(default=default, metadata=metadata)

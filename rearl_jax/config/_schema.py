@@ -1,0 +1,141 @@
+"""Configuration records as a flat list of keys: what can be set, with which type, and what it means.
+
+In: a task's dataclass (standard library only). Out: its keys by full name, the nearest key to a misspelt one,
+and finished records with tuples where tuples are declared and every record's own `check` passed.
+"""
+
+import difflib
+import math
+import types
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from enum import Enum
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
+
+Record = TypeVar("Record")
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key a user can set: full name, type and default as the user writes them, documentation."""
+
+    name: str
+    type_name: str
+    default: str
+    help: str
+
+
+@dataclass(frozen=True)
+class Group:
+    """The keys of one record: its full name (empty for the task itself) and what it is about."""
+
+    name: str
+    help: str
+    keys: tuple[Key, ...]
+
+
+def groups_of(record: Any, name: str = "", help: str = "") -> Iterator[Group]:
+    """The groups of a record of defaults, outermost first, in the order of declaration."""
+    hints = get_type_hints(type(record))
+    prefix = f"{name}." if name else ""
+    values = {item: getattr(record, item.name) for item in fields(record)}
+    keys = tuple(
+        Key(prefix + item.name, type_name(hints[item.name]), as_written(value), item.metadata["help"])
+        for item, value in values.items()
+        if not is_dataclass(value)
+    )
+    if keys:
+        yield Group(name, help, keys)
+    for item, value in values.items():
+        if is_dataclass(value):
+            yield from groups_of(value, prefix + item.name, item.metadata["help"])
+
+
+def keys_of(record: Any) -> dict[str, Key]:
+    """Full key name to key, for every key of a record of defaults."""
+    return {key.name: key for group in groups_of(record) for key in group.keys}
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The known name most like a given one; the last part alone (`stride` for `scenes.stride`) counts too."""
+
+    def likeness(candidate: str) -> float:
+        whole = difflib.SequenceMatcher(None, name.lower(), candidate.lower()).ratio()
+        tails = (name.lower().rpartition(".")[2], candidate.lower().rpartition(".")[2])
+        return max(whole, 0.99 * difflib.SequenceMatcher(None, *tails).ratio())
+
+    return max(sorted(known), key=likeness)
+
+
+def type_name(hint: Any) -> str:
+    """A type as the user reads it, e.g. `float`, `str or null`, `pooled|per_direction`, `[float, ...]`."""
+    if hint is type(None):
+        return "null"
+    if get_origin(hint) in (Union, types.UnionType):
+        return " or ".join(type_name(part) for part in get_args(hint))
+    if get_origin(hint) is tuple:
+        parts = ("..." if part is Ellipsis else type_name(part) for part in get_args(hint))
+        return f"[{', '.join(parts)}]"
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return "|".join(hint.__members__)
+    return hint.__name__
+
+
+def as_written(value: Any) -> str:
+    """A value as it stands on the command line, e.g. `null`, `true`, `[1, 2]`, an enumeration by its name."""
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, tuple):
+        return f"[{', '.join(as_written(part) for part in value)}]"
+    return str(value) or "''"
+
+
+def as_plain(value: Any) -> Any:
+    """A record as dictionaries, lists, texts and numbers, the same on every machine; inf and nan by name."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {item.name: as_plain(getattr(value, item.name)) for item in fields(value)}
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, Mapping):
+        return {str(name): as_plain(part) for name, part in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [as_plain(part) for part in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value
+
+
+def finished(record: Record, prefix: str = "") -> Record:
+    """The record with lists turned into the declared tuples, after every nested `check` has passed.
+
+    Raises:
+        ValueError: A tuple has the wrong length, or a record's `check` refuses it; the message begins with
+            the full key.
+    """
+    hints = get_type_hints(type(record))
+    changed = {}
+    for item in fields(record):  # type: ignore[arg-type]
+        value = getattr(record, item.name)
+        if is_dataclass(value):
+            changed[item.name] = finished(value, f"{prefix}{item.name}.")
+        elif isinstance(value, (list, tuple)):
+            changed[item.name] = _tuple_of(value, hints[item.name], prefix + item.name)
+    record = replace(record, **changed)  # type: ignore[type-var]
+    check = getattr(record, "check", None)
+    if check is not None:
+        try:
+            check()
+        except ValueError as error:
+            raise ValueError(f"{prefix}{error}") from error
+    return record
+
+
+def _tuple_of(values: Any, hint: Any, name: str) -> tuple:
+    if get_origin(hint) in (Union, types.UnionType):
+        hint = next(part for part in get_args(hint) if get_origin(part) is tuple)
+    parts = get_args(hint)
+    if Ellipsis not in parts and len(values) != len(parts):
+        raise ValueError(f"{name} must have {len(parts)} values {type_name(hint)}, got {len(values)}")
+    return tuple(values)

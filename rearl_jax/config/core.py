@@ -1,0 +1,64 @@
+"""Keys of the traffic model and of its initial states."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from rearl_jax.config._key import key
+
+
+class Precision(Enum):
+    """Floating type of the simulation."""
+
+    float32 = "float32"
+    float64 = "float64"
+
+
+@dataclass(unsafe_hash=True)
+class CoreConfig:
+    """Road, clock and stages of the simulation."""
+
+    n_lanes: int = key(4, "lanes of the simulated carriageway, 1 to 8; REARL (Bi et al.)")
+    n_vehicles: int = key(10, "vehicles in each scenario; REARL (Bi et al.)")
+    density: float = key(2.0, "vehicles_density of the initial scene [-]; highway-env, REARL (Bi et al.)")
+    speed_limit: float | None = key(30.0, "cap of the desired speed [m/s], null for none; highway-env 1.12.1")
+    ticks_per_second: int = key(15, "simulation ticks per second [1/s]; highway-env 1.12.1")
+    lane_changes: bool = key(True, "vehicles change lanes (MOBIL)")
+    collisions: bool = key(True, "vehicles collide; without, they pass through each other")
+    dtype: Precision = key(Precision.float32, "floating type of the simulation")
+    chunk: int = key(512, "scenarios one core simulates at a time; more need more memory, fewer leave it idle")
+
+    def check(self) -> None:
+        """Ranges."""
+        if not 1 <= self.n_lanes <= 8:
+            raise ValueError(f"n_lanes must be within 1..8, got {self.n_lanes}")
+        for name in ("n_vehicles", "ticks_per_second", "chunk"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+        if self.density <= 0:
+            raise ValueError(f"density must be > 0, got {self.density}")
+        if self.speed_limit is not None and self.speed_limit <= 0:
+            raise ValueError(f"speed_limit must be > 0 m/s or null, got {self.speed_limit}")
+
+
+class InitialSpeed(Enum):
+    """How initial speeds are chosen."""
+
+    u21_24 = "u21_24"
+    fixed_25 = "fixed_25"
+
+
+class InitialSource(Enum):
+    """Where initial states come from."""
+
+    seed = "seed"
+    scene = "scene"
+
+
+@dataclass(unsafe_hash=True)
+class InitConfig:
+    """Initial states of the rollouts."""
+
+    source: InitialSource = key(InitialSource.seed, "seed: drawn as highway-env does; scene: the measured scene's first snapshot")
+    speed: InitialSpeed = key(
+        InitialSpeed.u21_24, "u21_24: drawn from 70 to 80 % of the limit; fixed_25: all 25 m/s (controlled vehicles of highway-env)"
+    )

@@ -1,0 +1,175 @@
+"""Configuration of the metrics: histograms, spacing errors, headways, safety and realism."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from rearl_jax.config._key import key
+from rearl_jax.config.scenes import SpacingConfig
+
+
+class OutOfBounds(Enum):
+    """What happens to a speed outside the histogram's range."""
+
+    clip = "clip"
+    drop = "drop"
+
+
+class MapeDefinition(Enum):
+    """Which relative error of the mean spacing decides; all three are always exported."""
+
+    A = "A"
+    B = "B"
+    C = "C"
+
+
+class Gap(Enum):
+    """Distance in the numerator of the time headway."""
+
+    bumper = "bumper"
+    centre = "centre"
+
+
+class SpeedValues(Enum):
+    """Which speeds the realism of speed compares."""
+
+    scaled = "scaled"
+    raw = "raw"
+
+
+@dataclass(unsafe_hash=True)
+class HistConfig:
+    """Speed histogram of the Hellinger distance"""
+
+    low: float = key(5.0, "lower edge of the first bin [m/s]; REARL, the lowest target speed of DiLu")
+    high: float = key(32.0, "upper edge of the last bin [m/s]; REARL, the highest target speed of DiLu")
+    n_bins: int = key(8, "number of equal bins; REARL")
+    window: int = key(5, "length of the sliding window [frames at 1 Hz = s]; REARL")
+    oob: OutOfBounds = key(
+        OutOfBounds.clip, "speeds outside the range: clip (into the outer bins) or drop; own choice"
+    )
+
+    def check(self) -> None:
+        """Raises ValueError where a value cannot be used."""
+        if not self.high > self.low:
+            raise ValueError(f"high must exceed low ({self.low}), got {self.high}")
+        if self.n_bins < 1:
+            raise ValueError(f"n_bins must be at least 1, got {self.n_bins}")
+        if self.window < 1:
+            raise ValueError(f"window must be at least 1 frame, got {self.window}")
+
+
+@dataclass(unsafe_hash=True)
+class MapeConfig:
+    """Relative error of the mean spacing that detection and selection use"""
+
+    definition: MapeDefinition = key(
+        MapeDefinition.A,
+        "A |sim - real| / sim (REARL, Eq. 8), B the same / real, C mean_j |real_j - sim| / real",
+    )
+
+
+@dataclass(unsafe_hash=True)
+class ThwConfig:
+    """Time headway of same-lane leader-follower pairs"""
+
+    gap: Gap = key(Gap.bumper, "numerator: bumper to bumper or centre to centre; own choice")
+    v_min: float = key(1.0, "slowest follower that has a headway [m/s]; keeps the ratio finite, our choice")
+
+    def check(self) -> None:
+        """Raises ValueError where a value cannot be used."""
+        if not self.v_min > 0:
+            raise ValueError(f"v_min must be > 0 m/s (a headway divides by the speed), got {self.v_min}")
+
+
+@dataclass(unsafe_hash=True)
+class SafetyConfig:
+    """Thresholds of the surrogate safety measures"""
+
+    ttc: float = key(1.5, "critical time to collision [s]; FHWA-HRT-08-051 (SSAM, Gettman et al. 2008)")
+    drac: float = key(3.35, "critical deceleration to avoid a crash [m/s^2], positive; Archer (2005), KTH")
+    jerk: float = key(2.5, "large jerk, magnitude, mean over 1 s [m/s^3]; ISO 15622:2018, limit above 20 m/s")
+
+    def check(self) -> None:
+        """Raises ValueError where a value cannot be used."""
+        for name in ("ttc", "drac", "jerk"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
+
+
+@dataclass(unsafe_hash=True)
+class FeatureConfig:
+    """Histogram of one realism feature"""
+
+    low: float = key(0.0, "lower edge; values below fall into the first bin")
+    high: float = key(1.0, "upper edge; values above fall into the last bin")
+    n_bins: int = key(10, "number of equal bins")
+    weight: float = key(0.0, "weight before renormalisation over the features used")
+
+    def check(self) -> None:
+        """Raises ValueError where a value cannot be used."""
+        if not self.high > self.low:
+            raise ValueError(f"high must exceed low ({self.low}), got {self.high}")
+        if self.n_bins < 1:
+            raise ValueError(f"n_bins must be at least 1, got {self.n_bins}")
+        if self.weight < 0:
+            raise ValueError(f"weight must be >= 0, got {self.weight}")
+
+
+@dataclass(unsafe_hash=True)
+class RealismConfig:
+    """Highway subset of the Waymo Open Sim Agents realism measures"""
+
+    speed_values: SpeedValues = key(
+        SpeedValues.scaled, "scaled (as in the Hellinger distance) or raw; own choice"
+    )
+    speed: FeatureConfig = key(
+        lambda: FeatureConfig(low=0.0, high=35.0, n_bins=10, weight=0.05),
+        "linear speed [m/s]; range of the 2023 challenge (later ones stop at 25 m/s), weight of 2024",
+    )
+    acceleration: FeatureConfig = key(
+        lambda: FeatureConfig(low=-12.0, high=12.0, n_bins=11, weight=0.05),
+        "linear acceleration [m/s^2]; Waymo Sim Agents challenge 2024",
+    )
+    distance: FeatureConfig = key(
+        lambda: FeatureConfig(low=-5.0, high=40.0, n_bins=10, weight=0.1),
+        "signed distance to the nearest object [m]; Waymo Sim Agents challenge 2024",
+    )
+    ttc: FeatureConfig = key(
+        lambda: FeatureConfig(low=0.0, high=5.0, n_bins=10, weight=0.1),
+        "time to collision [s], capped at the upper edge; Waymo Sim Agents challenge 2024",
+    )
+    collision_weight: float = key(0.25, "weight of the collision indicator; Waymo Sim Agents challenge 2024")
+    pseudocount: float = key(0.1, "additive smoothing per bin; Waymo Sim Agents challenge 2024")
+    collision_pseudocount: float = key(0.001, "additive smoothing of the collision indicator; same source")
+
+    def check(self) -> None:
+        """Raises ValueError where a value cannot be used."""
+        for name in ("pseudocount", "collision_pseudocount"):
+            if not getattr(self, name) > 0:
+                raise ValueError(
+                    f"{name} must be > 0 (an empty bin needs a probability), got {getattr(self, name)}"
+                )
+        if self.collision_weight < 0:
+            raise ValueError(f"collision_weight must be >= 0, got {self.collision_weight}")
+        features = (self.speed, self.acceleration, self.distance, self.ttc)
+        if not self.collision_weight + sum(feature.weight for feature in features) > 0:
+            raise ValueError(
+                "collision_weight and the weights of the four features are all 0, one must be > 0"
+            )
+
+
+@dataclass(unsafe_hash=True)
+class MetricsConfig:
+    """What one call that scores a scene needs"""
+
+    hist: HistConfig = key(HistConfig, "speed histogram")
+    thw: ThwConfig = key(ThwConfig, "time headway")
+    safety: SafetyConfig = key(SafetyConfig, "surrogate safety thresholds")
+    realism: RealismConfig = key(RealismConfig, "realism features")
+    spacing: SpacingConfig = key(SpacingConfig, "distance between two vehicles")
+    frame_interval: float = key(1.0, "time between two frames [s]; REARL")
+
+    def check(self) -> None:
+        """Raises ValueError where a value cannot be used."""
+        if not self.frame_interval > 0:
+            raise ValueError(f"frame_interval must be > 0 s, got {self.frame_interval}")

@@ -1,0 +1,160 @@
+"""Configuration of scenes: which windows, which vehicles, which speed and distance, which splits.
+
+Defaults marked "REARL" are stated in the paper (Bi et al.); "own choice" resolves something it leaves open.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from rearl_jax.config._key import key
+
+
+class Direction(Enum):
+    """Which vehicles a scene is made of."""
+
+    pooled = "pooled"
+    """Both carriageways together: a 2 + 2-lane motorway is one scene."""
+    per_direction = "per_direction"
+    """Every carriageway is a scene of its own."""
+
+
+class Pick(Enum):
+    """What makes a vehicle of a snapshot one of the longest recorded."""
+
+    elapsed = "elapsed"
+    """Time since it entered the recording, at that frame."""
+    total_duration = "total_duration"
+    """Length of its whole track."""
+
+
+class SpeedNorm(Enum):
+    """How a recorded speed becomes a speed in the simulator's range of 5 to 32 m/s."""
+
+    minmax = "minmax"
+    """Affine; the extremes of all accepted scenes become 5 and 32 m/s."""
+    minmax_p01_999 = "minmax_p01_999"
+    """Affine; the 0.1 and 99.9 percentiles become 5 and 32 m/s, what lies outside is clipped."""
+    clip = "clip"
+    """Recorded speed, clipped to the range."""
+    none = "none"
+    """Recorded speed."""
+
+
+class FeatureDistance(Enum):
+    """The distance d in the feature vector (v, x, d) of a vehicle."""
+
+    mean_all = "mean_all"
+    """Mean distance to all other vehicles present [m]."""
+    dhw = "dhw"
+    """Bumper-to-bumper distance to the vehicle ahead in the same lane [m]; 0 without one."""
+
+
+class SpacingMetric(Enum):
+    """How the distance of two vehicles is measured, between their centres."""
+
+    euclid2d = "euclid2d"
+    """Euclidean in the ground plane."""
+    longitudinal = "longitudinal"
+    """Along the road only."""
+
+
+class SplitUnit(Enum):
+    """What is assigned to a split as a whole."""
+
+    scenario = "scenario"
+    """One window; refused where windows overlap."""
+    recording = "recording"
+    """One recording."""
+    block = "block"
+    """One contiguous stretch of time of one recording."""
+
+
+@dataclass(unsafe_hash=True)
+class ScenesConfig:
+    """Windows of the recordings that become scenes"""
+
+    direction: Direction = key(Direction.pooled, "vehicles pooled or per_direction; own choice")
+    seconds: int = key(60, "length of a scene [s] = number of 1 Hz snapshots; REARL")
+    min_vehicles: int = key(10, "vehicles needed in every snapshot of a scene; REARL")
+    slots: int = key(10, "vehicles picked in every snapshot, the longest recorded; REARL")
+    pick: Pick = key(Pick.elapsed, "longest recorded = elapsed since entry, or total_duration; own choice")
+    stride: float | None = key(None, "time between two window starts [s]; null = scenes.seconds, no overlap")
+
+    @property
+    def stride_seconds(self) -> float:
+        """Time between two window starts [s]."""
+        return float(self.seconds if self.stride is None else self.stride)
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its range."""
+        if self.seconds < 2:
+            raise ValueError(f"seconds must be at least 2, got {self.seconds}")
+        if self.slots < 2:
+            raise ValueError(f"slots must be at least 2 (a spacing needs two vehicles), got {self.slots}")
+        if self.min_vehicles < self.slots:
+            raise ValueError(f"min_vehicles must be at least slots = {self.slots}, got {self.min_vehicles}")
+        if self.stride is not None and not self.stride > 0:
+            raise ValueError(f"stride must be > 0 s, got {self.stride}")
+
+
+@dataclass(unsafe_hash=True)
+class SpeedConfig:
+    """Rescaling of recorded speeds to the simulator's range"""
+
+    norm: SpeedNorm = key(SpeedNorm.minmax, "minmax (REARL), minmax_p01_999 (0.1 and 99.9 %), clip, none")
+
+
+@dataclass(unsafe_hash=True)
+class TracksConfig:
+    """Tracks that are long enough for trajectory features"""
+
+    min_frames: int = key(100, "least length of a track in frames of the recording (4 s at 25 Hz); REARL")
+    points: int = key(64, "points of a track's feature curve, evenly spaced in time; own choice")
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its range."""
+        if self.min_frames < 2:
+            raise ValueError(f"min_frames must be at least 2, got {self.min_frames}")
+        if self.points < 2:
+            raise ValueError(f"points must be at least 2, got {self.points}")
+
+
+@dataclass(unsafe_hash=True)
+class FeaturesConfig:
+    """Feature vector (v, x, d) of a vehicle"""
+
+    d: FeatureDistance = key(
+        FeatureDistance.mean_all, "mean_all: mean distance to all others; or dhw; own choice"
+    )
+
+
+@dataclass(unsafe_hash=True)
+class SpacingConfig:
+    """Distance between two vehicles"""
+
+    metric: SpacingMetric = key(
+        SpacingMetric.euclid2d, "euclid2d or longitudinal, centre to centre; own choice"
+    )
+
+
+@dataclass(unsafe_hash=True)
+class SplitConfig:
+    """Threshold, tuning and evaluation scenes"""
+
+    unit: SplitUnit = key(SplitUnit.scenario, "assigned as a whole: scenario (REARL), recording, block")
+    seed: int = key(0, "seed of the random assignment")
+    block_seconds: float = key(300.0, "length of a block [s], for split.unit=block; own choice")
+    threshold: int | None = key(None, "threshold scenes; null = 150 of 741 (REARL), else a fifth of all")
+    tuning: int | None = key(None, "tuning scenes; null = 15 (REARL), scaled by scenes / 741, at least 5")
+    evaluation: int | None = key(None, "evaluation scenes; null = 50 (REARL), scaled likewise, at least 5")
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its range."""
+        if self.seed < 0:
+            raise ValueError(f"seed must be >= 0, got {self.seed}")
+        if not self.block_seconds > 0:
+            raise ValueError(f"block_seconds must be > 0, got {self.block_seconds}")
+        for name in ("threshold", "tuning", "evaluation"):
+            size = getattr(self, name)
+            if size is not None and size < 1:
+                raise ValueError(f"{name} must be at least 1 or null, got {size}")

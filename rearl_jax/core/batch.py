@@ -1,0 +1,71 @@
+"""Many scenarios on all cores: chunks that fit the cache, one host device per core, one compiled program."""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Generic, TypeVar
+
+import jax
+import numpy as np
+from jax.sharding import Mesh, PartitionSpec
+
+Arguments = TypeVar("Arguments")
+Result = TypeVar("Result")
+
+
+class ScenarioMap(Generic[Arguments, Result]):
+    """A function of many scenarios, compiled once and run chunk by chunk over all local devices.
+
+    Every array leaf of the function's argument and result has the scenario axis last. Scenarios must not depend on each
+    other: each device runs its own part without waiting for the rest.
+    """
+
+    def __init__(self, function: Callable[[Arguments], Result], *, chunk: int = 512) -> None:
+        """Prepares the map; nothing is compiled before the first call.
+
+        Args:
+            function: From a pytree of arrays `[..., n_scenarios]` to another one.
+            chunk: Scenarios a device takes at a time. 512 ten-vehicle scenarios fit the second-level cache of a core.
+        """
+        if chunk < 1:
+            raise ValueError(f"chunk = {chunk}: a device must take at least one scenario at a time")
+        self._devices = jax.local_devices()
+        self._chunk = chunk
+        mesh = Mesh(np.array(self._devices), ("scenarios",))
+        self._run = jax.jit(
+            lambda arguments: jax.shard_map(
+                function,
+                mesh=mesh,
+                in_specs=(_specs(arguments),),
+                out_specs=_specs(jax.eval_shape(function, arguments)),
+                check_vma=False,
+            )(arguments)
+        )
+
+    def chunks(self, arguments: Arguments) -> Iterator[Result]:
+        """Results chunk by chunk, in order, as NumPy arrays; only one chunk's result is held at a time.
+
+        Raises:
+            ValueError: If the leaves disagree about the number of scenarios, or there is none.
+        """
+        leaves = jax.tree.leaves(arguments)
+        counts = {np.shape(leaf)[-1] for leaf in leaves}
+        if len(counts) != 1 or 0 in counts:
+            raise ValueError(f"every argument needs the same number of scenarios in its last axis, got {sorted(counts)}")
+        n_scenarios = counts.pop()
+        n_devices = len(self._devices)
+        width = n_devices * min(self._chunk, math.ceil(n_scenarios / n_devices))
+        for start in range(0, n_scenarios, width):
+            # The last chunk is filled up with its own last scenario, so that one program serves all.
+            columns = np.minimum(np.arange(start, start + width), n_scenarios - 1)
+            result = self._run(jax.tree.map(lambda leaf: leaf[..., columns], arguments))
+            n_valid = min(width, n_scenarios - start)
+            yield jax.tree.map(lambda leaf: np.asarray(leaf)[..., :n_valid], result)
+
+    def __call__(self, arguments: Arguments) -> Result:
+        """All results, joined along the scenario axis."""
+        return jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1), *self.chunks(arguments))
+
+
+def _specs(tree: object) -> object:
+    """Partition along the last axis of every leaf."""
+    return jax.tree.map(lambda leaf: PartitionSpec(*(None,) * (leaf.ndim - 1), "scenarios"), tree)

@@ -1,0 +1,115 @@
+"""Per-vehicle parameters: how each driver follows and changes lanes, and the size of the vehicle.
+
+Every leaf has the rank of the state's arrays, `[n_vehicles, *n_scenarios]`; an axis of length 1 says "the same for
+all" and costs nothing. Defaults are those of highway-env's `IDMVehicle`.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from rearl_jax.core.timer import decision_period
+
+
+class IDMParams(eqx.Module):
+    """Parameters of the Intelligent Driver Model in highway-env's form.
+
+    Attributes:
+        max_accel: Maximum acceleration a [m/s^2].
+        comfort_decel: Comfortable deceleration b, positive [m/s^2].
+        jam_spacing: Spacing s0 at standstill, centre to centre [m] (one vehicle length included).
+        time_gap: Desired time gap T [s].
+        accel_exponent: Acceleration exponent delta [-].
+        accel_limit: Bound of the executed acceleration and deceleration [m/s^2].
+    """
+
+    max_accel: Float[Array, "#vehicles *#scenarios"]
+    comfort_decel: Float[Array, "#vehicles *#scenarios"]
+    jam_spacing: Float[Array, "#vehicles *#scenarios"]
+    time_gap: Float[Array, "#vehicles *#scenarios"]
+    accel_exponent: Float[Array, "#vehicles *#scenarios"]
+    accel_limit: Float[Array, "#vehicles *#scenarios"]
+
+
+class MOBILParams(eqx.Module):
+    """Parameters of the lane-change model MOBIL in highway-env's form.
+
+    Attributes:
+        politeness: Weight p of the followers' change of acceleration [-].
+        gain_threshold: Least gain in acceleration that justifies a change [m/s^2].
+        safe_decel: Largest deceleration a change may impose on the new follower, positive [m/s^2].
+        decision_period: Ticks from one lane-change decision to the next [ticks].
+        changes_lanes: Whether the vehicle changes lanes at all.
+    """
+
+    politeness: Float[Array, "#vehicles *#scenarios"]
+    gain_threshold: Float[Array, "#vehicles *#scenarios"]
+    safe_decel: Float[Array, "#vehicles *#scenarios"]
+    decision_period: Int[Array, "#vehicles *#scenarios"]
+    changes_lanes: Bool[Array, "#vehicles *#scenarios"]
+
+
+class Body(eqx.Module):
+    """Size of a vehicle.
+
+    Attributes:
+        length: Length [m].
+        width: Width [m].
+        collides: Whether the vehicle looks for collisions; a pair is tested if one of the two does.
+    """
+
+    length: Float[Array, "#vehicles *#scenarios"]
+    width: Float[Array, "#vehicles *#scenarios"]
+    collides: Bool[Array, "#vehicles *#scenarios"]
+
+
+class Drivers(eqx.Module):
+    """Car-following, lane-changing and size parameters of all vehicles."""
+
+    idm: IDMParams
+    mobil: MOBILParams
+    body: Body
+
+
+def highway_env_drivers(
+    accel_exponent: Float[Array, "#vehicles *#scenarios"] | None = None,
+    *,
+    ndim: int = 2,
+    dtype: jnp.dtype = jnp.float32,
+    ticks_per_second: int = 15,
+) -> Drivers:
+    """Drivers with highway-env's constants, equal for all vehicles but for the acceleration exponent.
+
+    Args:
+        accel_exponent: IDM exponent delta of each vehicle; None for 4 everywhere. `highway-v0` draws U(3.5, 4.5).
+        ndim: Rank of the state's arrays (2 for `[n_vehicles, n_scenarios]`), where no exponent is given.
+        dtype: Floating type, where no exponent is given.
+        ticks_per_second: Clock of the simulation, for the period of lane-change decisions.
+
+    Source: highway-env 1.12.1, `vehicle/behavior.py` (IDMVehicle) and `vehicle/kinematics.py` (LENGTH, WIDTH).
+    """
+    if accel_exponent is None:
+        accel_exponent = jnp.full((1,) * ndim, 4.0, dtype)
+
+    def same(value: float | int | bool, kind: jnp.dtype | type = accel_exponent.dtype) -> jax.Array:
+        return jnp.full((1,) * accel_exponent.ndim, value, kind)
+
+    return Drivers(
+        idm=IDMParams(
+            max_accel=same(3.0),
+            comfort_decel=same(5.0),
+            jam_spacing=same(10.0),
+            time_gap=same(1.5),
+            accel_exponent=accel_exponent,
+            accel_limit=same(6.0),
+        ),
+        mobil=MOBILParams(
+            politeness=same(0.0),
+            gain_threshold=same(0.2),
+            safe_decel=same(2.0),
+            decision_period=same(decision_period(1.0, ticks_per_second), jnp.int32),
+            changes_lanes=same(True, bool),
+        ),
+        body=Body(length=same(5.0), width=same(2.0), collides=same(True, bool)),
+    )

@@ -1,0 +1,165 @@
+"""Moving vehicles: the lateral controller, the speed controllers and the kinematic bicycle.
+
+The steering angle delta of highway-env never appears: its slip angle beta = arctan(tan(delta) / 2) is all that moves the
+vehicle, and where the controller sets delta = arctan(2 tan(arcsin u)) the slip angle is arcsin u itself, cut at the
+value that belongs to the largest steering angle. Only in float64 is the long way round taken, for the sake of its rounding.
+
+Source: highway-env 1.12.1, `vehicle/controller.py` (ControlledVehicle) and `vehicle/kinematics.py` (Vehicle.step).
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.elementary import arcsine, cosine, rounded, sine
+from rearl_jax.core.mobil import Prospects
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.neighbours import View, not_zero
+from rearl_jax.core.state import Controller, TrafficState
+
+HEADING_TIME = 0.2
+"""Time constant of the heading controller [s]. Source: highway-env 1.12.1, `ControlledVehicle.TAU_HEADING`."""
+
+LATERAL_TIME = 0.6
+"""Time constant of the lateral position controller [s]. Source: highway-env 1.12.1, `ControlledVehicle.TAU_LATERAL`."""
+
+SPEED_TIME = 0.6
+"""Time constant of the speed controller of META vehicles [s]. Source: highway-env 1.12.1, `ControlledVehicle.TAU_ACC`."""
+
+MAX_SPEED = 40.0
+"""Speed [m/s], forwards and backwards, beyond which the command pulls back. Source: highway-env 1.12.1, `Vehicle.MAX_SPEED`."""
+
+MAX_HEADING = np.pi / 4
+"""Steepest heading the lateral controller asks for [rad]. Source: highway-env 1.12.1, `steering_control`."""
+
+MAX_STEERING = np.pi / 3
+"""Largest steering angle [rad]. Source: highway-env 1.12.1, `ControlledVehicle.MAX_STEERING_ANGLE`."""
+
+MAX_SLIP = float(np.arctan(np.tan(MAX_STEERING) / 2))
+"""Slip angle at the largest steering angle [rad]."""
+
+
+class Command(eqx.Module):
+    """What a vehicle does in this tick.
+
+    Attributes:
+        acceleration: Along the heading [m/s^2].
+        slip: Slip angle beta between heading and motion [rad].
+    """
+
+    acceleration: Float[Array, "vehicles *scenarios"]
+    slip: Float[Array, "vehicles *scenarios"]
+
+
+def wrap_to_pi(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """The same direction within [-pi, pi) [rad]. Source: highway-env 1.12.1, `utils.wrap_to_pi`."""
+    turned = angle + np.pi
+    return (turned - 2 * np.pi * jnp.floor(turned / (2 * np.pi))) - np.pi
+
+
+def slip_angle(sine_of_slip: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Slip angle [rad] of a wanted sine, within what the largest steering angle allows."""
+    if sine_of_slip.dtype == jnp.float64:
+        steering = jnp.arctan(2 * jnp.tan(arcsine(sine_of_slip)))
+        return jnp.arctan(jnp.tan(jnp.clip(steering, -MAX_STEERING, MAX_STEERING)) / 2)
+    return jnp.clip(arcsine(sine_of_slip), -MAX_SLIP, MAX_SLIP)
+
+
+def steer(
+    state: TrafficState, target_lane: Int[Array, "vehicles *scenarios"], drivers: Drivers, model: TrafficModel
+) -> Float[Array, "vehicles *scenarios"]:
+    """Slip angle [rad] that brings a vehicle to the centre of its target lane.
+
+    A cascade: lateral offset -> lateral speed -> heading -> turn rate -> slip angle.
+
+    Source: highway-env 1.12.1, `ControlledVehicle.steering_control`.
+    """
+    speed = not_zero(state.speed)
+    offset = state.y - target_lane.astype(state.y.dtype) * model.lane_width
+    lateral_speed = -(1 / LATERAL_TIME) * offset
+    heading = jnp.clip(arcsine(lateral_speed / speed), -MAX_HEADING, MAX_HEADING)
+    turn_rate = (1 / HEADING_TIME) * wrap_to_pi(heading - state.heading)
+    return slip_angle(drivers.body.length / 2 / speed * turn_rate)
+
+
+def control(
+    state: TrafficState,
+    view: View,
+    target_lane: Int[Array, "vehicles *scenarios"],
+    prospects: Prospects,
+    drivers: Drivers,
+    model: TrafficModel,
+) -> Command:
+    """Command of every vehicle: IDM, meta-action target, coming to rest after a crash, or nothing where absent.
+
+    A vehicle that is changing lanes minds the leaders of both lanes.
+
+    Source: highway-env 1.12.1, `IDMVehicle.act`, `ControlledVehicle.act`, `Vehicle.clip_actions`.
+    """
+    towards = jnp.where(target_lane < view.lane, prospects.left, prospects.right)
+    towards = jnp.where(target_lane == state.target_lane, prospects.target, towards)
+    following = jnp.where(target_lane == view.lane, prospects.own, jnp.minimum(prospects.own, towards))
+    following = jnp.clip(following, -drivers.idm.accel_limit, drivers.idm.accel_limit)
+    tracking = (1 / SPEED_TIME) * (state.desired_speed - state.speed)
+    acceleration = jnp.where(state.controller == Controller.IDM, following, tracking)
+    acceleration = jnp.where(state.crashed, -state.speed, acceleration)
+    # Bounds of the speed; the two cases exclude each other.
+    too_fast, too_slow = MAX_SPEED - state.speed, -MAX_SPEED - state.speed
+    acceleration = jnp.where(too_fast < 0, jnp.minimum(acceleration, too_fast), acceleration)
+    acceleration = jnp.where(too_slow > 0, jnp.maximum(acceleration, too_slow), acceleration)
+    slip = jnp.where(state.crashed, 0.0, steer(state, target_lane, drivers, model))
+    is_present = state.controller != Controller.ABSENT
+    return Command(jnp.where(is_present, acceleration, 0.0), jnp.where(is_present, slip, 0.0))
+
+
+def add_compensated(
+    total: Float[Array, "*n"], step: Float[Array, "*n"], lost: Float[Array, "*n"]
+) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
+    """Sum and what rounding took from it (Kahan), so that 900 small steps do not drift in float32.
+
+    In float64 the plain sum, whose rounding highway-env shares.
+    """
+    if total.dtype == jnp.float64:
+        return total + step, lost
+    step = step - lost
+    new = total + step
+    return new, (new - total) - step
+
+
+def move(
+    state: TrafficState,
+    target_lane: Int[Array, "vehicles *scenarios"],
+    countdown: Int[Array, "vehicles *scenarios"],
+    command: Command,
+    drivers: Drivers,
+    model: TrafficModel,
+) -> TrafficState:
+    """State after one explicit Euler step of the kinematic bicycle; collisions of the tick before push now.
+
+    Position and heading advance with the old speed. A pushed vehicle counts as crashed from here on.
+
+    Source: highway-env 1.12.1, `Vehicle.step`; bicycle: Polack et al., IEEE IV 2017.
+    """
+    dt, direction = model.tick, state.heading + command.slip
+    x, x_lost = add_compensated(state.x, rounded(state.speed * cosine(direction) * dt), state.x_lost)
+    y, y_lost = add_compensated(state.y, rounded(state.speed * sine(direction) * dt), state.y_lost)
+    turn_rate = state.speed * sine(command.slip) / (drivers.body.length / 2)
+    return TrafficState(
+        x=x + jnp.where(state.is_pushed, state.push_x, 0.0),
+        y=y + jnp.where(state.is_pushed, state.push_y, 0.0),
+        x_lost=x_lost,
+        y_lost=y_lost,
+        heading=state.heading + rounded(turn_rate * dt),
+        speed=state.speed + rounded(command.acceleration * dt),
+        acceleration=command.acceleration,
+        desired_speed=state.desired_speed,
+        target_lane=target_lane,
+        ticks_to_decision=countdown - 1,
+        controller=state.controller,
+        crashed=state.crashed | state.is_pushed,
+        is_pushed=jnp.zeros_like(state.is_pushed),
+        push_x=jnp.zeros_like(state.push_x),
+        push_y=jnp.zeros_like(state.push_y),
+    )

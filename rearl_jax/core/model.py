@@ -1,0 +1,55 @@
+"""What is fixed while a program runs: the road, the clock and which stages the traffic model has.
+
+A `TrafficModel` is hashable and static: another value compiles another program. Numbers that vary between
+vehicles or scenarios are arrays and live in `rearl_jax.core.drivers` and `rearl_jax.core.state`.
+"""
+
+import dataclasses
+
+LANE_TEST_LENGTH = 5.0
+"""Vehicle length [m] a lane assumes in its own range tests. Source: highway-env 1.12.1, `AbstractLane.VEHICLE_LENGTH`."""
+
+
+@dataclasses.dataclass(frozen=True)
+class TrafficModel:
+    """A straight one-way road, its clock, and the stages of the traffic model.
+
+    Lane k is centred on y = k * lane_width; lane 0 is the leftmost, y grows to the right, x along the road.
+
+    Attributes:
+        n_lanes: Number of lanes, 1 to 8.
+        lane_width: Width of every lane [m].
+        road_length: Length of the road [m]; beyond it vehicles are neither seen nor change lanes.
+        speed_limit: Limit [m/s] that caps the desired speed of the car-following model; None for no cap.
+        ticks_per_second: Simulation ticks per second [1/s].
+        lane_changes: Whether the lane-change stages (MOBIL, aborts) are part of the program.
+        collisions: Whether the collision stage is part of the program.
+        cooperative: Whether MOBIL evaluates what a change costs the followers. Only needed where some vehicle's
+            politeness is not zero; without it the program is shorter and the result the same.
+        speed_levels: Target speeds [m/s] a meta-action can choose.
+
+    Source: highway-env 1.12.1 (`highway-v0`); speed levels: nine levels from 5 to 32 m/s as in REARL (Bi et al.).
+    """
+
+    n_lanes: int = 4
+    lane_width: float = 4.0
+    road_length: float = 10_000.0
+    speed_limit: float | None = 30.0
+    ticks_per_second: int = 15
+    lane_changes: bool = True
+    collisions: bool = True
+    cooperative: bool = False
+    speed_levels: tuple[float, ...] = tuple(5.0 + 3.375 * level for level in range(9))
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.n_lanes <= 8:
+            raise ValueError(f"n_lanes = {self.n_lanes} is outside 1..8; choose the number of lanes of one carriageway")
+        if self.ticks_per_second < 1:
+            raise ValueError(f"ticks_per_second = {self.ticks_per_second}: at least one tick a second is needed (highway-env: 15)")
+        if len(self.speed_levels) < 2:
+            raise ValueError("speed_levels needs at least two speeds [m/s] for FASTER and SLOWER to choose from")
+
+    @property
+    def tick(self) -> float:
+        """Duration of one tick [s]."""
+        return 1.0 / self.ticks_per_second

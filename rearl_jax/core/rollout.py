@@ -1,0 +1,80 @@
+"""Rollouts: decision seconds of many scenarios in lockstep."""
+
+import equinox as eqx
+import jax
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.meta_actions import apply_meta_actions
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.state import TrafficState, nearest_lane
+from rearl_jax.core.step import tick
+
+
+class Frames(eqx.Module):
+    """The traffic after each decision second, `[n_steps, n_vehicles, *n_scenarios]`; one frame has no steps axis.
+
+    Attributes:
+        x: Position of the centre along the road [m].
+        y: Lateral position of the centre [m].
+        heading: Heading [rad].
+        speed: Speed [m/s].
+        acceleration: Acceleration executed in the last tick of the second [m/s^2].
+        lane: Nearest lane.
+        crashed: Whether the vehicle has been in a collision.
+    """
+
+    x: Float[Array, "*frames"]
+    y: Float[Array, "*frames"]
+    heading: Float[Array, "*frames"]
+    speed: Float[Array, "*frames"]
+    acceleration: Float[Array, "*frames"]
+    lane: Int[Array, "*frames"]
+    crashed: Bool[Array, "*frames"]
+
+
+def observe(state: TrafficState, model: TrafficModel) -> Frames:
+    """The frame that shows a state."""
+    return Frames(
+        x=state.x,
+        y=state.y,
+        heading=state.heading,
+        speed=state.speed,
+        acceleration=state.acceleration,
+        lane=nearest_lane(state.y, model),
+        crashed=state.crashed,
+    )
+
+
+def simulate_second(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
+    """State one decision second later."""
+    return lax.fori_loop(0, model.ticks_per_second, lambda _, before: tick(before, drivers, model), state)
+
+
+def rollout(
+    state: TrafficState,
+    drivers: Drivers,
+    model: TrafficModel,
+    *,
+    n_seconds: int,
+    actions: Int[Array, "steps vehicles *scenarios"] | None = None,
+) -> tuple[TrafficState, Frames]:
+    """State after some decision seconds, and a frame after each of them.
+
+    Args:
+        state: Initial state.
+        drivers: Parameters of all vehicles.
+        model: Road, clock and stages.
+        n_seconds: Decision seconds to simulate [s].
+        actions: Meta-actions at the start of each second, for META vehicles; None for none.
+    """
+
+    @jax.checkpoint  # a gradient recomputes each second instead of keeping every tick of the rollout
+    def second(before: TrafficState, action: Array | None) -> tuple[TrafficState, Frames]:
+        if action is not None:
+            before = apply_meta_actions(before, action, model)
+        after = simulate_second(before, drivers, model)
+        return after, observe(after, model)
+
+    return lax.scan(second, state, actions, length=n_seconds)

@@ -1,0 +1,89 @@
+"""Random initial traffic, as highway-env places it: one vehicle after the other, each ahead of all before it."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Key
+
+from rearl_jax.core.drivers import Drivers, highway_env_drivers
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.state import Controller, TrafficState
+from rearl_jax.core.timer import decision_period
+
+SPEED_RANGE = (0.7, 0.8)
+"""Range of initial speeds as shares of the speed limit. Source: highway-env 1.12.1, `Vehicle.create_random`."""
+
+FALLBACK_SPEEDS = (23.0, 25.0)
+"""Range of initial speeds [m/s] on a road without limit. Source: highway-env 1.12.1, `Vehicle.DEFAULT_INITIAL_SPEEDS`."""
+
+EXPONENT_RANGE = (3.5, 4.5)
+"""Range of the IDM exponent. Source: highway-env 1.12.1, `IDMVehicle.randomize_behavior`."""
+
+
+def spawn(
+    keys: Key[Array, " scenarios"],
+    model: TrafficModel,
+    *,
+    n_vehicles: int,
+    density: float = 2.0,
+    initial_speed: float | None = None,
+    dtype: jnp.dtype = jnp.float32,
+) -> tuple[TrafficState, Drivers]:
+    """IDM traffic of one scenario per key, and its drivers. Same key, same scenario, whatever the batch around it.
+
+    Each vehicle draws a lane, a speed and a place 0.9 to 1.1 times s = (12 + v) exp(-5 K / 40) / density ahead of the
+    foremost one, K the number of lanes; the list order is the order along the road.
+
+    Args:
+        keys: One random key per scenario.
+        model: The road.
+        n_vehicles: Vehicles per scenario.
+        density: highway-env's `vehicles_density` [-].
+        initial_speed: Speed of all vehicles [m/s]; None draws 70 to 80 % of the speed limit for each.
+        dtype: Floating type of the state.
+
+    Source: highway-env 1.12.1, `Vehicle.create_random`; `IDMVehicle.__init__` (phase of the lane-change decisions).
+    """
+    if model.speed_limit is None:
+        low, high = FALLBACK_SPEEDS
+    else:
+        low, high = (share * model.speed_limit for share in SPEED_RANGE)
+
+    def draw(key: Key[Array, ""]) -> tuple[Array, Array, Array, Array]:
+        lane_key, speed_key, place_key, driver_key = jax.random.split(key, 4)
+        lane = jax.random.randint(lane_key, (n_vehicles,), 0, model.n_lanes)
+        speed = jax.random.uniform(speed_key, (n_vehicles,), dtype, low, high)
+        jitter = jax.random.uniform(place_key, (n_vehicles,), dtype, 0.9, 1.1)
+        return lane, speed, jitter, jax.random.uniform(driver_key, (n_vehicles,), dtype, *EXPONENT_RANGE)
+
+    lane, speed, jitter, exponent = jax.vmap(draw, out_axes=-1)(keys)
+    if initial_speed is not None:
+        speed = jnp.full_like(speed, initial_speed)
+    offset = (12 + speed) * (np.exp(-5 / 40 * model.n_lanes) / density)
+    x = jnp.cumsum(offset * jitter, axis=0) + 3 * offset[:1]
+    y = lane.astype(dtype) * model.lane_width
+    zeros, nobody = jnp.zeros_like(x), jnp.zeros(x.shape, bool)
+    state = TrafficState(
+        x=x,
+        y=y,
+        x_lost=zeros,
+        y_lost=zeros,
+        heading=zeros,
+        speed=speed,
+        acceleration=zeros,
+        desired_speed=speed,
+        target_lane=lane.astype(jnp.int32),
+        ticks_to_decision=_ticks_of_phase(((x + y) * np.pi) % 1.0, model.ticks_per_second),
+        controller=jnp.full(x.shape, int(Controller.IDM), jnp.int32),
+        crashed=nobody,
+        is_pushed=nobody,
+        push_x=zeros,
+        push_y=zeros,
+    )
+    return state, highway_env_drivers(exponent, ticks_per_second=model.ticks_per_second)
+
+
+def _ticks_of_phase(phase: Float[Array, "*n"], ticks_per_second: int) -> Array:
+    """Ticks until a timer that starts at a phase within [0, 1) s exceeds one second."""
+    ticks = jnp.floor((1 - phase) * ticks_per_second).astype(jnp.int32) + 1
+    return jnp.clip(ticks, 1, decision_period(1.0, ticks_per_second))

@@ -1,0 +1,170 @@
+"""What the next tick needs to know of the traffic, and how to build it from measured or drawn vehicles.
+
+Arrays are `[n_vehicles, *n_scenarios]`: the vehicle axis first, in the order of highway-env's vehicle list, the scenario
+axis last and contiguous. A single scene has no scenario axis.
+"""
+
+import enum
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.timer import ticks_until_decision
+
+
+class Controller(enum.IntEnum):
+    """Who drives a vehicle.
+
+    ABSENT pads a scenario that has fewer vehicles than others: the vehicle stands beyond the end of the road, where
+    nobody sees it. IDM drives by IDM and MOBIL. META follows meta-actions (target lane and target speed).
+    """
+
+    ABSENT = 0
+    IDM = 1
+    META = 2
+
+
+class TrafficState(eqx.Module):
+    """State of all vehicles between two ticks.
+
+    Attributes:
+        x: Position of the centre along the road [m].
+        y: Lateral position of the centre [m]; lane k is centred on k * lane_width.
+        x_lost: What rounding has taken from x so far (compensated summation) [m].
+        y_lost: The same for y [m].
+        heading: Angle to the road, positive towards larger y [rad].
+        speed: Speed along the heading, before the slip angle [m/s].
+        acceleration: Acceleration executed in the last tick [m/s^2].
+        desired_speed: Desired speed of an IDM vehicle, target speed of a META vehicle [m/s].
+        target_lane: Lane the vehicle is steered to.
+        ticks_to_decision: Ticks until the next lane-change decision is due; it waits while a change is in progress.
+        controller: Who drives, see `Controller`.
+        crashed: Whether the vehicle has been in a collision.
+        is_pushed: Whether a collision moves the vehicle in the coming tick.
+        push_x: Displacement by that collision along the road [m].
+        push_y: The same across the road [m].
+    """
+
+    x: Float[Array, "vehicles *scenarios"]
+    y: Float[Array, "vehicles *scenarios"]
+    x_lost: Float[Array, "vehicles *scenarios"]
+    y_lost: Float[Array, "vehicles *scenarios"]
+    heading: Float[Array, "vehicles *scenarios"]
+    speed: Float[Array, "vehicles *scenarios"]
+    acceleration: Float[Array, "vehicles *scenarios"]
+    desired_speed: Float[Array, "vehicles *scenarios"]
+    target_lane: Int[Array, "vehicles *scenarios"]
+    ticks_to_decision: Int[Array, "vehicles *scenarios"]
+    controller: Int[Array, "vehicles *scenarios"]
+    crashed: Bool[Array, "vehicles *scenarios"]
+    is_pushed: Bool[Array, "vehicles *scenarios"]
+    push_x: Float[Array, "vehicles *scenarios"]
+    push_y: Float[Array, "vehicles *scenarios"]
+
+
+def nearest_lane(y: Float[Array, "*n"], model: TrafficModel) -> Int[Array, "*n"]:
+    """Lane whose centre is nearest; the lower index on the border line.
+
+    Source: highway-env 1.12.1, `RoadNetwork.get_closest_lane_index`: on a straight road its heading and range terms
+    are equal for all lanes.
+    """
+    lane = jnp.ceil(y / model.lane_width - 0.5)
+    return jnp.clip(lane, 0, model.n_lanes - 1).astype(jnp.int32)
+
+
+def nearest_level(speed: Float[Array, "*n"] | np.ndarray, model: TrafficModel) -> Float[Array, "*n"] | np.ndarray:
+    """Index of the target speed nearest to a speed, halves to even; floating, as NumPy or JAX array like its input.
+
+    Source: highway-env 1.12.1, `MDPVehicle.speed_to_index` (levels are equidistant).
+    """
+    low, high, last = model.speed_levels[0], model.speed_levels[-1], len(model.speed_levels) - 1
+    return ((speed - low) / (high - low) * last).round().clip(0, last)
+
+
+PARKING_SPACING = 100.0
+"""Distance [m] between absent vehicles, so that they never touch."""
+
+
+def make_state(
+    x: np.ndarray,
+    y: np.ndarray,
+    speed: np.ndarray,
+    model: TrafficModel,
+    *,
+    heading: np.ndarray | float = 0.0,
+    desired_speed: np.ndarray | None = None,
+    target_lane: np.ndarray | None = None,
+    timer: np.ndarray | None = None,
+    lane_change_delay: float = 1.0,
+    controller: np.ndarray | int = Controller.IDM,
+    crashed: np.ndarray | bool = False,
+    dtype: type = np.float32,
+) -> TrafficState:
+    """State of vehicles at given places, built on the host in float64 as highway-env's constructors build it.
+
+    Args:
+        x: Positions along the road [m], `[n_vehicles, *n_scenarios]`; lane changes need 0 <= x.
+        y: Lateral positions [m].
+        speed: Speeds [m/s].
+        model: The road.
+        heading: Headings [rad].
+        desired_speed: Desired (IDM) or target (META, snapped to the nearest level) speed [m/s]; None for the present speed.
+        target_lane: None for the nearest lane.
+        timer: Time since the last lane-change decision [s]; None for ((x + y) pi) mod delay, highway-env's phase.
+        lane_change_delay: Time between lane-change decisions [s].
+        controller: One of `Controller` for each vehicle. Positions of ABSENT vehicles are ignored.
+        crashed: Vehicles that have collided already.
+        dtype: np.float32 or np.float64.
+
+    Raises:
+        ValueError: If shapes differ or a value of a vehicle that is present is not finite.
+
+    Source: highway-env 1.12.1, constructors of `Vehicle`, `IDMVehicle`, `MDPVehicle`.
+    """
+    shape = np.shape(x)
+
+    def full(values: object, kind: type = np.float64) -> np.ndarray:
+        return np.array(np.broadcast_to(np.asarray(values), shape), kind)
+
+    x, y, speed, heading = full(x), full(y), full(speed), full(heading)
+    controller = full(controller, np.int32)
+    present = controller != Controller.ABSENT
+    for name, values in (("x", x), ("y", y), ("speed", speed), ("heading", heading)):
+        bad = np.argwhere(present & ~np.isfinite(values))
+        if len(bad):
+            raise ValueError(
+                f"{name} of vehicle {bad[0][0]} (index {tuple(int(i) for i in bad[0])}) is not finite;"
+                " drop the vehicle or mark it Controller.ABSENT"
+            )
+    slot = np.arange(shape[0], dtype=np.float64).reshape(-1, *(1,) * (len(shape) - 1))
+    parking = 100 * model.road_length + PARKING_SPACING * slot
+    x = np.where(present, x, parking)
+    y, speed, heading = (np.where(present, values, 0.0) for values in (y, speed, heading))
+
+    desired = speed if desired_speed is None else full(desired_speed)
+    level_speed = np.asarray(model.speed_levels)[np.asarray(nearest_level(desired, model), np.int64)]
+    desired = np.where(controller == Controller.META, level_speed, np.where(present, desired, 0.0))
+    lane = np.clip(np.ceil(y / model.lane_width - 0.5), 0, model.n_lanes - 1).astype(np.int32)
+    target = lane if target_lane is None else np.where(present, full(target_lane, np.int32), 0)
+    phase = ((x + y) * np.pi) % lane_change_delay if timer is None else full(timer)
+    zeros = jnp.zeros(shape, dtype)
+    return TrafficState(
+        x=jnp.asarray(x, dtype),
+        y=jnp.asarray(y, dtype),
+        x_lost=zeros,
+        y_lost=zeros,
+        heading=jnp.asarray(heading, dtype),
+        speed=jnp.asarray(speed, dtype),
+        acceleration=zeros,
+        desired_speed=jnp.asarray(desired, dtype),
+        target_lane=jnp.asarray(target, jnp.int32),
+        ticks_to_decision=jnp.asarray(ticks_until_decision(phase, lane_change_delay, model.ticks_per_second)),
+        controller=jnp.asarray(controller),
+        crashed=jnp.asarray(full(crashed, bool) & present),
+        is_pushed=jnp.zeros(shape, bool),
+        push_x=zeros,
+        push_y=zeros,
+    )

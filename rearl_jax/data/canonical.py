@@ -1,0 +1,200 @@
+"""Canonical tables in files: Parquet or CSV in the columns of `schema.COLUMNS`, read and written.
+
+A file may hold several recordings, told apart by its column `recording`. What is known besides the rows
+(frame rate, lanes, licence) stands in the metadata of a Parquet file, or beside a CSV file in
+`<file>.info.json`; for tables without it, it is worked out from the rows and a note says so.
+"""
+
+import json
+import os
+from collections.abc import Iterable
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.delimited import read_csv, read_header
+from rearl_jax.data.losses import Losses
+from rearl_jax.data.problems import BadRecordingError, require_columns
+from rearl_jax.data.schema import COLUMNS, REQUIRED, Recording, RecordingInfo, validate
+
+METADATA = "recordings"
+"""Name of the metadata with the RecordingInfo of every recording; rearl_jax.recordings in Parquet."""
+
+# More lanes than any carriageway has; beyond it a lane number is a fault and says nothing about the road.
+_MOST_LANES = 12
+_NAMES = tuple(column.name for column in COLUMNS)
+
+
+def find_tables(root: Path) -> list[Path]:
+    """The Parquet and CSV files in the folder, or the one file that is named.
+
+    Raises:
+        FileNotFoundError: There is none.
+    """
+    files = [root] if root.is_file() else sorted(root.glob("*"))
+    found = [file for file in files if file.suffix in (".parquet", ".csv")]
+    if not found:
+        raise FileNotFoundError(
+            f"no .parquet or .csv in {root}: data.root must name a table, or a folder of tables, with the "
+            f"columns {', '.join(REQUIRED)}; `rearl prepare` writes such tables"
+        )
+    return found
+
+
+class TableFile:
+    """A file of canonical tables; rows are read when they are asked for."""
+
+    def __init__(self, path: Path, policy: DataConfig) -> None:
+        self.path = path
+        self._policy = policy
+        self._is_csv = path.suffix == ".csv"
+
+    def recordings(self) -> list[str]:
+        """Ids of the recordings in the file."""
+        if "recording" not in self._columns:
+            return [self.path.stem]
+        if self._is_csv:
+            # Not through self._csv: a folder of many files is listed without keeping their rows.
+            rows, _ = read_csv(self.path, {"recording": pa.string()}, self._policy.on_bad)
+            names = rows["recording"].unique().to_pandas()
+        else:
+            column = pq.read_table(self.path, columns=["recording"])["recording"]
+            names = column.cast("string").unique().to_pandas()
+        if names.isna().any():
+            raise BadRecordingError(str(self.path), "a row has no recording", "complete it", "recording")
+        return [str(name) for name in names]
+
+    def read(self, recording: str) -> Recording:
+        """One recording of the file, checked.
+
+        Raises:
+            BadRecordingError: The file or a row breaks the schema.
+        """
+        require_columns(self._columns, REQUIRED, str(self.path))
+        losses = Losses()
+        if self._is_csv:
+            rows, n_broken = self._csv
+            if n_broken:
+                losses.counts["broken_line"] = n_broken
+        else:
+            rows = self._parquet_rows(recording)
+        if "recording" in rows:
+            rows = rows.iloc[np.flatnonzero(rows["recording"].to_numpy() == recording)]
+        info = self.stated().get(recording) or _worked_out(recording, rows, self.path)
+        table, dropped = validate(rows, info, self._policy, losses)
+        return Recording(info, table, dropped)
+
+    @cached_property
+    def _columns(self) -> list[str]:
+        if self._is_csv:
+            return read_header(self.path)
+        try:
+            return list(pq.read_schema(self.path).names)
+        except pa.ArrowInvalid as error:
+            text = f"not a readable Parquet file ({error})"
+            raise BadRecordingError(str(self.path), text, "copy or write it again") from None
+
+    @cached_property
+    def _csv(self) -> tuple[pd.DataFrame, int]:
+        # Kept: several recordings may share the file, and CSV cannot be read in part.
+        wanted = [column for column in COLUMNS if column.name in self._columns]
+        types = {c.name: pa.string() if c.dtype == "category" else pa.float64() for c in wanted}
+        rows, n_broken = read_csv(self.path, types, self._policy.on_bad)
+        return rows.to_pandas(), n_broken
+
+    def _parquet_rows(self, recording: str) -> pd.DataFrame:
+        wanted = [name for name in _NAMES if name in self._columns]
+        if "recording" not in self._columns:
+            return pq.read_table(self.path, columns=wanted).to_pandas()
+        names = pq.read_table(self.path, columns=["recording"])["recording"].cast("string").to_numpy()
+        rows = pq.read_table(self.path, columns=wanted, filters=[("recording", "=", recording)]).to_pandas()
+        return rows.set_axis(np.flatnonzero(names == recording), axis=0)
+
+    def stated(self) -> dict[str, RecordingInfo]:
+        """What the file states about its recordings, by id."""
+        if self._is_csv:
+            sidecar = _sidecar(self.path)
+            stored = sidecar.read_text(encoding="utf-8") if sidecar.is_file() else None
+        else:
+            metadata = pq.read_schema(self.path).metadata or {}
+            stored = metadata.get(f"rearl_jax.{METADATA}".encode())
+        infos = (RecordingInfo.from_json(info, file=str(self.path)) for info in json.loads(stored or "[]"))
+        return {info.id: info for info in infos}
+
+
+def describe(infos: Iterable[RecordingInfo]) -> str:
+    """The metadata of recordings as JSON, to be stored beside their rows under METADATA."""
+    return json.dumps([info.to_json() for info in infos], allow_nan=False)
+
+
+def write_recording(recording: Recording, path: Path) -> Path:
+    """Path of the canonical table, written whole or not at all, as .parquet or .csv by its ending.
+
+    Raises:
+        ValueError: Another ending.
+    """
+    if path.suffix not in (".parquet", ".csv"):
+        raise ValueError(f"{path} must end in .parquet or .csv")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = describe([recording.info])
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
+    try:
+        if path.suffix == ".csv":
+            unfinished.write_text(text, encoding="utf-8")
+            os.replace(unfinished, _sidecar(path))
+            recording.table.to_csv(unfinished, index=False)
+        else:
+            table = pa.Table.from_pandas(recording.table, preserve_index=False)
+            metadata = {**(table.schema.metadata or {}), f"rearl_jax.{METADATA}": text}
+            pq.write_table(table.replace_schema_metadata(metadata), unfinished)
+        os.replace(unfinished, path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+    return path
+
+
+def _sidecar(path: Path) -> Path:
+    return path.with_name(f"{path.name}.info.json")
+
+
+def _worked_out(recording: str, rows: pd.DataFrame, path: Path) -> RecordingInfo:
+    """What the rows themselves tell about a recording."""
+    if "time" not in rows:
+        text = "without metadata of the recording the frame rate follows from time"
+        raise BadRecordingError(str(path), text, "add the column time [s]", "time")
+    values = {
+        name: pd.Series(pd.to_numeric(rows[name], errors="coerce")).to_numpy(np.float64, na_value=np.nan)
+        for name in ("track_id", "frame", "time", "direction", "position", "length")
+    }
+    step = (np.diff(values["track_id"]) == 0) & (np.diff(values["frame"]) > 0)
+    seconds = np.diff(values["time"])[step] / np.diff(values["frame"])[step]
+    period = float(np.median(seconds[np.isfinite(seconds)])) if np.isfinite(seconds).any() else 0.0
+    if period <= 0.0:
+        text = "the frame rate cannot be told: no track has two rows with rising frame and time"
+        raise BadRecordingError(str(path), text, "correct frame and time [s]", "time")
+    lanes = {}
+    for direction in (1, 2):
+        here = values["direction"] == direction
+        if here.any():
+            lane = (
+                rows["lane"].to_numpy(dtype=np.float64, na_value=np.nan)[here] if "lane" in rows else np.nan
+            )
+            known = np.isfinite(lane)
+            lanes[direction] = min(int(np.max(lane, where=known, initial=0.0)) + 1, _MOST_LANES)
+    end = values["position"] + 0.5 * values["length"]
+    return RecordingInfo(
+        id=recording,
+        frame_rate=round(1.0 / period, 6),
+        lane_count=lanes or {1: 1},
+        road_length=float(np.max(end, where=np.isfinite(end), initial=0.0)),
+        source=path.name,
+        licence="not stated in the file",
+        attribution="not stated in the file",
+        notes=("frame rate, lanes and road length worked out from the rows",),
+        file=str(path),
+    )

@@ -1,0 +1,118 @@
+"""Distances between vehicles that are recorded at the same frame.
+
+Arrays are (cells, places): one row per snapshot, one column per vehicle, padded; `present` marks vehicles.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rearl_jax.config.scenes import FeatureDistance, SpacingMetric
+
+# Pairs held at once; bounds the memory of a distance matrix to some 100 MB.
+_MAX_PAIRS = 4_000_000
+
+
+@dataclass(frozen=True)
+class Vehicles:
+    """Columns of a canonical table, one value per row.
+
+    Attributes:
+        x: Centre in the common ground frame, along the road [m].
+        y: Centre in the common ground frame, across the road [m].
+        position: Centre along the own driving direction [m].
+        length: Vehicle length [m].
+        speed: Speed along the driving direction [m/s].
+        direction: Carriageway, 1 or 2.
+        lane: Lane, 0 = leftmost in driving direction; negative where unknown.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    position: np.ndarray
+    length: np.ndarray
+    speed: np.ndarray
+    direction: np.ndarray
+    lane: np.ndarray
+
+
+def feature_distance(
+    vehicles: Vehicles,
+    rows: np.ndarray,
+    present: np.ndarray,
+    n_places: int,
+    definition: FeatureDistance,
+    metric: SpacingMetric,
+) -> np.ndarray:
+    """Feature distance d of the first `n_places` vehicles of every cell [m].
+
+    Args:
+        vehicles: Columns of the table.
+        rows: Table row of every place.
+        present: Places that are vehicles.
+        n_places: Number of leading places to compute.
+        definition: Mean distance to all others, or distance to the vehicle ahead.
+        metric: How the distance of two vehicles is measured.
+
+    Source: Bi et al. use the letter d of the mean distance to the others also in the feature vector; the
+    distance headway is the other reading.
+    """
+    if definition is FeatureDistance.dhw:
+        return distance_headway(vehicles, rows, present, n_places)
+    return mean_distance(vehicles.x[rows], vehicles.y[rows], present, n_places, metric)
+
+
+def mean_distance(
+    x: np.ndarray, y: np.ndarray, present: np.ndarray, n_places: int, metric: SpacingMetric
+) -> np.ndarray:
+    """Mean distance of the first `n_places` centres to all other present centres [m]; NaN without another.
+
+    d_i = 1/(n-1) sum_{j != i} |r_i - r_j|; `longitudinal` replaces the norm by |x_i - x_j|.
+
+    Source: Bi et al., mean spacing.
+    """
+    result = np.empty((len(x), n_places))
+    for part in _parts(len(x), n_places * x.shape[1]):
+        distance = np.abs(x[part, :n_places, None] - x[part, None, :])
+        if metric is SpacingMetric.euclid2d:
+            distance = np.hypot(distance, y[part, :n_places, None] - y[part, None, :])
+        # A vehicle's distance to itself is 0 and drops out of the sum.
+        total = np.where(present[part, None, :], distance, 0.0).sum(axis=2)
+        n_others = present[part].sum(axis=1, keepdims=True) - 1
+        result[part] = np.where(n_others > 0, total / np.maximum(n_others, 1), np.nan)
+    return result
+
+
+def distance_headway(vehicles: Vehicles, rows: np.ndarray, present: np.ndarray, n_places: int) -> np.ndarray:
+    """Distance from the front bumper to the rear bumper of the nearest vehicle ahead in the lane [m].
+
+    0 without a vehicle ahead, as in highD's column `dhw`, and where the two overlap.
+
+    Raises:
+        ValueError: A vehicle's lane is unknown.
+
+    Source: highD format, column dhw.
+    """
+    if (vehicles.lane[rows][present] < 0).any():
+        raise ValueError(
+            "features.d=dhw needs lanes, but a recording has vehicles without one: set features.d=mean_all"
+        )
+    result = np.empty((len(rows), n_places))
+    for part in _parts(len(rows), n_places * rows.shape[1]):
+        own, other = rows[part, :n_places, None], rows[part, None, :]
+        ahead = vehicles.position[other] - vehicles.position[own]
+        gap = ahead - 0.5 * (vehicles.length[own] + vehicles.length[other])
+        same_lane = (vehicles.lane[other] == vehicles.lane[own]) & (
+            vehicles.direction[other] == vehicles.direction[own]
+        )
+        is_leader = present[part, None, :] & same_lane & (ahead > 0)
+        # The nearest centre, not the smallest gap: a long truck further ahead is not the leader.
+        leader = np.argmin(np.where(is_leader, ahead, np.inf), axis=2)
+        nearest = np.take_along_axis(gap, leader[:, :, None], axis=2)[:, :, 0]
+        result[part] = np.where(is_leader.any(axis=2), np.maximum(nearest, 0.0), 0.0)
+    return result
+
+
+def _parts(n_cells: int, pairs_per_cell: int) -> list[slice]:
+    step = max(1, _MAX_PAIRS // max(1, pairs_per_cell))
+    return [slice(start, start + step) for start in range(0, n_cells, step)]

@@ -1,0 +1,9 @@
+"""Generator of recordings in the highD format.
+
+Its traffic follows Gipps' car-following model and random lane changes by speed gain and gap acceptance. It shares
+neither code nor model with the simulation core, so results on generated recordings say something about the core.
+"""
+
+from rearl_jax.data.generator.dataset import generate as generate
+from rearl_jax.data.generator.summary import summarise as summarise
+from rearl_jax.data.generator.summary import totals as totals

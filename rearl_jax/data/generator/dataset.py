@@ -1,0 +1,169 @@
+"""A set of generated recordings in a folder: written side by side, resumed where it stopped, told from measured data."""
+
+import hashlib
+import json
+import multiprocessing
+import os
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+import numpy as np
+
+from rearl_jax.config._schema import as_plain
+from rearl_jax.config.generator import GeneratorConfig
+from rearl_jax.data.generator.behaviour import Behaviour
+from rearl_jax.data.generator.camera import observe
+from rearl_jax.data.generator.demand import draw_arrivals
+from rearl_jax.data.generator.files import recording_files, replacing, write_recording
+from rearl_jax.data.generator.fleet import draw_drivers
+from rearl_jax.data.generator.highd_tables import highd_tables
+from rearl_jax.data.generator.plan import WARM_UP, plan_recording
+from rearl_jax.data.generator.traffic import FRAME, Traffic
+
+TRUTH_FILE = "generator.json"
+MODEL_VERSION = 1  # to be raised with every change that alters the files written for a given configuration
+_NOT_CONTENT = ("n_recordings", "first_id", "workers")  # these keys do not alter a recording's content
+
+Progress = Callable[[int, int], None]
+
+
+def generate(
+    config: GeneratorConfig,
+    root: Path,
+    progress: Progress | None = None,
+    behaviour: Behaviour = Behaviour(),  # noqa: B008 (frozen)
+) -> list[Path]:
+    """Paths of the recordings' tracks files, after writing those that are missing.
+
+    A recording depends on the seed, its number and the configuration, not on the workers or the other recordings.
+    A killed run is resumed by the same call. Beside the files stands generator.json: that they are generated, from
+    which configuration and seed, with which planted effects.
+
+    Args:
+        config: What to write.
+        root: Folder; created if missing.
+        progress: Called with the recordings done and wanted, at the start and after each recording.
+        behaviour: Effects to plant in the drivers; none by default.
+
+    Raises:
+        ValueError: The folder holds recordings of another configuration or of another origin.
+    """
+    config.check()
+    root.mkdir(parents=True, exist_ok=True)
+    truth = _opened_truth(config, root, behaviour)
+    wanted = range(config.first_id, config.first_id + config.n_recordings)
+    missing = [number for number in wanted if not _is_complete(root, truth, number)]
+    done = len(wanted) - len(missing)
+    if progress is not None:
+        progress(done, len(wanted))
+    for number, sizes in _written(config, root, behaviour, missing):
+        truth["recordings"][f"{number:02d}"] = sizes
+        _write_truth(root, truth)
+        done += 1
+        if progress is not None:
+            progress(done, len(wanted))
+    return [recording_files(root, number)[0] for number in wanted]
+
+
+def generate_recording(
+    config: GeneratorConfig, root: Path, behaviour: Behaviour, number: int
+) -> dict[str, int]:
+    """Simulate, observe and write one recording; returns the sizes of its files [bytes] by name."""
+    plan = plan_recording(config, number)
+    streams = np.random.default_rng([config.seed, number, 2]).spawn(4)
+    arrivals = draw_arrivals(plan, WARM_UP + plan.duration, streams[0])
+    drivers = draw_drivers(arrivals.is_truck, arrivals.pace, config, plan.section.speed_limit, streams[1])
+    if plan.congestion is not None:
+        behaviour = behaviour.with_desired_speed(plan.congestion)
+    samples = Traffic(plan, config, arrivals, drivers, behaviour, streams[2]).record()
+    tracks = observe(samples, drivers, round(plan.duration / FRAME), config, streams[3])
+    write_recording(
+        root, number, highd_tables(plan, tracks, drivers, arrivals.direction, config.camera_length)
+    )
+    return {path.name: path.stat().st_size for path in recording_files(root, number)}
+
+
+def _written(config: GeneratorConfig, root: Path, behaviour: Behaviour, numbers: list[int]):
+    """Number and file sizes of every recording as it is finished."""
+    workers = min(config.workers or _n_cores(), len(numbers))
+    if workers <= 1:
+        for number in numbers:
+            yield number, generate_recording(config, root, behaviour, number)
+        return
+    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+    try:
+        jobs = {
+            pool.submit(generate_recording, config, root, behaviour, number): number for number in numbers
+        }
+        for job in as_completed(jobs):
+            yield jobs[job], job.result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _n_cores() -> int:
+    """Processor cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _opened_truth(config: GeneratorConfig, root: Path, behaviour: Behaviour) -> dict:
+    """The content of generator.json, made if the folder is new."""
+    content = {name: value for name, value in as_plain(config).items() if name not in _NOT_CONTENT}
+    planted = behaviour.names()
+    identity = json.dumps([MODEL_VERSION, content, planted], sort_keys=True)
+    config_hash = hashlib.sha256(identity.encode()).hexdigest()[:16]
+    path = root / TRUTH_FILE
+    if path.exists():
+        truth = json.loads(path.read_text())
+        if truth.get("config_hash") != config_hash:
+            raise ValueError(
+                f"{path}: the folder holds recordings generated with another configuration{_difference(truth, content)}; "
+                "choose another folder, or remove this one"
+            )
+        return truth
+    strangers = sorted(file.name for file in root.glob("*_tracks.csv"))
+    if strangers:
+        raise ValueError(
+            f"{root}: holds {strangers[0]} but no {TRUTH_FILE}, so these recordings were not generated here and are not "
+            "overwritten; choose another folder"
+        )
+    truth = {
+        "generated": True,
+        "format": "highD",
+        "model": "Gipps car following, random lane changes by speed gain and gap acceptance, smoothing tracker",
+        "model_version": MODEL_VERSION,
+        "config_hash": config_hash,
+        "config": content,
+        "planted_effects": planted,
+        "recordings": {},
+    }
+    _write_truth(root, truth)
+    return truth
+
+
+def _difference(truth: dict, content: dict) -> str:
+    """The keys that differ, in words."""
+    before = truth.get("config", {})
+    changed = [
+        f"{name}={before.get(name)} there, {value} here"
+        for name, value in content.items()
+        if before.get(name) != value
+    ]
+    return f" ({'; '.join(changed)})" if changed else ""
+
+
+def _is_complete(root: Path, truth: dict, number: int) -> bool:
+    """Whether the three files are listed and have the sizes listed."""
+    sizes = truth["recordings"].get(f"{number:02d}")
+    return sizes is not None and all(
+        (root / name).is_file() and (root / name).stat().st_size == size for name, size in sizes.items()
+    )
+
+
+def _write_truth(root: Path, truth: dict) -> None:
+    truth["recordings"] = dict(sorted(truth["recordings"].items()))
+    with replacing(root / TRUTH_FILE) as temporary:
+        temporary.write_text(json.dumps(truth, indent=1) + "\n")

@@ -1,0 +1,195 @@
+"""Observed tracks as the three tables of highD, in its columns, conventions and image frame.
+
+Measured values are floats rounded to two decimals, as highD writes them; counts and identifiers are integers.
+
+Source: columns and conventions of the highD format (Krajewski et al. 2018, www.highd-dataset.com): x and y are the
+upper left corner of the bounding box, width its extent along x, ids 0 = nobody, dhw = thw = ttc = 0 without a
+preceding vehicle, -1 for their minima; dhw is the distance of the two corners x, ttc = dhw / (v - v_preceding) and
+so negative while the gap opens.
+"""
+
+import numpy as np
+
+from rearl_jax.data.generator.camera import Tracks
+from rearl_jax.data.generator.fleet import Drivers
+from rearl_jax.data.generator.plan import RecordingPlan
+from rearl_jax.data.generator.road import LOWER, UPPER
+from rearl_jax.data.generator.traffic import FRAME
+
+FRAME_STRIDE, LANE_STRIDE = 2.0e4, 1.0e3  # sort key = frame, lane, position [m]; at most 19 lanes of 1,000 m
+NO_VALUE = -1.0
+
+
+Table = dict[str, np.ndarray]
+
+
+def highd_tables(
+    plan: RecordingPlan, tracks: Tracks, drivers: Drivers, direction: np.ndarray, camera_length: float
+) -> tuple[Table, Table, Table]:
+    """tracks, tracksMeta and recordingMeta of one recording.
+
+    Args:
+        plan: The recording.
+        tracks: Observed tracks.
+        drivers: All vehicles of the recording.
+        direction: Their carriageways.
+        camera_length: Length of the view [m].
+    """
+    # highD numbers vehicles by their first frame; of those in the first frame, by place.
+    begin = np.flatnonzero(np.diff(tracks.vehicle, prepend=-1))
+    n_rows = np.diff(np.append(begin, len(tracks.vehicle)))
+    rank = np.lexsort((tracks.position[begin], tracks.frame[begin]))
+    number = np.empty(len(begin), dtype=np.int64)
+    number[rank] = np.arange(1, len(begin) + 1)
+    track_id = np.repeat(number, n_rows)
+    order = np.argsort(track_id, kind="stable")
+    tracks = Tracks(*(column[order] for column in vars(tracks).values()))
+    body = _tracks_table(plan, tracks, track_id[order], drivers, direction[tracks.vehicle], camera_length)
+    meta = _tracks_meta(body, drivers, direction, tracks.vehicle)
+    return body, meta, _recording_meta(plan, meta)
+
+
+def _tracks_table(
+    plan: RecordingPlan,
+    tracks: Tracks,
+    track_id: np.ndarray,
+    drivers: Drivers,
+    direction: np.ndarray,
+    camera_length: float,
+) -> Table:
+    # The upper carriageway is the lower one turned by 180 degrees: x and y both change sign.
+    sign = np.where(direction == UPPER, -1.0, 1.0)
+    length, width = drivers.length[tracks.vehicle], drivers.width[tracks.vehicle]
+    centre_x = np.where(direction == LOWER, tracks.position, camera_length - tracks.position)
+    centre_y = plan.section.image_y(direction, tracks.lateral)
+    lane_id = plan.section.lane_id(centre_y)
+    x, x_velocity = _rounded(centre_x - 0.5 * length), _rounded(sign * tracks.speed)
+    around = _neighbour_rows(tracks, lane_id, direction, length)
+    ids = {name: np.where(row >= 0, track_id[row], 0) for name, row in around.items()}
+    preceding = around["precedingId"]
+    has = preceding >= 0
+    dhw = np.where(has, np.abs(x[preceding] - x), 0.0)
+    speed = np.abs(x_velocity)
+    closing = speed - np.where(has, np.abs(x_velocity[preceding]), 0.0)
+    # A hundredth is the resolution of the file: smaller speeds and speed differences are not told from it.
+    ttc = dhw / np.where(np.abs(closing) < 0.01, 0.01, closing)
+    return {
+        "frame": tracks.frame,
+        "id": track_id,
+        "x": x,
+        "y": _rounded(centre_y - 0.5 * width),
+        "width": _rounded(length),
+        "height": _rounded(width),
+        "xVelocity": x_velocity,
+        "yVelocity": _rounded(sign * tracks.lateral_speed),
+        "xAcceleration": _rounded(sign * tracks.acceleration),
+        "yAcceleration": _rounded(sign * tracks.lateral_acceleration),
+        "frontSightDistance": _rounded(camera_length - tracks.position),
+        "backSightDistance": _rounded(tracks.position),
+        "dhw": _rounded(dhw),
+        "thw": _rounded(dhw / np.maximum(speed, 0.01)),
+        "ttc": _rounded(np.where(has, ttc, 0.0)),
+        "precedingXVelocity": _rounded(np.where(has, x_velocity[preceding], 0.0)),
+        **ids,
+        "laneId": lane_id,
+    }
+
+
+def _neighbour_rows(
+    tracks: Tracks, lane_id: np.ndarray, direction: np.ndarray, length: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Row of every neighbour at the same frame, -1 = nobody; alongside = the boxes overlap along the road."""
+    group = tracks.frame * FRAME_STRIDE + lane_id * LANE_STRIDE
+    order = np.argsort(group + tracks.position, kind="stable")
+    keys = (group + tracks.position)[order]
+    groups = group[order]
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.arange(len(order))
+
+    def row_at(index: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        inside = np.clip(index, 0, len(order) - 1)
+        return np.where((inside == index) & (groups[inside] == wanted), order[inside], -1)
+
+    found = {"precedingId": row_at(place + 1, group), "followingId": row_at(place - 1, group)}
+    to_left = np.where(direction == UPPER, 1, -1)
+    for side, step in (("left", to_left), ("right", -to_left)):
+        wanted = group + step * LANE_STRIDE
+        index = np.searchsorted(keys, wanted + tracks.position)
+        ahead, behind = row_at(index, wanted), row_at(index - 1, wanted)
+
+        def overlaps(row: np.ndarray) -> np.ndarray:
+            distance = np.abs(tracks.position[row] - tracks.position)
+            return (row >= 0) & (distance < 0.5 * (length[row] + length))
+
+        beside_ahead, beside_behind = overlaps(ahead), overlaps(behind)
+        found[f"{side}PrecedingId"] = np.where(beside_ahead, row_at(index + 1, wanted), ahead)
+        found[f"{side}AlongsideId"] = np.where(beside_ahead, ahead, np.where(beside_behind, behind, -1))
+        found[f"{side}FollowingId"] = np.where(beside_behind, row_at(index - 2, wanted), behind)
+    return found
+
+
+def _tracks_meta(body: Table, drivers: Drivers, direction: np.ndarray, vehicle: np.ndarray) -> Table:
+    begin = np.flatnonzero(np.diff(body["id"], prepend=0))
+    n_frames = np.diff(np.append(begin, len(body["id"])))
+    end = begin + n_frames - 1
+    speed, x = np.abs(body["xVelocity"]), body["x"]
+    own = vehicle[begin]
+
+    def smallest(name: str) -> np.ndarray:
+        """Smallest positive value of each track, -1 without one."""
+        values = body[name]
+        lowest = np.minimum.reduceat(np.where(values > 0.0, values, np.inf), begin)
+        return np.where(np.isfinite(lowest), lowest, NO_VALUE)
+
+    changed = np.diff(body["laneId"], prepend=body["laneId"][0]) != 0
+    changed[begin] = False
+    return {
+        "id": body["id"][begin],
+        "width": _rounded(drivers.length[own]),
+        "height": _rounded(drivers.width[own]),
+        "initialFrame": body["frame"][begin],
+        "finalFrame": body["frame"][end],
+        "numFrames": n_frames,
+        "class": np.where(drivers.is_truck[own], "Truck", "Car"),
+        "drivingDirection": direction[own],
+        "traveledDistance": _rounded(np.abs(x[end] - x[begin])),
+        "minXVelocity": _rounded(np.minimum.reduceat(speed, begin)),
+        "maxXVelocity": _rounded(np.maximum.reduceat(speed, begin)),
+        "meanXVelocity": _rounded(np.add.reduceat(speed, begin) / n_frames),
+        "minDHW": _rounded(smallest("dhw")),
+        "minTHW": _rounded(smallest("thw")),
+        "minTTC": _rounded(smallest("ttc")),
+        "numLaneChanges": np.add.reduceat(changed.astype(np.int64), begin),
+    }
+
+
+def _recording_meta(plan: RecordingPlan, meta: Table) -> Table:
+    n_vehicles = len(meta["id"])
+    n_trucks = int(np.sum(meta["class"] == "Truck"))
+    limit = plan.section.speed_limit
+    return {
+        "id": np.array([plan.id]),
+        "frameRate": np.array([round(1.0 / FRAME)]),
+        "locationId": np.array([plan.section.location]),
+        "speedLimit": _rounded(np.array([NO_VALUE if limit is None else limit])),
+        "month": np.array([plan.month]),
+        "weekDay": np.array([plan.week_day]),
+        "startTime": np.array([plan.start_time]),
+        "duration": _rounded(np.array([plan.duration])),
+        "totalDrivenDistance": _rounded(np.array([meta["traveledDistance"].sum()])),
+        "totalDrivenTime": _rounded(np.array([FRAME * meta["numFrames"].sum()])),
+        "numVehicles": np.array([n_vehicles]),
+        "numCars": np.array([n_vehicles - n_trucks]),
+        "numTrucks": np.array([n_trucks]),
+        "upperLaneMarkings": _joined(plan.section.markings(UPPER)),
+        "lowerLaneMarkings": _joined(plan.section.markings(LOWER)),
+    }
+
+
+def _rounded(values: np.ndarray) -> np.ndarray:
+    """Rounded to two decimals, the resolution of the file."""
+    return np.rint(100.0 * values) / 100.0
+
+
+def _joined(markings: np.ndarray) -> np.ndarray:
+    return np.array([";".join(f"{y:.2f}" for y in markings)])

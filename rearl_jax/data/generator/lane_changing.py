@@ -1,0 +1,131 @@
+"""Lateral behaviour: when drivers change lanes and how they move sideways.
+
+Drivers change left for a gain in speed and return to the right when that costs them nothing (the German rule to
+keep right). A change happens at a random moment with a rate that grows with the incentive, if the gaps in the
+target lane suffice.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rearl_jax.data.generator.behaviour import Behaviour, Situation, modified
+from rearl_jax.data.generator.fleet import Drivers, Fleet
+
+LEFT, RIGHT = -1, 1
+GAIN_HORIZON = 8.0  # how far ahead a driver judges the speed of a lane to his left [s]
+RETURN_HORIZON = (
+    14.0  # the same for returning to the right, longer so that he does not change back and forth [s]
+)
+GAIN_THRESHOLD = 1.5  # smallest gain that moves a driver to the left [m/s]
+GAIN_SCALE = 6.0  # gain beyond the threshold at which the rate is full; it grows to 2.25 times that [m/s]
+LOSS_TOLERANCE = 0.3  # loss a driver accepts for returning to the right [m/s]
+RETURN_RATE = 0.11  # rate of returning, relative to the full rate of changing left
+QUEUE_SPEED = 16.7  # below this speed (60 km/h) lanes are equal and may be passed on either side [m/s]
+PAUSE = 4.0  # shortest time between two changes of a driver [s]
+WIDEST_VEHICLE = 2.50  # [m]
+LATERAL_LIMIT = 0.40  # largest offset from the lane centre [m]
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """Leader and follower of every driver in a lane he might use: gap [m], speed [m/s]; none: gap inf."""
+
+    gap_ahead: np.ndarray
+    speed_ahead: np.ndarray
+    gap_behind: np.ndarray
+    speed_behind: np.ndarray
+
+
+def expected_speed(
+    desired_speed: np.ndarray,
+    speed: np.ndarray,
+    gap: np.ndarray,
+    leader_speed: np.ndarray,
+    time_gap: np.ndarray,
+    horizon: float,
+) -> np.ndarray:
+    """Mean speed a driver expects in a lane over the horizon [m/s]: his own until he has caught up, then the leader's."""
+    room = np.maximum(gap - time_gap * speed, 0.0)
+    return np.minimum(desired_speed, leader_speed + room / horizon)
+
+
+def accepts_gaps(speed: np.ndarray, target: Neighbours, drivers: Drivers) -> np.ndarray:
+    """Whether the gaps in the target lane suffice.
+
+    To the vehicle ahead: s0 + T_c v plus the way lost while slowing to its speed at comfortable deceleration; to
+    the one behind the same with its speed.
+
+    Source: gap acceptance with a critical gap per driver, as in Gipps (1986), A model for the structure of
+    lane-changing decisions.
+    """
+    closing = np.maximum(speed - target.speed_ahead, 0.0)
+    ahead = drivers.jam_gap + drivers.critical_gap * speed + closing**2 / (2.0 * drivers.comfort_decel)
+    closing = np.maximum(target.speed_behind - speed, 0.0)
+    behind = (
+        drivers.jam_gap
+        + drivers.critical_gap * target.speed_behind
+        + closing * drivers.reaction_time
+        + closing**2 / (2.0 * drivers.comfort_decel)
+    )
+    return (target.gap_ahead > ahead) & (target.gap_behind > behind)
+
+
+def change_probability(
+    side: int,
+    situation: Situation,
+    target: Neighbours,
+    desired_speed: np.ndarray,
+    rate: float,
+    duration: float,
+    behaviour: Behaviour,
+) -> np.ndarray:
+    """Probability that a driver begins a change to one side within the duration [s], before gaps are judged."""
+    fleet = situation.fleet
+    drivers, speed = fleet.drivers, fleet.speed
+    horizon = GAIN_HORIZON if side == LEFT else RETURN_HORIZON
+    own_speed_ahead = np.where(np.isfinite(situation.gap), situation.leader_speed, desired_speed)
+    here = expected_speed(
+        desired_speed, speed, situation.gap, own_speed_ahead, drivers.time_gap, GAIN_HORIZON
+    )
+    there = expected_speed(
+        desired_speed, speed, target.gap_ahead, target.speed_ahead, drivers.time_gap, horizon
+    )
+    gain = there - here
+    if side == LEFT:
+        gain = modified(gain, behaviour.incentive_left, situation)
+        share = _urgency(gain)
+    else:
+        loss = modified(-gain, behaviour.incentive_right, situation)
+        keep_right = np.where((loss < LOSS_TOLERANCE) & (speed > QUEUE_SPEED), RETURN_RATE, 0.0)
+        in_queue = _urgency(-loss) * (speed <= QUEUE_SPEED)
+        share = np.maximum(keep_right, in_queue)
+    return -np.expm1(-rate * duration * share * drivers.eagerness)
+
+
+def _urgency(gain: np.ndarray) -> np.ndarray:
+    """Share of the full rate at a gain in speed [m/s]; grows with its square, small gains rarely move anybody."""
+    return np.clip((gain - GAIN_THRESHOLD) / GAIN_SCALE, 0.0, 1.5) ** 2
+
+
+def lateral_shape(progress: np.ndarray) -> np.ndarray:
+    """Share of the lateral way done at a share of the time: 10 p^3 - 15 p^4 + 6 p^5, at rest at both ends.
+
+    Source: minimum-jerk path, usual for lane changes.
+    """
+    p = np.clip(progress, 0.0, 1.0)
+    return p**3 * (10.0 - 15.0 * p + 6.0 * p**2)
+
+
+def lateral_position(fleet: Fleet, time: float, lane_width: float) -> np.ndarray:
+    """Distance of the vehicle centre from the left edge of the carriageway [m]."""
+    progress = (time - fleet.change_start) / fleet.drivers.change_duration
+    remaining = fleet.change_shift * (1.0 - lateral_shape(progress))
+    offset = np.clip(fleet.drivers.lateral_bias + fleet.wander, -LATERAL_LIMIT, LATERAL_LIMIT)
+    return (fleet.lane + 0.5) * lane_width + remaining + offset
+
+
+def has_left_origin(fleet: Fleet, lateral: np.ndarray, lane_width: float) -> np.ndarray:
+    """Whether a vehicle is so far out of its lane of origin that any other may pass it there."""
+    distance = np.abs(lateral - (fleet.origin + 0.5) * lane_width)
+    return distance > 0.5 * (fleet.drivers.width + WIDEST_VEHICLE) + LATERAL_LIMIT

@@ -1,0 +1,295 @@
+"""Reader of the highD format, NN_tracks.csv, NN_tracksMeta.csv and NN_recordingMeta.csv, one at a time.
+
+Two properties of the format matter here: `x`, `y` are the upper left corner of the bounding box, y pointing
+down, and `width`, `height` are the box in the picture, so `width` is the length of the vehicle.
+
+Source: Krajewski, Bock, Kloeker and Eckstein, The highD Dataset, IEEE ITSC 2018, and its format description.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.data.delimited import read_csv, read_header
+from rearl_jax.data.highd_meta import read_recording_meta, read_tracks_meta
+from rearl_jax.data.losses import Losses, reject
+from rearl_jax.data.problems import DROP_HINT, BadRecordingError, Finding
+from rearl_jax.data.schema import Recording, RecordingInfo, validate
+
+LICENCE = "highD licence: non-commercial research on request, no redistribution"
+ATTRIBUTION = "Krajewski, Bock, Kloeker and Eckstein, The highD Dataset, IEEE ITSC 2018; levelxdata.com"
+GENERATED_LICENCE = "MIT"
+GENERATED_ATTRIBUTION = "made by the generator of rearl_jax in the highD format, no measured data"
+
+_TRACKS = {
+    "frame": pa.int64(),
+    "id": pa.int64(),
+    "x": pa.float64(),
+    "y": pa.float64(),
+    "width": pa.float64(),
+    "height": pa.float64(),
+    "xVelocity": pa.float64(),
+    "xAcceleration": pa.float64(),
+    "precedingId": pa.int64(),
+    "laneId": pa.int64(),
+}
+_SOURCE_COLUMNS = {
+    "track_id": "id",
+    "speed": "xVelocity",
+    "acceleration": "xAcceleration",
+    "lane": "laneId",
+    "position": "x",
+    "lateral": "y",
+    "length": "width",
+    "width": "height",
+    "leader_id": "precedingId",
+    "vehicle_class": "class",
+    "direction": "drivingDirection",
+}
+_STANDING = 0.5  # m/s; the mean velocity of a vehicle in a jam has no reliable sign
+
+
+def find_recordings(root: Path) -> list[Path]:
+    """The NN_tracks.csv files in the folder, or in its subfolder `data` as in the published archive, by name.
+
+    Raises:
+        FileNotFoundError: There is none.
+    """
+    for folder in (root, root / "data"):
+        found = sorted(folder.glob("*_tracks.csv"))
+        if found:
+            return found
+    raise FileNotFoundError(
+        f"no NN_tracks.csv in {root} (or its subfolder data): data.root must name the folder with "
+        "NN_tracks.csv, NN_tracksMeta.csv and NN_recordingMeta.csv of the highD format; "
+        "`rearl prepare data=generated` writes such recordings"
+    )
+
+
+def recording_files(tracks_file: Path) -> tuple[Path, Path, Path]:
+    """Tracks, tracks meta and recording meta file of the recording with this tracks file."""
+    number = tracks_file.name.removesuffix("_tracks.csv")
+    parts = ("tracks", "tracksMeta", "recordingMeta")
+    tracks, meta, recording = (tracks_file.with_name(f"{number}_{part}.csv") for part in parts)
+    return tracks, meta, recording
+
+
+def recording_id(tracks_file: Path, *, generated: bool = False) -> str:
+    """Id of the recording with this tracks file, such as highd_01; generated_01 if it is no measurement."""
+    return f"{'generated' if generated else 'highd'}_{tracks_file.name.removesuffix('_tracks.csv')}"
+
+
+def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = False) -> Recording:
+    """The recording whose tracks are in the file NN_tracks.csv.
+
+    With c the centre of the bounding box and L the largest box edge of the recording: direction 2 drives to
+    the right, position = c_x, lateral = c_y - first lower marking; direction 1 drives to the left, position
+    = L - c_x, lateral = last upper marking - c_y. speed = |xVelocity|.
+
+    Args:
+        tracks_file: NN_tracks.csv, the other two files lie beside it.
+        policy: What happens to bad rows.
+        generated: The files were written by the generator.
+
+    Raises:
+        FileNotFoundError: One of the three files is missing.
+        BadRecordingError: The files contradict each other, or a row breaks the schema, see `validate`.
+    """
+    losses = Losses()
+    if "xCenter" in read_header(tracks_file):
+        text = "this is the format of inD, rounD and exiD, whose lanes need a lanelet map"
+        remedy = "convert it to the canonical table and read it with data=table"
+        raise BadRecordingError(str(tracks_file), text, remedy, "xCenter")
+    _, meta_file, recording_file = recording_files(tracks_file)
+    recording = read_recording_meta(recording_file)
+    meta = read_tracks_meta(meta_file, policy, losses)
+    source = _read_tracks(tracks_file, policy, losses)
+    info = RecordingInfo(
+        id=recording_id(tracks_file, generated=generated),
+        frame_rate=recording.frame_rate,
+        lane_count={},
+        road_length=float(np.nanmax(source["x"].to_numpy() + source["width"].to_numpy())),
+        source="generated recordings in the highD format" if generated else "highD",
+        licence=GENERATED_LICENCE if generated else LICENCE,
+        attribution=GENERATED_ATTRIBUTION if generated else ATTRIBUTION,
+        generated=generated,
+        speed_limit=recording.speed_limit,
+        lane_markings={
+            side: tuple(sorted(round(abs(y - _left_edge(lines, side)), 6) for y in lines))
+            for side, lines in recording.markings.items()
+        },
+        file=str(tracks_file),
+        columns=_SOURCE_COLUMNS,
+    )
+    # Completeness before any loss of single rows, which would make a track look cut off.
+    for check in (_identified, _in_meta, _complete, _placed, _moving_as_stated):
+        source = check(source, meta, info, policy, losses)
+    lanes, notes = _lane_ids(source, meta, recording.markings)
+    lane_count = {side: high - low + 1 for side, (low, high) in lanes.items()}
+    info = replace(info, lane_count=lane_count, notes=notes)
+    table = _driver_frame(source, meta, recording.markings, lanes, info.road_length)
+    table, dropped = validate(table, info, policy, losses)
+    return Recording(info, table, dropped)
+
+
+def _read_tracks(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame:
+    rows, n_broken = read_csv(path, _TRACKS, policy.on_bad)
+    if n_broken:
+        losses.counts["broken_line"] += n_broken
+    if not rows.num_rows:
+        raise BadRecordingError(str(path), "the recording has no rows", "remove the file or complete it")
+    # One column after the other, so that Arrow's copy of the text and NumPy's of the numbers do not add up.
+    source = pd.DataFrame({name: rows.column(name).to_numpy() for name in _TRACKS}, copy=False)
+    return source.rename(columns={"id": "track_id"})
+
+
+def _identified(
+    source: pd.DataFrame, meta: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses
+) -> pd.DataFrame:
+    """The rows that say whose they are."""
+    return _stated(source, "track_id", info, policy, losses)
+
+
+def _placed(
+    source: pd.DataFrame, meta: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses
+) -> pd.DataFrame:
+    """The rows that say their lane."""
+    return _stated(source, "laneId", info, policy, losses)
+
+
+def _stated(
+    source: pd.DataFrame, name: str, info: RecordingInfo, policy: DataConfig, losses: Losses
+) -> pd.DataFrame:
+    missing = source[name].isna().to_numpy()
+    if missing.any():
+        finding = Finding("not_finite", name, missing, "the value is missing", "complete the row")
+        source = reject(source, finding, info, policy, losses)
+    return source.astype({name: np.int64})
+
+
+def _in_meta(
+    source: pd.DataFrame, meta: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses
+) -> pd.DataFrame:
+    """The rows whose track is listed in NN_tracksMeta.csv; tracks that are only listed there are counted."""
+    track = source["track_id"].to_numpy()
+    absent = np.setdiff1d(meta.index.to_numpy(), track)
+    if absent.size and policy.on_bad is OnBad.stop:
+        text = f"{absent.size} tracks of the meta file have no row, the first is {absent[0]}"
+        raise BadRecordingError(info.file, text, f"the file is cut off: copy it again{DROP_HINT}", "id")
+    if absent.size:
+        losses.counts["tracks_without_rows"] += int(absent.size)
+    unknown = ~np.isin(track, meta.index.to_numpy())
+    if not unknown.any():
+        return source
+    text = f"track {track[np.argmax(unknown)]} is not in the meta file"
+    finding = Finding("track_without_meta", "track_id", unknown, text, "complete the meta file")
+    return reject(source, finding, info, policy, losses)
+
+
+def _complete(
+    source: pd.DataFrame, meta: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses
+) -> pd.DataFrame:
+    """The rows of tracks that have as many frames as NN_tracksMeta.csv states, or more."""
+    ids, which, counts = np.unique(source["track_id"].to_numpy(), return_inverse=True, return_counts=True)
+    stated = meta["numFrames"].reindex(ids).to_numpy()
+    short = counts < stated
+    if not short.any():
+        return source
+    first = which[np.argmax(short[which])]
+    text = f"track {ids[first]} has {counts[first]} of the {stated[first]} frames that the meta file states"
+    finding = Finding("truncated", "track_id", short[which], text, "the file is cut off: copy it again")
+    return reject(source, finding, info, policy, losses)
+
+
+def _moving_as_stated(
+    source: pd.DataFrame, meta: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses
+) -> pd.DataFrame:
+    """The rows of tracks whose mean velocity has the sign of their driving direction."""
+    ids, which, counts = np.unique(source["track_id"].to_numpy(), return_inverse=True, return_counts=True)
+    velocity = np.nan_to_num(source["xVelocity"].to_numpy(), posinf=0.0, neginf=0.0)
+    mean = np.bincount(which, weights=velocity) / counts
+    direction = meta["drivingDirection"].reindex(ids).to_numpy()
+    wrong = (np.abs(mean) > _STANDING) & (np.sign(mean) != np.where(direction == 2, 1.0, -1.0))
+    if not wrong.any():
+        return source
+    track = int(np.argmax(wrong))
+    text = (
+        f"track {ids[track]} has mean xVelocity {mean[track]:.1f} m/s but drivingDirection {direction[track]}"
+    )
+    remedy = "direction 1 drives to the left (negative), 2 to the right (positive): correct one of them"
+    return reject(
+        source, Finding("wrong_direction", "speed", wrong[which], text, remedy), info, policy, losses
+    )
+
+
+def _driver_frame(
+    source: pd.DataFrame,
+    meta: pd.DataFrame,
+    markings: dict[int, tuple[float, ...]],
+    lanes: dict[int, tuple[int, int]],
+    road_length: float,
+) -> pd.DataFrame:
+    """Columns of the schema."""
+    ids, which = np.unique(source["track_id"].to_numpy(), return_inverse=True)
+    direction = meta["drivingDirection"].reindex(ids).to_numpy()[which]
+    classes = pd.Categorical(meta["class"].reindex(ids))
+    to_right = direction == 2
+    x = source["x"].to_numpy() + 0.5 * source["width"].to_numpy()
+    y = source["y"].to_numpy() + 0.5 * source["height"].to_numpy()
+    lane_id = source["laneId"].to_numpy()
+    leader = source["precedingId"].to_numpy().astype(np.float64)
+    return pd.DataFrame(
+        {
+            "track_id": source["track_id"].to_numpy(),
+            "frame": source["frame"].to_numpy(),
+            "direction": direction.astype(np.int8),
+            "x": x,
+            "y": y,
+            "position": np.where(to_right, x, road_length - x),
+            "lateral": np.where(to_right, y - _left_edge(markings[2], 2), _left_edge(markings[1], 1) - y),
+            "lane": np.where(to_right, lane_id - lanes[2][0], lanes[1][1] - lane_id),
+            "speed": np.abs(source["xVelocity"].to_numpy()),
+            "acceleration": np.where(to_right, 1.0, -1.0) * source["xAcceleration"].to_numpy(),
+            "length": source["width"].to_numpy(),
+            "width": source["height"].to_numpy(),
+            "vehicle_class": pd.Categorical.from_codes(classes.codes[which], categories=classes.categories),
+            # precedingId 0 says that there is no vehicle ahead in the picture.
+            "leader_id": pd.array(np.where(leader == 0.0, np.nan, leader), dtype="Int64"),
+        },
+        index=source.index,
+        copy=False,
+    )
+
+
+def _left_edge(lines: tuple[float, ...], direction: int) -> float:
+    """Marking at the median: y grows downwards, so the left edge is the top one of 2, the bottom one of 1."""
+    return min(lines) if direction == 2 else max(lines)
+
+
+def _lane_ids(
+    source: pd.DataFrame, meta: pd.DataFrame, markings: dict[int, tuple[float, ...]]
+) -> tuple[dict[int, tuple[int, int]], tuple[str, ...]]:
+    """Smallest and largest laneId of each direction, and notes.
+
+    highD numbers the stripes between markings from the top, starting with 1 above the first one: n_upper and
+    n_lower markings make the upper lanes 2 .. n_upper and the lower ones n_upper + 2 .. n_upper + n_lower.
+    Counting from the markings keeps the ranks right where nobody used an outer lane; where ids lie outside of
+    them, the ids that occur count.
+    """
+    n_upper, n_lower = len(markings[1]), len(markings[2])
+    lanes = {1: (2, n_upper), 2: (n_upper + 2, n_upper + n_lower)}
+    notes: tuple[str, ...] = ()
+    direction = meta["drivingDirection"].reindex(source["track_id"].to_numpy()).to_numpy()
+    lane_id = source["laneId"].to_numpy()
+    for side, (low, high) in lanes.items():
+        used = lane_id[direction == side]
+        if used.size and (used.min() < low or used.max() > high):
+            lanes[side] = (int(used.min()), int(used.max()))
+            notes += (
+                f"direction {side}: laneId outside the lane markings, lanes counted from the ids that occur",
+            )
+    return lanes, notes

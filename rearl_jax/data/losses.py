@@ -1,0 +1,115 @@
+"""Leaving rows out, counted: the two ways data.on_bad offers, and the cutting of tracks they need."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.data.problems import BadRecordingError, Finding
+from rearl_jax.data.records import RecordingInfo
+
+
+@dataclass
+class Losses:
+    """What is left out while one recording is read.
+
+    Attributes:
+        counts: Rows by cause, cuts by cause under `<cause>_cuts`, vehicles left without any row under
+            `tracks`; becomes `Recording.dropped`.
+        cut: Ids of the pieces of tracks that were cut because of a fault.
+    """
+
+    counts: Counter[str] = field(default_factory=Counter)
+    cut: set[int] = field(default_factory=set)
+
+    def remove(self, table: pd.DataFrame, rows: np.ndarray, cause: str) -> pd.DataFrame:
+        """The table without the marked rows, which are counted under the cause."""
+        track = table["track_id"].to_numpy()
+        self.counts[cause] += int(rows.sum())
+        known = track == track  # an unknown id (NaN) is no track
+        n_tracks = np.unique(track[known]).size - np.unique(track[known & ~rows]).size
+        if n_tracks:
+            self.counts["tracks"] += n_tracks
+        return table.iloc[np.flatnonzero(~rows)]
+
+
+def reject(
+    table: pd.DataFrame, finding: Finding, info: RecordingInfo, policy: DataConfig, losses: Losses
+) -> pd.DataFrame:
+    """The table without what the finding marks; the loss is counted.
+
+    Args:
+        table: Rows, with the row numbers of the source (from 0) as index.
+        finding: What is wrong.
+        info: Recording, for its file.
+        policy: `on_bad` decides what happens.
+        losses: Account of the recording, changed in place.
+
+    Raises:
+        BadRecordingError: data.on_bad is stop, or nothing is left.
+    """
+    track = table["track_id"].to_numpy()
+    if policy.on_bad is OnBad.stop:
+        raise finding.error(table, info)
+    if policy.on_bad is OnBad.drop_row and finding.is_step:
+        losses.counts[f"{finding.name}_cuts"] += int(finding.rows.sum())
+        losses.cut.update(track[finding.rows].tolist())
+        table = split_tracks(table, finding.rows)
+        pieces = table["track_id"].to_numpy()
+        losses.cut.update(np.unique(pieces[pieces > track.max()]).tolist())
+        return table
+    rows = finding.rows
+    if policy.on_bad is OnBad.drop_track:
+        # "or", because an unknown track id (NaN) equals nothing, not even itself.
+        rows = rows | np.isin(track, track[rows])
+    table = losses.remove(table, rows, finding.name)
+    if table.empty:
+        text = f"no row is left after dropping, the last cause was {finding.name}: {finding.problem}"
+        raise BadRecordingError(info.file or info.id, text, finding.remedy, finding.column)
+    return table
+
+
+def remove_fragments(table: pd.DataFrame, info: RecordingInfo, losses: Losses) -> pd.DataFrame:
+    """The table without pieces of cut tracks shorter than 1 s, too short to be a vehicle's passage."""
+    if not losses.cut:
+        return table
+    track = table["track_id"].to_numpy()
+    _, which, n_rows = np.unique(track, return_inverse=True, return_counts=True)
+    short = np.isin(track, list(losses.cut)) & (n_rows[which] < info.frame_rate)
+    return losses.remove(table, short, "fragment") if short.any() else table
+
+
+def split_tracks(table: pd.DataFrame, starts: np.ndarray) -> pd.DataFrame:
+    """The table in which a track ends before each marked row and goes on under a new id.
+
+    New ids follow the largest one. `leader_id` follows the vehicle to its new id frame by frame, and becomes
+    unknown where the leader has no row. The result is sorted by (track_id, frame).
+
+    Args:
+        table: Rows sorted by (track_id, frame).
+        starts: Mask of the rows before which a track ends.
+    """
+    old = table["track_id"].to_numpy()
+    n_cuts = np.cumsum(starts)
+    first = np.concatenate([[0], np.flatnonzero(old[1:] != old[:-1]) + 1])
+    n_cuts_of_track = n_cuts - np.repeat(n_cuts[first] - starts[first], np.diff(np.append(first, len(old))))
+    later = n_cuts_of_track > 0
+    new = np.where(later, old.max() + n_cuts, old)
+    table = table.assign(track_id=new)
+    if "leader_id" in table:
+        table["leader_id"] = _followed_leader(table, old, new, np.unique(old[later]))
+    return table.iloc[np.argsort(new, kind="stable")]
+
+
+def _followed_leader(table: pd.DataFrame, old: np.ndarray, new: np.ndarray, split: np.ndarray) -> pd.Series:
+    # Through float64: ids are far below 2^53, and NaN stands for unknown.
+    leader = table["leader_id"].to_numpy(dtype=np.float64, na_value=np.nan, copy=True)
+    rows = np.isin(leader, split)
+    frame = table["frame"].to_numpy()
+    parts = np.isin(old, split)
+    new_id = pd.Series(new[parts], index=pd.MultiIndex.from_arrays([old[parts], frame[parts]]))
+    wanted = pd.MultiIndex.from_arrays([leader[rows].astype(np.int64), frame[rows]])
+    leader[rows] = new_id.reindex(wanted).to_numpy()
+    return pd.Series(pd.array(leader, dtype="Int64"), index=table.index)

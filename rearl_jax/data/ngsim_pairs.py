@@ -1,0 +1,126 @@
+"""Reader of NGSIM I-80 leader-follower pairs: one row holds follower and leader at one time.
+
+A recording is the union of the members of its pairs. A vehicle that is in several pairs appears once per
+frame; one that leaves the pairs and comes back later comes back under a new id.
+
+Source: NGSIM I-80, DOI 10.21949/1504477, reconstructed trajectories, arXiv 2201.04755.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.losses import Losses, reject, split_tracks
+from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE
+from rearl_jax.data.problems import Finding, require_columns
+from rearl_jax.data.schema import Recording, RecordingInfo, validate
+
+TRUCK_LENGTH = 7.0  # m; the lengths of I-80 leaders have a gap between 6.8 m (cars) and 7.7 m
+LANES = 7  # six lanes and the on-ramp, NGSIM I-80 data description
+_COLUMNS = (
+    "run follower leader t_s y_f_m v_f_mps a_f_mps2 y_l_m v_l_mps a_l_mps2 leader_length_m lane".split()
+)
+_SAME = 0.01  # m; two pairs that share a vehicle must agree on where it is
+
+
+def find_pairs(root: Path) -> Path:
+    """The Parquet file of pairs in the folder.
+
+    Raises:
+        FileNotFoundError: There is none, or more than one.
+    """
+    found = sorted(root.glob("*.parquet"))
+    if len(found) != 1:
+        raise FileNotFoundError(
+            f"{len(found)} Parquet files in {root}: data.root must name the folder with the one file of "
+            f"leader-follower pairs, columns {', '.join(_COLUMNS)}"
+        )
+    return found[0]
+
+
+def pairs_recordings(path: Path) -> dict[str, str]:
+    """Recording id -> run of the table, such as i80_0400 -> 0400pm-0415pm."""
+    require_columns(pq.read_schema(path).names, tuple(_COLUMNS), str(path))
+    runs = pq.read_table(path, columns=["run"])["run"].cast("string").unique().to_pylist()
+    return {f"i80_{run[:4]}": run for run in sorted(runs)}
+
+
+def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Recording:
+    """The vehicles of one run; gaps to the leader are those of the source.
+
+    y is the front, so the centre is y - length / 2. A follower that is nobody's leader has no length in the
+    source and gets data.default_length; the bumper gap does not depend on it.
+    """
+    pairs = pq.read_table(path, columns=_COLUMNS, filters=[("run", "=", run)]).to_pandas()
+    info = RecordingInfo(
+        id=recording,
+        frame_rate=FRAME_RATE,
+        lane_count={1: LANES},
+        road_length=float(max(pairs["y_f_m"].max(), pairs["y_l_m"].max())),
+        source="NGSIM I-80, leader-follower pairs, reconstructed",
+        licence=LICENCE,
+        attribution=ATTRIBUTION,
+        notes=(
+            "members of leader-follower pairs only, congested traffic: not every vehicle of a lane",
+            "no lateral position: y is 0 for all; lane known for a third of the pairs",
+            f"length known for leaders, {policy.default_length:g} m assumed for the others; "
+            f"truck = longer than {TRUCK_LENGTH:g} m",
+        ),
+        file=str(path),
+        columns={"track_id": "follower", "frame": "t_s", "time": "t_s", "leader_id": "leader"}
+        | {"position": "y_f_m", "x": "y_f_m", "speed": "v_f_mps", "acceleration": "a_f_mps2"}
+        | {"length": "leader_length_m"},
+    )
+    losses = Losses()
+    members = _members(pairs, policy.default_length)
+    members = _agreeing(members, info, policy, losses)
+    members = members.sort_values(["track_id", "frame", "leader_id"], na_position="last", kind="stable")
+    members = members.drop_duplicates(["track_id", "frame"])
+    track, frame = members["track_id"].to_numpy(), members["frame"].to_numpy()
+    returns = np.zeros(len(members), dtype=bool)
+    returns[1:] = (track[1:] == track[:-1]) & (np.diff(frame) > 1)
+    if returns.any():
+        info = info.with_notes(f"{int(returns.sum())} vehicles left the pairs and came back under a new id")
+    table, dropped = validate(split_tracks(members, returns), info, policy, losses)
+    return Recording(info, table, dropped)
+
+
+def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:
+    """Rows of followers, then of leaders, in columns of the schema."""
+    frame = np.rint(pairs["t_s"].to_numpy() * FRAME_RATE)
+    length = pairs.groupby("leader")["leader_length_m"].first().astype(np.float64)
+    parts = []
+    for who, mark, leader in (("follower", "f", pairs["leader"]), ("leader", "l", np.nan)):
+        own_length = length.reindex(pairs[who]).fillna(default_length).set_axis(pairs.index)
+        position = pairs[f"y_{mark}_m"].astype(np.float64) - 0.5 * own_length
+        part = {
+            "track_id": pairs[who],
+            "frame": frame,
+            "direction": 1,
+            "x": position,
+            "y": 0.0,
+            "position": position,
+            "lane": pairs["lane"] - 1,
+            "speed": pairs[f"v_{mark}_mps"].astype(np.float64),
+            "acceleration": pairs[f"a_{mark}_mps2"].astype(np.float64),
+            "length": own_length,
+            "vehicle_class": np.where(own_length > TRUCK_LENGTH, "truck", "car"),
+            "leader_id": leader,
+        }
+        parts.append(pd.DataFrame(part, index=pairs.index))
+    return pd.concat(parts)
+
+
+def _agreeing(members: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses) -> pd.DataFrame:
+    """The rows of vehicles on whose position all their pairs agree."""
+    where = members.groupby(["track_id", "frame"])["position"]
+    off = np.asarray(where.transform("max")) - np.asarray(where.transform("min")) > _SAME
+    if not off.any():
+        return members
+    row = int(np.argmax(off))
+    text = f"pairs disagree about where vehicle {members['track_id'].iloc[row]} is in the same frame"
+    finding = Finding("contradiction", "position", off, text, "keep the pair that is right")
+    return reject(members, finding, info, policy, losses)

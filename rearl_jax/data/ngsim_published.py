@@ -1,0 +1,239 @@
+"""Reader of NGSIM trajectory tables as published: feet, one row per vehicle and frame.
+
+NGSIM gives the front centre of a vehicle, Local_Y along the road and Local_X from the left edge; the
+canonical table wants the centre. Vehicle and frame numbers restart in each 15-minute recording, so
+global time - 100 ms * frame tells the recordings of a file apart.
+
+Source: U.S. Department of Transportation, Next Generation Simulation Vehicle Trajectories and Supporting
+Data, DOI 10.21949/1504477.
+"""
+
+from datetime import UTC, datetime, timedelta
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.data.delimited import read_csv, read_header
+from rearl_jax.data.losses import Losses
+from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE, US101_LENGTH
+from rearl_jax.data.problems import DROP_HINT, BadRecordingError, Finding, require_columns
+from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.data.units import to_si
+
+# Lanes with the ramps, NGSIM data descriptions: US-101 has five lanes, the auxiliary lane 6, on-ramp 7 and
+# off-ramp 8; I-80 has six lanes and the on-ramp 7. Lane 1 is the leftmost.
+_LANES = {"us101": 8, "i80": 7}
+_ARTERIALS = ("lankershim", "peachtree")
+_CLASS = {1: "motorcycle", 2: "car", 3: "truck"}
+# Both campaigns were in daylight saving time of the Pacific coast (13 April and 15 June 2005).
+_LOCAL_TIME = timedelta(hours=-7)
+
+# Canonical name: name in the published tables without case and punctuation, unit, required.
+_PUBLISHED = {
+    "track_id": ("vehicleid", None, True),
+    "frame": ("frameid", None, True),
+    "global_time": ("globaltime", None, True),
+    "lateral": ("localx", "ft", True),
+    "front": ("localy", "ft", True),
+    "length": ("vlength", "ft", True),
+    "width": ("vwidth", "ft", True),
+    "vehicle_class": ("vclass", None, True),
+    "speed": ("vvel", "ft/s", True),
+    "acceleration": ("vacc", "ft/s^2", True),
+    "lane": ("laneid", None, True),
+    "leader_id": ("preceding", None, False),
+    "location": ("location", None, False),
+}
+_TXT_COLUMNS = (
+    "Vehicle_ID Frame_ID Total_Frames Global_Time Local_X Local_Y Global_X Global_Y v_Length v_Width v_Class "
+    "v_Vel v_Acc Lane_ID Preceding Following Space_Headway Time_Headway"
+).split()
+# For error messages: the usual spelling of the column a canonical one comes from.
+_PUBLISHED_SPELLING = {
+    "track_id": "Vehicle_ID",
+    "frame": "Frame_ID",
+    "x": "Local_Y",
+    "y": "Local_X",
+    "position": "Local_Y",
+    "lateral": "Local_X",
+    "lane": "Lane_ID",
+    "speed": "v_Vel",
+    "acceleration": "v_Acc",
+    "length": "v_Length",
+    "width": "v_Width",
+    "vehicle_class": "v_Class",
+    "leader_id": "Preceding",
+}
+_KEYS = ("track_id", "frame", "global_time")
+
+
+class PublishedFile:
+    """A published table; its rows are kept from the first recording that is read on.
+
+    The arterials in the export of all places (Lankershim, Peachtree) are no highways and are passed over.
+    """
+
+    def __init__(self, path: Path, policy: DataConfig) -> None:
+        self.path = path
+        self._policy = policy
+
+    def recordings(self) -> list[str]:
+        """Ids of the highway recordings in the file, such as us101_0750."""
+        rows, _ = self._load((*_KEYS, "location"))
+        return list(_recordings_of(rows, self.path))
+
+    def read(self, recording: str) -> Recording:
+        """One recording, checked: centre instead of front, SI instead of feet.
+
+        Raises:
+            BadRecordingError: The table or a row breaks the schema, or a row is there twice.
+        """
+        rows, broken = self._rows
+        chosen = rows.iloc[_recordings_of(rows, self.path)[recording]]
+        losses = Losses()
+        losses.counts.update(broken)
+        # Portal copies are not sorted, and the order of rows in a database export says nothing.
+        chosen = chosen.sort_values(["track_id", "frame"], kind="stable")
+        table, info = _converted(recording, chosen.drop(columns="location", errors="ignore"), self.path)
+        twice = chosen.duplicated().to_numpy()
+        if twice.any():
+            remedy = "remove the copies"
+            finding = Finding("exact_duplicate", "track_id", twice, "the row is there twice", remedy)
+            if self._policy.on_bad is OnBad.stop:
+                raise finding.error(chosen, info)
+            # A copy is no fault of the vehicle: the first of the two rows stays under drop_track, too.
+            losses.counts["exact_duplicate"] += int(twice.sum())
+            table = table.iloc[np.flatnonzero(~twice)]
+        table, dropped = validate(table, info, self._policy, losses)
+        return Recording(info, table, dropped)
+
+    @cached_property
+    def _rows(self) -> tuple[pd.DataFrame, dict[str, int]]:
+        return self._load(tuple(_PUBLISHED))
+
+    def _load(self, wanted: tuple[str, ...]) -> tuple[pd.DataFrame, dict[str, int]]:
+        """The wanted columns of the file in the names of _PUBLISHED, and the counts of lines left out."""
+        losses = Losses()
+        if self.path.suffix.lower() == ".txt":
+            names = {_plain(name): name for name in _TXT_COLUMNS}
+            rows = pd.read_csv(self.path, sep=r"\s+", header=None, names=_TXT_COLUMNS)
+        else:
+            names = {_plain(name): name for name in read_header(self.path)}
+            if "preceeding" in names:
+                names["preceding"] = names.pop("preceeding")
+            required = tuple(name for name, _, needed in _PUBLISHED.values() if needed)
+            require_columns(list(names), required, str(self.path))
+            types = {
+                names[name]: pa.string() if name == "location" else pa.float64() if unit else pa.int64()
+                for name, unit, _ in (_PUBLISHED[column] for column in wanted)
+                if name in names
+            }
+            table, n_broken = read_csv(self.path, types, self._policy.on_bad)
+            if n_broken:
+                losses.counts["broken_line"] = n_broken
+            rows = table.to_pandas()
+        if rows.empty:
+            raise BadRecordingError(str(self.path), "the table has no rows", "remove the file or complete it")
+        renamed = {names[_PUBLISHED[c][0]]: c for c in wanted if _PUBLISHED[c][0] in names}
+        rows = rows.reindex(columns=list(renamed)).rename(columns=renamed)
+        for name in _KEYS:
+            missing = rows[name].isna().to_numpy()
+            if missing.any() and self._policy.on_bad is OnBad.stop:
+                row, column = int(np.argmax(missing)) + 1, names[_PUBLISHED[name][0]]
+                remedy = f"complete it{DROP_HINT}"
+                raise BadRecordingError(str(self.path), "the value is missing", remedy, column, row)
+            if missing.any():
+                rows = losses.remove(rows, missing, "not_finite")
+        return rows, dict(losses.counts)
+
+
+def find_published(root: Path) -> list[Path]:
+    """The published NGSIM tables in the folder: .csv with a header, .txt without.
+
+    Raises:
+        FileNotFoundError: There is none.
+    """
+    found = sorted(path for path in root.glob("*") if path.suffix.lower() in (".csv", ".txt"))
+    if not found:
+        raise FileNotFoundError(
+            f"no .csv or .txt in {root}: data.root must name the folder with the NGSIM trajectory tables, "
+            "such as trajectories-0750am-0805am.csv or the export of the data portal"
+        )
+    return found
+
+
+def _recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
+    """Recording id -> its row positions."""
+    start = rows["global_time"].to_numpy() - 100 * rows["frame"].to_numpy()
+    place = np.zeros(len(rows), dtype=np.int8)
+    names = [""]
+    if "location" in rows:
+        categories = pd.Categorical(rows["location"].fillna(""))
+        place, names = categories.codes, list(categories.categories)
+    recordings = {}
+    for code, name in enumerate(names):
+        key = _plain(str(name)) or _place_of(path)
+        if key in _ARTERIALS:
+            continue
+        for first in np.unique(start[place == code]):
+            recordings[f"{key}_{_clock(int(first))}"] = np.flatnonzero((place == code) & (start == first))
+    return recordings
+
+
+def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataFrame, RecordingInfo]:
+    """Columns of the schema from rows in feet, and what is known about the recording."""
+    place = recording.rpartition("_")[0]
+    source = {name: to_si(rows[name].to_numpy(), unit) for name, (_, unit, _) in _PUBLISHED.items() if unit}
+    lane = rows["lane"].to_numpy()
+    info = RecordingInfo(
+        id=recording,
+        frame_rate=FRAME_RATE,
+        lane_count={1: _LANES.get(place, int(np.nanmax(lane)))},
+        road_length=US101_LENGTH if place == "us101" else float(np.nanmax(source["front"])),
+        source=f"NGSIM {place}",
+        licence=LICENCE,
+        attribution=ATTRIBUTION,
+        notes=("positions from 10 Hz video tracking, raw speeds and accelerations are noisy",),
+        file=str(path),
+        columns=_PUBLISHED_SPELLING,
+    )
+    position = source["front"] - 0.5 * source["length"]
+    columns = {
+        "track_id": rows["track_id"].to_numpy(),
+        "frame": rows["frame"].to_numpy(),
+        "direction": np.ones(len(rows), dtype=np.int8),
+        "x": position,
+        "y": source["lateral"],
+        "position": position,
+        "lateral": source["lateral"],
+        "lane": lane - 1,
+        "speed": source["speed"],
+        "acceleration": source["acceleration"],
+        "length": source["length"],
+        "width": source["width"],
+        "vehicle_class": pd.Categorical(rows["vehicle_class"].replace(_CLASS)),
+    }
+    if "leader_id" in rows:
+        leader = rows["leader_id"].to_numpy(dtype=np.float64)
+        columns["leader_id"] = np.where(leader == 0.0, np.nan, leader)
+    return pd.DataFrame(columns, index=rows.index), info
+
+
+def _plain(name: str) -> str:
+    """A column or place name without case and punctuation: the spelling differs from copy to copy."""
+    return "".join(c for c in name.lower() if c.isalnum())
+
+
+def _place_of(path: Path) -> str:
+    """Name of the place as far as the file name tells it."""
+    return next((place for place in _LANES if place in _plain(path.name)), "ngsim")
+
+
+def _clock(start_ms: int) -> str:
+    """Local start time on the 12-hour clock to the nearest five minutes, as in the NGSIM file names."""
+    start = datetime.fromtimestamp(start_ms / 1000.0, UTC) + _LOCAL_TIME + timedelta(minutes=2.5)
+    return (start - timedelta(minutes=start.minute % 5)).strftime("%I%M")

@@ -1,0 +1,225 @@
+"""Reader of OpenACC platoons (ZalaZone): speeds of the vehicles in a file and the gaps between neighbours.
+
+The positions are rebuilt on a straight single lane: the first vehicle moves by its integrated speed, every
+other one is gap + length behind the one ahead, so bumper gaps are exactly those of the source. Where the
+source misses a vehicle or its gap for good, the platoon falls into parts, each a recording of its own.
+
+Source: European Commission, Joint Research Centre, Open ACC Database, DOI 10.2905/JRC.KMH3D00; Makridis et
+al., Transportation Research Part C 125 (2021) 103047.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+
+from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.data.losses import Losses
+from rearl_jax.data.problems import Finding, require_columns
+from rearl_jax.data.schema import Recording, RecordingInfo, validate
+
+FRAME_RATE = 10.0
+LICENCE = "CC BY 4.0"
+ATTRIBUTION = (
+    "European Commission, Joint Research Centre, Open ACC Database, https://doi.org/10.2905/JRC.KMH3D00"
+)
+MAX_HOLE = 10  # frames, 1 s; shorter holes of a gap or speed are interpolated
+_COLUMNS = ("file", "t_s", "pos", "speed_mps", "gap_to_follower_m")
+
+
+@dataclass(frozen=True)
+class Platoon:
+    """An unbroken part of the vehicles of one file.
+
+    Attributes:
+        file: Name of the run in the table.
+        first: Place of its first vehicle in the file, 1 = leader of all.
+        last: Place of its last vehicle.
+        unlinked: Places of vehicles of the file that belong to no part; listed with the first part only.
+    """
+
+    file: str
+    first: int
+    last: int
+    unlinked: tuple[int, ...] = ()
+
+
+def find_platoons(root: Path) -> Path:
+    """The Parquet file of platoons in the folder.
+
+    Raises:
+        FileNotFoundError: There is none, or more than one.
+    """
+    found = sorted(root.glob("*.parquet"))
+    if len(found) != 1:
+        raise FileNotFoundError(
+            f"{len(found)} Parquet files in {root}: data.root must name the folder with the one file of "
+            f"OpenACC platoons, columns {', '.join(_COLUMNS)}"
+        )
+    return found[0]
+
+
+def platoon_recordings(path: Path) -> dict[str, Platoon]:
+    """Recording id -> part of a platoon with two vehicles or more."""
+    require_columns(pq.read_schema(path).names, _COLUMNS, str(path))
+    rows = pq.read_table(path, columns=["file", "pos", "gap_to_follower_m"]).to_pandas()
+    has_gap = rows.groupby(["file", "pos"], observed=True)["gap_to_follower_m"].count() > 0
+    recordings = {}
+    for file in has_gap.index.unique("file"):
+        linked = has_gap.loc[file]
+        places = linked.index.to_numpy()
+        follows = np.concatenate([[False], linked.to_numpy()[:-1] & (np.diff(places) == 1)])
+        parts = np.split(places, np.flatnonzero(~follows)[1:])
+        unlinked = tuple(int(part[0]) for part in parts if part.size == 1)
+        chains = [part for part in parts if part.size > 1]
+        for chain in chains:
+            first, last = int(chain[0]), int(chain[-1])
+            name = f"openacc_{file}" + (f"_{first}to{last}" if len(chains) > 1 else "")
+            recordings[name] = Platoon(str(file), first, last, unlinked)
+            unlinked = ()
+    return recordings
+
+
+def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -> Recording:
+    """One part of a platoon.
+
+    Left out and counted unless data.on_bad is stop: vehicles without a gap to a neighbour (`unlinked`),
+    negative gaps (`negative_gap`), and rows whose speed or a gap ahead stays unknown for over 1 s (`no_gap`).
+
+    Raises:
+        BadRecordingError: One of these occurs and data.on_bad is stop, or a row breaks the schema.
+    """
+    rows = pq.read_table(path, columns=list(_COLUMNS), filters=[("file", "=", platoon.file)]).to_pandas()
+    info = RecordingInfo(
+        id=recording,
+        frame_rate=FRAME_RATE,
+        lane_count={1: 1},
+        road_length=0.0,
+        source="OpenACC, ZalaZone platoons",
+        licence=LICENCE,
+        attribution=ATTRIBUTION,
+        notes=(
+            "proving ground, single file, adaptive cruise control or human drivers; the road is straightened",
+            f"positions rebuilt from speeds and gaps, vehicle length {policy.default_length:g} m assumed",
+        ),
+        file=f"{path} ({platoon.file})",
+        columns={
+            "track_id": "pos",
+            "frame": "t_s",
+            "speed": "speed_mps",
+            "position": "gap_to_follower_m",
+            "x": "gap_to_follower_m",
+        },
+    )
+    losses = Losses()
+    place, gap = rows["pos"].to_numpy(), rows["gap_to_follower_m"].to_numpy(dtype=np.float64, copy=True)
+    unlinked = np.isin(place, platoon.unlinked)
+    _leave_out(unlinked, rows, "unlinked", "pos", "no gap to a neighbour", info, policy, losses)
+    inside = (place >= platoon.first) & (place < platoon.last)
+    negative = inside & (gap < 0.0)
+    _leave_out(negative, rows, "negative_gap", "position", "the gap is negative", info, policy, losses)
+    gap[negative] = np.nan
+
+    table, placed, n_filled = _placed(rows, gap, platoon, policy.default_length)
+    _leave_out(
+        ~placed, table, "no_gap", "position", "gap or speed unknown for over 1 s", info, policy, losses
+    )
+    table = table.iloc[np.flatnonzero(placed)]
+    backward = table["speed"].to_numpy() < 0.0
+    note = f"{n_filled} speeds and gaps in holes of 1 s or less interpolated, "
+    note += f"{int(backward.sum())} negative speeds set to 0"
+    table = table.assign(speed=np.where(backward, 0.0, table["speed"]))
+    info = replace(info, notes=(*info.notes, note), road_length=_road_length(table))
+    table, dropped = validate(table, info, policy, losses)
+    return Recording(info, table, dropped)
+
+
+def fill_holes(values: np.ndarray) -> np.ndarray:
+    """The columns with holes of up to MAX_HOLE frames filled linearly; longer ones and the ends stay NaN."""
+    filled = values.copy()
+    rows = np.arange(len(values))
+    for column in filled.T:
+        known = np.flatnonzero(~np.isnan(column))
+        if not known.size:
+            continue
+        hole = np.diff(known) - 1
+        # For every row the length of the hole it lies in; searchsorted finds the known row ahead of it.
+        ahead = np.searchsorted(known, rows, side="left")
+        within = (ahead > 0) & (ahead < known.size)
+        short = within.copy()
+        short[within] = hole[ahead[within] - 1] <= MAX_HOLE
+        fill = short & np.isnan(column)
+        column[fill] = np.interp(rows[fill], known, column[known])
+    return filled
+
+
+def _placed(
+    rows: pd.DataFrame, gap: np.ndarray, platoon: Platoon, length: float
+) -> tuple[pd.DataFrame, np.ndarray, int]:
+    """Table of all vehicles in all frames, mask of rows with a known position, number of filled values."""
+    frame = np.rint(rows["t_s"].to_numpy(dtype=np.float64) * FRAME_RATE).astype(np.int64)
+    frames = np.arange(frame.min(), frame.max() + 1)
+    places = np.arange(platoon.first, platoon.last + 1)
+
+    def grid(values: np.ndarray) -> np.ndarray:
+        wide = np.full((frames.size, places.size), np.nan)
+        here = np.isin(rows["pos"].to_numpy(), places)
+        wide[frame[here] - frames[0], rows["pos"].to_numpy()[here] - places[0]] = values[here]
+        return wide
+
+    measured = grid(rows["speed_mps"].to_numpy(dtype=np.float64))
+    # The gap behind the last vehicle leads out of the platoon.
+    gaps = grid(gap)[:, :-1]
+    speed, ahead = fill_holes(measured), fill_holes(gaps)
+    n_filled = int((~np.isnan(speed)).sum() - (~np.isnan(measured)).sum())
+    n_filled += int((~np.isnan(ahead)).sum() - (~np.isnan(gaps)).sum())
+    first = np.nan_to_num(speed[:, 0])
+    position = np.zeros_like(speed)
+    position[1:, 0] = np.cumsum(0.5 * (first[1:] + first[:-1])) / FRAME_RATE
+    position[:, 1:] = position[:, :1] - np.cumsum(ahead + length, axis=1)
+    placed = ~np.isnan(speed) & ~np.isnan(position)
+    # Behind a vehicle without speed nobody is where the sum of gaps says.
+    placed = np.logical_and.accumulate(placed, axis=1)
+    position += 0.5 * length - np.min(position, where=placed, initial=np.inf)
+    source_row = grid(np.arange(len(rows), dtype=np.float64))
+    table = pd.DataFrame(
+        {
+            "track_id": np.repeat(places, frames.size),
+            "frame": np.tile(frames, places.size),
+            "direction": 1,
+            "x": position.ravel("F"),
+            "y": 0.0,
+            "position": position.ravel("F"),
+            "lane": 0,
+            "speed": speed.ravel("F"),
+            "length": length,
+            "vehicle_class": "car",
+            "leader_id": np.repeat(np.where(places > platoon.first, places - 1.0, np.nan), frames.size),
+        },
+        index=np.nan_to_num(source_row.ravel("F")).astype(np.int64),
+    )
+    return table, placed.ravel("F"), n_filled
+
+
+def _leave_out(
+    bad: np.ndarray,
+    rows: pd.DataFrame,
+    name: str,
+    column: str,
+    problem: str,
+    info: RecordingInfo,
+    policy: DataConfig,
+    losses: Losses,
+) -> None:
+    """Count the marked rows, or stop at the first."""
+    if not bad.any():
+        return
+    if policy.on_bad is OnBad.stop:
+        raise Finding(name, column, bad, problem, "complete the source").error(rows, info)
+    losses.counts[name] += int(bad.sum())
+
+
+def _road_length(table: pd.DataFrame) -> float:
+    return float(np.max(table["position"].to_numpy() + 0.5 * table["length"].to_numpy()))

@@ -1,0 +1,169 @@
+"""The task `rearl prepare`: recordings in; checked canonical tables, counts and scenes out.
+
+Writes into the study folder `tables/<recording>.parquet` (not for generated recordings, whose own files are
+there and are read just as fast), `recordings.parquet` with one row per recording, `scenes.parquet`,
+`config.json` and `summary.json`. Recordings are read once, one at a time.
+"""
+
+import json
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from rearl_jax.config import PrepareTask
+from rearl_jax.config.data import DataConfig, DataKind
+from rearl_jax.data.canonical import METADATA, describe
+from rearl_jax.data.generator import generate
+from rearl_jax.data.recordings import count_recordings, data_id, is_generated, iterate_recordings
+from rearl_jax.data.records import Recording
+from rearl_jax.data.scene_files import save_scenes
+from rearl_jax.data.scenes import build_scenes
+from rearl_jax.results import Study
+
+
+def run(config: PrepareTask) -> dict:
+    """The summary of the prepared data, as written to summary.json.
+
+    Keys: recordings, rows, vehicles, trucks, hours, truck_share, in_view_mean (vehicles per frame, mean over
+    time), lane_changes, windows, n_scenes, dropped (rows, cuts and tracks left out, by cause).
+
+    Raises:
+        FileNotFoundError, ValueError: There are no recordings, one is bad (BadRecordingError), or no scene
+            can be cut from them.
+    """
+    with _progress() as progress:
+        if config.data.kind is DataKind.generated:
+            _generate(config, progress)
+        generated = is_generated(config.data)
+        identity = data_id(config.data)
+        study = Study(config.results.root, config.study, config, "prepare", identity, generated=generated)
+        study.write_config()
+        task = progress.add_task("recordings", total=count_recordings(config.data))
+        seen = _Seen(study, keep_tables=not generated)
+        scenes = build_scenes(
+            seen.passing(config.data),
+            config.scenes,
+            config.speed,
+            config.tracks,
+            config.features,
+            config.spacing,
+            progress=lambda _, __: progress.advance(task),
+        )
+    study.write_table("recordings", pd.DataFrame(seen.rows))
+    save_scenes(scenes, study)
+    summary = {**_totals(seen), "windows": scenes.counts.windows, "n_scenes": len(scenes)}
+    study.write_summary(summary)
+    _print(summary, generated=generated)
+    return summary
+
+
+@dataclass
+class _Seen:
+    """What has been read so far."""
+
+    study: Study
+    keep_tables: bool
+    rows: list[dict] = field(default_factory=list)
+    dropped: Counter[str] = field(default_factory=Counter)
+
+    def passing(self, data: DataConfig) -> Iterator[Recording]:
+        """The recordings of the data set, counted and, where asked for, stored on their way."""
+        for recording in iterate_recordings(data):
+            info = recording.info
+            if self.keep_tables:
+                metadata = {METADATA: describe([info])}
+                self.study.write_table(f"tables/{info.id}", recording.table, **metadata)
+            self.rows.append(counts_of(recording))
+            self.dropped.update(recording.dropped)
+            yield recording
+            # Not to be held while the next one is read.
+            del recording
+
+
+def counts_of(recording: Recording) -> dict:
+    """One row of recordings.parquet: size, traffic and losses of a recording.
+
+    duration [s] from the first to the last frame; in_view = mean number of vehicles per frame; speed_mean
+    [m/s] over rows; lane_changes = frames in which a vehicle's lane differs from the one before.
+    """
+    info, table = recording.info, recording.table
+    track, frame = table["track_id"].to_numpy(), table["frame"].to_numpy()
+    lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
+    first = np.concatenate([[True], track[1:] != track[:-1]])
+    classes = table["vehicle_class"].to_numpy()[first]
+    n_frames = int(frame.max() - frame.min()) + 1
+    n_vehicles = int(first.sum())
+    # NaN differs from everything, so unknown lanes have to be asked for.
+    changes = ~first[1:] & (lane[1:] != lane[:-1]) & np.isfinite(lane[1:]) & np.isfinite(lane[:-1])
+    dropped = recording.dropped
+    return {
+        "recording": info.id,
+        "source": info.source,
+        "licence": info.licence,
+        "frame_rate": info.frame_rate,
+        "duration": n_frames / info.frame_rate,
+        "road_length": info.road_length,
+        "lanes_1": info.lane_count.get(1, 0),
+        "lanes_2": info.lane_count.get(2, 0),
+        "rows": len(table),
+        "vehicles": n_vehicles,
+        "trucks": int((classes == "truck").sum()),
+        "truck_share": float((classes == "truck").mean()),
+        "in_view": len(table) / n_frames,
+        "speed_mean": float(np.mean(table["speed"].to_numpy())),
+        "lane_changes": int(changes.sum()),
+        "tracks_dropped": dropped.get("tracks", 0),
+        "dropped": json.dumps(dict(dropped), sort_keys=True),
+        "notes": "; ".join(info.notes),
+    }
+
+
+_SUMMED = ("rows", "vehicles", "trucks", "lane_changes", "duration")
+
+
+def _totals(seen: _Seen) -> dict:
+    sums = {name: sum(row[name] for row in seen.rows) for name in _SUMMED}
+    seconds = sums.pop("duration")
+    return {
+        "recordings": len(seen.rows),
+        **sums,
+        "hours": seconds / 3600.0,
+        "truck_share": sums["trucks"] / sums["vehicles"],
+        "in_view_mean": sum(row["in_view"] * row["duration"] for row in seen.rows) / seconds,
+        "dropped": dict(seen.dropped),
+    }
+
+
+def _generate(config: PrepareTask, progress: Progress) -> None:
+    root = config.data.root
+    if not root:
+        raise ValueError("data.root must name the folder the generated recordings are written to, got none")
+    task = progress.add_task("generating", total=config.generator.n_recordings)
+    generate(
+        config.generator,
+        Path(root),
+        lambda done, total: progress.update(task, completed=done, total=total),
+    )
+
+
+def _progress() -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=Console(stderr=True))
+
+
+def _print(summary: dict, *, generated: bool) -> None:
+    table = Table(title="Prepared recordings" + (" (generated, no measurements)" if generated else ""))
+    table.add_column("figure")
+    table.add_column("value", justify="right")
+    for name, value in summary.items():
+        if name == "dropped":
+            value = ", ".join(f"{cause} {n}" for cause, n in value.items()) or "nothing"
+        table.add_row(name, f"{value:.3f}" if isinstance(value, float) else str(value))
+    Console().print(table)

@@ -1,0 +1,77 @@
+"""Records of one recording: its metadata and its table."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import pandas as pd
+
+
+@dataclass(frozen=True)
+class RecordingInfo:
+    """What is known about a recording besides its rows.
+
+    Attributes:
+        id: Name of the recording, unique in its data set.
+        frame_rate: Frames per second [1/s].
+        lane_count: Number of lanes per direction (1, 2).
+        road_length: Length of the observed road [m].
+        source: Data set the recording belongs to.
+        licence: Licence of the data.
+        attribution: Who is to be named.
+        generated: The recording was made by the generator, not measured.
+        speed_limit: Legal speed limit [m/s]; None where there is none or it is unknown.
+        lane_markings: Per direction the lateral offsets of the lane markings from the left edge [m], rising.
+        notes: What a reader of results must know: values that are assumed, limits of the set.
+        file: File or folder the rows come from; for error messages, not exported.
+        columns: Names of the columns in that file where they differ; for error messages, not exported.
+    """
+
+    id: str
+    frame_rate: float
+    lane_count: Mapping[int, int]
+    road_length: float
+    source: str
+    licence: str
+    attribution: str
+    generated: bool = False
+    speed_limit: float | None = None
+    lane_markings: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    file: str = ""
+    columns: Mapping[str, str] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """The record as JSON values, without what belongs to the local file."""
+        record = asdict(self)
+        del record["file"], record["columns"]
+        return record
+
+    @classmethod
+    def from_json(cls, record: Mapping[str, Any], file: str = "") -> "RecordingInfo":
+        """The record that `to_json` wrote; JSON keys of directions become integers again."""
+        values = dict(record)
+        values["lane_count"] = {int(k): int(v) for k, v in values["lane_count"].items()}
+        values["lane_markings"] = {int(k): tuple(v) for k, v in values.get("lane_markings", {}).items()}
+        values["notes"] = tuple(values.get("notes", ()))
+        return cls(**values, file=file)
+
+    def with_notes(self, *notes: str) -> "RecordingInfo":
+        """A copy with further notes."""
+        return replace(self, notes=(*self.notes, *notes))
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One recording in the canonical schema.
+
+    Attributes:
+        info: Metadata.
+        table: Canonical trajectory table, columns as in `schema.COLUMNS`, sorted by track_id and frame.
+        dropped: What was left out, by cause: `<cause>` rows removed, `<cause>_cuts` places where a track was
+            cut in two, `tracks` tracks removed as a whole. Empty if nothing was.
+    """
+
+    info: RecordingInfo
+    table: pd.DataFrame
+    dropped: Mapping[str, int] = field(default_factory=dict)

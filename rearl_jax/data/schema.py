@@ -1,0 +1,172 @@
+"""The canonical trajectory table: its columns, and the function that enforces them.
+
+One row is one vehicle in one frame, SI units, driver frame: `position` grows while driving, `lane` 0 is the
+leftmost lane, `lateral` grows to the right. Every reader ends in `validate`, so no other code sees bad rows.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data import checks, unit_checks
+from rearl_jax.data.checks import CLASSES
+from rearl_jax.data.losses import Losses, reject, remove_fragments
+from rearl_jax.data.problems import BadRecordingError, require_columns
+from rearl_jax.data.records import Recording, RecordingInfo
+
+__all__ = [
+    "CLASSES",
+    "COLUMNS",
+    "BadRecordingError",
+    "Column",
+    "Recording",
+    "RecordingInfo",
+    "validate",
+]
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the canonical table; a nullable one may be missing in a file and is then unknown."""
+
+    name: str
+    dtype: str
+    unit: str
+    meaning: str
+
+    @property
+    def nullable(self) -> bool:
+        """The value may be unknown (NaN or NA)."""
+        return self.name in checks.NULLABLE
+
+
+COLUMNS = (
+    Column("recording", "category", "", "id of the recording, such as highd_01"),
+    Column("track_id", "int64", "", "vehicle, unique in the recording"),
+    Column("frame", "int64", "", "frame number of the source"),
+    Column("time", "float64", "s", "since the first frame of the recording"),
+    Column("direction", "int8", "", "carriageway, 1 or 2 as in highD; 1 where there is only one"),
+    Column("x", "float64", "m", "vehicle centre in the ground frame that both carriageways share"),
+    Column("y", "float64", "m", "vehicle centre in the ground frame that both carriageways share"),
+    Column(
+        "position", "float64", "m", "vehicle centre along the own driving direction, from the upstream edge"
+    ),
+    Column(
+        "lateral",
+        "float64",
+        "m",
+        "vehicle centre from the left edge of the carriageway, positive to the right",
+    ),
+    Column("lane", "Int8", "", "0 = leftmost lane in driving direction"),
+    Column("speed", "float64", "m/s", "along the driving direction, not negative"),
+    Column("acceleration", "float64", "m/s^2", "along the driving direction"),
+    Column("length", "float64", "m", "vehicle length"),
+    Column("width", "float64", "m", "vehicle width"),
+    Column("vehicle_class", "category", "", f"one of {', '.join(CLASSES)}"),
+    Column("leader_id", "Int64", "", "track_id of the leader where the source states it"),
+)
+
+_MADE_HERE = ("recording", "time")
+# Checked as 64-bit integers and narrowed last, so that a lane of 300 is reported and does not wrap around.
+_SMALL = {"int8": "int64", "Int8": "Int64"}
+REQUIRED = tuple(c.name for c in COLUMNS if not c.nullable and c.name not in _MADE_HERE)
+
+
+def validate(
+    table: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses | None = None
+) -> tuple[pd.DataFrame, dict[str, int]]:
+    """Canonical table of the recording and the counts of what was left out.
+
+    The result has exactly COLUMNS, is sorted by (track_id, frame), unique, and no track has a gap. Under
+    data.on_bad=drop_row a bad row is removed and the track cut there: what follows goes on under a new id;
+    pieces shorter than 1 s are removed too. Under drop_track the vehicle is removed as a whole.
+
+    Args:
+        table: Columns of the schema, tracks in any order, the rows of a track in the order of time. The index
+            holds the row numbers of the source, from 0; errors name them. `recording` is set to `info.id`,
+            `time` is computed from the frames where it is missing, missing nullable columns become unknown.
+        info: The recording.
+        policy: `on_bad` and `max_jump`.
+        losses: What the reader has left out already.
+
+    Raises:
+        BadRecordingError: A column is missing, the table is empty, a column is in a wrong unit; or a row
+            breaks the schema and data.on_bad is stop.
+    """
+    losses = Losses() if losses is None else losses
+    require_columns(list(table.columns), REQUIRED, info.file or info.id)
+    if table.empty:
+        raise BadRecordingError(
+            info.file or info.id, "the recording has no rows", "remove the file or complete it"
+        )
+
+    def checked(table: pd.DataFrame, questions: tuple[Callable, ...]) -> pd.DataFrame:
+        for question in questions:
+            # Asked again after every rejection: what is left may show the same problem in another column.
+            while (finding := question(table, info, policy)) is not None:
+                table = reject(table, finding, info, policy, losses)
+        return table
+
+    table = checked(_numbers(table, info), (checks.not_finite,))
+    table = checked(_typed(table), checks.ROW_CHECKS)
+    table["vehicle_class"] = table["vehicle_class"].cat.set_categories(list(CLASSES))
+    finding = unit_checks.wrong_units(table, info)
+    if finding is not None:
+        raise finding.error(table, info, hint="")
+    table = remove_fragments(checked(table, checks.RANGE_CHECKS), info, losses)
+    table = table.astype({c.name: c.dtype for c in COLUMNS if c.dtype in _SMALL})
+    return table.reset_index(drop=True), dict(losses.counts)
+
+
+def _numbers(table: pd.DataFrame, info: RecordingInfo) -> pd.DataFrame:
+    """The columns of the schema, every numeric one as numbers; text that is none is an error with its row."""
+    table = table.copy(deep=False)
+    table["recording"] = pd.Categorical.from_codes(np.zeros(len(table), dtype=np.int8), [info.id])
+    for column in COLUMNS:
+        name = column.name
+        if name not in table and name != "time":
+            table[name] = (
+                pd.Series(pd.NA, index=table.index, dtype="Int64") if "Int" in column.dtype else np.nan
+            )
+        elif column.dtype != "category" and name in table:
+            table[name] = _number(pd.Series(table[name]), column, info)
+    if "time" not in table:
+        table["time"] = (table["frame"] - table["frame"].min()) / info.frame_rate
+    return table.reindex(columns=[column.name for column in COLUMNS])
+
+
+def _number(values: pd.Series, column: Column, info: RecordingInfo) -> pd.Series:
+    if not pd.api.types.is_numeric_dtype(values.dtype):
+        numbers = pd.Series(pd.to_numeric(values, errors="coerce"), index=values.index, name=values.name)
+        _stop_at(np.asarray(numbers.isna() & values.notna()), values, "a number", info)
+        values = numbers
+    if not column.nullable and values.isna().any():
+        # NumPy's NaN for the unknown of every library, so that one check finds it.
+        values = values.astype(np.float64)
+    if column.dtype.lower().startswith("int") and pd.api.types.is_float_dtype(values.dtype):
+        array = values.to_numpy(dtype=np.float64, na_value=np.nan)
+        _stop_at(np.isfinite(array) & (array != np.rint(array)), values, "a whole number", info)
+    return values
+
+
+def _stop_at(bad: np.ndarray, values: pd.Series, expected: str, info: RecordingInfo) -> None:
+    if bad.any():
+        row = int(np.argmax(bad))
+        value = values.iloc[row]
+        text = f"{value!r} is not {expected}" if isinstance(value, str) else f"{value:g} is not {expected}"
+        column = info.columns.get(str(values.name), str(values.name))
+        source_row = int(values.index[row]) + 1
+        raise BadRecordingError(info.file or info.id, text, f"write {expected}", column, source_row)
+
+
+def _typed(table: pd.DataFrame) -> pd.DataFrame:
+    """The table in the dtypes of COLUMNS, tracks together, rows of a track in the order of the source."""
+    types = {c.name: _SMALL.get(c.dtype, c.dtype) for c in COLUMNS}
+    table = table.astype({name: dtype for name, dtype in types.items() if str(table[name].dtype) != dtype})
+    track = table["track_id"].to_numpy()
+    if np.all(track[1:] >= track[:-1]):
+        return table
+    return table.iloc[np.argsort(track, kind="stable")]

@@ -1,0 +1,57 @@
+"""Leader-follower pairs among the vehicles of a scene."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from rearl_jax.metrics.measure import fold_vehicles
+
+
+class Followers(eqx.Module):
+    """What each vehicle sees of its leader. Without one both distances are inf and the approach rate is 0."""
+
+    has_leader: Bool[Array, "steps vehicles *scenarios"]
+    centre_distance: Float[Array, "steps vehicles *scenarios"]
+    gap: Float[Array, "steps vehicles *scenarios"]
+    dv: Float[Array, "steps vehicles *scenarios"]
+    leader_crashed: Bool[Array, "steps vehicles *scenarios"]
+
+
+def find_leaders(
+    position: Float[Array, "steps vehicles *scenarios"],
+    speed: Float[Array, "steps vehicles *scenarios"],
+    lane: Int[Array, "steps vehicles *scenarios"],
+    length: Float[Array, "steps vehicles *scenarios"],
+    crashed: Bool[Array, "steps vehicles *scenarios"],
+    direction: Int[Array, "steps vehicles *scenarios"] | None = None,
+) -> Followers:
+    """Distance, approach rate and state of each vehicle's leader.
+
+    The leader is the nearest vehicle ahead in the same lane, and on the same carriageway where `direction` is
+    given, at any distance. Vehicles at exactly the same position are not ahead of each other.
+
+    Args:
+        position: Centre along the driving direction, growing while driving [m].
+        speed: Speed along the driving direction [m/s].
+        lane: Lane index.
+        length: Vehicle length [m]; the gap is the centre distance less half of both lengths.
+        crashed: Whether the vehicle has crashed; crashed vehicles lead like others.
+        direction: Carriageway; None where there is one.
+
+    Source: REARL (Bi et al.), time headway over leader-follower pairs; the paper names no distance limit.
+    """
+
+    def nearer_of(best, slot, pick):
+        distance = pick(position) - position
+        nearer = (pick(lane) == lane) & (distance > 0) & (distance < best[0])
+        if direction is not None:
+            nearer = nearer & (pick(direction) == direction)
+        found = (distance, pick(speed), pick(length), pick(crashed))
+        return tuple(jnp.where(nearer, new, old) for new, old in zip(found, best, strict=True))
+
+    nobody = (jnp.full_like(position, jnp.inf), speed, length, jnp.zeros_like(crashed))
+    distance, leader_speed, leader_length, leader_crashed = fold_vehicles(
+        nearer_of, nobody, position.shape[1]
+    )
+    gap = distance - (length + leader_length) / 2
+    return Followers(jnp.isfinite(distance), distance, gap, speed - leader_speed, leader_crashed)

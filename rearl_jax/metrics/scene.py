@@ -1,0 +1,214 @@
+"""All metrics of one scene, simulated or recorded, in one call.
+
+Every kernel takes arrays of one scene, "steps vehicles", and may be mapped with `jax.vmap`. Trailing axes are
+carried along unchanged, so a batch with the scenario axis last needs no `vmap` at all; that is the fast way.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from rearl_jax.config.metrics import HistConfig, MetricsConfig, SpeedValues
+from rearl_jax.metrics.following import find_leaders
+from rearl_jax.metrics.histograms import cumulative_speed_counts, legacy_scale, window_distances
+from rearl_jax.metrics.measure import Measure, frame_mean
+from rearl_jax.metrics.motion import jerk_statistics, lane_changes, rate_of_change
+from rearl_jax.metrics.realism import RealismCounts, distance_to_nearest, realism_counts
+from rearl_jax.metrics.safety import collisions, conflicts, time_headways
+from rearl_jax.metrics.spacing import mean_spacing, spacing_errors, vehicle_spacing
+
+#: Length and width of every highway-env vehicle [m]. Source: highway-env 1.12.1, vehicle/objects.py.
+VEHICLE_LENGTH, VEHICLE_WIDTH = 5.0, 2.0
+
+
+class Trajectories(eqx.Module):
+    """What the metrics need to know of a scene's vehicles.
+
+    x, y: centre in the ground frame [m], both carriageways in the same frame. position: centre along the own
+    driving direction [m]. speed [m/s]; scaled_speed: the same rescaled to the simulator's range, equal to
+    speed in a simulation. direction: carriageway, None where there is one. track_id: vehicle in a slot, None
+    where it never changes.
+    """
+
+    x: Float[Array, "steps vehicles *scenarios"]
+    y: Float[Array, "steps vehicles *scenarios"]
+    position: Float[Array, "steps vehicles *scenarios"]
+    speed: Float[Array, "steps vehicles *scenarios"]
+    scaled_speed: Float[Array, "steps vehicles *scenarios"]
+    lane: Int[Array, "steps vehicles *scenarios"]
+    crashed: Bool[Array, "steps vehicles *scenarios"]
+    length: Float[Array, "steps vehicles *scenarios"]
+    width: Float[Array, "steps vehicles *scenarios"]
+    direction: Int[Array, "steps vehicles *scenarios"] | None = None
+    track_id: Int[Array, "steps vehicles *scenarios"] | None = None
+
+
+class SceneReference(eqx.Module):
+    """What a simulated scene is compared with: speed histogram and spacings [m] of a real one."""
+
+    cumulative_counts: Int[Array, "rows bins *scenarios"]
+    mean_spacing: Float[Array, " steps *scenarios"]
+    vehicle_spacing: Float[Array, "steps vehicles *scenarios"]
+
+
+class SceneSeries(eqx.Module):
+    """Figures per window (h) or frame; where a `valid` is false its values are 0 and mean nothing."""
+
+    h: Float[Array, " windows *scenarios"]
+    h_valid: Bool[Array, " windows *scenarios"]
+    mape_a: Float[Array, " steps *scenarios"]
+    mape_b: Float[Array, " steps *scenarios"]
+    mape_c: Float[Array, " steps *scenarios"]
+    mape_valid: Bool[Array, " steps *scenarios"]
+    spacing: Float[Array, " steps *scenarios"]
+
+
+class SceneMetrics(eqx.Module):
+    """Metrics of one scene; the fields that are measures are the rows of `rearl_jax.metrics.METRICS`."""
+
+    h: Measure
+    h_legacy: Measure
+    spacing: Measure
+    spacing_ratio: Measure
+    mape_a: Measure
+    mape_b: Measure
+    mape_c: Measure
+    thw: Measure
+    thw_median: Measure
+    thw_excluded: Measure
+    lcr: Measure
+    lcr_observed: Measure
+    collisions: Measure
+    any_collision: Measure
+    jerk_rms: Measure
+    jerk_share: Measure
+    ttc_min: Measure
+    ttc_share: Measure
+    drac_share: Measure
+    critical_share: Measure
+    realism: RealismCounts
+    series: SceneSeries
+
+
+def simulated_trajectories(
+    x: Float[Array, "steps vehicles *scenarios"],
+    y: Float[Array, "steps vehicles *scenarios"],
+    speed: Float[Array, "steps vehicles *scenarios"],
+    lane: Int[Array, "steps vehicles *scenarios"],
+    crashed: Bool[Array, "steps vehicles *scenarios"],
+) -> Trajectories:
+    """Trajectories of a simulated scene on a straight road along x.
+
+    Args:
+        x: Position along the road [m].
+        y: Position across the road [m].
+        speed: Speed [m/s].
+        lane: Lane index.
+        crashed: Whether the vehicle has crashed.
+
+    Source: vehicle size from highway-env 1.12.1.
+    """
+    length, width = jnp.full_like(x, VEHICLE_LENGTH), jnp.full_like(x, VEHICLE_WIDTH)
+    return Trajectories(x, y, x, speed, speed, lane, crashed, length, width)
+
+
+def recorded_trajectories(
+    x: Float[Array, "steps vehicles *scenarios"],
+    y: Float[Array, "steps vehicles *scenarios"],
+    position: Float[Array, "steps vehicles *scenarios"],
+    speed: Float[Array, "steps vehicles *scenarios"],
+    scaled_speed: Float[Array, "steps vehicles *scenarios"],
+    lane: Int[Array, "steps vehicles *scenarios"],
+    length: Float[Array, "steps vehicles *scenarios"],
+    direction: Int[Array, "steps vehicles *scenarios"],
+    track_id: Int[Array, "steps vehicles *scenarios"],
+    width: Float[Array, "steps vehicles *scenarios"] | None = None,
+) -> Trajectories:
+    """Trajectories of a recorded scene, in which nobody crashes.
+
+    Args:
+        x: Centre in the ground frame [m].
+        y: Centre in the ground frame [m].
+        position: Centre along the own driving direction [m].
+        speed: Recorded speed [m/s].
+        scaled_speed: Speed rescaled to the simulator's range.
+        lane: Lane index within the carriageway.
+        length: Vehicle length [m].
+        direction: Carriageway.
+        track_id: Vehicle in each slot.
+        width: Vehicle width [m]; the simulated one where the recording has none.
+    """
+    width = jnp.full_like(x, VEHICLE_WIDTH) if width is None else width
+    crashed = jnp.zeros(x.shape, bool)
+    return Trajectories(
+        x, y, position, speed, scaled_speed, lane, crashed, length, width, direction, track_id
+    )
+
+
+def scene_reference(
+    scaled_speed: Float[Array, "steps vehicles *scenarios"],
+    mean: Float[Array, " steps *scenarios"],
+    vehicle: Float[Array, "steps vehicles *scenarios"],
+    hist: HistConfig,
+) -> SceneReference:
+    """Reference made of a real scene's scaled speeds, mean spacing [m] and spacing of each vehicle [m]."""
+    return SceneReference(cumulative_speed_counts(scaled_speed, hist), mean, vehicle)
+
+
+def scene_metrics(scene: Trajectories, reference: SceneReference, config: MetricsConfig) -> SceneMetrics:
+    """All metrics of a scene, and per-frame series for detection and figures.
+
+    Args:
+        scene: The simulated scene, or a recorded one scored as if it were simulated.
+        reference: The real scene it is compared with, of as many frames.
+        config: Bins, thresholds and switches; static under `jax.jit`.
+    """
+    dtype, dt = scene.speed.dtype, config.frame_interval
+    counts = cumulative_speed_counts(scene.scaled_speed, config.hist)
+    distances = window_distances(counts, reference.cumulative_counts, config.hist, dtype)
+    h = frame_mean(distances.value, distances.valid)
+    spacing = mean_spacing(vehicle_spacing(scene.x, scene.y, config.spacing))
+    errors = spacing_errors(spacing, reference.mean_spacing, reference.vehicle_spacing)
+    followers = find_leaders(
+        scene.position, scene.speed, scene.lane, scene.length, scene.crashed, scene.direction
+    )
+    headways = time_headways(followers, scene.speed, scene.crashed, config.thw)
+    pairs = conflicts(followers, scene.crashed, config.safety)
+    acceleration = rate_of_change(scene.speed, scene.track_id, dt)
+    jerk = jerk_statistics(acceleration, scene.crashed, scene.track_id, dt, config.safety.jerk)
+    changes = lane_changes(scene.lane, scene.crashed, scene.track_id, dtype)
+    crashes = collisions(scene.crashed, dtype)
+    is_raw = config.realism.speed_values is SpeedValues.raw
+    return SceneMetrics(
+        h=h,
+        h_legacy=Measure(h.value * legacy_scale(config.hist), h.count),
+        spacing=frame_mean(spacing, jnp.ones(spacing.shape, bool)),
+        spacing_ratio=frame_mean(errors.ratio, errors.valid),
+        mape_a=frame_mean(errors.a, errors.valid),
+        mape_b=frame_mean(errors.b, errors.valid),
+        mape_c=frame_mean(errors.c, errors.valid),
+        thw=headways.mean,
+        thw_median=headways.median,
+        thw_excluded=headways.excluded,
+        lcr=changes.rate,
+        lcr_observed=changes.observed_rate,
+        collisions=crashes.share,
+        any_collision=crashes.any,
+        jerk_rms=jerk.rms,
+        jerk_share=jerk.share,
+        ttc_min=pairs.ttc_min,
+        ttc_share=pairs.ttc_share,
+        drac_share=pairs.drac_share,
+        critical_share=pairs.critical_share,
+        realism=realism_counts(
+            scene.speed if is_raw else scene.scaled_speed,
+            acceleration,
+            distance_to_nearest(scene.x, scene.y, scene.length, scene.width),
+            followers,
+            scene.crashed,
+            config.realism,
+        ),
+        series=SceneSeries(
+            distances.value, distances.valid, errors.a, errors.b, errors.c, errors.valid, spacing
+        ),
+    )

@@ -1,0 +1,211 @@
+"""The folder of one study: Parquet tables with their provenance inside, `summary.json`, `config.json`.
+
+Every file appears whole or not at all. Provenance holds what produced the figures, and nothing that changes
+from one run of the same thing to the next (no time, no host, nothing from the environment), so that a resumed
+study equals an uninterrupted one.
+"""
+
+import hashlib
+import json
+import math
+import os
+import subprocess
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
+
+from rearl_jax import __version__
+from rearl_jax.config._schema import as_plain
+
+if TYPE_CHECKING:
+    import pandas
+
+PREFIX = "rearl_jax."
+"""Begins every key this package writes into the schema metadata of a Parquet file."""
+
+
+class Study:
+    """One folder of results, `root/name`.
+
+    The metadata of each table holds `task`, `study`, `config_hash`, `config` (JSON), `code_version`,
+    `git_sha` (in a git checkout), `data_id` (where data were read), `generated` (`true` where the data are no
+    measurements), and what the writer adds (seeds, definitions). `read_metadata` reads it back.
+    """
+
+    def __init__(
+        self,
+        root: str | Path,
+        name: str,
+        config: object,
+        task: str,
+        data_id: str | None = None,
+        *,
+        generated: bool = False,
+    ) -> None:
+        """Make the folder.
+
+        Args:
+            root: Folder of all studies (`results.root`).
+            name: Name of this one; `a/b` is a folder in a folder, as a multirun makes them.
+            config: The task's configuration record.
+            task: The task that writes, e.g. `evaluate`.
+            data_id: Identity of the data read.
+            generated: Whether any of the data were generated, not measured.
+
+        Raises:
+            ValueError: The name does not stay inside the root.
+        """
+        self.path = _inside(Path(root), name, "study")
+        self._config = as_plain(config)
+        self._provenance = {
+            "task": task,
+            "study": name,
+            "config_hash": config_hash(config),
+            "code_version": __version__,
+            "git_sha": git_sha(),
+            "data_id": data_id,
+            "generated": generated,
+        }
+        self.path.mkdir(parents=True, exist_ok=True)
+
+    def write_table(self, name: str, frame: "pandas.DataFrame", **metadata: str) -> Path:
+        """Path of `name.parquet`, written with the provenance and `metadata` in its schema.
+
+        Args:
+            name: File name without its ending.
+            frame: The table; its index must be the plain row number, since an index is not written.
+            **metadata: What else the reader must know, e.g. `seeds="0,1,2"`, `mape_definition="A"`.
+
+        Raises:
+            ValueError: The frame has an index of its own, or `metadata` repeats a provenance key.
+        """
+        import pyarrow
+        from pyarrow import parquet
+
+        if frame.index.names != [None] or frame.index.nlevels != 1:
+            raise ValueError(f"table {name!r} has the index {frame.index.names}: call reset_index() first")
+        provenance = {**self._provenance, "config": json.dumps(self._config, sort_keys=True)}
+        _refuse_repeated(metadata, provenance, f"table {name!r}")
+        texts = {key: _as_text(value) for key, value in (provenance | metadata).items() if value is not None}
+        table = pyarrow.Table.from_pandas(frame, preserve_index=False)
+        table = table.replace_schema_metadata(
+            {**(table.schema.metadata or {}), **{PREFIX + key: text for key, text in texts.items()}}
+        )
+        return self._write(f"{name}.parquet", lambda path: parquet.write_table(table, path))
+
+    def write_summary(self, summary: Mapping[str, Any]) -> Path:
+        """Path of `summary.json`: the provenance and the figures of the task under documented keys.
+
+        Args:
+            summary: Numbers, strings, booleans and None; a value may be one flat object or a list of flat
+                objects (one per method), never deeper.
+
+        Raises:
+            ValueError: A number is NaN or infinite (write None where there is no figure), a value is of
+                another type or nested deeper, or a key repeats the provenance.
+        """
+        _refuse_repeated(summary, self._provenance, "summary")
+        whole = self._provenance | {key: _summary_value(key, value) for key, value in summary.items()}
+        return self.write_text("summary.json", json.dumps(whole, indent=2, allow_nan=False) + "\n")
+
+    def write_config(self) -> Path:
+        """Path of `config.json`: every key of the task with the value that was used."""
+        return self.write_text("config.json", json.dumps(self._config, indent=2, allow_nan=False) + "\n")
+
+    def write_text(self, name: str, text: str) -> Path:
+        """Path of the file `name` (with its ending) holding the text in UTF-8."""
+        return self.write_bytes(name, text.encode("utf-8"))
+
+    def write_bytes(self, name: str, content: bytes) -> Path:
+        """Path of the file `name` (with its ending) holding the content."""
+        return self._write(name, lambda path: path.write_bytes(content))
+
+    def _write(self, name: str, write: Callable[[Path], object]) -> Path:
+        path = _inside(self.path, name, "file")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # In the same folder, since a rename is atomic only inside one file system.
+        unfinished = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
+        try:
+            write(unfinished)
+            os.replace(unfinished, path)
+        finally:
+            unfinished.unlink(missing_ok=True)
+        return path
+
+
+def read_metadata(path: str | Path) -> dict[str, str]:
+    """The provenance stored in a Parquet file by `Study.write_table`, without the prefix of its keys."""
+    from pyarrow import parquet
+
+    stored = parquet.read_schema(path).metadata or {}
+    pairs = ((key.decode(), value.decode()) for key, value in stored.items())
+    return {key.removeprefix(PREFIX): value for key, value in pairs if key.startswith(PREFIX)}
+
+
+def config_hash(config: object) -> str:
+    """Sixteen hexadecimal digits that are equal where everything but `study` and `results` is equal."""
+    plain = as_plain(config)
+    if isinstance(plain, dict):
+        plain = {key: value for key, value in plain.items() if key not in ("study", "results")}
+    text = json.dumps(plain, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@cache
+def git_sha() -> str | None:
+    """The commit of the checkout this package runs from, `-modified` if files differ; None if installed."""
+    checkout = Path(__file__).resolve().parents[1]
+    if not (checkout / ".git").exists():
+        return None
+    try:
+        commit = _git(checkout, "rev-parse", "HEAD")
+        return f"{commit}-modified" if _git(checkout, "status", "--porcelain") else commit
+    except (OSError, subprocess.CalledProcessError):  # no git here, or no commit yet
+        return None
+
+
+def _git(checkout: Path, *arguments: str) -> str:
+    command = ["git", "-C", str(checkout), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def _inside(root: Path, name: str, kind: str) -> Path:
+    parts = PurePosixPath(name).parts
+    if not parts or name.startswith("/") or ".." in parts or "\\" in name:
+        raise ValueError(f"{kind}={name!r} is no name of a {kind} inside {root}: write letters, digits, - _")
+    return root.joinpath(*parts)
+
+
+def _refuse_repeated(given: Mapping[str, Any], provenance: Mapping[str, Any], where: str) -> None:
+    repeated = sorted(given.keys() & provenance.keys())
+    if repeated:
+        raise ValueError(f"{where}: {', '.join(repeated)} belongs to the provenance and is written anyway")
+
+
+def _as_text(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _summary_value(key: str, value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return _flat_object(key, value)
+    if isinstance(value, (list, tuple)):
+        return [_flat_object(f"{key}[{index}]", item) for index, item in enumerate(value)]
+    return _scalar(key, value)
+
+
+def _flat_object(key: str, value: Any) -> dict[str, Any]:
+    if not isinstance(value, Mapping):
+        raise ValueError(f"summary key {key} is a {type(value).__name__}: lists hold one object per row")
+    return {name: _scalar(f"{key}.{name}", item) for name, item in value.items()}
+
+
+def _scalar(key: str, value: Any) -> Any:
+    if hasattr(value, "item") and getattr(value, "ndim", None) == 0:  # NumPy and JAX scalars
+        value = value.item()
+    if value is not None and not isinstance(value, (str, bool, int, float)):
+        raise ValueError(f"summary key {key} is a {type(value).__name__}: write a number, a text or None")
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"summary key {key} is {value}: write None where there is no figure")
+    return value

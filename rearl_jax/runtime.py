@@ -1,0 +1,115 @@
+"""JAX set up once per process: compiled programs kept on disk, a CPU device per core, the precision.
+
+Also the description of the machine that goes with every measured speed. Names of hosts and users stay out.
+"""
+
+import os
+import platform
+import subprocess
+import sys
+import warnings
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+import jax
+
+
+def start(x64: bool = False, cpu_devices: int | None = None) -> None:
+    """Configure JAX for a task; the first call must come before the first computation.
+
+    A later call may only change the precision. What the user chose by environment (JAX_COMPILATION_CACHE_DIR,
+    JAX_ENABLE_COMPILATION_CACHE, JAX_PERSISTENT_CACHE_*, JAX_NUM_CPU_DEVICES, XLA_FLAGS) is left as it is.
+
+    Args:
+        x64: Whether arrays without a stated type are float64 and int64.
+        cpu_devices: CPU devices over which a batch can be split; by default one per usable core.
+
+    Raises:
+        RuntimeError: JAX has already computed something with another number of CPU devices.
+    """
+    _set_cpu_devices(available_cores() if cpu_devices is None else cpu_devices)
+    _set_compilation_cache()
+    jax.config.update("jax_enable_x64", x64)
+
+
+def available_cores() -> int:
+    """Number of CPU cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def cache_folder() -> Path:
+    """The folder of compiled programs: `rearl_jax/jax` in XDG_CACHE_HOME, or in ~/.cache without it."""
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "rearl_jax" / "jax"
+
+
+def describe_machine() -> dict[str, str | int | float]:
+    """What a measured speed depends on: processor, cores, memory [GiB], accelerator, versions."""
+    devices = jax.devices()
+    return {
+        "cpu_model": _cpu_model(),
+        "cpu_cores": available_cores(),
+        "memory_gib": round(_memory_bytes() / 2**30, 1),
+        "jax_backend": devices[0].platform,
+        "jax_device": devices[0].device_kind,
+        "jax_devices": len(devices),
+        "jax_version": jax.__version__,
+        "jaxlib_version": version("jaxlib"),
+        "python_version": platform.python_version(),
+        "system": f"{platform.system()} {platform.machine()}",
+    }
+
+
+def _set_cpu_devices(count: int) -> None:
+    chosen = "JAX_NUM_CPU_DEVICES" in os.environ
+    if chosen or "xla_force_host_platform_device_count" in os.environ.get("XLA_FLAGS", ""):
+        return
+    try:
+        jax.config.update("jax_num_cpu_devices", count)
+    except RuntimeError as error:
+        raise RuntimeError(
+            f"JAX has already computed something, so it cannot be given {count} CPU devices any more: call "
+            "rearl_jax.runtime.start() before the first computation, or set JAX_NUM_CPU_DEVICES"
+        ) from error
+
+
+@cache
+def _set_compilation_cache() -> None:
+    """Keep every compiled program, fast ones too: a study repeats thousands of them in new processes."""
+    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+        folder = cache_folder()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            if not os.access(folder, os.W_OK | os.X_OK):
+                raise PermissionError(f"no permission to write to {folder}")
+        except OSError as error:
+            warnings.warn(
+                f"compiled programs are not kept: {error}; set JAX_COMPILATION_CACHE_DIR to another folder",
+                stacklevel=3,
+            )
+            return
+        jax.config.update("jax_compilation_cache_dir", str(folder))
+    if "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS" not in os.environ:
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    if "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES" not in os.environ:
+        jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
+
+
+def _cpu_model() -> str:
+    if sys.platform == "darwin":
+        command = ["sysctl", "-n", "machdep.cpu.brand_string"]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    if sys.platform == "linux":
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def _memory_bytes() -> int:
+    if not hasattr(os, "sysconf"):
+        return 0
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")

@@ -1,0 +1,120 @@
+"""The tasks of `rearl`: their words, what they do, where their function and their configuration record are.
+
+Standard library only: `rearl --help` reads this file and nothing heavier. A task's own module is imported
+when the task runs.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Task:
+    """One task. `run` and `config` are addresses `module:name`; the function takes the record."""
+
+    words: str
+    run: str
+    config: str
+    summary: str
+    description: str
+    examples: tuple[str, ...]
+    x64: bool = False
+
+    @property
+    def config_name(self) -> str:
+        """Name of the task's file in conf/ without its ending, `bench core` -> `bench_core`."""
+        return self.words.replace(" ", "_")
+
+    def load_config(self) -> type:
+        """The class of the task's configuration record."""
+        return _load(self.config)
+
+    def defaults(self) -> Any:
+        """The configuration record with every key at its default."""
+        return self.load_config()()
+
+    def load_run(self) -> Callable[[Any], dict]:
+        """The function of the task; importing it imports JAX and whatever else the task needs."""
+        return _load(self.run)
+
+
+TASKS = (
+    Task(
+        words="prepare",
+        run="rearl_jax.data.prepare:run",
+        config="rearl_jax.config:PrepareTask",
+        summary="read recordings, check them, write canonical tables and scenes",
+        description=(
+            "Reads trajectory recordings (highD family, NGSIM tables, OpenACC, canonical tables, the shipped "
+            "US-101 set), checks every row, converts units once and writes canonical Parquet tables and 60 s "
+            "scenes. data=generated first writes new recordings in the highD three-file format."
+        ),
+        examples=(
+            "rearl prepare",
+            "rearl prepare data=highd data.root=/data/highD study=highd",
+            "rearl prepare data=generated study=generated generator.n_recordings=4",
+        ),
+    ),
+    Task(
+        words="evaluate",
+        run="rearl_jax.evaluation.task:run",
+        config="rearl_jax.config:EvaluateTask",
+        summary="simulate held-out scenes and compare them with the measured ones",
+        description=(
+            "Simulates every held-out scene several times with common random numbers and measures how far "
+            "the simulated traffic is from the recorded one, beside the reference rows real against real and "
+            "noise floor. Prints a table, writes Parquet, figures and one HTML page."
+        ),
+        examples=(
+            "rearl evaluate",
+            "rearl evaluate data=highd data.root=/data/highD study=highd_base",
+            "rearl evaluate -m scenes.stride=60,30 study=overlap",
+        ),
+    ),
+    Task(
+        words="validate",
+        run="rearl_jax.validation.task:run",
+        config="rearl_jax.config:ValidateTask",
+        summary="compare the traffic core with highway-env, tick by tick",
+        description=(
+            "Runs the same scenes in this package's core and in highway-env and compares them at every tick: "
+            "positions, speeds, headings, lane changes and crashes, in float64 and float32. Writes the "
+            "table, the error over time and the cause of every difference that is left."
+        ),
+        examples=("rearl validate", "rearl validate study=check"),
+        x64=True,
+    ),
+    Task(
+        words="bench core",
+        run="rearl_jax.bench.core:run",
+        config="rearl_jax.config:BenchCoreTask",
+        summary="measure the traffic core beside highway-env, SUMO and a C program",
+        description=(
+            "Measures agent-substeps per CPU-second, compile time and peak memory of the traffic core, and "
+            "in the same run highway-env, libsumo (extra `bench`) and a vectorised C program where a "
+            "compiler is found. The ratios are the result."
+        ),
+        examples=("rearl bench core", "rearl bench core study=laptop"),
+    ),
+)
+
+
+def conf_dir() -> Path:
+    """The folder of the configuration files: inside the package in a wheel, beside it in a checkout.
+
+    Raises:
+        FileNotFoundError: Neither exists, the installation is incomplete.
+    """
+    package = Path(__file__).resolve().parent
+    for folder in (package / "conf", package.parent / "conf"):
+        if folder.is_dir():
+            return folder
+    raise FileNotFoundError(f"{package / 'conf'} is missing: incomplete installation, install again")
+
+
+def _load(address: str) -> Any:
+    module, _, name = address.partition(":")
+    return getattr(import_module(module), name)

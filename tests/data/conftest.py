@@ -1,0 +1,117 @@
+"""Small recordings for the tests of the readers: a canonical table, and files in the highD format."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+UPPER, LOWER = "8.00;11.75;15.50", "20.00;23.75;27.50"  # two lanes of 3.75 m per direction
+ROAD = 420.0
+
+
+def make_highd_files(
+    folder: Path, number: str = "01", *, n_vehicles: int = 12, n_frames: int = 150, seed: int = 0
+) -> Path:
+    """Path of NN_tracks.csv: vehicles of both directions at constant speed, the third of each changes lanes.
+
+    Vehicle i (from 1) drives in direction 1 if i is odd, in laneId 2, 3 (upper) or 5, 6 (lower); every
+    fourth is a truck. All numbers are rounded to centimetres as in highD.
+    """
+    rng = np.random.default_rng(seed)
+    folder.mkdir(parents=True, exist_ok=True)
+    tracks, meta = [], []
+    for i in range(1, n_vehicles + 1):
+        direction, truck = (1 if i % 2 else 2), i % 4 == 0
+        length, width = (14.0, 2.5) if truck else (4.6, 1.9)
+        speed = rng.uniform(22.0, 26.0) if truck else rng.uniform(28.0, 36.0)
+        frames = np.arange(n_frames) + 1 + 5 * i
+        along = 10.0 + speed * np.arange(n_frames) / 25.0
+        rank = np.full(n_frames, 1.0)
+        if i % 3 == 0:  # from the right to the left lane
+            rank = 1.0 - np.clip((np.arange(n_frames) - 50) / 60.0, 0.0, 1.0)
+        lateral = 3.75 * (rank + 0.5)
+        xc, yc = (ROAD - along, 15.5 - lateral) if direction == 1 else (along, 20.0 + lateral)
+        lane = np.floor(lateral / 3.75).astype(int)
+        tracks.append(
+            pd.DataFrame(
+                {
+                    "frame": frames,
+                    "id": i,
+                    "x": np.round(xc - length / 2, 2),
+                    "y": np.round(yc - width / 2, 2),
+                    "width": length,
+                    "height": width,
+                    "xVelocity": round(speed, 2) * (1 if direction == 2 else -1),
+                    "yVelocity": 0.0,
+                    "xAcceleration": 0.1 if direction == 2 else -0.1,
+                    "yAcceleration": 0.0,
+                    "dhw": 0.0,
+                    "thw": 0.0,
+                    "ttc": 0.0,
+                    "precedingId": i - 2 if i > 2 else 0,
+                    "followingId": 0,
+                    "laneId": 3 - lane if direction == 1 else 5 + lane,
+                }
+            )
+        )
+        meta.append(
+            {
+                "id": i,
+                "width": length,
+                "height": width,
+                "initialFrame": frames[0],
+                "finalFrame": frames[-1],
+                "numFrames": n_frames,
+                "class": "Truck" if truck else "Car",
+                "drivingDirection": direction,
+            }
+        )
+    pd.concat(tracks).to_csv(folder / f"{number}_tracks.csv", index=False)
+    pd.DataFrame(meta).to_csv(folder / f"{number}_tracksMeta.csv", index=False)
+    recording = {
+        "id": int(number),
+        "frameRate": 25,
+        "locationId": 1,
+        "speedLimit": 33.33,
+        "upperLaneMarkings": UPPER,
+        "lowerLaneMarkings": LOWER,
+    }
+    pd.DataFrame([recording]).to_csv(folder / f"{number}_recordingMeta.csv", index=False)
+    return folder / f"{number}_tracks.csv"
+
+
+@pytest.fixture
+def highd_files() -> Callable[..., Path]:
+    return make_highd_files
+
+
+@pytest.fixture
+def vehicle_rows() -> pd.DataFrame:
+    """Three vehicles, 100 frames at 10 per second: 1 and 2 in lanes 0 and 1, the truck 3 follows 1."""
+    frame = np.arange(100)
+    rows = []
+    for track, lane, start, speed in ((1, 0, 60.0, 20.0), (2, 1, 40.0, 22.0), (3, 0, 20.0, 18.0)):
+        position = start + speed * frame / 10.0
+        rows.append(
+            pd.DataFrame(
+                {
+                    "track_id": track,
+                    "frame": frame + 7,
+                    "direction": 1,
+                    "x": position,
+                    "y": 3.5 * (lane + 0.5),
+                    "position": position,
+                    "lateral": 3.5 * (lane + 0.5),
+                    "lane": lane,
+                    "speed": speed,
+                    "acceleration": 0.0,
+                    "length": 12.0 if track == 3 else 4.5,
+                    "width": 2.5 if track == 3 else 1.8,
+                    "vehicle_class": "truck" if track == 3 else "car",
+                    "leader_id": 1.0 if track == 3 else np.nan,
+                }
+            )
+        )
+    return pd.concat(rows, ignore_index=True)

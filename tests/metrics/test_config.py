@@ -1,0 +1,58 @@
+"""Ranges of the configuration: a value that cannot be used is refused with the name of its key."""
+
+import pytest
+
+from rearl_jax.config.metrics import (
+    FeatureConfig,
+    HistConfig,
+    MapeConfig,
+    MetricsConfig,
+    RealismConfig,
+    SafetyConfig,
+    ThwConfig,
+)
+
+RECORDS = (HistConfig, ThwConfig, SafetyConfig, FeatureConfig, RealismConfig, MetricsConfig)
+NO_WEIGHT = FeatureConfig(weight=0.0)
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda record: record.__name__)
+def test_defaults_are_accepted_and_static(record):
+    record().check()
+    assert hash(record()) == hash(record())
+    assert hash(MapeConfig()) == hash(MapeConfig())
+
+
+@pytest.mark.parametrize(
+    ("record", "message"),
+    [
+        (HistConfig(low=32.0), "high must exceed low"),
+        (HistConfig(n_bins=0), "n_bins must be at least 1"),
+        (HistConfig(window=0), "window must be at least 1"),
+        (ThwConfig(v_min=0.0), "v_min must be > 0"),
+        (SafetyConfig(ttc=0.0), "ttc must be > 0"),
+        (SafetyConfig(drac=-3.35), "drac must be > 0"),
+        (SafetyConfig(jerk=float("nan")), "jerk must be > 0"),
+        (FeatureConfig(low=1.0), "high must exceed low"),
+        (FeatureConfig(n_bins=0), "n_bins must be at least 1"),
+        (FeatureConfig(weight=-1.0), "weight must be >= 0"),
+        (RealismConfig(pseudocount=0.0), "pseudocount must be > 0"),
+        (RealismConfig(collision_pseudocount=0.0), "collision_pseudocount must be > 0"),
+        (RealismConfig(collision_weight=-0.1), "collision_weight must be >= 0"),
+        (
+            RealismConfig(
+                speed=NO_WEIGHT,
+                acceleration=NO_WEIGHT,
+                distance=NO_WEIGHT,
+                ttc=NO_WEIGHT,
+                collision_weight=0.0,
+            ),
+            "collision_weight",
+        ),
+        (MetricsConfig(frame_interval=0.0), "frame_interval must be > 0"),
+    ],
+    ids=lambda value: type(value).__name__ if not isinstance(value, str) else value[:20],
+)
+def test_unusable_values_are_refused(record, message):
+    with pytest.raises(ValueError, match=f"^{message}"):
+        record.check()

@@ -1,0 +1,230 @@
+"""The one call that scores a scene: against the reference, in batches, on every degenerate case."""
+
+from dataclasses import fields
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rearl_jax.config.metrics import HistConfig, MetricsConfig, OutOfBounds, RealismConfig, SpeedValues
+from rearl_jax.metrics import METRICS, Direction
+from rearl_jax.metrics.measure import Measure
+from rearl_jax.metrics.scene import (
+    SceneMetrics,
+    Trajectories,
+    recorded_trajectories,
+    scene_metrics,
+    scene_reference,
+    simulated_trajectories,
+)
+from tests.metrics import reference
+from tests.metrics.conftest import DEGENERATE, cast, make_scene
+
+KINDS = pytest.mark.parametrize("kind", ["random", *DEGENERATE])
+CONFIG = MetricsConfig()
+SCORE = jax.jit(scene_metrics, static_argnums=2)
+REFERENCE = jax.jit(scene_reference, static_argnums=3)
+SIMULATED = ("x", "y", "speed", "lane", "crashed")
+RECORDED = ("x", "y", "position", "speed", "scaled_speed", "lane", "length", "direction", "track_id", "width")
+
+
+def trajectories(scene) -> Trajectories:
+    if "direction" in scene:
+        return recorded_trajectories(*(jnp.asarray(scene[name]) for name in RECORDED))
+    return simulated_trajectories(*(jnp.asarray(scene[name]) for name in SIMULATED))
+
+
+def real_scene(seed, dtype):
+    """A recorded scene, its reference for the metrics, and the same as plain arrays."""
+    scene = make_scene(seed, recorded=True)
+    mean, vehicle = reference.spacings(scene["x"], scene["y"])
+    arrays = [jnp.asarray(values, dtype) for values in (scene["scaled_speed"], mean, vehicle)]
+    return cast(scene, dtype), REFERENCE(*arrays, CONFIG.hist), (mean, vehicle)
+
+
+def expected_values(scene, real, spacing, config, recorded):
+    """The figures of the metric table from the plain-loop reference, 0 where there are no samples."""
+    windows = reference.window_hellinger(scene["scaled_speed"], real["scaled_speed"], config.hist)
+    mean, _ = reference.spacings(scene["x"], scene["y"])
+    errors = [row for row in reference.spacing_errors(mean, *spacing) if row]
+    a, b, c, ratio = np.mean(errors, axis=0) if errors else (0,) * 4
+    kept, n_pairs = reference.headways(scene, config.thw)
+    ttc, short, hard = reference.conflicts(scene, config.safety)
+    changes, observed = reference.lane_changes(scene)
+    jerk = np.array(reference.jerks(scene, config.frame_interval))
+    closing = [value for value in ttc if np.isfinite(value)]
+    crashed = scene["crashed"]
+    return {
+        "h": np.mean(windows),
+        "h_legacy": np.mean(windows) * 0.38490017945975,
+        "spacing": np.mean(mean),
+        "spacing_ratio": ratio,
+        "mape_a": a,
+        "mape_b": b,
+        "mape_c": c,
+        "thw": np.mean(kept) if kept else 0,
+        "thw_median": np.median(kept) if kept else 0,
+        "thw_excluded": 1 - len(kept) / n_pairs if n_pairs else 0,
+        "lcr": changes / scene["x"].size,
+        "lcr_observed": changes / max(observed, 1),
+        "collisions": crashed[-1].mean(),
+        "any_collision": float(crashed.any()),
+        "jerk_rms": np.sqrt(np.mean(jerk**2)) if jerk.size else 0,
+        "jerk_share": np.mean(np.abs(jerk) > config.safety.jerk) if jerk.size else 0,
+        "ttc_min": min(closing, default=0),
+        "ttc_share": np.mean(short) if short else 0,
+        "drac_share": np.mean(hard) if hard else 0,
+        "critical_share": np.mean(np.logical_or(short, hard)) if short else 0,
+    }
+
+
+@pytest.mark.parametrize(
+    ("precision", "recorded"),
+    [("float64", False), ("float32", False), ("float32", True)],
+    ids=["simulated-float64", "simulated-float32", "recorded-float32"],
+)
+@KINDS
+def test_scene_equals_the_reference(precision, kind, recorded):
+    dtype = np.dtype(precision)
+    scene = cast(make_scene(40, kind, recorded=recorded), dtype)
+    real, ref, spacing = real_scene(41, dtype)
+    found = SCORE(trajectories(scene), ref, CONFIG)
+    for name, value in expected_values(scene, real, spacing, CONFIG, recorded).items():
+        measure = getattr(found, name)
+        assert measure.value.dtype == dtype, name
+        np.testing.assert_allclose(measure.value, value, rtol=3e-4, atol=1e-6, err_msg=name)
+    assert all(bool(jnp.isfinite(leaf).all()) for leaf in jax.tree.leaves(found))
+
+
+def test_the_case_of_the_reference_is_not_trivial():
+    real, ref, spacing = real_scene(41, np.dtype("float64"))
+    values = expected_values(make_scene(40), real, spacing, CONFIG, False)
+    assert all(value != 0 for value in values.values()), values
+
+
+@pytest.mark.parametrize(
+    ("kind", "without_samples"),
+    [
+        ("one_vehicle", {"spacing_ratio", "mape_a", "mape_b", "mape_c", "thw", "thw_median", "ttc_min"}),
+        ("own_lanes", {"thw", "thw_median", "thw_excluded", "ttc_min", "ttc_share", "critical_share"}),
+        ("standing", {"thw", "thw_median", "ttc_min"}),
+        ("all_crashed", {"thw", "lcr", "lcr_observed", "jerk_rms", "jerk_share", "ttc_share"}),
+        ("one_place", {"mape_a", "mape_b", "mape_c", "thw", "ttc_min"}),
+    ],
+)
+def test_what_has_no_samples_says_so(kind, without_samples):
+    _, ref, _ = real_scene(41, np.dtype("float64"))
+    found = SCORE(trajectories(make_scene(42, kind)), ref, CONFIG)
+    for name in without_samples:
+        assert int(getattr(found, name).count) == 0, name
+        assert float(getattr(found, name).value) == 0, name
+    assert int(found.h.count) == 8
+
+
+def batch(dtype, n_scenarios=3):
+    """Simulated scenes and references with the scenario axis last."""
+    scenes = [trajectories(cast(make_scene(50 + s), dtype)) for s in range(n_scenarios)]
+    references = [real_scene(60 + s, dtype)[1] for s in range(n_scenarios)]
+    stack = partial(jax.tree.map, lambda *leaves: jnp.stack(leaves, axis=-1))
+    return scenes, references, stack(*scenes), stack(*references)
+
+
+def assert_equal(found, expected, rtol):
+    assert jax.tree.structure(found) == jax.tree.structure(expected)
+    for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+        np.testing.assert_allclose(one, other, rtol=rtol, atol=rtol)
+
+
+def test_batch_equals_vmap_equals_loop():
+    dtype, rtol = np.dtype("float32"), 1e-5
+    scenes, references, all_scenes, all_references = batch(dtype)
+    loop = [SCORE(scene, ref, CONFIG) for scene, ref in zip(scenes, references, strict=True)]
+    loop = jax.tree.map(lambda *leaves: jnp.stack(leaves, axis=-1), *loop)
+    assert float(jnp.ptp(loop.h.value)) > 0
+    assert_equal(SCORE(all_scenes, all_references, CONFIG), loop, rtol)
+    mapped = jax.vmap(lambda scene, ref: scene_metrics(scene, ref, CONFIG), in_axes=-1, out_axes=-1)
+    assert_equal(jax.jit(mapped)(all_scenes, all_references), loop, rtol)
+
+
+def test_jit_equals_no_jit():
+    dtype = np.dtype("float64")
+    _, ref, _ = real_scene(41, dtype)
+    scene = trajectories(cast(make_scene(43), dtype))
+    assert_equal(SCORE(scene, ref, CONFIG), scene_metrics(scene, ref, CONFIG), 1e-12)
+
+
+def test_order_of_vehicles_does_not_matter():
+    _, ref, _ = real_scene(41, np.dtype("float64"))
+    scene, order = make_scene(44), np.random.default_rng(0).permutation(10)
+    shuffled = {name: values[:, order] for name, values in scene.items()}
+    assert_equal(*(SCORE(trajectories(s), ref, CONFIG) for s in (scene, shuffled)), 1e-12)
+
+
+def test_a_recording_scored_against_itself():
+    dtype = np.dtype("float64")
+    real, ref, spacing = real_scene(45, dtype)
+    found = SCORE(trajectories(real), ref, CONFIG)
+    for name in ("h", "h_legacy", "mape_a", "mape_b"):
+        assert float(getattr(found, name).value) == pytest.approx(0, abs=1e-12)
+    assert float(found.mape_c.value) > 0.1
+    assert float(found.spacing_ratio.value) == pytest.approx(1)
+    other = SCORE(trajectories(real_scene(46, dtype)[0]), ref, CONFIG)
+    assert float(other.h.value) > 0.1
+
+
+def test_series_average_to_the_measures():
+    _, ref, _ = real_scene(41, np.dtype("float64"))
+    found = SCORE(trajectories(make_scene(47)), ref, CONFIG)
+    assert found.series.h.shape == (12 - 4,)
+    assert found.series.mape_a.shape == found.series.spacing.shape == (12,)
+    for name in ("h", "mape_a", "mape_b", "mape_c", "spacing"):
+        assert float(getattr(found, name).value) == pytest.approx(float(getattr(found.series, name).mean()))
+
+
+def test_switches_reach_the_kernels():
+    _, ref, _ = real_scene(41, np.dtype("float64"))
+    scene = trajectories(make_scene(48, recorded=True))
+    raw = MetricsConfig(realism=RealismConfig(speed_values=SpeedValues.raw), frame_interval=0.5)
+    default, other = SCORE(scene, ref, CONFIG), SCORE(scene, ref, raw)
+    assert default.realism.speed.tolist() != other.realism.speed.tolist()
+    np.testing.assert_array_equal(default.realism.distance, other.realism.distance)
+    assert float(other.jerk_rms.value) == pytest.approx(4 * float(default.jerk_rms.value))
+    dropping = MetricsConfig(hist=HistConfig(oob=OutOfBounds.drop))
+    outside = trajectories(make_scene(48, "out_of_range"))
+    assert int(SCORE(outside, ref, dropping).h.count) == 0
+    assert int(SCORE(outside, ref, CONFIG).h.count) == 8
+
+
+def test_metric_table_names_every_measure_and_nothing_else():
+    measures = {field.name for field in fields(SceneMetrics)} - {"realism", "series"}
+    assert set(METRICS) == measures | {"realism"}
+    assert all(name == metric.name for name, metric in METRICS.items())
+    for metric in METRICS.values():
+        assert all((metric.title, metric.unit, metric.definition, metric.source)), metric.name
+    for name in ("thw", "thw_median", "lcr", "lcr_observed"):
+        assert METRICS[name].direction is Direction.none, "more of it is never better"
+    _, ref, _ = real_scene(41, np.dtype("float64"))
+    found = SCORE(trajectories(make_scene(40)), ref, CONFIG)
+    assert all(isinstance(getattr(found, name), Measure) for name in measures)
+    assert eqx.is_array(found.realism.speed)
+
+
+@jax.jit
+@jax.grad
+def slope_of_all(moving, fixed, ref):
+    found = scene_metrics(eqx.combine(moving, fixed), ref, CONFIG)
+    return jnp.stack([getattr(found, name).value for name in METRICS if name != "realism"]).sum()
+
+
+@KINDS
+def test_gradients_are_finite(kind):
+    _, ref, _ = real_scene(41, np.dtype("float64"))
+    scene = trajectories(make_scene(49, kind))
+
+    moving, fixed = eqx.partition(scene, eqx.is_inexact_array)
+    gradients = jax.tree.leaves(slope_of_all(moving, fixed, ref))
+    assert len(gradients) == 7
+    assert all(bool(jnp.isfinite(g).all()) for g in gradients)

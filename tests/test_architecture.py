@@ -1,0 +1,171 @@
+"""Rules about the code itself: who imports whom, sizes, names, declared dependencies, no loose ends."""
+
+import ast
+import re
+import statistics
+import sys
+import tomllib
+from importlib import import_module
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+MODULES = sorted((ROOT / "rearl_jax").rglob("*.py"))
+TESTS = sorted((ROOT / "tests").rglob("*.py"))
+TEXTS = [
+    *MODULES,
+    *TESTS,
+    *sorted((ROOT / "conf").rglob("*.yaml")),
+    *(ROOT / name for name in ("README.md", "LICENSE", "Makefile", "pyproject.toml", "constraints.txt")),
+    ROOT / ".ci" / "run",
+]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def tree(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"), str(file))
+
+
+def functions(file: Path) -> list[tuple[str, int]]:
+    """Name and number of lines of every function, without its docstring."""
+    found = []
+    for node in ast.walk(tree(file)):
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            first, last = node.body[0], node.end_lineno or node.lineno
+            documented = ast.get_docstring(node) is not None and first.end_lineno is not None
+            lines = last - node.lineno + 1 - (first.end_lineno - first.lineno + 1 if documented else 0)
+            found.append((f"{file.relative_to(ROOT)}:{node.name}", lines))
+    return found
+
+
+def test_imports_point_one_way(monkeypatch, capsys):
+    from importlinter import cli
+
+    monkeypatch.chdir(ROOT)
+    status = cli.lint_imports(config_filename="pyproject.toml", no_cache=True, is_debug_mode=False)
+    said = capsys.readouterr().out
+    assert status == cli.EXIT_STATUS_SUCCESS, said
+    assert "layers point down KEPT" in said
+
+
+def test_every_import_is_a_declared_dependency():
+    project = PROJECT["project"]
+    wanted = sum(project["optional-dependencies"].values(), project["dependencies"])
+    declared = {normalised(re.split(r"[<>=\[ ]", name)[0]) for name in wanted}
+    homes = packages_distributions()
+    own = {*sys.stdlib_module_names, "rearl_jax"}
+    for file in MODULES:
+        for node in ast.walk(tree(file)):
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 0, f"{file}:{node.lineno}: write the whole name of the module"
+                names = [node.module or ""]
+            else:
+                continue
+            for top in {name.partition(".")[0] for name in names} - own:
+                distributions = {normalised(name) for name in homes.get(top, [top])}
+                assert distributions & declared, f"{file}:{node.lineno}: {top} is not declared"
+
+
+def normalised(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def test_constraints_are_names_and_versions_and_cover_the_dependencies():
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pinned = [line for line in lines if not line.startswith("#")]
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]+==[A-Za-z0-9.]+", line) for line in pinned)
+    names = {normalised(line.partition("==")[0]) for line in pinned}
+    project = PROJECT["project"]
+    for wanted in [*project["dependencies"], *project["optional-dependencies"]["test"]]:
+        assert normalised(re.split(r"[<>=\[]", wanted)[0]) in names
+
+
+def test_public_names_are_sorted_complete_and_there():
+    import rearl_jax
+
+    assert rearl_jax.__all__ == sorted(rearl_jax.__all__)
+    assert set(rearl_jax.__all__) == set(rearl_jax._HOMES) | {"__version__"}
+    for name in rearl_jax.__all__:
+        assert getattr(rearl_jax, name) is not None
+        assert name in dir(rearl_jax)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = rearl_jax.nothing
+
+
+def test_public_names_are_those_the_type_checker_sees():
+    import rearl_jax
+
+    seen = {}
+    for node in ast.walk(tree(ROOT / "rearl_jax" / "__init__.py")):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("rearl_jax."):
+            seen |= {alias.name: node.module for alias in node.names}
+    assert seen == rearl_jax._HOMES
+
+
+@pytest.mark.parametrize("file", MODULES, ids=lambda file: str(file.relative_to(ROOT / "rearl_jax")))
+def test_module(file):
+    """Imports without error, says what it is, stays within its size, bears a name that says something."""
+    module = ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    if file.name != "__main__.py":
+        import_module(module)
+    assert ast.get_docstring(tree(file)), "a module begins with a docstring"
+    text = file.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 350, "split the file"
+    assert file.stem not in ("utils", "helpers", "common", "misc"), "name the file after what it holds"
+    # Deferred annotations are plain text: the shape check would pass over them in silence.
+    assert not ("jaxtyping" in text and "from __future__ import annotations" in text)
+
+
+def test_sizes():
+    """The budgets of well-kept JAX projects: nine functions in ten within 50 lines, middling files short."""
+    lengths = [item for file in MODULES for item in functions(file)]
+    long = sorted((lines, name) for name, lines in lengths if lines > 50)
+    assert len(long) <= 0.1 * len(lengths), long
+    assert statistics.median(len(file.read_text(encoding="utf-8").splitlines()) for file in MODULES) <= 190
+
+
+LOOSE_ENDS = {
+    "an unfinished mark": re.compile(r"\b(T[O]DO|F[I]XME|X[X]X|HA[C]K)\b"),
+    "a path of one machine": re.compile(r"(?<![\w.~}/])/(ho[m]e|ro[o]t|wo[r]k|Us[e]rs)/"),
+    "an address of a package registry": re.compile(r"pyp[i]\.org|pytho[n]hosted|index-ur[l]|find-link[s]"),
+    "a switched-off check without a reason": re.compile(r"# noqa\s*$|# type: ignore\s*$"),
+}
+
+
+@pytest.mark.parametrize("kind", LOOSE_ENDS)
+def test_no_loose_ends(kind):
+    for file in TEXTS:
+        for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+            assert not LOOSE_ENDS[kind].search(line), f"{file}:{number} holds {kind}: {line.strip()}"
+
+
+def test_documents_named_in_the_code_exist():
+    for file in TEXTS:
+        for name in re.findall(r"\b[\w-]+\.md\b", file.read_text(encoding="utf-8")):
+            assert list(ROOT.glob(f"rearl_jax/**/{name}")) or (ROOT / name).exists(), f"{file} names {name}"
+
+
+def test_readme_documents_the_canonical_table_as_it_is_enforced():
+    from rearl_jax.data.schema import COLUMNS
+
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1:4] for line in text.splitlines() if re.match(r"\| `\w+`.*\| \w+ \|", line)]
+    documented = {
+        name: (dtype.strip(), unit.strip().replace("²", "^2"), "*" in names)
+        for names, dtype, unit in rows
+        for name in re.findall(r"`(\w+)`", names)
+    }
+    assert documented == {column.name: (column.dtype, column.unit, column.nullable) for column in COLUMNS}
+
+
+def test_readme_example_runs(capsys):
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    exec(compile(example, "README.md", "exec"), {"__name__": "example"})
+    said = capsys.readouterr().out
+    assert re.search(r"^us101_0750 10\.0 \d+$", said, re.MULTILINE)
+    assert re.search(r"^\(\d+, 60, 10\)$", said, re.MULTILINE)

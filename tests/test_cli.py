@@ -1,0 +1,339 @@
+"""The console script, tried on a small task of its own: `drive`, with records of every kind of key."""
+
+import subprocess
+import sys
+import zipfile
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import pytest
+
+
+@pytest.fixture
+def cli(monkeypatch, tmp_path):
+    """The module under test with the single task `drive far`, its conf/ folder, and what it was run with."""
+    from rearl_jax import cli, runtime
+    from rearl_jax.config._key import key
+    from rearl_jax.tasks import Task
+
+    class Side(Enum):
+        left = "left"
+        right = "right"
+
+    @dataclass(unsafe_hash=True)
+    class RoadConfig:
+        """The road."""
+
+        lanes: int = key(4, "number of lanes")
+        length: float = key(400.0, "length [m]")
+        exits: tuple[float, ...] = key((100.0, 200.0), "positions of the exits [m]")
+        span: tuple[float, float] = key((0.0, 1.0), "first and last position [m]")
+
+        def check(self) -> None:
+            if self.lanes < 1:
+                raise ValueError(f"lanes must be at least 1, got {self.lanes}")
+
+    @dataclass(unsafe_hash=True)
+    class ResultsConfig:
+        """Where results go."""
+
+        root: str = key("results", "folder of all studies")
+
+    @dataclass(unsafe_hash=True)
+    class DriveTask:
+        """A drive."""
+
+        study: str = key("drive", "name of the study")
+        side: Side = key(Side.right, "side of the road that is driven on")
+        limit: float | None = key(None, "speed limit [m/s]; null is none")
+        road: RoadConfig = key(RoadConfig, "the road")
+        results: ResultsConfig = key(ResultsConfig, "results")
+
+    ran = []
+
+    def run(config) -> dict:
+        if config.road.lanes == 9:
+            module.fail()
+        ran.append(config)
+        return {}
+
+    module = ModuleType("drive_task")
+    module.DriveTask, module.run = DriveTask, run
+    monkeypatch.setitem(sys.modules, "drive_task", module)
+    task = Task(
+        words="drive far",
+        run="drive_task:run",
+        config="drive_task:DriveTask",
+        summary="drive along",
+        description="Drives along a road.",
+        examples=("rearl drive far road.lanes=2",),
+    )
+    conf = tmp_path / "conf"
+    (conf / "road").mkdir(parents=True)
+    (conf / "drive_far.yaml").write_text("defaults: [schema, road: narrow, _self_]\n")
+    (conf / "road" / "narrow.yaml").write_text("# one lane each way\nlanes: 2\n")
+    (conf / "road" / "wide.yaml").write_text("lanes: 6\nlength: 900\n")
+    work = tmp_path / "work"
+    work.mkdir()
+    monkeypatch.chdir(work)
+    monkeypatch.setattr(cli, "TASKS", (task,))
+    monkeypatch.setattr(cli, "conf_dir", lambda: conf)
+    started = []
+    monkeypatch.setattr(runtime, "start", lambda x64: started.append(x64))
+    return SimpleNamespace(main=cli.main, ran=ran, task=module, Side=Side, work=work, started=started)
+
+
+def test_defaults_then_files_then_command_line(cli):
+    assert cli.main(["drive", "far", "road=wide", "road.exits=[1,2.5]", "side=left", "limit=30"]) == 0
+    (config,) = cli.ran
+    assert (config.road.lanes, config.road.length) == (6, 900.0)
+    assert config.road.exits == (1.0, 2.5)
+    assert config.road.span == (0.0, 1.0)
+    assert config.side is cli.Side.left
+    assert config.limit == 30.0
+    assert isinstance(hash(config), int)
+    assert cli.started == [False]
+
+
+def test_no_litter(cli):
+    assert cli.main(["drive", "far"]) == 0
+    assert cli.ran[0].road.lanes == 2
+    assert list(cli.work.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["drive", "far", "road.lane=3"], ["'road.lane'", "nearest: road.lanes"]),
+        (["drive", "far", "lanes=3"], ["'lanes'", "nearest: road.lanes"]),
+        (["drive", "far", "rod.lengt=3"], ["'rod.lengt'", "nearest: road.length"]),
+        (["drive", "far", "road={lane: 3}"], ["nearest"]),
+        (["drive", "far", "+road.lanes=3"], ["write road.lanes=3"]),
+        (["drive", "far", "~road.lanes=3"], ["write road.lanes=3"]),
+        (["drive", "far", "road.lanes=many"], ["road.lanes must be int", "'many'"]),
+        (["drive", "far", "road.lanes=2.5"], ["road.lanes must be int", "2.5"]),
+        (["drive", "far", "road.exits=[1,x]"], ["road.exits must be [float, ...]", "'x'"]),
+        (["drive", "far", "road.exits=7"], ["road.exits must be [float, ...]"]),
+        (["drive", "far", "road.span=[1,2,3]"], ["road.span must have 2 values", "got 3"]),
+        (["drive", "far", "road.lanes=0"], ["road.lanes must be at least 1, got 0"]),
+        (["drive", "far", "side=middle"], ["side must be left|right", "'middle'"]),
+        (["drive", "far", "study=null"], ["study must be str"]),
+        (["drive", "far", "road=wid"], ["road=wid", "nearest: wide", "choices: narrow, wide"]),
+        (["drive", "far", "study=a b, (c)"], ["study", "quote"]),
+        (["drive", "far", "study"], ["'study' is not key=value"]),
+        (["drive", "far", "--multirn"], ["--multirn"]),
+        (["drive", "far", "--config-dir", "nowhere"], ["nowhere", "no such folder"]),
+        (["drive", "fat"], ["'drive fat'", "nearest: rearl drive far"]),
+        (["drive"], ["nearest: rearl drive far"]),
+        (["dive", "study=x"], ["'dive'", "nearest: rearl drive far"]),
+        (["study=x"], ["name a task", "rearl TASK study=x"]),
+    ],
+)
+def test_mistakes_end_with_one_sentence(cli, capsys, arguments, said):
+    assert cli.main(arguments) == 2
+    error = capsys.readouterr().err
+    assert all(part in error for part in said), error
+    assert "Traceback" not in error
+    assert error.count("\n") == 1
+    assert cli.ran == []
+    assert list(cli.work.iterdir()) == []
+
+
+def test_error_of_the_file_system_is_for_the_user(cli, capsys):
+    cli.task.fail = lambda: open("missing.csv")
+    assert cli.main(["drive", "far", "road.lanes=9"]) == 2
+    assert "missing.csv" in capsys.readouterr().err
+
+
+def test_error_raised_by_the_package_is_for_the_user(cli, capsys):
+    from rearl_jax.results import Study
+
+    cli.task.fail = lambda: Study("results", "../up", None, "drive far")
+    assert cli.main(["drive", "far", "road.lanes=9"]) == 2
+    assert "'../up' is no name" in capsys.readouterr().err
+
+
+def test_error_of_a_library_keeps_its_traceback(cli):
+    cli.task.fail = lambda: int("x")
+    with pytest.raises(ValueError, match="invalid literal"):
+        cli.main(["drive", "far", "road.lanes=9"])
+
+
+@pytest.mark.parametrize("by", ["option", "environment"])
+def test_traceback_on_request(cli, monkeypatch, by):
+    if by == "environment":
+        monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    with pytest.raises(ValueError, match=r"road\.lanes must be at least 1"):
+        cli.main(["drive", "far", "road.lanes=0", *(["--traceback"] if by == "option" else [])])
+
+
+def test_interrupt(cli, capsys):
+    def fail():
+        raise KeyboardInterrupt
+
+    cli.task.fail = fail
+    assert cli.main(["drive", "far", "road.lanes=9"]) == 130
+    assert "interrupted" in capsys.readouterr().err
+
+
+def test_own_configuration_folder(cli, tmp_path):
+    (tmp_path / "mine" / "road").mkdir(parents=True)
+    (tmp_path / "mine" / "road" / "bridge.yaml").write_text("lanes: 3\n")
+    assert cli.main(["drive", "far", "--config-dir", str(tmp_path / "mine"), "road=bridge"]) == 0
+    assert cli.ran[0].road.lanes == 3
+
+
+def test_unknown_key_in_a_file(cli, capsys, tmp_path):
+    (tmp_path / "mine" / "road").mkdir(parents=True)
+    (tmp_path / "mine" / "road" / "bridge.yaml").write_text("lengths: 3\n")
+    assert cli.main(["drive", "far", "--config-dir", str(tmp_path / "mine"), "road=bridge"]) == 2
+    error = capsys.readouterr().err
+    assert "road/bridge.yaml: there is no key 'road.lengths'" in error
+    assert "nearest: road.length" in error
+
+
+def test_print_configuration(cli, capsys):
+    assert cli.main(["drive", "far", "road.lanes=5", "--config"]) == 0
+    assert "  lanes: 5\n" in capsys.readouterr().out
+    assert cli.ran == []
+
+
+def test_multirun_gives_each_job_its_folder(cli):
+    arguments = ["drive", "far", "-m", "road.lanes=1,3", "side=left,right", "limit=20", "study=sweep"]
+    command = list(sys.argv)
+    assert cli.main(arguments) == 0
+    assert sys.argv == command
+    assert [(config.road.lanes, config.side.name) for config in cli.ran] == [
+        (1, "left"),
+        (1, "right"),
+        (3, "left"),
+        (3, "right"),
+    ]
+    studies = [config.study for config in cli.ran]
+    assert studies[0] == "sweep/road.lanes=1/side=left"
+    assert len(set(studies)) == 4
+    assert all((cli.work / "results" / study).is_dir() for study in studies)
+    assert [path.name for path in cli.work.iterdir()] == ["results"]
+    assert not list(cli.work.rglob(".hydra"))
+
+
+def test_multirun_over_a_config_group(cli):
+    assert cli.main(["drive", "far", "-m", "road=narrow,wide"]) == 0
+    assert [config.road.lanes for config in cli.ran] == [2, 6]
+    assert cli.ran[1].study == "drive/road=wide"
+
+
+def test_multirun_goes_on_after_a_failed_job(cli, capsys):
+    assert cli.main(["drive", "far", "-m", "road.lanes=0,3"]) == 2
+    assert [config.road.lanes for config in cli.ran] == [3]
+    error = capsys.readouterr().err
+    assert "road.lanes=0: road.lanes must be at least 1" in error
+    assert "Traceback" not in error
+
+
+def test_multirun_refuses_a_wrong_key_before_the_first_job(cli, capsys):
+    assert cli.main(["drive", "far", "-m", "road.lanes=1,3", "sid=left,right"]) == 2
+    assert "nearest: side" in capsys.readouterr().err
+    assert cli.ran == []
+
+
+def test_help_lists_every_key_with_type_default_and_meaning(cli, capsys):
+    assert cli.main(["drive", "far", "--help"]) == 0
+    text = capsys.readouterr().out
+    for part in (
+        "Drives along a road.",
+        "road.lanes=4  (int)",
+        "number of lanes",
+        "limit=null  (float or null)",
+        "side=right  (left|right)",
+        "road.exits=[100.0, 200.0]  ([float, ...])",
+        "road=narrow  one lane each way",
+        "rearl drive far road.lanes=2",
+    ):
+        assert part in text
+
+
+def test_help_lists_tasks(cli, capsys):
+    assert cli.main([]) == 0
+    without = capsys.readouterr().out
+    assert cli.main(["--help"]) == 0
+    assert capsys.readouterr().out == without
+    assert "drive far  drive along" in without
+
+
+def test_help_does_not_wait_for_jax():
+    """The lists of tasks and of keys come from the standard library alone."""
+    code = (
+        "import sys; from rearl_jax.cli import main; main(['--help']); main(['evaluate', '--help']);"
+        "print([m for m in ('jax', 'numpy', 'pandas', 'hydra', 'matplotlib') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_module_is_the_console_script(tmp_path):
+    command = [sys.executable, "-m", "rearl_jax", "--version"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=True)
+    from rearl_jax import __version__
+
+    assert done.stdout == f"rearl_jax {__version__}\n"
+
+
+def test_configuration_files_are_found_in_a_wheel_and_in_a_checkout(monkeypatch, tmp_path):
+    from rearl_jax import tasks
+
+    monkeypatch.setattr(tasks, "__file__", str(tmp_path / "site" / "rearl_jax" / "tasks.py"))
+    with pytest.raises(FileNotFoundError, match="install again"):
+        tasks.conf_dir()
+    (tmp_path / "site" / "conf").mkdir(parents=True)
+    assert tasks.conf_dir() == tmp_path / "site" / "conf"
+    (tmp_path / "site" / "rearl_jax" / "conf").mkdir(parents=True)
+    assert tasks.conf_dir() == tmp_path / "site" / "rearl_jax" / "conf"
+
+
+@pytest.mark.slow
+def test_wheel_holds_configuration_and_recordings(tmp_path):
+    root = Path(__file__).resolve().parents[1]
+    pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps"]
+    subprocess.run([*pip, "--wheel-dir", str(tmp_path), str(root)], check=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    names = zipfile.ZipFile(wheel).namelist()
+    files = {f"rearl_jax/{file.relative_to(root).as_posix()}" for file in (root / "conf").rglob("*.yaml")}
+    assert "rearl_jax/conf/evaluate.yaml" in files
+    assert {name for name in names if name.startswith("rearl_jax/conf/")} == files
+    shipped = ("LICENSE", "ATTRIBUTION", "us101_lane_changers.parquet")
+    assert {f"rearl_jax/data/us101/{name}" for name in shipped} <= set(names)
+    assert not [name for name in names if name.startswith("tests/")]
+
+
+def test_every_task_composes(monkeypatch, tmp_path):
+    from rearl_jax import cli
+    from rearl_jax.tasks import TASKS
+
+    monkeypatch.chdir(tmp_path)
+    for task in TASKS:
+        config = cli._compose(task, ["study=mine"], None)
+        assert type(config) is task.load_config()
+        assert config.study == "mine"
+
+
+def test_every_key_is_documented():
+    from rearl_jax.config._schema import groups_of
+    from rearl_jax.tasks import TASKS
+
+    for task in TASKS:
+        groups = list(groups_of(task.defaults()))
+        assert groups
+        assert all(group.help for group in groups if group.name)
+        assert all(key.help for group in groups for key in group.keys)
+
+
+def test_every_yaml_says_what_it_is():
+    from rearl_jax.tasks import conf_dir
+
+    files = sorted(Path(conf_dir()).rglob("*.yaml"))
+    assert files
+    for file in files:
+        assert file.read_text(encoding="utf-8").startswith("# "), f"{file} must begin with a comment line"

@@ -1,0 +1,166 @@
+"""A study's folder: what is written, with which provenance, and that nothing is ever half there."""
+
+import json
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from pyarrow import parquet
+
+
+@dataclass
+class Inner:
+    width: float = 2.0
+
+
+@dataclass
+class Config:
+    study: str = "s"
+    results: str = "r"
+    seed: int = 3
+    inner: Inner = None  # type: ignore[assignment]
+
+
+@pytest.fixture
+def study(tmp_path):
+    from rearl_jax.results import Study
+
+    return Study(tmp_path, "mine", Config(inner=Inner()), "evaluate", "us101-0123", generated=False)
+
+
+@pytest.fixture
+def frame():
+    return pd.DataFrame({"scene": [1, 2], "h": [0.25, 0.5], "method": pd.Categorical(["base", "base"])})
+
+
+def test_table_comes_back_with_its_provenance(study, frame):
+    from rearl_jax import __version__
+    from rearl_jax.results import config_hash, read_metadata
+
+    path = study.write_table("rows", frame, seeds="0,1", mape_definition="A")
+    assert path == study.path / "rows.parquet"
+    pd.testing.assert_frame_equal(pd.read_parquet(path), frame)
+    stored = read_metadata(path)
+    assert stored.pop("git_sha", "0" * 40)[:40].isalnum()
+    config = json.loads(stored.pop("config"))
+    assert config == {"study": "s", "results": "r", "seed": 3, "inner": {"width": 2.0}}
+    assert stored == {
+        "task": "evaluate",
+        "study": "mine",
+        "config_hash": config_hash(Config(inner=Inner())),
+        "code_version": __version__,
+        "data_id": "us101-0123",
+        "generated": "false",
+        "seeds": "0,1",
+        "mape_definition": "A",
+    }
+
+
+def test_the_same_table_is_the_same_file(study, frame):
+    first = study.write_table("rows", frame).read_bytes()
+    assert study.write_table("rows", frame).read_bytes() == first
+    assert parquet.read_table(study.path / "rows.parquet").num_rows == 2
+
+
+def test_config_hash_depends_on_values_and_not_on_the_folder():
+    from rearl_jax.results import config_hash
+
+    config = Config(inner=Inner())
+    # Recorded with Python 3.11; a change makes every stored study look like another configuration.
+    assert config_hash(config) == config_hash(Config(inner=Inner())) == "8d6f4282548889ec"
+    assert config_hash(replace(config, study="t", results="elsewhere")) == config_hash(config)
+    assert config_hash(replace(config, seed=4)) != config_hash(config)
+    assert config_hash(replace(config, inner=Inner(width=3.0))) != config_hash(config)
+
+
+def test_no_secret_of_the_environment_is_written(study, frame, monkeypatch):
+    monkeypatch.setenv("LLM_API_KEY", "very-secret-value")
+    study.write_table("rows", frame)
+    study.write_summary({"h": 0.5})
+    study.write_config()
+    files = list(study.path.iterdir())
+    assert len(files) == 3
+    assert all(b"very-secret-value" not in file.read_bytes() for file in files)
+
+
+def test_summary_holds_provenance_and_plain_numbers(study):
+    path = study.write_summary(
+        {
+            "h": np.float64(0.5),
+            "n_scenes": np.int64(50),
+            "lcr": None,
+            "rows": [{"method": "base", "h": np.float32(0.25)}],
+            "base": {"h": 0.5},
+        }
+    )
+    stored = json.loads(path.read_text())
+    assert path.name == "summary.json"
+    assert stored["task"] == "evaluate"
+    assert stored["generated"] is False
+    assert stored["data_id"] == "us101-0123"
+    assert (stored["h"], stored["n_scenes"], stored["lcr"]) == (0.5, 50, None)
+    assert stored["rows"] == [{"method": "base", "h": 0.25}]
+    assert stored["base"] == {"h": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("summary", "said"),
+    [
+        ({"h": float("nan")}, "summary key h is nan: write None"),
+        ({"h": np.float32("inf")}, "summary key h is inf"),
+        ({"rows": [{"h": float("nan")}]}, r"summary key rows\[0\].h is nan"),
+        ({"base": {"deep": {"h": 1.0}}}, "summary key base.deep is a dict"),
+        ({"rows": [1.0]}, r"summary key rows\[0\] is a float: lists hold one object"),
+        ({"h": np.ones(2)}, "summary key h is a ndarray"),
+        ({"task": "x"}, "task belongs to the provenance"),
+    ],
+)
+def test_summary_refuses(study, summary, said):
+    with pytest.raises(ValueError, match=said):
+        study.write_summary(summary)
+    assert not list(study.path.iterdir())
+
+
+def test_table_refuses_an_index_and_repeated_provenance(study, frame):
+    with pytest.raises(ValueError, match="reset_index"):
+        study.write_table("rows", frame.set_index("scene"))
+    with pytest.raises(ValueError, match="config_hash belongs to the provenance"):
+        study.write_table("rows", frame, config_hash="0")
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(study, frame, monkeypatch):
+    path = study.write_table("rows", frame)
+    before = path.read_bytes()
+
+    def fail(table, where):
+        where.write_bytes(b"half a table")
+        raise OSError("disk full")
+
+    monkeypatch.setattr(parquet, "write_table", fail)
+    with pytest.raises(OSError, match="disk full"):
+        study.write_table("rows", frame)
+    assert path.read_bytes() == before
+    assert [file.name for file in study.path.iterdir()] == ["rows.parquet"]
+
+
+def test_text_bytes_and_configuration(study):
+    assert study.write_text("page.html", "<p>µ</p>").read_text(encoding="utf-8") == "<p>µ</p>"
+    assert study.write_bytes("figures/h.png", b"\x89PNG").read_bytes() == b"\x89PNG"
+    assert json.loads(study.write_config().read_text())["inner"] == {"width": 2.0}
+
+
+@pytest.mark.parametrize("name", ["../out", "/tmp/out", "", "a/../../b", "a\\b"])
+def test_names_stay_inside_the_root(tmp_path, study, name):
+    from rearl_jax.results import Study
+
+    with pytest.raises(ValueError, match="is no name of a study"):
+        Study(tmp_path, name, Config(), "evaluate")
+    with pytest.raises(ValueError, match="is no name of a file"):
+        study.write_text(name, "")
+
+
+def test_studies_of_a_multirun_lie_in_folders(tmp_path):
+    from rearl_jax.results import Study
+
+    assert Study(tmp_path, "sweep/seed=1", Config(), "evaluate").path == tmp_path / "sweep" / "seed=1"
