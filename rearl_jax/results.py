@@ -10,7 +10,7 @@ import json
 import math
 import os
 import subprocess
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
@@ -94,19 +94,26 @@ class Study:
         )
         return self._write(f"{name}.parquet", lambda path: parquet.write_table(table, path))
 
-    def write_summary(self, summary: Mapping[str, Any]) -> Path:
+    def write_summary(self, summary: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> Path:
         """Path of `summary.json`: the provenance and the figures of the task under documented keys.
 
         Args:
             summary: Numbers, strings, booleans and None; a value may be one flat object or a list of flat
-                objects (one per method), never deeper.
+                objects, never deeper. A list of flat summaries (one per method) becomes a list of objects,
+                each with the provenance.
 
         Raises:
             ValueError: A number is NaN or infinite (write None where there is no figure), a value is of
                 another type or nested deeper, or a key repeats the provenance.
         """
-        _refuse_repeated(summary, self._provenance, "summary")
-        whole = self._provenance | {key: _summary_value(key, value) for key, value in summary.items()}
+        parts = [summary] if isinstance(summary, Mapping) else list(summary)
+        for part in parts:
+            _refuse_repeated(part, self._provenance, "summary")
+        if isinstance(summary, Mapping):
+            checked = {key: _summary_value(key, value) for key, value in summary.items()}
+            whole: object = self._provenance | checked
+        else:
+            whole = [self._provenance | _flat_object(f"[{i}]", part) for i, part in enumerate(parts)]
         return self.write_text("summary.json", json.dumps(whole, indent=2, allow_nan=False) + "\n")
 
     def write_config(self) -> Path:

@@ -28,6 +28,7 @@ def start(x64: bool = False, cpu_devices: int | None = None) -> None:
     Raises:
         RuntimeError: JAX has already computed something with another number of CPU devices.
     """
+    _set_compiler_flags()
     _set_cpu_devices(available_cores() if cpu_devices is None else cpu_devices)
     _set_compilation_cache()
     jax.config.update("jax_enable_x64", x64)
@@ -61,6 +62,18 @@ def describe_machine() -> dict[str, str | int | float]:
         "python_version": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
     }
+
+
+@cache
+def _set_compiler_flags() -> None:
+    """Let XLA use the full vector width, and one thread per CPU device: the devices already share the cores out.
+
+    Measured on a core with AVX-512: a third less time per tick of ten-vehicle scenarios at 512 bits than at XLA's
+    default of 256. A processor without such registers takes what it has. Flags the user has set win, as the last one
+    counts.
+    """
+    ours = "--xla_cpu_prefer_vector_width=512 --xla_cpu_multi_thread_eigen=false"
+    os.environ["XLA_FLAGS"] = f"{ours} {os.environ.get('XLA_FLAGS', '')}".strip()
 
 
 def _set_cpu_devices(count: int) -> None:

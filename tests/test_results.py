@@ -104,6 +104,14 @@ def test_summary_holds_provenance_and_plain_numbers(study):
     assert stored["base"] == {"h": 0.5}
 
 
+def test_summary_of_several_rows_is_a_list_with_the_provenance_in_each(study):
+    stored = json.loads(study.write_summary([{"method": "base", "h": 0.5}, {"method": "real", "h": None}]).read_text())
+    assert [(row["method"], row["h"], row["task"]) for row in stored] == [
+        ("base", 0.5, "evaluate"),
+        ("real", None, "evaluate"),
+    ]
+
+
 @pytest.mark.parametrize(
     ("summary", "said"),
     [
@@ -114,6 +122,8 @@ def test_summary_holds_provenance_and_plain_numbers(study):
         ({"rows": [1.0]}, r"summary key rows\[0\] is a float: lists hold one object"),
         ({"h": np.ones(2)}, "summary key h is a ndarray"),
         ({"task": "x"}, "task belongs to the provenance"),
+        ([{"method": "base", "h": float("inf")}], r"summary key \[0\].h is inf"),
+        ([{"h": 1.0}, {"task": "x"}], "task belongs to the provenance"),
     ],
 )
 def test_summary_refuses(study, summary, said):

@@ -8,7 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from rearl_jax.config._key import key
+from rearl_jax.config.bench import BenchConfig
+from rearl_jax.config.core import CoreConfig, InitConfig
 from rearl_jax.config.data import DataConfig
+from rearl_jax.config.evaluation import EvaluationConfig, Method
 from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
 from rearl_jax.config.scenes import (
@@ -57,6 +60,7 @@ class EvaluateTask:
     """Simulated against measured scenes."""
 
     study: str = _study("evaluate")
+    method: Method = key(Method.base, "what drives the vehicles; base: IDM and MOBIL without intervention")
     results: ResultsConfig = _group(ResultsConfig)
     data: DataConfig = _group(DataConfig)
     tracks: TracksConfig = _group(TracksConfig)
@@ -70,6 +74,9 @@ class EvaluateTask:
     thw: ThwConfig = _group(ThwConfig)
     safety: SafetyConfig = _group(SafetyConfig)
     realism: RealismConfig = _group(RealismConfig)
+    init: InitConfig = _group(InitConfig)
+    core: CoreConfig = _group(CoreConfig)
+    eval: EvaluationConfig = _group(EvaluationConfig)
 
 
 @dataclass(unsafe_hash=True)
@@ -86,3 +93,4 @@ class BenchCoreTask:
 
     study: str = _study("bench_core")
     results: ResultsConfig = _group(ResultsConfig)
+    bench: BenchConfig = _group(BenchConfig)

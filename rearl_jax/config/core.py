@@ -25,7 +25,9 @@ class CoreConfig:
     lane_changes: bool = key(True, "vehicles change lanes (MOBIL)")
     collisions: bool = key(True, "vehicles collide; without, they pass through each other")
     dtype: Precision = key(Precision.float32, "floating type of the simulation")
-    chunk: int = key(512, "scenarios one core simulates at a time; more need more memory, fewer leave it idle")
+    chunk: int = key(
+        512, "scenarios one core simulates at a time; more need more memory, fewer leave it idle"
+    )
 
     def check(self) -> None:
         """Ranges."""
@@ -58,7 +60,10 @@ class InitialSource(Enum):
 class InitConfig:
     """Initial states of the rollouts."""
 
-    source: InitialSource = key(InitialSource.seed, "seed: drawn as highway-env does; scene: the measured scene's first snapshot")
+    source: InitialSource = key(
+        InitialSource.seed, "seed: drawn as highway-env does; scene: the measured scene's first snapshot"
+    )
     speed: InitialSpeed = key(
-        InitialSpeed.u21_24, "u21_24: drawn from 70 to 80 % of the limit; fixed_25: all 25 m/s (controlled vehicles of highway-env)"
+        InitialSpeed.u21_24,
+        "u21_24: drawn from 70 to 80 % of the limit; fixed_25: all 25 m/s (controlled vehicles of highway-env)",
     )

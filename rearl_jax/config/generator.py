@@ -11,9 +11,13 @@ class GeneratorConfig:
     """Generated recordings in the highD format (for data.kind=generated)."""
 
     seed: int = key(0, "seed of the whole set; a recording depends on it and on its own number only")
-    n_recordings: int = key(60, "recordings to write; highD has 60 (Krajewski et al. 2018)")
+    n_recordings: int = key(
+        60, "recordings to write, those in the folder stay; highD has 60 (Krajewski et al. 2018)"
+    )
     first_id: int = key(1, "number of the first recording; the files are named after it, 1 -> 01_tracks.csv")
-    workers: int = key(0, "processes that write recordings side by side; 0 = one per processor core")
+    workers: int = key(
+        0, "processes that write recordings side by side, 0.8 GiB each; 0 = one per processor core"
+    )
     duration_scale: float = key(1.0, "factor on every duration; below 1 for short trial recordings")
 
     duration_mean: float = key(1000.0, "mean duration of a recording [s]; highD: 16.5 h in 60 recordings")
@@ -30,7 +34,8 @@ class GeneratorConfig:
         37.0, "highest mean number of vehicles in view without congestion; derived from the highD counts"
     )
     in_view_mean: float = key(
-        24.0, "mean number of vehicles in view over the recordings without congestion's share; highD: 24.6"
+        24.15,
+        "mean number of vehicles in view over the recordings before congestion adds to it; highD: 24.6",
     )
     truck_share_min: float = key(
         0.08, "lowest share of trucks; counts of highD published with CRITICAL (Tian et al. 2024)"
@@ -54,7 +59,7 @@ class GeneratorConfig:
     truck_speed: float = key(26.0, "mean desired speed of trucks [m/s]; legal 80 km/h, limiters at 89 km/h")
     truck_speed_sd: float = key(2.2, "standard deviation of the trucks' desired speed [m/s]; assumed")
     car_time_gap: float = key(
-        1.1, "median time gap cars keep while following [s]; about 1.2 s in highD (Krajewski et al. 2018)"
+        1.1, "median time gap cars keep while following [s]; assumed, gives about 1.25 s measured below 60 m"
     )
     truck_time_gap: float = key(1.8, "median time gap trucks keep while following [s]; assumed")
     acceleration_noise: float = key(
@@ -63,7 +68,7 @@ class GeneratorConfig:
     )
     lane_change_rate: float = key(
         0.123,
-        "lane changes per second of a driver with full incentive and room [1/s]; fitted to highD's 5,600 lane changes",
+        "lane changes of a driver with full incentive and room [1/s]; fitted to highD's 5,600 lane changes",
     )
 
     camera_length: float = key(420.0, "road length in view [m]; Krajewski et al. 2018")

@@ -73,7 +73,7 @@ class ThwConfig:
     """Time headway of same-lane leader-follower pairs"""
 
     gap: Gap = key(Gap.bumper, "numerator: bumper to bumper or centre to centre; own choice")
-    v_min: float = key(1.0, "slowest follower that has a headway [m/s]; keeps the ratio finite, our choice")
+    v_min: float = key(1.0, "slowest follower that has a headway [m/s]; keeps the ratio finite, own choice")
 
     def check(self) -> None:
         """Raises ValueError where a value cannot be used."""

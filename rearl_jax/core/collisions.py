@@ -1,6 +1,6 @@
 """Collisions: which rectangles touch, and by how much they are pushed apart in the next tick.
 
-Contact is rare, so the work is split. A cheap test on two of the eight separating axes finds the vehicles that may touch
+Contact is rare, so the work is split. A cheap test of bounding boxes finds the vehicles that may touch
 somebody behind them in the list; only those are then tested in full, one vehicle per scenario at a time against
 all others. A push is the last one written: the partner with the highest list index counts, which is why the vehicles
 are taken in rising order.
@@ -13,16 +13,24 @@ import functools
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from rearl_jax.core.affected import if_any, on_affected
 from rearl_jax.core.drivers import Body
 from rearl_jax.core.elementary import cosine, sine
 from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.neighbours import for_each_vehicle, is_large, row
+from rearl_jax.core.order import within_reach
 from rearl_jax.core.state import TrafficState
 
 ROUNDING_MARGIN = 1e-3
 """Slack [m] of the cheap test, far above any rounding error of a distance between vehicles that touch."""
+
+
+_Marks = tuple[Array, Array, Array, Array]
+"""Who has crashed, who is pushed, and the pushes in x and y [m]."""
 
 
 class _Rectangle(eqx.Module):
@@ -36,6 +44,18 @@ class _Rectangle(eqx.Module):
     half_length: Float[Array, "rows *scenarios"]
     half_width: Float[Array, "rows *scenarios"]
     collides: Bool[Array, "rows *scenarios"]
+
+
+class _Extent(eqx.Module):
+    """Upright bounding box of a vehicle: centre, half sizes, and sqrt(2) times its displacement in a tick, all in m."""
+
+    x: Float[Array, "vehicles *scenarios"]
+    y: Float[Array, "vehicles *scenarios"]
+    reach_x: Float[Array, "vehicles *scenarios"]
+    reach_y: Float[Array, "vehicles *scenarios"]
+    moved_x: Float[Array, "vehicles *scenarios"]
+    moved_y: Float[Array, "vehicles *scenarios"]
+    collides: Bool[Array, "vehicles *scenarios"]
 
 
 def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficState:
@@ -53,60 +73,101 @@ def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficStat
             collides=jnp.broadcast_to(body.collides, shape),
         )
     )
-    pending = _may_touch_later(rectangles, model)
-
-    def is_unfinished(work: tuple[Array, TrafficState]) -> Array:
-        return jnp.any(work[0])
-
-    def take_next(work: tuple[Array, TrafficState]) -> tuple[Array, TrafficState]:
-        pending, outcome = work
-        first = jnp.argmax(pending, axis=0, keepdims=True).astype(jnp.int32)
-        has_one = jnp.any(pending, axis=0, keepdims=True)
-        index = lax.broadcasted_iota(jnp.int32, shape, 0)
-        return pending & (index != first), _collide_one(outcome, rectangles, first, has_one, model)
-
-    marks = (state.crashed, state.is_pushed, state.push_x, state.push_y)
-    _, marks = lax.while_loop(is_unfinished, take_next, (pending, lax.stop_gradient(marks)))
+    extent = _extent(rectangles, model)
+    if is_large(shape[0]):
+        reach = extent.reach_x + jnp.abs(extent.moved_x) + jnp.abs(extent.moved_y)
+        may_touch = within_reach(state.order, extent.x, reach, extent, _may_touch)
+    else:
+        may_touch = if_any(rectangles.collides, lambda: _may_touch_later(extent), jnp.zeros(shape, bool))
+    marks = lax.stop_gradient((state.crashed, state.is_pushed, state.push_x, state.push_y))
+    marks = on_affected(
+        jnp.any(may_touch, axis=0),
+        lambda work: _collide_all(*work, model),
+        (extent, rectangles, marks),
+        marks,
+    )
     return eqx.tree_at(lambda s: (s.crashed, s.is_pushed, s.push_x, s.push_y), state, marks)
 
 
-def _may_touch_later(all_: _Rectangle, model: TrafficModel) -> Bool[Array, "vehicles *scenarios"]:
-    """Whether a vehicle may touch, now or in the coming tick, one that comes after it in the list.
-
-    Necessary conditions only: no gap along the vehicle's own two axes, which are among the eight of the full test.
+def _collide_all(
+    extent: _Extent,
+    rectangles: _Rectangle,
+    marks: _Marks,
+    model: TrafficModel,
+) -> _Marks:
+    """Crash marks and pushes after all vehicles that may touch have been tested, the lowest index of each scenario
+    first.
     """
-    n_vehicles = all_.x.shape[0]
+    pending = _may_touch_later(extent)
+    index = lax.broadcasted_iota(jnp.int32, pending.shape, 0)
+
+    def is_unfinished(work: tuple[Array, _Marks]) -> Array:
+        return jnp.any(work[0])
+
+    def take_next(work: tuple[Array, _Marks]) -> tuple[Array, _Marks]:
+        pending, marks = work
+        first = jnp.argmax(pending, axis=0, keepdims=True).astype(jnp.int32)
+        has_one = jnp.any(pending, axis=0, keepdims=True)
+        return pending & (index != first), _collide_one(marks, rectangles, first, has_one, model)
+
+    return lax.while_loop(is_unfinished, take_next, (pending, marks))[1]
+
+
+def _extent(all_: _Rectangle, model: TrafficModel) -> _Extent:
+    """Bounding boxes of all vehicles."""
+    cos, sin = jnp.abs(all_.cos), jnp.abs(all_.sin)
+    moved = all_.speed * (float(np.sqrt(2)) * model.tick)
+    return _Extent(
+        x=all_.x,
+        y=all_.y,
+        reach_x=all_.half_length * cos + all_.half_width * sin + ROUNDING_MARGIN,
+        reach_y=all_.half_length * sin + all_.half_width * cos + ROUNDING_MARGIN,
+        moved_x=moved * all_.cos,
+        moved_y=moved * all_.sin,
+        collides=all_.collides,
+    )
+
+
+def _may_touch_later(all_: _Extent) -> Bool[Array, "vehicles *scenarios"]:
+    """Whether a vehicle may touch, now or in the coming tick, one that comes after it in the list."""
     index = lax.broadcasted_iota(jnp.int32, all_.x.shape, 0)
 
     def look_at(number: Int[Array, ""], found: Array) -> Array:
-        other = jax.tree.map(lambda values: lax.dynamic_index_in_dim(values, number, 0, keepdims=True), all_)
-        dx, dy = other.x - all_.x, other.y - all_.y
-        cos = all_.cos * other.cos + all_.sin * other.sin
-        sin = all_.cos * other.sin - all_.sin * other.cos
-        along, across = dx * all_.cos + dy * all_.sin, dy * all_.cos - dx * all_.sin
-        long_reach = other.half_length * jnp.abs(cos) + other.half_width * jnp.abs(sin) + all_.half_length
-        wide_reach = other.half_length * jnp.abs(sin) + other.half_width * jnp.abs(cos) + all_.half_width
-        long_reach = long_reach + jnp.abs(all_.speed - other.speed * cos) * model.tick + ROUNDING_MARGIN
-        wide_reach = wide_reach + jnp.abs(other.speed * sin) * model.tick + ROUNDING_MARGIN
-        near = (jnp.abs(along) <= long_reach) & (jnp.abs(across) <= wide_reach)
-        return found | (near & (index < number) & (all_.collides | other.collides))
+        other = jax.tree.map(lambda values: row(values, number), all_)
+        return found | (_may_touch(all_, other) & (index < number))
 
-    nobody = jnp.zeros(all_.x.shape, bool)
-    return lax.fori_loop(0, n_vehicles, look_at, nobody, unroll=min(n_vehicles, 16))
+    return for_each_vehicle(all_.x.shape[0], look_at, jnp.zeros(all_.x.shape, bool))
+
+
+def _may_touch(one: _Extent, other: _Extent) -> Array:
+    """Whether two vehicles may touch now or in the coming tick.
+
+    A necessary condition. Rectangles a distance D apart have a gap of at least D / sqrt(2) along one of their edge
+    normals, and the full test lengthens intervals by no more than the relative displacement r of one tick. So they
+    cannot touch where their upright bounding boxes are more than sqrt(2) |r| apart in x or in y.
+    """
+    moved_apart = jnp.abs(other.moved_x - one.moved_x) + jnp.abs(other.moved_y - one.moved_y)
+    near_x = jnp.abs(other.x - one.x) <= other.reach_x + one.reach_x + moved_apart
+    near_y = jnp.abs(other.y - one.y) <= other.reach_y + one.reach_y + moved_apart
+    return near_x & near_y & (other.collides | one.collides)
 
 
 def _collide_one(
-    marks: tuple[Array, Array, Array, Array],
+    marks: _Marks,
     all_: _Rectangle,
     chosen: Int[Array, "1 *scenarios"],
     is_chosen: Bool[Array, "1 *scenarios"],
     model: TrafficModel,
-) -> tuple[Array, Array, Array, Array]:
-    """Crash marks and pushes after one vehicle per scenario has been tested against all that come after it in the list."""
+) -> _Marks:
+    """Crash marks and pushes after one vehicle per scenario has been tested against all that come after it in the
+    list.
+    """
     crashed, is_pushed, push_x, push_y = marks
     index = lax.broadcasted_iota(jnp.int32, all_.x.shape, 0)
     one = jax.tree.map(lambda values: jnp.take_along_axis(values, chosen, axis=0), all_)
-    touches, will_touch, shift_x, shift_y = _separate(one, all_, model)
+    nowhere, nothing = jnp.zeros(all_.x.shape, bool), jnp.zeros_like(all_.x)
+    apart = (nowhere, nowhere, nothing, nothing)
+    touches, will_touch, shift_x, shift_y = if_any(is_chosen, lambda: _separate(one, all_, model), apart)
 
     diagonals = jnp.hypot(one.half_length, one.half_width) + jnp.hypot(all_.half_length, all_.half_width)
     is_near = jnp.hypot(all_.x - one.x, all_.y - one.y) <= diagonals + one.speed * model.tick
@@ -127,7 +188,7 @@ def _collide_one(
     )
 
 
-def _separate(one: _Rectangle, other: _Rectangle, model: TrafficModel) -> tuple[Array, Array, Array, Array]:
+def _separate(one: _Rectangle, other: _Rectangle, model: TrafficModel) -> _Marks:
     """Whether rectangles touch, whether they will within a tick, and the shift of `one` that prevents it [m].
 
     Separating-axis test with the outward normals of all eight edges. A normal and its negative can give different
@@ -149,7 +210,9 @@ def _separate(one: _Rectangle, other: _Rectangle, model: TrafficModel) -> tuple[
     def gap(low: Array, high: Array, other_low: Array, other_high: Array) -> Array:
         return jnp.where(low < other_low, other_low - high, low - other_high)
 
-    touches, will_touch, depth, shift_x, shift_y = [], [], None, None, None
+    touches, will_touch = [], []
+    depth = jnp.full_like(other.x, jnp.inf)
+    shift_x = shift_y = jnp.zeros_like(other.x)
     for nx, ny in axes:
         (low, high), (other_low, other_high) = project(one, nx, ny), project(other, nx, ny)
         touches.append(gap(low, high, other_low, other_high) <= 0)
@@ -160,12 +223,9 @@ def _separate(one: _Rectangle, other: _Rectangle, model: TrafficModel) -> tuple[
         is_beyond = (one.x - other.x) * nx + (one.y - other.y) * ny > 0
         size = jnp.abs(distance)
         signed = jnp.where(is_beyond, size, -size)
-        if depth is None:
-            depth, shift_x, shift_y = size, signed * nx, signed * ny
-        else:
-            shift_x = jnp.where(size < depth, signed * nx, shift_x)
-            shift_y = jnp.where(size < depth, signed * ny, shift_y)
-            depth = jnp.minimum(size, depth)
+        shift_x = jnp.where(size < depth, signed * nx, shift_x)
+        shift_y = jnp.where(size < depth, signed * ny, shift_y)
+        depth = jnp.minimum(size, depth)
     return (
         functools.reduce(jnp.logical_and, touches),
         functools.reduce(jnp.logical_and, will_touch),

@@ -1,8 +1,9 @@
 """Moving vehicles: the lateral controller, the speed controllers and the kinematic bicycle.
 
-The steering angle delta of highway-env never appears: its slip angle beta = arctan(tan(delta) / 2) is all that moves the
-vehicle, and where the controller sets delta = arctan(2 tan(arcsin u)) the slip angle is arcsin u itself, cut at the
-value that belongs to the largest steering angle. Only in float64 is the long way round taken, for the sake of its rounding.
+The steering angle delta of highway-env never appears: its slip angle beta = arctan(tan(delta) / 2) is all that moves
+the vehicle, and where the controller sets delta = arctan(2 tan(arcsin u)) the slip angle is arcsin u itself, cut at the
+value that belongs to the largest steering angle. Only in float64 is the long way round taken, for the sake of its
+rounding.
 
 Source: highway-env 1.12.1, `vehicle/controller.py` (ControlledVehicle) and `vehicle/kinematics.py` (Vehicle.step).
 """
@@ -12,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from rearl_jax.core.affected import if_any
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.elementary import arcsine, cosine, rounded, sine
 from rearl_jax.core.mobil import Prospects
@@ -26,10 +28,14 @@ LATERAL_TIME = 0.6
 """Time constant of the lateral position controller [s]. Source: highway-env 1.12.1, `ControlledVehicle.TAU_LATERAL`."""
 
 SPEED_TIME = 0.6
-"""Time constant of the speed controller of META vehicles [s]. Source: highway-env 1.12.1, `ControlledVehicle.TAU_ACC`."""
+"""Time constant of the speed controller of META vehicles [s]. Source: highway-env 1.12.1,
+`ControlledVehicle.TAU_ACC`.
+"""
 
 MAX_SPEED = 40.0
-"""Speed [m/s], forwards and backwards, beyond which the command pulls back. Source: highway-env 1.12.1, `Vehicle.MAX_SPEED`."""
+"""Speed [m/s], forwards and backwards, beyond which the command pulls back. Source: highway-env 1.12.1,
+`Vehicle.MAX_SPEED`.
+"""
 
 MAX_HEADING = np.pi / 4
 """Steepest heading the lateral controller asks for [rad]. Source: highway-env 1.12.1, `steering_control`."""
@@ -109,9 +115,10 @@ def control(
     too_fast, too_slow = MAX_SPEED - state.speed, -MAX_SPEED - state.speed
     acceleration = jnp.where(too_fast < 0, jnp.minimum(acceleration, too_fast), acceleration)
     acceleration = jnp.where(too_slow > 0, jnp.maximum(acceleration, too_slow), acceleration)
-    slip = jnp.where(state.crashed, 0.0, steer(state, target_lane, drivers, model))
     is_present = state.controller != Controller.ABSENT
-    return Command(jnp.where(is_present, acceleration, 0.0), jnp.where(is_present, slip, 0.0))
+    steers = is_present & ~state.crashed
+    slip = if_any(steers, lambda: steer(state, target_lane, drivers, model), jnp.zeros_like(state.y))
+    return Command(jnp.where(is_present, acceleration, 0.0), jnp.where(steers, slip, 0.0))
 
 
 def add_compensated(
@@ -143,8 +150,12 @@ def move(
     Source: highway-env 1.12.1, `Vehicle.step`; bicycle: Polack et al., IEEE IV 2017.
     """
     dt, direction = model.tick, state.heading + command.slip
-    x, x_lost = add_compensated(state.x, rounded(state.speed * cosine(direction) * dt), state.x_lost)
-    y, y_lost = add_compensated(state.y, rounded(state.speed * sine(direction) * dt), state.y_lost)
+    is_moving = state.speed != 0
+    zeros = jnp.zeros_like(state.x)
+    step_x = if_any(is_moving, lambda: rounded(state.speed * cosine(direction) * dt), zeros)
+    step_y = if_any(is_moving, lambda: rounded(state.speed * sine(direction) * dt), zeros)
+    x, x_lost = add_compensated(state.x, step_x, state.x_lost)
+    y, y_lost = add_compensated(state.y, step_y, state.y_lost)
     turn_rate = state.speed * sine(command.slip) / (drivers.body.length / 2)
     return TrafficState(
         x=x + jnp.where(state.is_pushed, state.push_x, 0.0),
@@ -162,4 +173,5 @@ def move(
         is_pushed=jnp.zeros_like(state.is_pushed),
         push_x=jnp.zeros_like(state.push_x),
         push_y=jnp.zeros_like(state.push_y),
+        order=state.order,
     )

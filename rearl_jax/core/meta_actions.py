@@ -49,9 +49,7 @@ def apply_meta_actions(
     )
 
 
-def _level_speed(
-    level: Int[Array, "*n"], like: Float[Array, "*n"], model: TrafficModel
-) -> Float[Array, "*n"]:
+def _level_speed(level: Int[Array, "*n"], like: Float[Array, "*n"], model: TrafficModel) -> Float[Array, "*n"]:
     """Speed of a level [m/s], exactly as configured."""
     speed = jnp.full_like(like, model.speed_levels[0])
     for number, value in enumerate(model.speed_levels):

@@ -5,47 +5,118 @@ Source: Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86; highway-en
 parameters stand in for everybody's, the own safety is not tested, and gains of left and right are not compared.
 """
 
+from collections.abc import Callable
+
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.affected import if_any, on_affected
+from rearl_jax.core.drivers import Drivers, IDMParams
 from rearl_jax.core.idm import approach_rate, desired_spacing, free_acceleration, interaction
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
-from rearl_jax.core.neighbours import Follower, Leader, Neighbours, View
+from rearl_jax.core.neighbours import (
+    Follower,
+    Leader,
+    View,
+    find_follower,
+    find_leader,
+    for_each_vehicle,
+    row,
+)
 from rearl_jax.core.state import Controller, TrafficState
 
 LEAST_SPEED = 1.0
 """Speed [m/s] below which nobody decides to change lanes. Source: highway-env 1.12.1, `change_lane_policy`."""
 
 REACHABLE_LANES = 2.0
-"""Lateral distance, in lane widths, within which a lane can be reached. Source: highway-env 1.12.1, `is_reachable_from`."""
+"""Lateral distance, in lane widths, within which a lane can be reached. Source: highway-env 1.12.1,
+`is_reachable_from`.
+"""
 
 
 class Prospects(eqx.Module):
-    """Acceleration a driver would have now behind the leader of each lane [m/s^2], unlimited."""
+    """What a driver expects of the lanes in reach [m/s^2], unlimited accelerations.
+
+    Attributes:
+        own: Own acceleration behind the leader on the own lane.
+        target: Own acceleration behind the leader on the target lane.
+        left: Own acceleration behind the leader on the left lane.
+        right: Own acceleration behind the leader on the right lane.
+        left_follower: Acceleration of the new follower after a change to the left.
+        right_follower: Acceleration of the new follower after a change to the right.
+        left_others: What the followers gain together by a change to the left; 0 unless the model is cooperative.
+        right_others: What the followers gain together by a change to the right.
+    """
 
     own: Float[Array, "vehicles *scenarios"]
     target: Float[Array, "vehicles *scenarios"]
     left: Float[Array, "vehicles *scenarios"]
     right: Float[Array, "vehicles *scenarios"]
+    left_follower: Float[Array, "vehicles *scenarios"]
+    right_follower: Float[Array, "vehicles *scenarios"]
+    left_others: Float[Array, "vehicles *scenarios"]
+    right_others: Float[Array, "vehicles *scenarios"]
 
 
-def weigh_lanes(state: TrafficState, view: View, neighbours: Neighbours, drivers: Drivers) -> Prospects:
-    """The driver's own acceleration behind each of the leaders in sight."""
+def is_due(state: TrafficState, view: View, drivers: Drivers) -> Bool[Array, "vehicles *scenarios"]:
+    """Whether a driver takes a lane-change decision in this tick."""
+    return _decides(state, drivers) & (view.lane == state.target_lane) & (state.ticks_to_decision <= 0)
+
+
+def _decides(state: TrafficState, drivers: Drivers) -> Bool[Array, "vehicles *scenarios"]:
+    """Whether a vehicle changes lanes by this model."""
+    return (state.controller == Controller.IDM) & ~state.crashed & drivers.mobil.changes_lanes
+
+
+def weigh_lanes(state: TrafficState, view: View, drivers: Drivers, model: TrafficModel) -> Prospects:
+    """The driver's own acceleration on each lane, and what a change would do to the followers.
+
+    Each search is a program of its own (`if_any`): one pass over the vehicles. Left to the compiler, all searches
+    would be woven together and every pair of vehicles kept in memory, three times slower.
+    """
+    left_lane, right_lane, nothing = view.lane - 1, view.lane + 1, jnp.zeros_like(state.x)
     free = free_acceleration(speed_ratio=view.speed_ratio, params=drivers.idm)
 
-    def behind(leader: Leader) -> Float[Array, "vehicles *scenarios"]:
+    def behind_leader(lane: Array) -> Float[Array, "vehicles *scenarios"]:
+        leader = find_leader(state, view, lane)
         dv = _closing_in(view, leader)
         return free - interaction(distance=leader.distance, speed=state.speed, dv=dv, params=drivers.idm)
 
+    def of_follower(lane: Array) -> Float[Array, "vehicles *scenarios"]:
+        follower = find_follower(state, view, lane)
+        return _behind(follower, follower.distance, view, drivers)
+
+    def gain_of_follower(lane: Array) -> Float[Array, "vehicles *scenarios"]:
+        leader = find_leader(state, view, lane)
+        follower = find_follower(state, view, lane)
+        alone = _behind(follower, follower.distance + leader.distance, leader, drivers)
+        return _behind(follower, follower.distance, view, drivers) - alone
+
+    def where_needed(is_needed: Array, look: Callable[[Array], Array], lane: Array) -> Array:
+        return if_any(is_needed, lambda: look(lane), nothing)
+
+    follows = state.controller == Controller.IDM
+    own = where_needed(follows, behind_leader, view.lane)
+    target = where_needed(follows & (view.lane != state.target_lane), behind_leader, state.target_lane)
+    if not model.lane_changes:
+        return Prospects(own, target, *(nothing,) * 6)
+    due = is_due(state, view, drivers)
+    left_others = right_others = nothing
+    if model.cooperative:
+        freed = where_needed(due, gain_of_follower, view.lane)
+        left_others = where_needed(due, gain_of_follower, left_lane) - freed
+        right_others = where_needed(due, gain_of_follower, right_lane) - freed
     return Prospects(
-        own=behind(neighbours.leader),
-        target=behind(neighbours.target_leader),
-        left=behind(neighbours.left_leader),
-        right=behind(neighbours.right_leader),
+        own=own,
+        target=target,
+        left=where_needed(due, behind_leader, left_lane),
+        right=where_needed(due, behind_leader, right_lane),
+        left_follower=where_needed(due, of_follower, left_lane),
+        right_follower=where_needed(due, of_follower, right_lane),
+        left_others=left_others,
+        right_others=right_others,
     )
 
 
@@ -61,37 +132,26 @@ def is_reachable(state: TrafficState, lane: Int[Array, "vehicles *scenarios"], m
 
 
 def decide_lanes(
-    state: TrafficState,
-    view: View,
-    neighbours: Neighbours,
-    prospects: Prospects,
-    drivers: Drivers,
-    model: TrafficModel,
+    state: TrafficState, view: View, prospects: Prospects, drivers: Drivers, model: TrafficModel
 ) -> tuple[Int[Array, "vehicles *scenarios"], Int[Array, "vehicles *scenarios"]]:
     """Target lanes and decision countdowns after every driver whose decision is due has taken it.
 
-    The left lane is looked at first, then the right one; where both are accepted the right one wins. No decision depends
-    on another's target lane, so all are taken at once.
+    The left lane is looked at first, then the right one; where both are accepted the right one wins. No decision
+    depends on another's target lane, so all are taken at once.
     """
-    follows_model = (state.controller == Controller.IDM) & ~state.crashed & drivers.mobil.changes_lanes
-    due = follows_model & (view.lane == state.target_lane) & (state.ticks_to_decision <= 0)
+    due = is_due(state, view, drivers)
     willing = due & (jnp.abs(state.speed) >= LEAST_SPEED)
     target_lane = state.target_lane
     sides = (
-        (-1, prospects.left, neighbours.left_leader, neighbours.left_follower),
-        (+1, prospects.right, neighbours.right_leader, neighbours.right_follower),
+        (-1, prospects.left, prospects.left_follower, prospects.left_others),
+        (+1, prospects.right, prospects.right_follower, prospects.right_others),
     )
-    for side, prospect, leader, follower in sides:
+    for side, prospect, follower, others in sides:
         candidate = view.lane + side
         gain = prospect - prospects.own
-        imposed = _behind(follower, follower.distance, view, drivers)
         if model.cooperative:
-            old = neighbours.follower
-            freed = _behind(old, old.distance + neighbours.leader.distance, neighbours.leader, drivers)
-            undisturbed = _behind(follower, follower.distance + leader.distance, leader, drivers)
-            others = imposed - undisturbed + freed - _behind(old, old.distance, view, drivers)
             gain = gain + drivers.mobil.politeness * others
-        accepted = ~(imposed < -drivers.mobil.safe_decel) & ~(gain < drivers.mobil.gain_threshold)
+        accepted = ~(follower < -drivers.mobil.safe_decel) & ~(gain < drivers.mobil.gain_threshold)
         accepted = accepted & willing & is_reachable(state, candidate, model)
         target_lane = jnp.where(accepted, candidate, target_lane)
     countdown = jnp.where(due, drivers.mobil.decision_period, state.ticks_to_decision)
@@ -134,42 +194,47 @@ def abort_conflicts(
 
     Source: highway-env 1.12.1, `IDMVehicle.change_lane_policy`.
     """
-    changing = (state.controller == Controller.IDM) & ~state.crashed & drivers.mobil.changes_lanes
-    changing = changing & (view.lane != state.target_lane)
+    changing = _decides(state, drivers) & (view.lane != state.target_lane)
+    concerned = jnp.zeros(changing.shape[1:], bool)
+    for lane in range(model.n_lanes):
+        enters = (view.lane != lane) & ((state.target_lane == lane) | (decided_lane == lane))
+        gives_way = changing & (state.target_lane == lane)
+        concerned = concerned | ((jnp.sum(enters, axis=0) >= 2) & jnp.any(gives_way, axis=0))
+    view = eqx.tree_at(lambda v: v.nearest, view, None, is_leaf=lambda leaf: leaf is None)
+    operands = lax.stop_gradient((decided_lane, changing, state, view, drivers.idm))
+    return on_affected(concerned, _settle, operands, decided_lane)
 
-    def ask_everybody(answer: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
-        blocked = _is_blocked(answer, state, view, drivers)
-        return jnp.where(changing & blocked, view.lane, decided_lane)
 
-    def settled_twice(rounds: tuple[Array, Array]) -> Array:
-        before, after = rounds
-        return jnp.any(before != after)
+def _settle(
+    operands: tuple[Int[Array, "n *s"], Bool[Array, "n *s"], TrafficState, View, IDMParams],
+) -> Int[Array, "n *s"]:
+    """Target lanes once every answer follows from the others."""
+    decided_lane, changing, state, view, idm = operands
 
-    first = ask_everybody(decided_lane)
-    _, target_lane = lax.while_loop(
-        settled_twice, lambda rounds: (rounds[1], ask_everybody(rounds[1])), (decided_lane, first)
-    )
-    return target_lane
+    def ask_everybody(answer: Int[Array, "n *s"]) -> Int[Array, "n *s"]:
+        return jnp.where(changing & _is_blocked(answer, state, view, idm), view.lane, decided_lane)
+
+    def is_unsettled(rounds: tuple[Array, Array]) -> Array:
+        return jnp.any(rounds[0] != rounds[1])
+
+    rounds = decided_lane, ask_everybody(decided_lane)
+    return lax.while_loop(is_unsettled, lambda rounds: (rounds[1], ask_everybody(rounds[1])), rounds)[1]
 
 
 def _is_blocked(
-    answer: Int[Array, "vehicles *scenarios"], state: TrafficState, view: View, drivers: Drivers
+    answer: Int[Array, "vehicles *scenarios"], state: TrafficState, view: View, idm: IDMParams
 ) -> Bool[Array, "vehicles *scenarios"]:
-    """Whether somebody ahead is changing into a vehicle's target lane, if `answer` holds for those before it in the list."""
-    n_vehicles = state.x.shape[0]
+    """Whether somebody ahead is changing into a vehicle's target lane, if `answer` holds for those before it in the
+    list.
+    """
     index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
-    state, view, idm = lax.stop_gradient((state, view, drivers.idm))
 
     def look_at(other: Int[Array, ""], blocked: Array) -> Array:
-        def row(values: Array) -> Array:
-            return lax.dynamic_index_in_dim(values, other, 0, keepdims=True)
-
-        ahead_by = row(state.x) - state.x
-        dv = _closing_in(view, Leader(ahead_by, row(view.speed_x), row(view.speed_y)))
+        ahead_by = row(state.x, other) - state.x
+        dv = _closing_in(view, Leader(ahead_by, row(view.speed_x, other), row(view.speed_y, other)))
         wanted = desired_spacing(speed=state.speed, dv=dv, params=idm)
-        its_target = jnp.where(other < index, row(answer), row(state.target_lane))
-        same_goal = (its_target == state.target_lane) & (row(view.lane) != state.target_lane)
+        its_target = jnp.where(other < index, row(answer, other), row(state.target_lane, other))
+        same_goal = (its_target == state.target_lane) & (row(view.lane, other) != state.target_lane)
         return blocked | (same_goal & (ahead_by > 0) & (ahead_by < wanted))
 
-    nobody = jnp.zeros(state.x.shape, bool)
-    return lax.fori_loop(0, n_vehicles, look_at, nobody, unroll=min(n_vehicles, 16))
+    return for_each_vehicle(state.x.shape[0], look_at, jnp.zeros(state.x.shape, bool))

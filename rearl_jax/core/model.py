@@ -7,7 +7,9 @@ vehicles or scenarios are arrays and live in `rearl_jax.core.drivers` and `rearl
 import dataclasses
 
 LANE_TEST_LENGTH = 5.0
-"""Vehicle length [m] a lane assumes in its own range tests. Source: highway-env 1.12.1, `AbstractLane.VEHICLE_LENGTH`."""
+"""Vehicle length [m] a lane assumes in its own range tests. Source: highway-env 1.12.1,
+`AbstractLane.VEHICLE_LENGTH`.
+"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,7 +47,9 @@ class TrafficModel:
         if not 1 <= self.n_lanes <= 8:
             raise ValueError(f"n_lanes = {self.n_lanes} is outside 1..8; choose the number of lanes of one carriageway")
         if self.ticks_per_second < 1:
-            raise ValueError(f"ticks_per_second = {self.ticks_per_second}: at least one tick a second is needed (highway-env: 15)")
+            raise ValueError(
+                f"ticks_per_second = {self.ticks_per_second}: at least one tick a second is needed (highway-env: 15)"
+            )
         if len(self.speed_levels) < 2:
             raise ValueError("speed_levels needs at least two speeds [m/s] for FASTER and SLOWER to choose from")
 

@@ -14,7 +14,9 @@ SPEED_RANGE = (0.7, 0.8)
 """Range of initial speeds as shares of the speed limit. Source: highway-env 1.12.1, `Vehicle.create_random`."""
 
 FALLBACK_SPEEDS = (23.0, 25.0)
-"""Range of initial speeds [m/s] on a road without limit. Source: highway-env 1.12.1, `Vehicle.DEFAULT_INITIAL_SPEEDS`."""
+"""Range of initial speeds [m/s] on a road without limit. Source: highway-env 1.12.1,
+`Vehicle.DEFAULT_INITIAL_SPEEDS`.
+"""
 
 EXPONENT_RANGE = (3.5, 4.5)
 """Range of the IDM exponent. Source: highway-env 1.12.1, `IDMVehicle.randomize_behavior`."""
@@ -59,8 +61,10 @@ def spawn(
     lane, speed, jitter, exponent = jax.vmap(draw, out_axes=-1)(keys)
     if initial_speed is not None:
         speed = jnp.full_like(speed, initial_speed)
-    offset = (12 + speed) * (np.exp(-5 / 40 * model.n_lanes) / density)
-    x = jnp.cumsum(offset * jitter, axis=0) + 3 * offset[:1]
+    offset = (12 + speed) * float(np.exp(-5 / 40 * model.n_lanes) / density)
+    # Three times the first offset as a sum: a product would be fused with the sum after it in batches of some sizes
+    # and not in others, and round differently.
+    x = jnp.cumsum(offset * jitter, axis=0) + (offset[:1] + offset[:1] + offset[:1])
     y = lane.astype(dtype) * model.lane_width
     zeros, nobody = jnp.zeros_like(x), jnp.zeros(x.shape, bool)
     state = TrafficState(
@@ -79,6 +83,7 @@ def spawn(
         is_pushed=nobody,
         push_x=zeros,
         push_y=zeros,
+        order=jax.lax.broadcasted_iota(jnp.int32, x.shape, 0),
     )
     return state, highway_env_drivers(exponent, ticks_per_second=model.ticks_per_second)
 

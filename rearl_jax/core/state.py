@@ -1,7 +1,7 @@
 """What the next tick needs to know of the traffic, and how to build it from measured or drawn vehicles.
 
-Arrays are `[n_vehicles, *n_scenarios]`: the vehicle axis first, in the order of highway-env's vehicle list, the scenario
-axis last and contiguous. A single scene has no scenario axis.
+Arrays are `[n_vehicles, *n_scenarios]`: the vehicle axis first, in the order of highway-env's vehicle list, the
+scenario axis last and contiguous. A single scene has no scenario axis.
 """
 
 import enum
@@ -46,6 +46,8 @@ class TrafficState(eqx.Module):
         is_pushed: Whether a collision moves the vehicle in the coming tick.
         push_x: Displacement by that collision along the road [m].
         push_y: The same across the road [m].
+        order: Vehicle indices along the road as last sorted; any permutation is a valid start. Only large traffic uses
+            it.
     """
 
     x: Float[Array, "vehicles *scenarios"]
@@ -63,6 +65,7 @@ class TrafficState(eqx.Module):
     is_pushed: Bool[Array, "vehicles *scenarios"]
     push_x: Float[Array, "vehicles *scenarios"]
     push_y: Float[Array, "vehicles *scenarios"]
+    order: Int[Array, "vehicles *scenarios"]
 
 
 def nearest_lane(y: Float[Array, "*n"], model: TrafficModel) -> Int[Array, "*n"]:
@@ -111,7 +114,8 @@ def make_state(
         speed: Speeds [m/s].
         model: The road.
         heading: Headings [rad].
-        desired_speed: Desired (IDM) or target (META, snapped to the nearest level) speed [m/s]; None for the present speed.
+        desired_speed: Desired (IDM) or target (META, snapped to the nearest level) speed [m/s]; None for the present
+            speed.
         target_lane: None for the nearest lane.
         timer: Time since the last lane-change decision [s]; None for ((x + y) pi) mod delay, highway-env's phase.
         lane_change_delay: Time between lane-change decisions [s].
@@ -167,4 +171,5 @@ def make_state(
         is_pushed=jnp.zeros(shape, bool),
         push_x=zeros,
         push_y=zeros,
+        order=jnp.asarray(np.argsort(x, axis=0, kind="stable"), jnp.int32),
     )

@@ -1,11 +1,14 @@
 """One tick of the traffic, as the list of its stages."""
 
+import equinox as eqx
+
 from rearl_jax.core.collisions import collide
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.kinematics import control, move
 from rearl_jax.core.mobil import abort_conflicts, decide_lanes, weigh_lanes
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.neighbours import find_neighbours, perceive
+from rearl_jax.core.neighbours import is_large, perceive
+from rearl_jax.core.order import sort_along_road
 from rearl_jax.core.state import TrafficState
 
 
@@ -15,12 +18,13 @@ def tick(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficS
     Source: highway-env 1.12.1, `Road.act` followed by `Road.step`; its order of vehicles matters only to who gives way
     and to who pushes whom, and both are reproduced.
     """
+    if is_large(state.x.shape[0]):
+        state = eqx.tree_at(lambda s: s.order, state, sort_along_road(state.x, state.order))
     view = perceive(state, model)
-    neighbours = find_neighbours(state, view, model)
-    prospects = weigh_lanes(state, view, neighbours, drivers)
+    prospects = weigh_lanes(state, view, drivers, model)
     target_lane, countdown = state.target_lane, state.ticks_to_decision
     if model.lane_changes:
-        target_lane, countdown = decide_lanes(state, view, neighbours, prospects, drivers, model)
+        target_lane, countdown = decide_lanes(state, view, prospects, drivers, model)
         target_lane = abort_conflicts(target_lane, state, view, drivers, model)
     command = control(state, view, target_lane, prospects, drivers, model)
     state = move(state, target_lane, countdown, command, drivers, model)

@@ -51,14 +51,14 @@ def unknown_class(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) 
 def out_of_order(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
     """Rows whose frame does not come after all earlier frames of the track; the table is grouped by track."""
     track, frame = table["track_id"].to_numpy(), table["frame"].to_numpy()
-    follows = follows_row_before(track)
-    span = int(frame.max() - frame.min()) + 1
-    # One rising key over all tracks, so that the running maximum restarts at every track.
-    key = np.cumsum(~follows) * span + (frame - frame.min())
-    bad = np.zeros(len(table), dtype=bool)
-    bad[1:] = key[1:] <= np.maximum.accumulate(key)[:-1]
+    bad = follows_row_before(track)
+    bad[1:] &= np.diff(frame) <= 0
     if not bad.any():
         return None
+    # After one frame too far ahead, all rows up to it are late, not only the first.
+    latest = table.groupby("track_id", sort=False)["frame"].cummax().to_numpy()
+    bad = follows_row_before(track)
+    bad[1:] &= frame[1:] <= latest[:-1]
     row = int(np.argmax(bad))
     if table.duplicated(["track_id", "frame"]).iloc[row]:
         bad &= table.duplicated(["track_id", "frame"]).to_numpy()

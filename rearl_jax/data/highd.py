@@ -112,7 +112,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
         id=recording_id(tracks_file, generated=generated),
         frame_rate=recording.frame_rate,
         lane_count={},
-        road_length=float(np.nanmax(source["x"].to_numpy() + source["width"].to_numpy())),
+        road_length=_last_edge(source["x"].to_numpy() + source["width"].to_numpy()),
         source="generated recordings in the highD format" if generated else "highD",
         licence=GENERATED_LICENCE if generated else LICENCE,
         attribution=GENERATED_ATTRIBUTION if generated else ATTRIBUTION,
@@ -133,6 +133,12 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
     info = replace(info, lane_count=lane_count, notes=notes)
     table = _driver_frame(source, meta, recording.markings, lanes, info.road_length)
     table, dropped = validate(table, info, policy, losses)
+    if dropped:
+        # A row that is gone must not have stretched the road of the others.
+        length = _last_edge(table["x"].to_numpy() + 0.5 * table["length"].to_numpy())
+        to_right = table["direction"].to_numpy() == 2
+        along = np.where(to_right, table["x"].to_numpy(), length - table["x"].to_numpy())
+        table, info = table.assign(position=along), replace(info, road_length=length)
     return Recording(info, table, dropped)
 
 
@@ -263,6 +269,10 @@ def _driver_frame(
         index=source.index,
         copy=False,
     )
+
+
+def _last_edge(edges: np.ndarray) -> float:
+    return float(np.max(edges, where=np.isfinite(edges), initial=0.0))
 
 
 def _left_edge(lines: tuple[float, ...], direction: int) -> float:

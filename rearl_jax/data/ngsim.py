@@ -69,7 +69,7 @@ def read_us101(path: Path, recording: str, period: int, policy: DataConfig) -> R
             "lane ranks from the lateral position, running median over 2 s; rank 5 is the auxiliary lane",
             "accelerations are clipped at 3.45 m/s^2 in the source",
         ),
-        file=str(path),
+        file=f"{path} (period {period})",
         columns=_US101_SPELLING,
     )
     position = rows["y_m"].to_numpy(dtype=np.float64) - 0.5 * policy.default_length

@@ -6,6 +6,7 @@ frame; one that leaves the pairs and comes back later comes back under a new id.
 Source: NGSIM I-80, DOI 10.21949/1504477, reconstructed trajectories, arXiv 2201.04755.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ import pyarrow.parquet as pq
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.losses import Losses, reject, split_tracks
 from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE
-from rearl_jax.data.problems import Finding, require_columns
+from rearl_jax.data.problems import BadRecordingError, Finding, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
 TRUCK_LENGTH = 7.0  # m; the lengths of I-80 leaders have a gap between 6.8 m (cars) and 7.7 m
@@ -23,7 +24,7 @@ LANES = 7  # six lanes and the on-ramp, NGSIM I-80 data description
 _COLUMNS = (
     "run follower leader t_s y_f_m v_f_mps a_f_mps2 y_l_m v_l_mps a_l_mps2 leader_length_m lane".split()
 )
-_SAME = 0.01  # m; two pairs that share a vehicle must agree on where it is
+_SAME = 0.01  # m; rows that share a vehicle must agree on where it is and how long
 
 
 def find_pairs(root: Path) -> Path:
@@ -59,7 +60,7 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
         id=recording,
         frame_rate=FRAME_RATE,
         lane_count={1: LANES},
-        road_length=float(max(pairs["y_f_m"].max(), pairs["y_l_m"].max())),
+        road_length=0.0,
         source="NGSIM I-80, leader-follower pairs, reconstructed",
         licence=LICENCE,
         attribution=ATTRIBUTION,
@@ -69,11 +70,17 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
             f"length known for leaders, {policy.default_length:g} m assumed for the others; "
             f"truck = longer than {TRUCK_LENGTH:g} m",
         ),
-        file=str(path),
+        file=f"{path} ({run})",
         columns={"track_id": "follower", "frame": "t_s", "time": "t_s", "leader_id": "leader"}
         | {"position": "y_f_m", "x": "y_f_m", "speed": "v_f_mps", "acceleration": "a_f_mps2"}
         | {"length": "leader_length_m"},
     )
+    lengths = pairs.groupby("leader")["leader_length_m"]
+    span = np.asarray(lengths.transform("max")) - np.asarray(lengths.transform("min"))
+    if (span > _SAME).any():
+        row = int(np.argmax(span > _SAME))
+        text = f"vehicle {pairs['leader'].iloc[row]} has several lengths"
+        raise BadRecordingError(info.file, text, "correct the lengths", "leader_length_m", row + 1)
     losses = Losses()
     members = _members(pairs, policy.default_length)
     members = _agreeing(members, info, policy, losses)
@@ -85,7 +92,8 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     if returns.any():
         info = info.with_notes(f"{int(returns.sum())} vehicles left the pairs and came back under a new id")
     table, dropped = validate(split_tracks(members, returns), info, policy, losses)
-    return Recording(info, table, dropped)
+    front = table["position"].to_numpy() + 0.5 * table["length"].to_numpy()
+    return Recording(replace(info, road_length=float(front.max())), table, dropped)
 
 
 def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:
@@ -117,7 +125,8 @@ def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:
 def _agreeing(members: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses) -> pd.DataFrame:
     """The rows of vehicles on whose position all their pairs agree."""
     where = members.groupby(["track_id", "frame"])["position"]
-    off = np.asarray(where.transform("max")) - np.asarray(where.transform("min")) > _SAME
+    with np.errstate(invalid="ignore"):  # infinite positions are for the schema to find
+        off = np.asarray(where.transform("max")) - np.asarray(where.transform("min")) > _SAME
     if not off.any():
         return members
     row = int(np.argmax(off))

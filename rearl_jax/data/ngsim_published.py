@@ -135,7 +135,7 @@ class PublishedFile:
             table, n_broken = read_csv(self.path, types, self._policy.on_bad)
             if n_broken:
                 losses.counts["broken_line"] = n_broken
-            rows = table.to_pandas()
+            rows = table.to_pandas(split_blocks=True, self_destruct=True)
         if rows.empty:
             raise BadRecordingError(str(self.path), "the table has no rows", "remove the file or complete it")
         renamed = {names[_PUBLISHED[c][0]]: c for c in wanted if _PUBLISHED[c][0] in names}

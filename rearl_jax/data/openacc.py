@@ -16,8 +16,9 @@ import pandas as pd
 import pyarrow.parquet as pq
 
 from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.data import checks
 from rearl_jax.data.losses import Losses
-from rearl_jax.data.problems import Finding, require_columns
+from rearl_jax.data.problems import BadRecordingError, Finding, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
 FRAME_RATE = 10.0
@@ -25,7 +26,10 @@ LICENCE = "CC BY 4.0"
 ATTRIBUTION = (
     "European Commission, Joint Research Centre, Open ACC Database, https://doi.org/10.2905/JRC.KMH3D00"
 )
-MAX_HOLE = 10  # frames, 1 s; shorter holes of a gap or speed are interpolated
+MAX_HOLE = 10  # frames, 1 s; holes of a gap or speed up to this are interpolated
+MAX_GAP = 1000.0  # m; the widest gap of the set is 230 m
+MAX_BACKWARD = 1.0  # m/s; noise of the satellite receivers makes standing vehicles drive back by 0.07 m/s
+MAX_TIME = 86_400.0  # s from the median time of a run
 _COLUMNS = ("file", "t_s", "pos", "speed_mps", "gap_to_follower_m")
 
 
@@ -86,7 +90,8 @@ def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfi
     """One part of a platoon.
 
     Left out and counted unless data.on_bad is stop: vehicles without a gap to a neighbour (`unlinked`),
-    negative gaps (`negative_gap`), and rows whose speed or a gap ahead stays unknown for over 1 s (`no_gap`).
+    impossible values (`negative_gap`, `far_gap`, `out_of_range`, `bad_time`, `duplicate`), and rows whose
+    speed or a gap ahead stays unknown for over 1 s (`no_gap`).
 
     Raises:
         BadRecordingError: One of these occurs and data.on_bad is stop, or a row breaks the schema.
@@ -114,19 +119,13 @@ def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfi
         },
     )
     losses = Losses()
-    place, gap = rows["pos"].to_numpy(), rows["gap_to_follower_m"].to_numpy(dtype=np.float64, copy=True)
-    unlinked = np.isin(place, platoon.unlinked)
-    _leave_out(unlinked, rows, "unlinked", "pos", "no gap to a neighbour", info, policy, losses)
-    inside = (place >= platoon.first) & (place < platoon.last)
-    negative = inside & (gap < 0.0)
-    _leave_out(negative, rows, "negative_gap", "position", "the gap is negative", info, policy, losses)
-    gap[negative] = np.nan
-
-    table, placed, n_filled = _placed(rows, gap, platoon, policy.default_length)
-    _leave_out(
-        ~placed, table, "no_gap", "position", "gap or speed unknown for over 1 s", info, policy, losses
-    )
+    rows = _plausible(rows, platoon, info, policy, losses)
+    table, placed, n_filled = _placed(rows, platoon, policy.default_length)
+    text = "gap or speed unknown for over 1 s"
+    _leave_out(~placed, table, "no_gap", "position", text, info, policy, losses)
     table = table.iloc[np.flatnonzero(placed)]
+    if table.empty:
+        raise BadRecordingError(info.file, "no vehicle has a known place", "complete speeds and gaps", "pos")
     backward = table["speed"].to_numpy() < 0.0
     note = f"{n_filled} speeds and gaps in holes of 1 s or less interpolated, "
     note += f"{int(backward.sum())} negative speeds set to 0"
@@ -155,23 +154,51 @@ def fill_holes(values: np.ndarray) -> np.ndarray:
     return filled
 
 
-def _placed(
-    rows: pd.DataFrame, gap: np.ndarray, platoon: Platoon, length: float
-) -> tuple[pd.DataFrame, np.ndarray, int]:
-    """Table of all vehicles in all frames, mask of rows with a known position, number of filled values."""
+def _plausible(
+    rows: pd.DataFrame, platoon: Platoon, info: RecordingInfo, policy: DataConfig, losses: Losses
+) -> pd.DataFrame:
+    """The platoon's rows with a frame number; impossible speeds and gaps are unknown (NaN) in them."""
+    place, time = rows["pos"].to_numpy(), rows["t_s"].to_numpy(dtype=np.float64)
+    unlinked = np.isin(place, platoon.unlinked)
+    _leave_out(unlinked, rows, "unlinked", "track_id", "no gap to a neighbour", info, policy, losses)
+    inside = (place >= platoon.first) & (place <= platoon.last)
+    finite = np.isfinite(time)
+    lost = inside & ~(finite & (np.abs(time - np.median(time[finite])) <= MAX_TIME))
+    _leave_out(lost, rows, "bad_time", "frame", "the time is unknown or a day off", info, policy, losses)
+    rows = rows.iloc[np.flatnonzero(inside & ~lost)]
     frame = np.rint(rows["t_s"].to_numpy(dtype=np.float64) * FRAME_RATE).astype(np.int64)
+    rows = rows.assign(frame=frame)
+    twice = rows.duplicated(["pos", "frame"]).to_numpy()
+    _leave_out(twice, rows, "duplicate", "frame", "a vehicle is there twice in a frame", info, policy, losses)
+    rows = rows.iloc[np.flatnonzero(~twice)]
+
+    speed = rows["speed_mps"].to_numpy(dtype=np.float64, copy=True)
+    gap = rows["gap_to_follower_m"].to_numpy(dtype=np.float64, copy=True)
+    # The gap behind the last vehicle leads out of the platoon.
+    gap[rows["pos"].to_numpy() == platoon.last] = np.nan
+    wrong = (speed < -MAX_BACKWARD) | (speed > checks.RANGES["speed"][1])
+    _leave_out(wrong, rows, "out_of_range", "speed", "no vehicle has this speed", info, policy, losses)
+    negative, far = gap < 0.0, gap > MAX_GAP
+    _leave_out(negative, rows, "negative_gap", "position", "the gap is negative", info, policy, losses)
+    _leave_out(far, rows, "far_gap", "position", f"the gap is above {MAX_GAP:g} m", info, policy, losses)
+    return rows.assign(
+        speed_mps=np.where(wrong, np.nan, speed), gap_to_follower_m=np.where(negative | far, np.nan, gap)
+    )
+
+
+def _placed(rows: pd.DataFrame, platoon: Platoon, length: float) -> tuple[pd.DataFrame, np.ndarray, int]:
+    """Table of all vehicles in all frames, mask of rows with a known position, number of filled values."""
+    frame, place = rows["frame"].to_numpy(), rows["pos"].to_numpy()
     frames = np.arange(frame.min(), frame.max() + 1)
     places = np.arange(platoon.first, platoon.last + 1)
 
     def grid(values: np.ndarray) -> np.ndarray:
         wide = np.full((frames.size, places.size), np.nan)
-        here = np.isin(rows["pos"].to_numpy(), places)
-        wide[frame[here] - frames[0], rows["pos"].to_numpy()[here] - places[0]] = values[here]
+        wide[frame - frames[0], place - places[0]] = values
         return wide
 
     measured = grid(rows["speed_mps"].to_numpy(dtype=np.float64))
-    # The gap behind the last vehicle leads out of the platoon.
-    gaps = grid(gap)[:, :-1]
+    gaps = grid(rows["gap_to_follower_m"].to_numpy(dtype=np.float64))[:, :-1]
     speed, ahead = fill_holes(measured), fill_holes(gaps)
     n_filled = int((~np.isnan(speed)).sum() - (~np.isnan(measured)).sum())
     n_filled += int((~np.isnan(ahead)).sum() - (~np.isnan(gaps)).sum())
@@ -183,7 +210,8 @@ def _placed(
     # Behind a vehicle without speed nobody is where the sum of gaps says.
     placed = np.logical_and.accumulate(placed, axis=1)
     position += 0.5 * length - np.min(position, where=placed, initial=np.inf)
-    source_row = grid(np.arange(len(rows), dtype=np.float64))
+    # A frame the source does not have gets the number of the row before it.
+    source_row = pd.Series(grid(rows.index.to_numpy(dtype=np.float64)).ravel("F")).ffill().bfill()
     table = pd.DataFrame(
         {
             "track_id": np.repeat(places, frames.size),
@@ -198,7 +226,7 @@ def _placed(
             "vehicle_class": "car",
             "leader_id": np.repeat(np.where(places > platoon.first, places - 1.0, np.nan), frames.size),
         },
-        index=np.nan_to_num(source_row.ravel("F")).astype(np.int64),
+        index=source_row.to_numpy().astype(np.int64),
     )
     return table, placed.ravel("F"), n_filled
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import Progress
 from rich.table import Table
 
 from rearl_jax.config import PrepareTask
@@ -25,6 +25,7 @@ from rearl_jax.data.recordings import count_recordings, data_id, is_generated, i
 from rearl_jax.data.records import Recording
 from rearl_jax.data.scene_files import save_scenes
 from rearl_jax.data.scenes import build_scenes
+from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 
 
@@ -38,7 +39,7 @@ def run(config: PrepareTask) -> dict:
         FileNotFoundError, ValueError: There are no recordings, one is bad (BadRecordingError), or no scene
             can be cut from them.
     """
-    with _progress() as progress:
+    with progress_bar() as progress:
         if config.data.kind is DataKind.generated:
             _generate(config, progress)
         generated = is_generated(config.data)
@@ -151,11 +152,6 @@ def _generate(config: PrepareTask, progress: Progress) -> None:
         Path(root),
         lambda done, total: progress.update(task, completed=done, total=total),
     )
-
-
-def _progress() -> Progress:
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=Console(stderr=True))
 
 
 def _print(summary: dict, *, generated: bool) -> None:

@@ -11,7 +11,6 @@ from pathlib import Path
 
 from rearl_jax.config.data import DataConfig, DataKind
 from rearl_jax.data import canonical, highd, ngsim, ngsim_pairs, ngsim_published, openacc
-from rearl_jax.data.generator.dataset import TRUTH_FILE
 from rearl_jax.data.records import Recording, RecordingInfo
 
 __all__ = [
@@ -67,6 +66,9 @@ def count_recordings(data: DataConfig) -> int:
 def is_generated(data: DataConfig) -> bool:
     """Whether any of the recordings was made by the generator, whatever they are read as."""
     if data.kind in (DataKind.highd, DataKind.generated):
+        # Here, because the generator brings scipy.stats, which reading does not need.
+        from rearl_jax.data.generator.dataset import TRUTH_FILE
+
         # The generator leaves a mark in the folder of its files.
         folder = highd.find_recordings(_root(data))[0].parent
         return data.kind is DataKind.generated or (folder / TRUTH_FILE).exists()

@@ -72,6 +72,7 @@ COLUMNS = (
 _MADE_HERE = ("recording", "time")
 # Checked as 64-bit integers and narrowed last, so that a lane of 300 is reported and does not wrap around.
 _SMALL = {"int8": "int64", "Int8": "Int64"}
+_LARGEST = 2**53  # whole numbers beyond it do not survive as float64
 REQUIRED = tuple(c.name for c in COLUMNS if not c.nullable and c.name not in _MADE_HERE)
 
 
@@ -146,9 +147,10 @@ def _number(values: pd.Series, column: Column, info: RecordingInfo) -> pd.Series
     if not column.nullable and values.isna().any():
         # NumPy's NaN for the unknown of every library, so that one check finds it.
         values = values.astype(np.float64)
-    if column.dtype.lower().startswith("int") and pd.api.types.is_float_dtype(values.dtype):
+    if column.dtype.lower().startswith("int"):
         array = values.to_numpy(dtype=np.float64, na_value=np.nan)
-        _stop_at(np.isfinite(array) & (array != np.rint(array)), values, "a whole number", info)
+        unfit = (array != np.rint(array)) | (np.abs(array) > _LARGEST)
+        _stop_at(np.isfinite(array) & unfit, values, "a whole number below 2^53", info)
     return values
 
 

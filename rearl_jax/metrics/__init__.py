@@ -68,7 +68,7 @@ METRICS: dict[str, Metric] = {
             "1",
             _NONE,
             "mean over frames; 1 is equal",
-            "ours",
+            "own definition",
         ),
         Metric(
             "mape_a",
@@ -100,17 +100,19 @@ METRICS: dict[str, Metric] = {
             "s",
             _NONE,
             "mean of gap / speed over same-lane leader-follower pairs of "
-            "all frames, speed >= 1 m/s, none crashed, gap > 0, any distance",
+            "all frames, speed >= thw.v_min (1 m/s), none crashed, gap > 0, any distance",
             _REARL,
         ),
-        Metric("thw_median", "time headway, median", "s", _NONE, "median over the same pairs", "ours"),
+        Metric(
+            "thw_median", "time headway, median", "s", _NONE, "median over the same pairs", "own definition"
+        ),
         Metric(
             "thw_excluded",
             "pairs without time headway",
             "1",
             _NONE,
             "share of leader-follower pairs that are too slow, crashed or overlapping",
-            "ours",
+            "own definition",
         ),
         Metric("lcr", "lane-change rate", "1", _NONE, "lane changes / (frames x vehicles)", _REARL),
         Metric(
@@ -120,7 +122,7 @@ METRICS: dict[str, Metric] = {
             _NONE,
             "lane changes per observed "
             "vehicle-second (frames 1 s apart); compares recorded with simulated scenes",
-            "ours",
+            "own definition",
         ),
         Metric(
             "collisions",
@@ -136,7 +138,7 @@ METRICS: dict[str, Metric] = {
             "1",
             _LOWER,
             "1 if any vehicle crashed in any frame",
-            "ours",
+            "own definition",
         ),
         Metric(
             "jerk_rms",
@@ -144,9 +146,16 @@ METRICS: dict[str, Metric] = {
             "m/s^3",
             _NONE,
             "of the second difference of the speed at 1 Hz",
-            "ours; named as future work in REARL (Bi et al.)",
+            "own definition; named as future work in REARL (Bi et al.)",
         ),
-        Metric("jerk_share", "large jerk", "1", _NONE, "share of |jerk| > 2.5 m/s^3", "ISO 15622:2018"),
+        Metric(
+            "jerk_share",
+            "large jerk",
+            "1",
+            _NONE,
+            "share of |jerk| > safety.jerk (2.5 m/s^3)",
+            "ISO 15622:2018",
+        ),
         Metric(
             "ttc_min",
             "least time to collision",
@@ -160,7 +169,7 @@ METRICS: dict[str, Metric] = {
             "short time to collision",
             "1",
             _NONE,
-            "share of pairs with less than 1.5 s",
+            "share of pairs with less than safety.ttc (1.5 s)",
             "Minderhoud & Bovy (2001); threshold FHWA-HRT-08-051 (2008)",
         ),
         Metric(
@@ -168,7 +177,7 @@ METRICS: dict[str, Metric] = {
             "hard deceleration to avoid a crash",
             "1",
             _NONE,
-            "share of pairs with (approach rate)^2 / (2 gap) > 3.35 m/s^2",
+            "share of pairs with (approach rate)^2 / (2 gap) > safety.drac (3.35 m/s^2)",
             "Cooper & Ferguson (1976); threshold Archer (2005)",
         ),
         Metric(
@@ -177,7 +186,7 @@ METRICS: dict[str, Metric] = {
             "1",
             _NONE,
             "share of pairs with short time to collision or hard deceleration to avoid a crash",
-            "the two sources above",
+            "union of the two",
         ),
         Metric(
             "realism",

@@ -185,6 +185,17 @@ def test_contradictions_are_dropped_and_counted_on_request(tracks, case):
     assert recording.table["track_id"].nunique() == 11
 
 
+@pytest.mark.parametrize("far", [5000.0, np.inf])
+def test_a_row_that_is_dropped_does_not_move_the_others(tracks, far):
+    sound = read_recording(tracks, STOP)
+    _edit(tracks, _set(170, x=far))
+    dropped = read_recording(tracks, DataConfig(on_bad=OnBad.drop_track))
+    assert dropped.dropped["tracks"] == 1
+    assert dropped.info.road_length == sound.info.road_length
+    left = sound.table[sound.table["track_id"] != 2].reset_index(drop=True)
+    pd.testing.assert_frame_equal(dropped.table, left, check_categorical=False)
+
+
 def test_speeds_in_kmh_stop(tracks):
     _edit(tracks, lambda t: t.assign(xVelocity=t["xVelocity"] * 3.6))
     with pytest.raises(BadRecordingError, match="speed is in km/h"):

@@ -54,7 +54,7 @@ def test_debouncing_forgets_flicker_and_keeps_changes_within_a_track():
     lane = np.repeat([1, 2], 60)
     lane[[0, 10, 20, 21, 59, 90]] = 2, 2, 2, 2, 2, 1
     lane[62:68] = 1, 2, 1, 2, 1, 2
-    assert np.count_nonzero(np.diff(lane)) == 15
+    assert np.count_nonzero(np.diff(lane)) == 14
     as_one_track = debounced(lane, np.full(120, 7))
     assert np.count_nonzero(np.diff(as_one_track)) == 1
     assert 55 <= np.flatnonzero(np.diff(as_one_track))[0] <= 68
@@ -278,6 +278,13 @@ def test_pairs_that_disagree_about_a_vehicle_stop_or_are_counted(tmp_path):
         _read_pairs(tmp_path, pairs)
     dropped = _read_pairs(tmp_path, pairs, DROP_ROW).dropped
     assert dropped["contradiction"] == 2
+
+
+def test_a_vehicle_of_several_lengths_stops(tmp_path):
+    pairs = _pairs()
+    pairs.loc[20, "leader_length_m"] = 9.0
+    with pytest.raises(BadRecordingError, match="vehicle 1 has several lengths"):
+        _read_pairs(tmp_path, pairs, DROP_ROW)
 
 
 def test_a_folder_without_the_one_file_stops(tmp_path):

@@ -189,6 +189,9 @@ def test_switches_reach_the_kernels():
     scene = trajectories(make_scene(48, recorded=True))
     raw = MetricsConfig(realism=RealismConfig(speed_values=SpeedValues.raw), frame_interval=0.5)
     default, other = SCORE(scene, ref, CONFIG), SCORE(scene, ref, raw)
+    for found, values in ((default, scene.scaled_speed), (other, scene.speed)):
+        expected = reference.feature_histogram(values, 0.0, 35.0, 10)
+        assert found.realism.speed.tolist() == expected.tolist()
     assert default.realism.speed.tolist() != other.realism.speed.tolist()
     np.testing.assert_array_equal(default.realism.distance, other.realism.distance)
     assert float(other.jerk_rms.value) == pytest.approx(4 * float(default.jerk_rms.value))

@@ -1,8 +1,8 @@
 """Where an effect can act on the generated drivers, and what it gets to see.
 
-A modifier is a picklable callable (a frozen dataclass with `__call__`) that receives a quantity of every driver on
-the road and the `Situation`, and returns the changed quantity. Stop-and-go traffic uses the same places as any
-effect that is added to normal traffic on purpose.
+A modifier is a picklable callable (a frozen dataclass with `__call__`) that receives a quantity of every
+driver on the road and the `Situation`, and returns the changed quantity. Stop-and-go traffic uses the same
+places as any effect that is added to normal traffic on purpose.
 """
 
 from collections.abc import Callable
@@ -75,7 +75,7 @@ def modified(value: np.ndarray, modifiers: tuple[Modifier, ...], situation: Situ
 
 @dataclass(frozen=True)
 class SpeedRestriction:
-    """Desired-speed modifier: a bottleneck whose passable speed changes in phases, the source of stop-and-go waves.
+    """Desired-speed modifier: a bottleneck whose passable speed changes in phases and starts waves.
 
     Attributes:
         direction: Carriageway it lies on.

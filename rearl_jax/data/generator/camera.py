@@ -1,4 +1,4 @@
-"""From simulated motion to observed tracks: frames at 25 Hz, detection noise, a smoothing tracker, the field of view."""
+"""Simulated motion to observed tracks: frames at 25 Hz, detection noise, a smoothing tracker, the view."""
 
 from dataclasses import dataclass
 
@@ -70,8 +70,8 @@ def interpolate(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Vehicle, frame, position [m] and lateral position [m] at every frame between the samples.
 
-    Positions follow the cubic through both samples with their speeds (exact for constant acceleration), lateral
-    positions the straight line.
+    Positions follow the cubic through both samples with their speeds (exact for constant acceleration),
+    lateral positions the straight line.
     """
     n_rows = np.diff(np.flatnonzero(np.diff(samples.vehicle, prepend=-1, append=-1)))
     enough = np.repeat((n_rows - 1) * frames_per_step >= SHORTEST_TRACK, n_rows)
@@ -97,9 +97,9 @@ def interpolate(
 def smoothed(measured: np.ndarray, begin: np.ndarray, cutoff: float) -> np.ndarray:
     """Rows x that minimise |x - y|^2 + lambda |D3 x|^2 within each track, D3 the third difference.
 
-    This is the fixed-interval (Rauch-Tung-Striebel) smoother of a constant-acceleration model with white jerk,
-    the tracker of highD, in one banded system. The gain at frequency f is 1 / (1 + lambda (2 sin(pi f dt))^6),
-    one half at the cut-off.
+    This is the fixed-interval (Rauch-Tung-Striebel) smoother of a constant-acceleration model with white
+    jerk, the tracker of highD, in one banded system. The gain at frequency f is 1 / (1 + lambda (2 sin(pi f
+    dt))^6), one half at the cut-off.
 
     Args:
         measured: Positions, rows sorted by track and frame; one column per coordinate.
@@ -119,13 +119,14 @@ def smoothed(measured: np.ndarray, begin: np.ndarray, cutoff: float) -> np.ndarr
     bands[0] = 1.0
     for i in range(4):
         for j in range(i, 4):
-            # Row r of D3 adds difference[i] * difference[j] to the entry (r + i, r + j), stored in band j - i.
+            # Row r of D3 adds difference[i] * difference[j] to the entry (r + i, r + j), stored in band j -
+            # i.
             bands[j - i, i:] += difference[i] * difference[j] * weight[: n_rows - i]
     return solveh_banded(bands, measured, overwrite_ab=True, lower=True, check_finite=False)
 
 
 def derivatives(values: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First and second derivative by central differences within each track; ends repeat their neighbour's second one."""
+    """First and second derivative by central differences within each track; one-sided at the ends."""
     n_rows = len(values)
     end = np.concatenate([begin[1:], [n_rows]]) - 1
     first, second = np.empty_like(values), np.empty_like(values)
@@ -138,7 +139,7 @@ def derivatives(values: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _without_holes(seen: np.ndarray, begin: np.ndarray) -> np.ndarray:
-    """Rows from the first to the last seen row of every track; noise at the edge of the view tears no hole."""
+    """Rows from the first to the last seen one of every track; noise at the view's edge tears no hole."""
     row = np.arange(len(seen))
     first = np.minimum.reduceat(np.where(seen, row, len(seen)), begin)
     last = np.maximum.reduceat(np.where(seen, row, -1), begin)

@@ -1,4 +1,4 @@
-"""Longitudinal behaviour: Gipps' free and safe speed with a time gap of the driver's own and comfortable braking.
+"""Longitudinal behaviour: Gipps' free and safe speed, a time gap per driver, comfortable braking.
 
 All functions are element-wise over drivers. Decelerations are positive magnitudes.
 """
@@ -26,7 +26,7 @@ def free_speed(speed: np.ndarray, desired_speed: np.ndarray, drivers: Drivers) -
 def safe_speed(
     speed: np.ndarray, gap: np.ndarray, leader_speed: np.ndarray, time_gap: np.ndarray, drivers: Drivers
 ) -> np.ndarray:
-    """Speed one reaction time ahead from which the driver can stop behind his leader, should that one brake [m/s].
+    """Speed one reaction time ahead from which the driver can stop behind a braking leader [m/s].
 
     -b (tau/2 + theta) + sqrt(b^2 (tau/2 + theta)^2 + 2 b (s - s0) - b tau v + vl^2), theta = T - tau
 
@@ -51,9 +51,9 @@ def chosen_acceleration(
 ) -> np.ndarray:
     """Acceleration towards the lower of free and safe speed [m/s^2].
 
-    Braking stays comfortable unless a collision is to be avoided: the deceleration may reach the leader's own plus
-    1.3 (v - vl)^2 / (2 (s - s0/2)), which is what closes the gap without touching, with a reserve. So a driver lets
-    a short but safe gap grow instead of braking hard for it.
+    Braking stays comfortable unless a collision is to be avoided: the deceleration may reach the leader's own
+    plus 1.3 (v - vl)^2 / (2 (s - s0/2)), which is what closes the gap without touching, with a reserve. So a
+    driver lets a short but safe gap grow instead of braking hard for it.
     """
     target = np.minimum(
         free_speed(speed, desired_speed, drivers), safe_speed(speed, gap, leader_speed, time_gap, drivers)

@@ -1,10 +1,10 @@
-"""A set of generated recordings in a folder: written side by side, resumed where it stopped, told from measured data."""
+"""A folder of generated recordings: written side by side, resumed where it stopped, marked as generated."""
 
 import hashlib
 import json
 import multiprocessing
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
@@ -25,6 +25,7 @@ TRUTH_FILE = "generator.json"
 MODEL_VERSION = 1  # to be raised with every change that alters the files written for a given configuration
 _NOT_CONTENT = ("n_recordings", "first_id", "workers")  # these keys do not alter a recording's content
 
+NORMAL = Behaviour()
 Progress = Callable[[int, int], None]
 
 
@@ -32,13 +33,14 @@ def generate(
     config: GeneratorConfig,
     root: Path,
     progress: Progress | None = None,
-    behaviour: Behaviour = Behaviour(),  # noqa: B008 (frozen)
+    behaviour: Behaviour = NORMAL,
 ) -> list[Path]:
     """Paths of the recordings' tracks files, after writing those that are missing.
 
-    A recording depends on the seed, its number and the configuration, not on the workers or the other recordings.
-    A killed run is resumed by the same call. Beside the files stands generator.json: that they are generated, from
-    which configuration and seed, with which planted effects.
+    A recording depends on the seed, its number and the configuration, not on the workers or the other
+    recordings.
+    A killed run is resumed by the same call. Beside the files stands generator.json: that they are generated,
+    from which configuration and seed, with which planted effects.
 
     Args:
         config: What to write.
@@ -84,7 +86,9 @@ def generate_recording(
     return {path.name: path.stat().st_size for path in recording_files(root, number)}
 
 
-def _written(config: GeneratorConfig, root: Path, behaviour: Behaviour, numbers: list[int]):
+def _written(
+    config: GeneratorConfig, root: Path, behaviour: Behaviour, numbers: list[int]
+) -> Iterator[tuple[int, dict[str, int]]]:
     """Number and file sizes of every recording as it is finished."""
     workers = min(config.workers or _n_cores(), len(numbers))
     if workers <= 1:
@@ -117,23 +121,26 @@ def _opened_truth(config: GeneratorConfig, root: Path, behaviour: Behaviour) -> 
     config_hash = hashlib.sha256(identity.encode()).hexdigest()[:16]
     path = root / TRUTH_FILE
     if path.exists():
-        truth = json.loads(path.read_text())
+        try:
+            truth = json.loads(path.read_text())
+        except json.JSONDecodeError as error:
+            raise ValueError(f"{path}: {error}; remove the folder and generate it again") from error
         if truth.get("config_hash") != config_hash:
             raise ValueError(
-                f"{path}: the folder holds recordings generated with another configuration{_difference(truth, content)}; "
-                "choose another folder, or remove this one"
+                f"{path}: the folder holds recordings generated with another configuration"
+                f"{_difference(truth, content)}; choose another folder (data.root), or remove this one"
             )
         return truth
     strangers = sorted(file.name for file in root.glob("*_tracks.csv"))
     if strangers:
         raise ValueError(
-            f"{root}: holds {strangers[0]} but no {TRUTH_FILE}, so these recordings were not generated here and are not "
-            "overwritten; choose another folder"
+            f"{root}: holds {strangers[0]} but no {TRUTH_FILE}, so these recordings were not generated here "
+            "and are not overwritten; choose another folder (data.root)"
         )
     truth = {
         "generated": True,
         "format": "highD",
-        "model": "Gipps car following, random lane changes by speed gain and gap acceptance, smoothing tracker",
+        "model": "Gipps car following, lane changes by speed gain and gap acceptance, smoothing tracker",
         "model_version": MODEL_VERSION,
         "config_hash": config_hash,
         "config": content,

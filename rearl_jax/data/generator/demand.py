@@ -8,8 +8,8 @@ from rearl_jax.data.generator.plan import RecordingPlan
 from rearl_jax.data.generator.road import LOWER, UPPER
 
 MIN_HEADWAY = 1.0  # shortest headway at entry [s]
-# Share of the cars per lane, left to right, and share of the trucks in the rightmost lane (the others one lane
-# further left). Source: usual lane use on German motorways at 1,000 to 1,500 vehicles per hour and lane (HBS 2015).
+# Share of the cars per lane, left to right, and share of the trucks in the rightmost lane (the others one
+# lane further left). Fitted: with these the cars reach highD's speeds with highD's few lane changes.
 CAR_LANE_SHARES = {2: (0.66, 0.34), 3: (0.44, 0.45, 0.11)}
 TRUCK_RIGHT_SHARE = 0.95
 # Mean of the cars' pace per lane and its spread within a lane: who wants to drive fast is found further left.
@@ -40,8 +40,8 @@ class Arrivals:
 def draw_arrivals(plan: RecordingPlan, end: float, rng: np.random.Generator) -> Arrivals:
     """Arrivals until the given time [s].
 
-    Headways in a lane are a constant plus an exponential part, h = h_min + Exp(1/q - h_min) with flow q per lane;
-    at high flow the constant gives way so that the mean headway stays 1/q.
+    Headways in a lane are a constant plus an exponential part, h = h_min + Exp(1/q - h_min) with flow q per
+    lane; at high flow the constant gives way so that the mean headway stays 1/q.
 
     Source: shifted exponential headways, Cowan (1975), model M2.
     """

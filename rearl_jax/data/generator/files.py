@@ -28,7 +28,7 @@ def write_recording(root: Path, recording_id: int, tables: tuple[Table, Table, T
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path that takes the place of `path` when the block ends well, and vanishes when it does not."""
+    """A temporary path that replaces `path` when the block ends well, and vanishes when it does not."""
     temporary = path.with_name(f".{path.name}.tmp")
     try:
         yield temporary
@@ -48,7 +48,7 @@ def _write_csv(path: Path, table: Table) -> None:
 
 
 def _column(values: np.ndarray) -> pa.Array:
-    """An Arrow array; floats as decimals, so that they are written with exactly two digits after the point."""
+    """An Arrow array; floats as decimals, so that exactly two digits after the point are written."""
     if values.dtype.kind != "f":
         return pa.array(values)
     # A 128-bit decimal is its count of hundredths in two's complement, low half first.

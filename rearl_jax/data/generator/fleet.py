@@ -1,4 +1,4 @@
-"""The vehicles: constants of each driver drawn once for a recording, and the state of those now on the road."""
+"""The vehicles: constants of all drivers of a recording, and the state of those now on the road."""
 
 from dataclasses import dataclass, fields
 
@@ -57,12 +57,15 @@ def draw_drivers(
     speed_limit: float | None,
     rng: np.random.Generator,
 ) -> Drivers:
-    """Drivers of the given classes and pace (desired speed in standard deviations), each with values of his own.
+    """Drivers of given class and pace (desired speed in standard deviations), each with own values.
 
-    Spreads follow the usual ranges of Gipps-model calibrations (Gipps 1981; Ciuffo, Punzo and Montanino 2012);
-    vehicle sizes are those of European cars (3.6 to 5.3 m) and of rigid and articulated trucks (8 to 18.75 m).
+    Spreads follow the usual ranges of Gipps-model calibrations (Gipps 1981; Ciuffo, Punzo and Montanino
+    2012); vehicle sizes are those of European cars (3.6 to 5.3 m) and of rigid and articulated trucks (8 to
+    18.75 m).
     """
     n = len(is_truck)
+    # Drivers keep near a legal limit, most a little above it.
+    limit_effect = 1.0 if speed_limit is None else min(1.0, (speed_limit + 1.5) / config.car_speed)
 
     def by_class(car: np.ndarray, truck: np.ndarray) -> np.ndarray:
         return np.where(is_truck, truck, car)
@@ -73,7 +76,6 @@ def draw_drivers(
     def normal(mean: float, sd: float, n_sd: float = 2.5) -> np.ndarray:
         return mean + sd * np.clip(rng.standard_normal(n), -n_sd, n_sd)
 
-    limit_effect = 1.0 if speed_limit is None else min(1.0, (speed_limit + 1.5) / config.car_speed)
     time_gap = by_class(
         around(config.car_time_gap, 0.40, 0.55, 3.0), around(config.truck_time_gap, 0.25, 1.0, 3.5)
     )

@@ -2,10 +2,10 @@
 
 Measured values are floats rounded to two decimals, as highD writes them; counts and identifiers are integers.
 
-Source: columns and conventions of the highD format (Krajewski et al. 2018, www.highd-dataset.com): x and y are the
-upper left corner of the bounding box, width its extent along x, ids 0 = nobody, dhw = thw = ttc = 0 without a
-preceding vehicle, -1 for their minima; dhw is the distance of the two corners x, ttc = dhw / (v - v_preceding) and
-so negative while the gap opens.
+Source: columns and conventions of the highD format (Krajewski et al. 2018, www.highd-dataset.com): x and y
+are the upper left corner of the bounding box, width its extent along x, ids 0 = nobody, dhw = thw = ttc = 0
+without a preceding vehicle, -1 for their minima; dhw is the distance of the two corners x, ttc = dhw / (v -
+v_preceding) and so negative while the gap opens.
 """
 
 import numpy as np

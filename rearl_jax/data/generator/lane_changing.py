@@ -1,8 +1,8 @@
 """Lateral behaviour: when drivers change lanes and how they move sideways.
 
-Drivers change left for a gain in speed and return to the right when that costs them nothing (the German rule to
-keep right). A change happens at a random moment with a rate that grows with the incentive, if the gaps in the
-target lane suffice.
+Drivers change left for a gain in speed and return to the right when that costs them nothing (the German rule
+to keep right). A change happens at a random moment with a rate that grows with the incentive, if the gaps in
+the target lane suffice. The constants are assumed; the rates are fitted to highD's number of lane changes.
 """
 
 from dataclasses import dataclass
@@ -13,10 +13,9 @@ from rearl_jax.data.generator.behaviour import Behaviour, Situation, modified
 from rearl_jax.data.generator.fleet import Drivers, Fleet
 
 LEFT, RIGHT = -1, 1
-GAIN_HORIZON = 8.0  # how far ahead a driver judges the speed of a lane to his left [s]
-RETURN_HORIZON = (
-    14.0  # the same for returning to the right, longer so that he does not change back and forth [s]
-)
+# The speed of a lane is judged over a horizon; a longer one for returning to the right, so that nobody
+# changes back and forth.
+GAIN_HORIZON, RETURN_HORIZON = 8.0, 14.0  # [s]
 GAIN_THRESHOLD = 1.5  # smallest gain that moves a driver to the left [m/s]
 GAIN_SCALE = 6.0  # gain beyond the threshold at which the rate is full; it grows to 2.25 times that [m/s]
 LOSS_TOLERANCE = 0.3  # loss a driver accepts for returning to the right [m/s]
@@ -45,7 +44,7 @@ def expected_speed(
     time_gap: np.ndarray,
     horizon: float,
 ) -> np.ndarray:
-    """Mean speed a driver expects in a lane over the horizon [m/s]: his own until he has caught up, then the leader's."""
+    """Speed a driver expects in a lane over the horizon [m/s]: his own, the leader's once caught up."""
     room = np.maximum(gap - time_gap * speed, 0.0)
     return np.minimum(desired_speed, leader_speed + room / horizon)
 
@@ -53,8 +52,8 @@ def expected_speed(
 def accepts_gaps(speed: np.ndarray, target: Neighbours, drivers: Drivers) -> np.ndarray:
     """Whether the gaps in the target lane suffice.
 
-    To the vehicle ahead: s0 + T_c v plus the way lost while slowing to its speed at comfortable deceleration; to
-    the one behind the same with its speed.
+    To the vehicle ahead: s0 + T_c v plus the way lost while slowing to its speed at comfortable deceleration;
+    to the one behind the same with its speed.
 
     Source: gap acceptance with a critical gap per driver, as in Gipps (1986), A model for the structure of
     lane-changing decisions.
@@ -80,7 +79,7 @@ def change_probability(
     duration: float,
     behaviour: Behaviour,
 ) -> np.ndarray:
-    """Probability that a driver begins a change to one side within the duration [s], before gaps are judged."""
+    """Probability of beginning a change to one side within the duration [s], before gaps are judged."""
     fleet = situation.fleet
     drivers, speed = fleet.drivers, fleet.speed
     horizon = GAIN_HORIZON if side == LEFT else RETURN_HORIZON
@@ -104,7 +103,7 @@ def change_probability(
 
 
 def _urgency(gain: np.ndarray) -> np.ndarray:
-    """Share of the full rate at a gain in speed [m/s]; grows with its square, small gains rarely move anybody."""
+    """Factor on the full rate at a gain in speed [m/s]; its square, so small gains rarely move anybody."""
     return np.clip((gain - GAIN_THRESHOLD) / GAIN_SCALE, 0.0, 1.5) ** 2
 
 

@@ -1,8 +1,8 @@
 """What a recording is to hold: place, duration, traffic volume, truck share, congestion.
 
-The design has 60 cells, as many as highD has recordings. A cell's traffic is a quantile of the published range,
-so that the 60 together reproduce highD's totals instead of scattering around them; the seed decides which
-recording takes which cell. Recording 61 takes the cell of recording 1 with other drivers.
+The design has 60 cells, as many as highD has recordings. A cell's traffic is a quantile of the published
+range, so that the 60 together reproduce highD's totals instead of scattering around them; the seed decides
+which recording takes which cell. Recording 61 takes the cell of recording 1 with other drivers.
 """
 
 from dataclasses import dataclass
@@ -18,10 +18,10 @@ N_CELLS = 60
 CROSSING_TIME = 13.2  # mean time in view [s]: 24.6 vehicles x 16.5 h / 110,516 vehicles of highD
 EXIT_LENGTH = 300.0  # road after the view [m]
 WARM_UP = 150.0  # time before the recording starts [s]
-# Stop-and-go traffic: phases at a bottleneck behind the view. Crawling traffic passes less than arrives, so that the
-# waves it starts run upstream through the view; with these values the fullest recording has about 46 vehicles in
-# view on average, as in highD.
-CONGESTED_TIME = 0.28  # share of the recording with phases
+# Stop-and-go traffic: phases at a bottleneck behind the view. Crawling traffic passes less than arrives, so
+# that the waves it starts run upstream through the view; with these values the fullest recording has about 46
+# vehicles in view on average, as in highD.
+CONGESTED_TIME = 0.31  # share of the recording with phases
 CRAWL_SPEED, CRAWL_TIME = (2.0, 5.0), (20.0, 35.0)  # [m/s], [s]
 SLOW_SPEED, SLOW_TIME = (8.0, 13.0), (30.0, 60.0)  # [m/s], [s]
 BOTTLENECK_DISTANCE, BOTTLENECK_LENGTH = 20.0, 250.0  # [m]
@@ -63,12 +63,13 @@ class RecordingPlan:
 
 def plan_recording(config: GeneratorConfig, recording_id: int) -> RecordingPlan:
     """The plan of one recording; depends on the seed and the recording's number only."""
-    design = _Design(config)
+    design = _design(config)
     cell = (recording_id - 1) % N_CELLS
     rng = np.random.default_rng([config.seed, recording_id, 1])
     duration = 0.04 * round(config.duration_scale * design.duration[cell] / 0.04)
-    congested = bool(design.congested[cell])
     upper_share = float(rng.uniform(0.43, 0.57))
+    busier = UPPER if upper_share > 0.5 else LOWER
+    congestion = _bottleneck(config, busier, duration, rng) if design.congested[cell] else None
     return RecordingPlan(
         id=recording_id,
         section=SECTIONS[design.section[cell]],
@@ -76,50 +77,57 @@ def plan_recording(config: GeneratorConfig, recording_id: int) -> RecordingPlan:
         n_vehicles=float(design.vehicle_rate[cell] * (duration + CROSSING_TIME)),
         truck_share=float(design.truck_share[cell]),
         upper_share=upper_share,
-        congestion=_bottleneck(config, UPPER if upper_share > 0.5 else LOWER, duration, rng)
-        if congested
-        else None,
+        congestion=congestion,
         month=f"{rng.integers(1, 13):02d}.{rng.integers(2017, 2019)}",
         week_day=str(rng.choice(["Mon", "Tue", "Wed", "Thu", "Fri"])),
         start_time=f"{rng.integers(7, 19):02d}:{rng.integers(0, 60):02d}",
     )
 
 
+@dataclass(frozen=True)
 class _Design:
-    """The cells' values; arrays over cells."""
+    """What the recordings are made of; arrays over cells.
 
-    def __init__(self, config: GeneratorConfig):
-        rng = np.random.default_rng([config.seed, 0])
-        level = (np.arange(N_CELLS) + 0.5) / N_CELLS
-        in_view = _quantiles(level, config.in_view_min, config.in_view_mean, config.in_view_max, 1.3)
-        duration = _quantiles(
-            rng.permutation(level), config.duration_min, config.duration_mean, config.duration_max, 2.5
-        )
-        # The shortest recording takes the lightest traffic, so that the counts reach down to the lowest published.
-        shortest = int(np.argmin(duration))
-        duration[[0, shortest]] = duration[[shortest, 0]]
-        n_vehicles = np.clip(
-            in_view * (duration + CROSSING_TIME) / CROSSING_TIME, config.vehicles_min, config.vehicles_max
-        )
-        duration = n_vehicles * CROSSING_TIME / in_view - CROSSING_TIME
-        truck_share = _quantiles(
-            rng.permutation(level),
-            config.truck_share_min,
-            config.truck_share_mean,
-            config.truck_share_max,
-            2.2,
-        )
-        n_congested = round(config.congested_share * N_CELLS)
-        # Congestion grows out of dense traffic, but not the densest: it holds twice the vehicles of the same flow.
-        last = round(CONGESTED_LEVEL * N_CELLS)
-        congested = (np.arange(N_CELLS) >= last - n_congested) & (np.arange(N_CELLS) < last)
-        section = _choose_sections(in_view, rng)
-        order = rng.permutation(N_CELLS)
-        self.duration = duration[order]
-        self.vehicle_rate = (n_vehicles / (duration + CROSSING_TIME))[order]
-        self.truck_share = truck_share[order]
-        self.congested = congested[order]
-        self.section = section[order]
+    Attributes:
+        duration: [s], before scaling.
+        vehicle_rate: Vehicles per second, both directions.
+        truck_share: Share of trucks.
+        congested: Whether there is stop-and-go traffic.
+        section: Index into SECTIONS.
+    """
+
+    duration: np.ndarray
+    vehicle_rate: np.ndarray
+    truck_share: np.ndarray
+    congested: np.ndarray
+    section: np.ndarray
+
+
+def _design(config: GeneratorConfig) -> _Design:
+    """The cells in the order in which recordings take them; before the shuffle they are sorted by traffic."""
+    rng = np.random.default_rng([config.seed, 0])
+    cell = np.arange(N_CELLS)
+    level = (cell + 0.5) / N_CELLS
+    in_view = _quantiles(level, config.in_view_min, config.in_view_mean, config.in_view_max, 1.3)
+    duration = rng.permutation(
+        _quantiles(level, config.duration_min, config.duration_mean, config.duration_max, 2.5)
+    )
+    # The shortest recording takes the lightest traffic, so that the counts reach down to vehicles_min.
+    shortest = int(np.argmin(duration))
+    duration[[0, shortest]] = duration[[shortest, 0]]
+    n_vehicles = in_view * (duration + CROSSING_TIME) / CROSSING_TIME
+    n_vehicles = np.clip(n_vehicles, config.vehicles_min, config.vehicles_max)
+    duration = n_vehicles * CROSSING_TIME / in_view - CROSSING_TIME
+    truck_share = rng.permutation(
+        _quantiles(level, config.truck_share_min, config.truck_share_mean, config.truck_share_max, 2.2)
+    )
+    # Congestion grows out of dense traffic, but not the densest: it holds several times the vehicles.
+    last = round(CONGESTED_LEVEL * N_CELLS)
+    congested = (cell >= last - round(config.congested_share * N_CELLS)) & (cell < last)
+    section = _choose_sections(in_view, rng)
+    order = rng.permutation(N_CELLS)
+    rate = n_vehicles / (duration + CROSSING_TIME)
+    return _Design(duration[order], rate[order], truck_share[order], congested[order], section[order])
 
 
 def _quantiles(level: np.ndarray, low: float, mean: float, high: float, concentration: float) -> np.ndarray:
@@ -139,7 +147,7 @@ def _choose_sections(in_view: np.ndarray, rng: np.random.Generator) -> np.ndarra
 def _bottleneck(
     config: GeneratorConfig, direction: int, duration: float, rng: np.random.Generator
 ) -> SpeedRestriction:
-    """A bottleneck behind the view that for part of the recording alternates between crawling and slow traffic."""
+    """A bottleneck behind the view that alternates for a while between crawling and slow traffic."""
     time = WARM_UP + duration * float(rng.uniform(0.0, 1.0 - CONGESTED_TIME))
     end = time + CONGESTED_TIME * duration
     times, speeds = [], []

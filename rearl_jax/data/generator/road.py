@@ -45,7 +45,7 @@ class Section:
         return np.where(direction == UPPER, upper_left_edge - lateral, lower_left_edge + lateral)
 
     def lane_id(self, y: np.ndarray) -> np.ndarray:
-        """highD lane number at y: stripes between markings counted from the top, the one above all markings is 1.
+        """highD lane number at y: the stripes between markings from the top, above all markings is 1.
 
         Source: highD, where a road with 2 + 2 lanes has the numbers 2, 3 (upper) and 5, 6 (lower).
         """
@@ -53,8 +53,8 @@ class Section:
         return np.searchsorted(every_marking, y, side="right") + 1
 
 
-# highD has six places near Cologne, most with three lanes per direction, some with two, half of them without a
-# speed limit (Krajewski et al. 2018). The widths are German standard cross sections (RAA 2008: 3.50 to 3.75 m).
+# Like highD: six places, two or three lanes per direction, with and without a speed limit (Krajewski et al.
+# 2018). Lane widths of German motorways (RAA 2008: 3.50 to 3.75 m); the offsets in the image are arbitrary.
 SECTIONS = (
     Section(1, 3, 3.75, 8.50, 4.00, None),
     Section(2, 2, 3.75, 8.20, 4.50, None),

@@ -13,9 +13,10 @@ def summarise(root: Path) -> pd.DataFrame:
     """One row per recording, read from the meta files alone; index = number of the recording.
 
     Columns: duration [s], n_lanes per direction, n_vehicles, truck_share, in_view (mean number of vehicles),
-    car_speed, car_speed_sd, truck_speed, truck_speed_sd (of the vehicles' mean speeds [m/s]), crossing_time (mean
-    time in view [s]), lane_changes, lane_change_rate [1/s per vehicle], n_windows (60 s, not overlapping, from the
-    first frame) and n_scenes (windows with at least ten vehicles in each of the 60 snapshots).
+    car_speed, car_speed_sd, truck_speed, truck_speed_sd (of the vehicles' mean speeds [m/s]), crossing_time
+    (mean time in view [s]), lane_changes, lane_change_rate [1/s per vehicle], n_windows (60 s, not
+    overlapping, from the first frame) and n_scenes (windows with at least ten vehicles in each of the 60
+    snapshots).
 
     Raises:
         FileNotFoundError: No recording in the folder.
@@ -31,7 +32,7 @@ def summarise(root: Path) -> pd.DataFrame:
     return pd.DataFrame(rows).set_index("id").sort_index()
 
 
-def totals(summary: pd.DataFrame) -> dict[str, float]:
+def totals(summary: pd.DataFrame) -> dict[str, int | float]:
     """Figures of the whole set: sums, means over recordings and the range over recordings."""
     time_in_view = float((summary.in_view * summary.duration).sum())
     return {
@@ -62,18 +63,22 @@ def totals(summary: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def _recording(recording_path: Path, tracks_path: Path) -> dict[str, float]:
-    meta = pd.read_csv(recording_path).iloc[0]
+def _recording(recording_path: Path, tracks_path: Path) -> dict[str, int | float]:
+    meta = pd.read_csv(recording_path).to_dict("records")[0]
     tracks = pd.read_csv(tracks_path)
-    n_frames = round(meta["duration"] * meta["frameRate"])
+    frame_rate = round(meta["frameRate"])
+    n_frames = round(meta["duration"] * frame_rate)
     frames = np.arange(n_frames + 2)
     entered = np.searchsorted(np.sort(tracks["initialFrame"]), frames, side="right")
     left = np.searchsorted(np.sort(tracks["finalFrame"]), frames, side="left")
     in_view = (entered - left)[1 : n_frames + 1]
-    n_windows = n_frames // round(WINDOW * meta["frameRate"])
-    snapshots = in_view[: n_windows * round(WINDOW * meta["frameRate"]) : round(meta["frameRate"])]
-    truck = tracks["class"] == "Truck"
-    speed = tracks["meanXVelocity"]
+    n_windows = n_frames // (WINDOW * frame_rate)
+    snapshots = in_view[: n_windows * WINDOW * frame_rate : frame_rate].reshape(n_windows, WINDOW)
+    n_rows = int(tracks["numFrames"].to_numpy().sum())
+    changes = int(tracks["numLaneChanges"].to_numpy().sum())
+    speed, is_truck = tracks["meanXVelocity"].to_numpy(), tracks["class"].to_numpy() == "Truck"
+    car_speed, car_speed_sd = _mean_and_sd(speed[~is_truck])
+    truck_speed, truck_speed_sd = _mean_and_sd(speed[is_truck])
     return {
         "id": int(meta["id"]),
         "duration": float(meta["duration"]),
@@ -81,15 +86,20 @@ def _recording(recording_path: Path, tracks_path: Path) -> dict[str, float]:
         "n_vehicles": int(meta["numVehicles"]),
         "truck_share": float(meta["numTrucks"] / meta["numVehicles"]),
         "in_view": float(in_view.mean()),
-        "car_speed": float(speed[~truck].mean()),
-        "car_speed_sd": float(speed[~truck].std()),
-        "truck_speed": float(speed[truck].mean()),
-        "truck_speed_sd": float(speed[truck].std()),
-        "crossing_time": float(tracks["numFrames"].mean() / meta["frameRate"]),
-        "lane_changes": int(tracks["numLaneChanges"].sum()),
-        "lane_change_rate": float(
-            tracks["numLaneChanges"].sum() / tracks["numFrames"].sum() * meta["frameRate"]
-        ),
-        "n_windows": int(n_windows),
-        "n_scenes": int((snapshots.reshape(n_windows, WINDOW).min(axis=1) >= SCENE_VEHICLES).sum()),
+        "car_speed": car_speed,
+        "car_speed_sd": car_speed_sd,
+        "truck_speed": truck_speed,
+        "truck_speed_sd": truck_speed_sd,
+        "crossing_time": n_rows / len(tracks) / frame_rate,
+        "lane_changes": changes,
+        "lane_change_rate": changes / n_rows * frame_rate,
+        "n_windows": n_windows,
+        "n_scenes": int((snapshots.min(axis=1) >= SCENE_VEHICLES).sum()),
     }
+
+
+def _mean_and_sd(values: np.ndarray) -> tuple[float, float]:
+    """Mean and standard deviation; NaN for fewer than two values."""
+    if len(values) < 2:
+        return float("nan"), float("nan")
+    return float(values.mean()), float(values.std(ddof=1))

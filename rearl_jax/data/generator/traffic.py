@@ -26,10 +26,8 @@ from rearl_jax.data.generator.plan import EXIT_LENGTH, WARM_UP, RecordingPlan
 
 FRAME = 0.04  # time between two frames [s]
 DECISION_INTERVAL = 0.4  # time between two lane-change decisions of a driver and side [s]
-NOISE_TIME = (
-    1.5  # correlation time of the driver's own acceleration [s]; Zhang and Sun (2022), MA-IDM on highD
-)
-DRIFT_SD, DRIFT_TIME, STEER_TIME = 0.15, 6.0, 1.5  # wandering within the lane [m], [s], [s]
+NOISE_TIME = 1.5  # correlation time of a driver's own acceleration [s]; Zhang and Sun (2022) on highD
+DRIFT_SD, DRIFT_TIME, STEER_TIME = 0.15, 6.0, 1.5  # wandering within the lane [m], [s], [s]; assumed
 CAMERA_MARGIN = 30.0  # road simulated for the tracker on both sides of the view [m]
 TIME_MARGIN = 1.0  # the same before and after the recording [s]
 STRIPE_LENGTH = 1.0e5  # offset between the sort keys of two lanes, longer than any road [m]
@@ -114,17 +112,17 @@ class Traffic:
         key = stripe * STRIPE_LENGTH + fleet.position[owner]
         index = np.argsort(key, kind="stable")
         self.keys, self.owners, self.stripes = key[index], owner[index], stripe[index]
-        self.has_next = self.stripes[1:] == self.stripes[:-1]
+        has_next = self.stripes[1:] == self.stripes[:-1]
         ahead = self.owners[1:]
-        self.gaps = fleet.position[ahead] - fleet.drivers.length[ahead] - fleet.position[self.owners[:-1]]
-        if np.any(self.gaps[self.has_next] <= 0.0):
+        gaps = fleet.position[ahead] - fleet.drivers.length[ahead] - fleet.position[self.owners[:-1]]
+        if np.any(gaps[has_next] <= 0.0):
             raise RuntimeError(
                 f"recording {self.plan.id}: two generated vehicles overlap at {self.time:.2f} s; "
                 "the driver parameters allow collisions, use larger time gaps or a smaller step"
             )
         # The leader of every entry; entries beyond len(fleet) are lanes of origin.
         self.leader_of_entry = np.full(len(owner), -1)
-        self.leader_of_entry[index[:-1][self.has_next]] = ahead[self.has_next]
+        self.leader_of_entry[index[:-1][has_next]] = ahead[has_next]
 
     def admit(self) -> None:
         """Let the next vehicle of every lane in once its time has come and the gap suffices."""

@@ -1,0 +1,192 @@
+"""What was measured, as a table, as flat figures, and with the figures' meanings."""
+
+import json
+from dataclasses import asdict, dataclass
+from statistics import mean, median
+
+import pandas as pd
+
+from rearl_jax.bench.measurement import Measurement
+from rearl_jax.bench.sessions import C_ALL, OURS, Absent
+
+MEANINGS = {
+    "substeps_per_cpu_s_n{N}": "our vehicle steps of 1/15 s per second of CPU time over all threads, median",
+    "substeps_per_s_n{N}": "the same per elapsed second with all cores",
+    "{peer}_substeps_per_cpu_s_n{N}": "the peers: c (one thread), c_all_threads, highway_env, libsumo",
+    "{peer}_substeps_per_s_n{N}": "the same per elapsed second",
+    "ratio_to_{peer}_n{N}": "our speed by the peer's per CPU-second, median over repetitions; also _min, _max",
+    "ratio_to_c_all_threads_n{N}": "the same per elapsed second, both programs on all cores",
+    "cost_ratio_n{B}_to_n{A}": "our CPU time per vehicle step at the most by that at the fewest vehicles",
+    "compile_s_n{N}": "elapsed time of the first call less that of the second [s], without cache",
+    "scenarios_n{N}": "scenarios of one measurement of ours",
+    "chunk_n{N}": "scenarios a core takes at a time",
+    "lane_changes_per_vehicle_min_n{N}": "our lane changes per vehicle and minute, seen between whole seconds",
+    "crashed_share_n{N}": "our vehicles that have collided by the end, of all",
+    "mean_speed_n{N}": "our vehicles' mean speed at the end [m/s]",
+    "peak_memory_gib_{R}": "resident memory at its peak of a fresh process with R rollouts [GiB]",
+    "memory_run_s_{R}": "elapsed time of those rollouts, without compiling [s]",
+    "load_average": "processes that wanted to run when the measurements began",
+    "absent": "peers that are not here: program, reason, remedy",
+}
+"""Keys of `summary.json` besides the machine's (`cpu_model` and so on), and what they mean."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """The repetitions of one program at one number of vehicles, and the facts of the program."""
+
+    program: str
+    n_vehicles: int
+    measurements: tuple[Measurement, ...]
+    facts: dict[str, float | int]
+
+    @property
+    def substeps_per_cpu_s(self) -> float:
+        """Agent-substeps per second of CPU time, median [1/s]."""
+        return median(run.substeps_per_cpu_s for run in self.measurements)
+
+    @property
+    def substeps_per_s(self) -> float:
+        """Agent-substeps per second of elapsed time, median [1/s]."""
+        return median(run.substeps_per_s for run in self.measurements)
+
+    @property
+    def lane_changes_per_vehicle_min(self) -> float | None:
+        """Lane changes per vehicle and minute [1/min]; None where they are not reported."""
+        counts = [run.lane_changes for run in self.measurements if run.lane_changes is not None]
+        # A change in the first second has no earlier second to be seen against.
+        minutes = sum(run.n_scenarios * self.n_vehicles * (run.seconds - 1) / 60 for run in self.measurements)
+        return sum(counts) / minutes if counts and minutes else None
+
+    @property
+    def crashed_share(self) -> float | None:
+        """Vehicles that have collided by the end, of all; None where nobody can."""
+        counts = [run.crashed for run in self.measurements if run.crashed is not None]
+        n_agents = sum(run.n_scenarios * self.n_vehicles for run in self.measurements)
+        return sum(counts) / n_agents if counts else None
+
+    @property
+    def mean_speed(self) -> float:
+        """Mean speed at the end [m/s]."""
+        return mean(run.mean_speed for run in self.measurements)
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Our speed by a peer's: median, least and greatest over the repetitions."""
+
+    median: float
+    least: float
+    greatest: float
+
+
+@dataclass(frozen=True)
+class BenchResults:
+    """All series, what was absent, the memory run, the load before the start and the machine."""
+
+    series: tuple[Series, ...]
+    absent: tuple[Absent, ...]
+    memory: Measurement | None
+    load_average: float | None
+    machine: dict[str, str | int | float]
+
+    @property
+    def numbers(self) -> list[int]:
+        """The numbers of vehicles, rising."""
+        return sorted({series.n_vehicles for series in self.series})
+
+    @property
+    def programs(self) -> list[str]:
+        """The programs measured, ours first."""
+        return list(dict.fromkeys(series.program for series in self.series))
+
+    def find(self, program: str, n_vehicles: int) -> Series | None:
+        """The series of a program at a number of vehicles."""
+        wanted = (program, n_vehicles)
+        return next((item for item in self.series if (item.program, item.n_vehicles) == wanted), None)
+
+    def ratio(self, peer: str, n_vehicles: int) -> Ratio | None:
+        """Our speed by the peer's, taken within each repetition; by elapsed time where both use all cores."""
+        ours, other = self.find(OURS, n_vehicles), self.find(peer, n_vehicles)
+        if ours is None or other is None:
+            return None
+        speed = "substeps_per_s" if peer == C_ALL else "substeps_per_cpu_s"
+        pairs = zip(ours.measurements, other.measurements, strict=True)
+        ratios = [getattr(mine, speed) / getattr(theirs, speed) for mine, theirs in pairs]
+        return Ratio(median(ratios), min(ratios), max(ratios))
+
+    def cost_growth(self) -> float | None:
+        """Our CPU time per vehicle step at the largest by that at the smallest number of vehicles."""
+        small, large = self.find(OURS, self.numbers[0]), self.find(OURS, self.numbers[-1])
+        if small is None or large is None or small is large:
+            return None
+        return small.substeps_per_cpu_s / large.substeps_per_cpu_s
+
+    def table(self) -> pd.DataFrame:
+        """One row per program, number of vehicles and repetition."""
+        rows = [
+            {
+                "program": item.program,
+                "n_vehicles": item.n_vehicles,
+                "repetition": repetition,
+                **asdict(measurement),
+                "substeps_per_cpu_s": measurement.substeps_per_cpu_s,
+                "substeps_per_s": measurement.substeps_per_s,
+                "chunk": item.facts.get("chunk"),
+                "compile_s": item.facts.get("compile_s"),
+            }
+            for item in self.series
+            for repetition, measurement in enumerate(item.measurements)
+        ]
+        counts = ("lane_changes", "crashed", "peak_memory_bytes", "chunk")
+        return pd.DataFrame(rows).astype({**dict.fromkeys(counts, "Int64"), "compile_s": "float64"})
+
+    def metadata(self) -> dict[str, str]:
+        """What goes with the table."""
+        absent = {item.program: item.reason for item in self.absent}
+        return {"machine": json.dumps(self.machine), "absent": json.dumps(absent)}
+
+    def summary(self) -> dict:
+        """Flat figures; `MEANINGS` says what they are."""
+        figures: dict = {**self.machine, "load_average": self.load_average}
+        for n_vehicles in self.numbers:
+            figures |= self._figures_of(n_vehicles)
+        if len(self.numbers) > 1:
+            figures[f"cost_ratio_n{self.numbers[-1]}_to_n{self.numbers[0]}"] = self.cost_growth()
+        if self.memory is not None:
+            figures[f"peak_memory_gib_{self.memory_label()}"] = self.peak_memory_gib()
+            figures[f"memory_run_s_{self.memory_label()}"] = self.memory.wall_s
+        figures["absent"] = [asdict(item) for item in self.absent]
+        return figures
+
+    def _figures_of(self, n_vehicles: int) -> dict[str, float | int | None]:
+        figures: dict[str, float | int | None] = {}
+        for program in self.programs:
+            item = self.find(program, n_vehicles)
+            if item is None:
+                continue
+            owner = "" if program == OURS else f"{program}_"
+            figures[f"{owner}substeps_per_cpu_s_n{n_vehicles}"] = item.substeps_per_cpu_s
+            figures[f"{owner}substeps_per_s_n{n_vehicles}"] = item.substeps_per_s
+            if program == OURS:
+                figures[f"compile_s_n{n_vehicles}"] = item.facts["compile_s"]
+                figures[f"chunk_n{n_vehicles}"] = item.facts["chunk"]
+                figures[f"scenarios_n{n_vehicles}"] = item.measurements[0].n_scenarios
+                figures[f"lane_changes_per_vehicle_min_n{n_vehicles}"] = item.lane_changes_per_vehicle_min
+                figures[f"crashed_share_n{n_vehicles}"] = item.crashed_share
+                figures[f"mean_speed_n{n_vehicles}"] = item.mean_speed
+            elif (ratio := self.ratio(program, n_vehicles)) is not None:
+                figures[f"ratio_to_{program}_n{n_vehicles}"] = ratio.median
+                figures[f"ratio_to_{program}_n{n_vehicles}_min"] = ratio.least
+                figures[f"ratio_to_{program}_n{n_vehicles}_max"] = ratio.greatest
+        return figures
+
+    def memory_label(self) -> str:
+        """The number of rollouts of the memory run, thousands as k."""
+        count = 0 if self.memory is None else self.memory.n_scenarios
+        return f"{count // 1000}k" if count and count % 1000 == 0 else str(count)
+
+    def peak_memory_gib(self) -> float | None:
+        """Peak of the memory run [GiB]."""
+        peak = None if self.memory is None else self.memory.peak_memory_bytes
+        return None if peak is None else peak / 2**30

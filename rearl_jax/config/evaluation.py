@@ -1,0 +1,50 @@
+"""Configuration of the evaluation: which method, how many rollouts, which intervals."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from rearl_jax.config._key import key
+
+
+class Method(Enum):
+    """What drives the simulated vehicles."""
+
+    base = "base"
+    """IDM and MOBIL with highway-env's parameters, without intervention."""
+
+
+class SeedScope(Enum):
+    """What a rollout belongs to."""
+
+    run_x_scene = "run_x_scene"
+    """One rollout per run and scene, scored against its scene."""
+    run = "run"
+    """One rollout per run, scored against every scene."""
+
+
+@dataclass(unsafe_hash=True)
+class EvaluationConfig:
+    """Rollouts per scene, random numbers and intervals"""
+
+    n_runs: int = key(5, "runs: rollouts of every scene, each from another initial state; REARL")
+    seed: int = key(0, "seed of initial states, resampling and noise floor; equal for every method")
+    seed_scope: SeedScope = key(
+        SeedScope.run_x_scene,
+        "run_x_scene: a rollout for every run and scene; run: one per run, scored on all scenes; own choice",
+    )
+    resamples: int = key(10_000, "bootstrap resamples of the scenes behind every interval; own choice")
+    confidence: float = key(0.95, "probability an interval is made for; own choice")
+    noise_draws: int = key(1000, "pairs of samples behind the noise floor of each scene; own choice")
+    example: int | None = key(
+        None, "scene_id drawn in the space-time diagram; null = the held-out scene of median speed"
+    )
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its range."""
+        for name in ("n_runs", "resamples", "noise_draws"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+        if not 0 <= self.seed < 2**31:
+            raise ValueError(f"seed must be within 0 and 2^31 - 1, got {self.seed}")
+        if not 0 < self.confidence < 1:
+            raise ValueError(f"confidence must be between 0 and 1, got {self.confidence}")

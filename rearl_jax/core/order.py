@@ -1,0 +1,158 @@
+"""The order of the vehicles along the road, and what can be read off it in one walk.
+
+For many vehicles, looking at all others costs too much. Walking once from the head of the traffic to its tail, and
+remembering the last vehicle met on each lane, gives everybody's leader on every lane; walking back gives the
+followers. The order changes little from tick to tick, so that sorting starts from the last one and needs a pass or two.
+"""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float, Int
+
+from rearl_jax.core.model import TrafficModel
+
+Fields = TypeVar("Fields")
+
+NOBODY = -1
+"""Index that stands for no vehicle."""
+
+
+def sort_along_road(
+    x: Float[Array, "vehicles *scenarios"], order: Int[Array, "vehicles *scenarios"]
+) -> Int[Array, "vehicles *scenarios"]:
+    """Vehicle indices by rising x, found from any permutation by exchanging neighbours (odd-even transposition
+    sort).
+    """
+    n_vehicles = x.shape[0]
+
+    def exchange(first: int, values: tuple[Array, Array]) -> tuple[Array, Array]:
+        sorted_x, _ = values
+        last = first + (n_vehicles - first) // 2 * 2
+        is_wrong = sorted_x[first:last:2] > sorted_x[first + 1 : last : 2]
+
+        def exchanged(array: Array) -> Array:
+            low, high = array[first:last:2], array[first + 1 : last : 2]
+            pairs = jnp.stack([jnp.where(is_wrong, high, low), jnp.where(is_wrong, low, high)], axis=1)
+            middle = pairs.reshape(last - first, *array.shape[1:])
+            return jnp.concatenate([array[:first], middle, array[last:]])
+
+        return exchanged(values[0]), exchanged(values[1])
+
+    def is_unsorted(values: tuple[Array, Array]) -> Array:
+        return jnp.any(values[0][:-1] > values[0][1:])
+
+    def passes(values: tuple[Array, Array]) -> tuple[Array, Array]:
+        return exchange(1, exchange(0, values))
+
+    return lax.while_loop(is_unsorted, passes, (pick(x, order), order))[1]
+
+
+def pick(values: Array, index: Int[Array, "vehicles *scenarios"]) -> Array:
+    """Each scenario's values at the given vehicle indices; the first vehicle's for NOBODY."""
+    if values.shape[0] == 1:
+        return values
+    return jnp.take_along_axis(jnp.broadcast_to(values, index.shape), jnp.maximum(index, 0), axis=0)
+
+
+class NearestOnLanes(eqx.Module):
+    """The nearest vehicle ahead and behind on every lane, as indices; NOBODY where there is none.
+
+    Attributes:
+        ahead: Per lane; the same position counts as ahead only for one of two vehicles.
+        behind: Per lane.
+    """
+
+    ahead: tuple[Int[Array, "vehicles *scenarios"], ...]
+    behind: tuple[Int[Array, "vehicles *scenarios"], ...]
+
+    def on(
+        self, lane: Int[Array, "vehicles *scenarios"]
+    ) -> tuple[Int[Array, "vehicles *scenarios"], Int[Array, "vehicles *scenarios"]]:
+        """Vehicle ahead and vehicle behind on a lane of each vehicle's choice."""
+        ahead = behind = jnp.full_like(lane, NOBODY)
+        for number in range(len(self.ahead)):
+            ahead = jnp.where(lane == number, self.ahead[number], ahead)
+            behind = jnp.where(lane == number, self.behind[number], behind)
+        return ahead, behind
+
+
+def walk_along_road(
+    order: Int[Array, "vehicles *scenarios"],
+    on_lanes: Int[Array, "vehicles *scenarios"],
+    lane_bit: Callable[[int], int],
+    model: TrafficModel,
+) -> NearestOnLanes:
+    """Everybody's nearest vehicles on every lane.
+
+    Args:
+        order: Vehicle indices by rising x.
+        on_lanes: Lanes each vehicle is on, as bits.
+        lane_bit: The bit of a lane.
+        model: The road.
+    """
+    lanes = range(model.n_lanes)
+    nobody = tuple(jnp.full(order.shape[1:], NOBODY, jnp.int32) for _ in lanes)
+
+    def pass_by(met: tuple[Array, ...], vehicle: tuple[Array, Array]) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+        index, bits = vehicle
+        return tuple(jnp.where((bits & lane_bit(k)) != 0, index, met[k]) for k in lanes), met
+
+    vehicles = order, pick(on_lanes, order)
+    _, ahead = lax.scan(pass_by, nobody, vehicles, reverse=True)
+    _, behind = lax.scan(pass_by, nobody, vehicles)
+    place = inverse(order)
+    return NearestOnLanes(*(tuple(pick(found, place) for found in side) for side in (ahead, behind)))
+
+
+def inverse(order: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
+    """Place of each vehicle in the order."""
+    places = lax.broadcasted_iota(jnp.int32, order.shape, 0)
+    columns = jnp.broadcast_to(jnp.arange(order.size // order.shape[0]), (order.shape[0], order.size // order.shape[0]))
+    flat = order.reshape(order.shape[0], -1)
+    found = (
+        jnp.zeros(flat.shape, jnp.int32)
+        .at[flat, columns]
+        .set(places.reshape(flat.shape), unique_indices=True, mode="promise_in_bounds")
+    )
+    return found.reshape(order.shape)
+
+
+def within_reach(
+    order: Int[Array, "vehicles *scenarios"],
+    x: Float[Array, "vehicles *scenarios"],
+    reach: Float[Array, "vehicles *scenarios"],
+    fields: Fields,
+    meets: Callable[[Fields, Fields], Array],
+) -> Array:
+    """Places in the order whose vehicle meets a condition with one ahead of it and within reach along the road.
+
+    Args:
+        order: Vehicle indices by rising x.
+        x: Positions [m].
+        reach: Half the distance [m] below which a vehicle may meet another one just like itself.
+        fields: Pytree of `[vehicles, *scenarios]` arrays the condition looks at.
+        meets: From the fields of the rear and of the front vehicles of all pairs to booleans.
+    """
+    n_vehicles = order.shape[0]
+    along = jax.tree.map(lambda values: pick(values, order), (x, reach, fields))
+    widest = jnp.max(along[1], axis=0, keepdims=True)
+    # A second copy beyond the end lets every vehicle look any number of places ahead.
+    ahead = jax.tree.map(lambda values: jnp.concatenate([values, values]), along)
+
+    def goes_on(work: tuple[Array, Array, Array]) -> Array:
+        return jnp.any(work[1]) & (work[0] < n_vehicles)
+
+    def one_further(work: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        places, _, found = work
+        front = jax.tree.map(lambda values: lax.dynamic_slice_in_dim(values, places, n_vehicles), ahead)
+        is_pair = lax.broadcasted_iota(jnp.int32, order.shape, 0) + places < n_vehicles
+        is_near = is_pair & (front[0] - along[0] <= along[1] + widest)
+        return places + 1, is_near, found | (is_near & meets(along[2], front[2]))
+
+    nowhere = jnp.zeros(order.shape, bool)
+    return lax.while_loop(goes_on, one_further, (jnp.int32(1), ~nowhere, nowhere))[2]

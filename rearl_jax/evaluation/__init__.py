@@ -1,0 +1,1 @@
+"""Simulated against measured scenes: rollouts, reference rows, intervals, tables, figures, one page."""

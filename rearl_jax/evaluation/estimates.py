@@ -1,0 +1,162 @@
+"""Figures of pairs in, one estimate per row and metric out: mean, spread over runs, interval over scenes.
+
+Every interval comes from the same resamples of the scenes (paired bootstrap), so that the difference of two
+rows is resampled scene by scene: what makes a scene hard for both does not widen it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rearl_jax.config.evaluation import EvaluationConfig
+from rearl_jax.evaluation.scores import COMPARING, REAL, REAL_VS_REAL, TITLES, Scores
+from rearl_jax.metrics import METRICS
+
+# Numbers of a block of resampling weights; bounds its memory to some 30 MB.
+_MAX_WEIGHTS = 4_000_000
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One metric of one row; None where there is no such figure.
+
+    Attributes:
+        value: Mean over scenes of the mean over runs.
+        sd: Standard deviation over runs of the mean over scenes (n - 1 in the denominator).
+        low: Lower end of the bootstrap interval of the value, over scenes.
+        high: Upper end.
+        compared_with: Row the difference is taken to: `real` where the real scenes have the metric
+            themselves, else `real_vs_real`; None for these rows.
+        difference: Value less that of the other row, over the scenes that both have.
+        difference_low: Lower end of its paired bootstrap interval.
+        difference_high: Upper end.
+        n_scenes: Scenes with a figure.
+    """
+
+    value: float
+    sd: float | None = None
+    low: float | None = None
+    high: float | None = None
+    compared_with: str | None = None
+    difference: float | None = None
+    difference_low: float | None = None
+    difference_high: float | None = None
+    n_scenes: int = 0
+
+
+def estimates(
+    rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig
+) -> dict[tuple[str, str], Estimate]:
+    """Estimates by row and metric; pairs without any figure are left out.
+
+    Args:
+        rows: All rows of the table.
+        held_out: Indices of the scenes, the units of resampling.
+        eval: Resamples, confidence and seed.
+
+    Source: percentile bootstrap, Efron & Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
+    """
+    means: dict[tuple[str, str], np.ndarray] = {}
+    spread: dict[tuple[str, str], float | None] = {}
+    for row in rows:
+        for name in METRICS:
+            values = scene_means(row, name, held_out)
+            if np.isfinite(values).any():
+                means[row.row, name] = values
+                spread[row.row, name] = spread_over_runs(row, name)
+    others = {
+        (row, name): (REAL_VS_REAL if name in COMPARING else REAL, name)
+        for row, name in means
+        if row not in TITLES
+    }
+    differences = {key: means[key] - means[other] for key, other in others.items() if other in means}
+    ends = _intervals(means, eval)
+    ends_of_difference = _intervals(differences, eval)
+    found = {}
+    for key, values in means.items():
+        estimate = Estimate(
+            value=float(np.nanmean(values)),
+            sd=spread[key],
+            low=ends[key][0],
+            high=ends[key][1],
+            n_scenes=int(np.isfinite(values).sum()),
+        )
+        if key in differences and np.isfinite(differences[key]).any():
+            estimate = replace(
+                estimate,
+                compared_with=others[key][0],
+                difference=float(np.nanmean(differences[key])),
+                difference_low=ends_of_difference[key][0],
+                difference_high=ends_of_difference[key][1],
+            )
+        found[key] = estimate
+    return found
+
+
+def _intervals(
+    columns: dict[tuple[str, str], np.ndarray], eval: EvaluationConfig
+) -> dict[tuple[str, str], tuple[float | None, float | None]]:
+    if not columns:
+        return {}
+    return dict(zip(columns, intervals(np.stack(list(columns.values()), axis=1), eval), strict=True))
+
+
+def scene_means(row: Scores, name: str, held_out: np.ndarray) -> np.ndarray:
+    """Figure of each held-out scene, its mean over runs unless these are pooled; NaN where there is none."""
+    if name in row.pooled:
+        return row.pooled[name]
+    if name not in row.values:
+        return np.full(len(held_out), np.nan)
+    return _grouped_mean(row.values[name], np.searchsorted(held_out, row.scene), len(held_out))
+
+
+def spread_over_runs(row: Scores, name: str) -> float | None:
+    """Standard deviation over runs of the mean over scenes; None with fewer than two runs."""
+    means = _grouped_mean(row.values[name], row.run, int(row.run.max(initial=0)) + 1)
+    means = means[np.isfinite(means)]
+    return float(np.std(means, ddof=1)) if len(means) > 1 else None
+
+
+def _grouped_mean(values: np.ndarray, group: np.ndarray, n_groups: int) -> np.ndarray:
+    """Mean of the finite values of each group; NaN for a group without any."""
+    valid = np.isfinite(values)
+    counts = np.bincount(group[valid], minlength=n_groups)
+    sums = np.bincount(group[valid], weights=values[valid], minlength=n_groups)
+    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+
+
+def intervals(values: np.ndarray, eval: EvaluationConfig) -> list[tuple[float | None, float | None]]:
+    """Ends of the percentile bootstrap interval of each column's mean, the same resamples for every column.
+
+    A missing value (NaN) does not count. None where fewer than two rows have a value.
+
+    Args:
+        values: One row per scene, one column per figure.
+        eval: Resamples, confidence and seed.
+    """
+    valid = np.isfinite(values)
+    known = np.where(valid, values, 0.0)
+    means = []
+    for weights in _weights(len(values), eval):
+        counts = weights @ valid
+        means.append(np.where(counts > 0, (weights @ known) / np.maximum(counts, 1), np.nan))
+    resampled = np.concatenate(means)
+    tail = (1 - eval.confidence) / 2
+    found: list[tuple[float | None, float | None]] = []
+    for column, n_valid in zip(resampled.T, valid.sum(axis=0), strict=True):
+        if n_valid < 2:
+            found.append((None, None))
+            continue
+        low, high = np.quantile(column[np.isfinite(column)], [tail, 1 - tail])
+        found.append((float(low), float(high)))
+    return found
+
+
+def _weights(n_scenes: int, eval: EvaluationConfig) -> Iterator[np.ndarray]:
+    """How often each scene is drawn in each resample, block by block."""
+    rng = np.random.default_rng([eval.seed, n_scenes])
+    block = max(1, _MAX_WEIGHTS // n_scenes)
+    for start in range(0, eval.resamples, block):
+        size = min(block, eval.resamples - start)
+        yield rng.multinomial(n_scenes, np.full(n_scenes, 1 / n_scenes), size).astype(np.float64)

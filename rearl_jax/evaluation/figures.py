@@ -1,0 +1,180 @@
+"""Figures of an evaluation as PNG bytes: speed histogram, errors over time, space-time diagram.
+
+Drawn without a display and without global state of matplotlib.
+"""
+
+from io import BytesIO
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from rearl_jax.config import EvaluateTask
+from rearl_jax.evaluation.runner import Evaluation, speed_histogram_edges
+from rearl_jax.evaluation.scores import NOISE_FLOOR, REAL, REAL_VS_REAL, Scores
+from rearl_jax.evaluation.tables import frame_series
+from rearl_jax.metrics import METRICS
+
+_DPI = 200
+
+# Colour-blind safe; Okabe & Ito, Color Universal Design (2008).
+_REAL, _METHOD, _OTHER, _CHANCE = "#333333", "#0072B2", "#D55E00", "#999999"
+
+_FONT = 9
+_BAND = (10, 90)
+"""Percentiles of the pairs between which a band lies."""
+
+
+def draw(config: EvaluateTask, evaluation: Evaluation) -> dict[str, bytes]:
+    """PNG files by name without ending."""
+    return {
+        "speed_histogram": speed_histogram(config, evaluation),
+        "errors_over_time": errors_over_time(config, evaluation),
+        "space_time": space_time(config, evaluation),
+    }
+
+
+def speed_histogram(config: EvaluateTask, evaluation: Evaluation) -> bytes:
+    """Speeds of the simulation over those of the held-out scenes, as densities."""
+    edges = speed_histogram_edges(config.hist)
+    real = evaluation.scenes.scaled_speed[evaluation.held_out]
+    counts = {
+        "real": np.histogram(np.clip(real, edges[0], edges[-1]), edges)[0],
+        "method": evaluation.sample.speed_counts,
+    }
+    density = {name: c / max(c.sum(), 1) / np.diff(edges) for name, c in counts.items()}
+    figure, (axes,) = _figure(evaluation, 6.4, 3.6)
+    for edge in edges[:: len(edges) // config.hist.n_bins]:
+        axes.axvline(edge, color="#e6e6e6", linewidth=0.8, zorder=0)
+    axes.stairs(density["real"], edges, fill=True, color=_REAL, alpha=0.3, label="real, rescaled")
+    axes.stairs(density["method"], edges, color=_METHOD, linewidth=1.6, label=config.method.name)
+    axes.set(xlabel="speed [m/s]", ylabel="density [s/m]", xlim=(edges[0], edges[-1]), ylim=(0, None))
+    axes.legend(frameon=False, fontsize=_FONT)
+    _title(axes, "Speeds; grey lines: bins of the Hellinger distance")
+    return _png(figure)
+
+
+def errors_over_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
+    """Hellinger distance, spacing error and mean spacing by second, with bands."""
+    error = f"mape_{config.mape.definition.name.lower()}"
+    figure, axes = _figure(evaluation, 6.4, 7.2, rows=3)
+    method = evaluation.rows[0]
+    compared = [(method, _METHOD), (evaluation.row(REAL_VS_REAL), _OTHER)]
+    labels = {"h": "Hellinger distance [-]", error: f"{METRICS[error].title} [-]"}
+    for panel, (name, label) in zip(axes, labels.items(), strict=False):
+        for row, colour in compared:
+            _band(panel, row, name, colour, config.hist.window)
+        panel.set(ylabel=label, ylim=(0, None))
+    floor = evaluation.row(NOISE_FLOOR).values["h"].mean()
+    axes[0].axhline(floor, color=_CHANCE, linestyle="--", linewidth=1.2, label="noise floor")
+    for row, colour in ((method, _METHOD), (evaluation.row(REAL), _REAL)):
+        _band(axes[2], row, "spacing", colour, config.hist.window)
+    axes[2].set(ylabel="mean spacing [m]", ylim=(0, None), xlabel="time [s]")
+    for panel in axes:
+        panel.set_xlim(0, evaluation.scenes.seconds - 1)
+        panel.legend(frameon=False, ncols=3, loc="upper right", fontsize=_FONT)
+        low, high = panel.get_ylim()
+        panel.set_ylim(low, 1.15 * high)  # room for the legend
+    n_runs = config.eval.n_runs
+    _title(axes[0], f"Mean and {_BAND[0]} to {_BAND[1]} % band over scenes and {n_runs} runs")
+    return _png(figure)
+
+
+def space_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
+    """Vehicles of one scene in space and time, recorded and simulated, all lanes, coloured by speed."""
+    scenes, index = evaluation.scenes, evaluation.sample.example
+    frames = evaluation.sample.frames
+    figure, (left, right) = _figure(evaluation, 7.6, 4.4, columns=2)
+    norm = Normalize(config.hist.low, config.hist.high)
+    recorded = _Paths(scenes.x[index], scenes.scaled_speed[index], scenes.lane[index], scenes.track_id[index])
+    x, crashed = np.asarray(frames.x), np.asarray(frames.crashed)
+    slots = np.broadcast_to(np.arange(x.shape[1]), x.shape)
+    simulated = _Paths(x, np.asarray(frames.speed), np.asarray(frames.lane), slots)
+    for axes, paths in ((left, recorded), (right, simulated)):
+        paths.draw(axes, norm)
+        axes.set(xlabel="time [s]", xlim=(0, scenes.seconds - 1))
+        axes.margins(y=0.02)
+    left.set_ylabel("position along the road [m]")
+    kind = "generated" if scenes.generated else "recorded"
+    _title(left, f"{kind}: {scenes.recording[index]}, scene {scenes.scene_id[index]}")
+    _title(right, f"simulated: {config.method.name}, run 0")
+    bar = figure.colorbar(ScalarMappable(norm, "viridis"), ax=[left, right], pad=0.02, aspect=30)
+    bar.set_label(f"speed, {kind} one rescaled [m/s]", fontsize=_FONT)
+    bar.ax.tick_params(labelsize=8)
+    marks = [Line2D([], [], marker="o", linestyle="", color="black", markersize=3, label="lane change")]
+    if crashed.any():
+        marks.append(Line2D([], [], marker="x", linestyle="", color="red", markersize=6, label="crash"))
+        _mark_crashes(right, x, crashed)
+    right.legend(handles=marks, frameon=False, loc="upper left", fontsize=_FONT)
+    return _png(figure)
+
+
+class _Paths:
+    """Lines in space and time from slots whose vehicles may change."""
+
+    def __init__(self, x: np.ndarray, speed: np.ndarray, lane: np.ndarray, track: np.ndarray) -> None:
+        order = np.lexsort((np.broadcast_to(np.arange(len(x))[:, None], x.shape).ravel(), track.ravel()))
+        time = np.broadcast_to(np.arange(len(x))[:, None], x.shape).ravel()[order]
+        self._points = np.stack([time, x.ravel()[order]], axis=1)
+        self._speed, lane, track = (a.ravel()[order] for a in (speed, lane, track))
+        # A piece joins two snapshots, one second apart, that hold the same vehicle.
+        self._joined = (track[1:] == track[:-1]) & (np.diff(time) == 1)
+        self._changed = self._joined & (lane[1:] != lane[:-1])
+
+    def draw(self, axes: Axes, norm: Normalize) -> None:
+        pieces = np.stack([self._points[:-1], self._points[1:]], axis=1)[self._joined]
+        lines = LineCollection(list(pieces), cmap="viridis", norm=norm, linewidths=1.6, capstyle="round")
+        lines.set_array(self._speed[1:][self._joined])
+        axes.add_collection(lines)
+        changes = self._points[1:][self._changed]
+        axes.plot(changes[:, 0], changes[:, 1], "o", color="black", markersize=3)
+        axes.autoscale_view()
+
+
+def _mark_crashes(axes: Axes, x: np.ndarray, crashed: np.ndarray) -> None:
+    """A cross where each vehicle is first seen crashed."""
+    vehicles = np.flatnonzero(crashed.any(axis=0))
+    first = crashed[:, vehicles].argmax(axis=0)
+    axes.plot(first, x[first, vehicles], "x", color="red", markersize=6, markeredgewidth=1.5)
+
+
+def _band(axes: Axes, row: Scores, name: str, colour: str, window: int) -> None:
+    """Mean over the pairs of a row by second, and a band that holds the middle of them."""
+    values = frame_series(row, window)[name]
+    seconds = np.flatnonzero(np.isfinite(values).any(axis=1))
+    values = values[seconds]
+    low, high = np.nanpercentile(values, _BAND, axis=1)
+    axes.fill_between(seconds, low, high, color=colour, alpha=0.18, linewidth=0)
+    axes.plot(seconds, np.nanmean(values, axis=1), color=colour, linewidth=1.6, label=row.title)
+
+
+def _figure(
+    evaluation: Evaluation, width: float, height: float, *, rows: int = 1, columns: int = 1
+) -> tuple[Figure, list[Axes]]:
+    """A figure [inch] with its panels; figures of generated data say so."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    panels = figure.subplots(rows, columns, sharex=rows > 1, squeeze=False).ravel().tolist()
+    for axes in panels:
+        axes.tick_params(labelsize=8)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.xaxis.label.set_size(9)
+        axes.yaxis.label.set_size(9)
+    if evaluation.scenes.generated:
+        text = "GENERATED recordings, no measurements"
+        figure.suptitle(text, color="#b00020", fontsize=9, fontweight="bold")
+    return figure, panels
+
+
+def _title(axes: Axes, text: str) -> None:
+    axes.set_title(text, loc="left", fontsize=_FONT)
+
+
+def _png(figure: Figure) -> bytes:
+    buffer = BytesIO()
+    # No date and no version inside: the same figure is the same file.
+    figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
+    return buffer.getvalue()

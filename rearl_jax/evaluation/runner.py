@@ -1,0 +1,175 @@
+"""All rows of the table: the method simulated and scored chunk by chunk, and the reference rows."""
+
+import math
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Float, Int
+
+from rearl_jax.config import EvaluateTask
+from rearl_jax.config.evaluation import SeedScope
+from rearl_jax.config.metrics import HistConfig, MetricsConfig
+from rearl_jax.core.rollout import Frames
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.scores import (
+    REAL,
+    REAL_VS_REAL,
+    Scores,
+    noise_floor_scores,
+    of_recordings,
+    partners,
+    scores_of,
+    with_realism,
+)
+from rearl_jax.evaluation.scoring import Scorer, join
+
+BINS_DRAWN = 4
+"""Bins of the drawn speed histogram per bin of the Hellinger distance."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What the figures show of the simulated traffic besides its metrics.
+
+    Attributes:
+        example: Index of the scene in the space-time diagram.
+        frames: Its first rollout, `[n_steps, n_vehicles]`.
+        speed_counts: Simulated speeds of all rollouts per bin of `speed_histogram_edges`.
+    """
+
+    example: int
+    frames: Frames
+    speed_counts: Int[np.ndarray, " bins"]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Everything that was measured.
+
+    Attributes:
+        scenes: All scenes.
+        held_out: Indices of the evaluation scenes, rising.
+        rows: The method first, then the reference rows.
+        sample: What the figures show of the method.
+    """
+
+    scenes: SceneSet
+    held_out: Int[np.ndarray, " scenes"]
+    rows: list[Scores]
+    sample: Sample
+
+    def row(self, name: str) -> Scores:
+        """The row of that name."""
+        return next(row for row in self.rows if row.row == name)
+
+
+def evaluate(
+    config: EvaluateTask,
+    scenes: SceneSet,
+    held_out: np.ndarray,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Evaluation:
+    """The method and the reference rows, scored on the held-out scenes.
+
+    Args:
+        config: The task.
+        scenes: All scenes; those not held out serve only as partners in real against real.
+        held_out: Indices of the scenes to evaluate on, rising.
+        progress: Called with the number of rollouts done and their total.
+    """
+    metrics = MetricsConfig(config.hist, config.thw, config.safety, config.realism, config.spacing)
+    rollouts = Rollouts(config, scenes, held_out)
+    n_pairs = config.eval.n_runs * len(held_out)
+    width = min(config.core.chunk, math.ceil(n_pairs / len(jax.local_devices())))
+    scorer = Scorer(scenes, metrics, width=width, dtype=np.dtype(config.core.dtype.name))
+    example = example_scene(scenes, held_out, config.eval.example)
+    # Beside the simulation's compilation, which is the longest part of a short job.
+    with ThreadPoolExecutor(1) as beside:
+        reference = beside.submit(reference_rows, config, scenes, held_out, scorer)
+        method, sample = simulated_row(config, rollouts, scorer, held_out, width, example, progress)
+        rows = [method, *reference.result()]
+    real = next(row for row in rows if row.row == REAL)
+    return Evaluation(scenes, held_out, with_realism(rows, real, config.realism), sample)
+
+
+def simulated_row(
+    config: EvaluateTask,
+    rollouts: Rollouts,
+    scorer: Scorer,
+    held_out: np.ndarray,
+    width: int,
+    example: int,
+    progress: Callable[[int, int], None],
+) -> tuple[Scores, Sample]:
+    """Scores of the method on the held-out scenes, and what the figures show of it."""
+    begin = time.perf_counter()
+    edges = speed_histogram_edges(config.hist)
+    speed_counts = np.zeros(len(edges) - 1, np.int64)
+    parts, scored, shown, done = [], [], None, 0
+    for frames in rollouts.chunks(width):
+        run = rollouts.run[done : done + frames.x.shape[-1]]
+        scene = rollouts.scene[done : done + frames.x.shape[-1]]
+        which = np.arange(len(run))
+        if config.eval.seed_scope is SeedScope.run:
+            which, scene = np.repeat(which, len(held_out)), np.tile(held_out, len(run))
+        parts.append(scorer.simulated(frames, which, scene))
+        scored.append((scene, run[which]))
+        speed_counts += np.histogram(np.clip(frames.speed, edges[0], edges[-1]), edges)[0]
+        if shown is None and example in scene:
+            column = which[np.flatnonzero(scene == example)[0]]
+            shown = jax.tree.map(lambda leaf, at=column: leaf[..., at].copy(), frames)
+        done += len(run)
+        progress(done, len(rollouts))
+    scene, run = (np.concatenate(values) for values in zip(*scored, strict=True))
+    seconds = time.perf_counter() - begin
+    row = scores_of(config.method.name, scene, run, join(parts), n_rollouts=done, seconds=seconds)
+    assert shown is not None  # the example is one of the held-out scenes
+    return row, Sample(example, shown, speed_counts)
+
+
+def reference_rows(
+    config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray, scorer: Scorer
+) -> list[Scores]:
+    """Real against real, the noise floor, and the real scenes themselves."""
+    begin = time.perf_counter()
+    partner, scene, run = partners(scenes, held_out, config.eval)
+    both = scorer.recorded(np.concatenate([held_out, partner]), np.concatenate([held_out, scene]))
+    scored = time.perf_counter()
+    metrics = [
+        jax.tree.map(lambda leaf, at=at: leaf[..., at], both)
+        for at in (slice(None, len(held_out)), slice(len(held_out), None))
+    ]
+    once = np.zeros(len(held_out), np.int64)
+    real = scores_of(REAL, held_out, once, metrics[0], partner=held_out, seconds=scored - begin)
+    others = scores_of(REAL_VS_REAL, scene, run, metrics[1], partner=partner, seconds=scored - begin)
+    floor = noise_floor_scores(scenes, held_out, config.hist, config.eval)
+    return [of_recordings(others, scenes), floor, of_recordings(real, scenes)]
+
+
+def speed_histogram_edges(hist: HistConfig) -> Float[np.ndarray, " edges"]:
+    """Edges of the drawn speed histogram [m/s]; every edge of the Hellinger distance's bins is one."""
+    return np.linspace(hist.low, hist.high, BINS_DRAWN * hist.n_bins + 1)
+
+
+def example_scene(scenes: SceneSet, held_out: np.ndarray, scene_id: int | None) -> int:
+    """Index of the scene that is drawn: the one asked for, or the held-out one of median mean speed.
+
+    Chosen by the recording alone, so that no simulation is picked for its looks.
+
+    Raises:
+        ValueError: The scene asked for is not held out.
+    """
+    if scene_id is None:
+        speed = scenes.speed[held_out].mean(axis=(1, 2))
+        return int(held_out[np.argsort(speed, kind="stable")[(len(held_out) - 1) // 2]])
+    found = held_out[scenes.scene_id[held_out] == scene_id]
+    if not len(found):
+        ids = ", ".join(str(i) for i in scenes.scene_id[held_out][:20])
+        more = ", ..." if len(held_out) > 20 else ""
+        raise ValueError(f"eval.example = {scene_id} is not a held-out scene; these are: {ids}{more}")
+    return int(found[0])

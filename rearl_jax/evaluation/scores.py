@@ -1,0 +1,216 @@
+"""What was measured for one row of the table: figures of every scored pair; how reference rows come about."""
+
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import jax
+import numpy as np
+from jaxtyping import Float, Int
+
+from rearl_jax.config.evaluation import EvaluationConfig
+from rearl_jax.config.metrics import HistConfig, OutOfBounds, RealismConfig
+from rearl_jax.data.scene_set import SceneSet, real_lane_change_rate
+from rearl_jax.metrics import METRICS
+from rearl_jax.metrics.histograms import legacy_scale, noise_floor, speed_edges
+from rearl_jax.metrics.realism import RealismCounts, realism_scores
+from rearl_jax.metrics.scene import SceneMetrics, SceneSeries
+
+REAL, REAL_VS_REAL, NOISE_FLOOR = "real", "real_vs_real", "noise_floor"
+"""Reference rows: the scenes themselves, other scenes in their place, and chance alone."""
+
+TITLES = {REAL: "real", REAL_VS_REAL: "real against real", NOISE_FLOOR: "noise floor"}
+"""What people read for a row; methods are their own title."""
+
+MEASURED = tuple(name for name in METRICS if name != "realism")
+"""Metrics that have a figure for every scored pair by itself."""
+
+COMPARING = ("h", "h_legacy", "spacing_ratio", "mape_a", "mape_b", "mape_c", "realism")
+"""Metrics that compare two scenes: a scene compared with itself says nothing."""
+
+NEEDS_LANES = (
+    *("thw", "thw_median", "thw_excluded", "lcr", "lcr_observed"),
+    *("ttc_min", "ttc_share", "drac_share", "critical_share", "realism"),
+)
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Figures of one row of the table, pair by pair: a rollout or recording, and the scene it is scored on.
+
+    Attributes:
+        row: Name of the method or reference row.
+        scene: Index of the scene scored against.
+        run: Run, from 0.
+        values: Figure by metric; NaN where there was nothing to measure.
+        counts: Samples behind it, by metric.
+        partner: Index of the recorded scene that stands for a simulated one; None for a simulation.
+        series: Figures by window and frame; None where there are none.
+        realism: Bin counts of the realism features; None where there are none.
+        pooled: Metrics whose runs are pooled before they are scored: one figure per scene, in the order of
+            the held-out scenes.
+        n_rollouts: Simulations behind the row.
+        seconds: Wall time of simulating and scoring, compilation included [s].
+    """
+
+    row: str
+    scene: Int[np.ndarray, " pairs"]
+    run: Int[np.ndarray, " pairs"]
+    values: dict[str, Float[np.ndarray, " pairs"]]
+    counts: dict[str, Int[np.ndarray, " pairs"]]
+    partner: Int[np.ndarray, " pairs"] | None = None
+    series: SceneSeries | None = None
+    realism: RealismCounts | None = None
+    pooled: dict[str, Float[np.ndarray, " scenes"]] = field(default_factory=dict)
+    n_rollouts: int = 0
+    seconds: float = 0.0
+
+    @property
+    def title(self) -> str:
+        """What people read."""
+        return TITLES.get(self.row, self.row)
+
+    def without(self, names: tuple[str, ...]) -> "Scores":
+        """The same without some metrics."""
+        kept = {name: values for name, values in self.values.items() if name not in names}
+        counts = {name: count for name, count in self.counts.items() if name not in names}
+        return replace(self, values=kept, counts=counts)
+
+
+def scores_of(
+    row: str,
+    scene: np.ndarray,
+    run: np.ndarray,
+    metrics: SceneMetrics,
+    *,
+    partner: np.ndarray | None = None,
+    n_rollouts: int = 0,
+    seconds: float,
+) -> Scores:
+    """Scores of pairs whose metrics are known; see `Scores`."""
+    values, counts = {}, {}
+    for name in MEASURED:
+        measure = getattr(metrics, name)
+        values[name] = np.where(measure.count > 0, measure.value.astype(np.float64), np.nan)
+        counts[name] = measure.count
+    return Scores(
+        row,
+        scene,
+        run,
+        values,
+        counts,
+        partner=partner,
+        series=metrics.series,
+        realism=metrics.realism,
+        n_rollouts=n_rollouts,
+        seconds=seconds,
+    )
+
+
+def of_recordings(scores: Scores, scenes: SceneSet) -> Scores:
+    """Scores of recorded scenes, without what recordings cannot tell.
+
+    Their lane-change rate counts every vehicle of a snapshot over the second after it, also those that are
+    not among the picked ones of the next snapshot. A scene scored against itself keeps what describes it.
+    """
+    if scores.partner is None:
+        raise ValueError(f"row {scores.row} is a simulation: its lane-change rate is measured already")
+    if (scenes.lane < 0).any():
+        return replace(scores.without(NEEDS_LANES), realism=None)
+    values = scores.values | {"lcr": real_lane_change_rate(scenes)[scores.partner]}
+    scores = replace(scores, values=values)
+    if scores.row == REAL:
+        return scores.without(COMPARING)
+    return scores
+
+
+def partners(scenes: SceneSet, held_out: np.ndarray, eval: EvaluationConfig) -> tuple[np.ndarray, ...]:
+    """Pairs for the row real against real: indices of partner and scene, and the run.
+
+    Every held-out scene gets `eval.n_runs` other scenes, drawn without replacement among all that share no
+    second of traffic with it (fewer if there are fewer). The draw depends on the seed and the scene alone.
+    """
+    partner, scene, run = [], [], []
+    for index in held_out:
+        is_near = np.abs(scenes.start_time - scenes.start_time[index]) < scenes.seconds - 1e-6
+        candidates = np.flatnonzero(~(is_near & (scenes.recording == scenes.recording[index])))
+        rng = np.random.default_rng([eval.seed, int(scenes.scene_id[index])])
+        drawn = rng.permutation(candidates)[: eval.n_runs]
+        partner.append(drawn)
+        scene.append(np.full(len(drawn), index))
+        run.append(np.arange(len(drawn)))
+    return np.concatenate(partner), np.concatenate(scene), np.concatenate(run)
+
+
+def noise_floor_scores(
+    scenes: SceneSet, held_out: np.ndarray, hist: HistConfig, eval: EvaluationConfig
+) -> Scores:
+    """Hellinger distance of two samples, as large as a window, of each held-out scene's own speeds.
+
+    A mean over `eval.noise_draws` pairs of samples per scene.
+    """
+    shares = np.stack([_speed_shares(scenes.scaled_speed[index], hist) for index in held_out])
+    draw = partial(noise_floor, n_samples=hist.window * scenes.n_slots, n_draws=eval.noise_draws)
+    fold = partial(jax.random.fold_in, jax.random.key(eval.seed))
+    ids = scenes.scene_id[held_out].astype(np.int32)
+    draws = jax.jit(jax.vmap(lambda row, scene_id: draw(row, key=fold(scene_id))))(shares, ids)
+    h = np.asarray(draws, np.float64).mean(axis=1)
+    counts = np.full(len(held_out), eval.noise_draws)
+    return Scores(
+        NOISE_FLOOR,
+        held_out,
+        np.zeros(len(held_out), np.int64),
+        {"h": h, "h_legacy": h * legacy_scale(hist)},
+        {"h": counts, "h_legacy": counts},
+    )
+
+
+def with_realism(rows: list[Scores], real: Scores, realism: RealismConfig) -> list[Scores]:
+    """The rows with the likelihood of the real scenes under them, where they have counts.
+
+    A pair's figure is of that rollout alone; the row's figure pools the runs of a scene, as the measure is
+    defined. One compiled call serves all rows.
+
+    Args:
+        rows: Rows to complete.
+        real: The held-out scenes themselves, one pair for each.
+        realism: Pseudocounts and weights.
+    """
+    done = [row for row in rows if row.realism is not None and row.row != REAL]
+    if not done or real.realism is None:
+        return rows
+    n_scenes = len(real.scene)
+    order = np.argsort(real.scene)
+    simulated, which = [], []
+    for row in done:
+        at = order[np.searchsorted(real.scene, row.scene, sorter=order)]
+        simulated += [row.realism, jax.tree.map(partial(_summed, group=at, n_groups=n_scenes), row.realism)]
+        which += [at, np.arange(n_scenes)]
+    counts = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *simulated)
+    wanted = jax.tree.map(lambda leaf: leaf[..., np.concatenate(which)], real.realism)
+    found = jax.jit(partial(realism_scores, realism=realism, dtype=np.dtype(np.float32)))(counts, wanted).meta
+    figures = np.where(np.asarray(found.count) > 0, np.asarray(found.value, np.float64), np.nan)
+    parts = iter(np.split(figures, np.cumsum([len(at) for at in which])[:-1]))
+    complete = {}
+    for row, single, pooled in zip(done, parts, parts, strict=True):
+        complete[row.row] = replace(
+            row,
+            values=row.values | {"realism": single},
+            counts=row.counts | {"realism": np.ones(len(single), np.int64)},
+            pooled={"realism": pooled},
+        )
+    return [complete.get(row.row, row) for row in rows]
+
+
+def _speed_shares(speed: np.ndarray, hist: HistConfig) -> np.ndarray:
+    """Share of the speeds in each bin of the Hellinger distance; float32."""
+    if hist.oob is OutOfBounds.clip:
+        speed = np.clip(speed, hist.low, hist.high)
+    counts, _ = np.histogram(speed, np.array(speed_edges(hist)))
+    return (counts / max(counts.sum(), 1)).astype(np.float32)
+
+
+def _summed(counts: np.ndarray, group: np.ndarray, n_groups: int) -> np.ndarray:
+    """Bin counts added up by group, along the last axis."""
+    total = np.zeros((n_groups, *counts.shape[:-1]), counts.dtype)
+    np.add.at(total, group, np.moveaxis(counts, -1, 0))
+    return np.moveaxis(total, 0, -1)

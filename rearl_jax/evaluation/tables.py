@@ -1,0 +1,207 @@
+"""Scores and estimates as tables: Parquet frames, the objects of summary.json, the table people read.
+
+Where there is no figure a cell is missing (null), never a number that means nothing.
+"""
+
+import json
+from collections.abc import Iterable
+from typing import TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config import EvaluateTask
+from rearl_jax.evaluation.estimates import Estimate
+from rearl_jax.evaluation.runner import Evaluation
+from rearl_jax.evaluation.scores import REAL, Scores
+from rearl_jax.metrics import METRICS
+
+Column: TypeAlias = np.ndarray | pd.Categorical | pd.arrays.IntegerArray | pd.arrays.FloatingArray
+
+SHOWN = ("h", "mape_a", "mape_b", "mape_c", "thw", "lcr", "collisions", "realism")
+"""Metrics of the table in the terminal; the page and the files have all."""
+
+HEADINGS = {
+    "h": "H",
+    "mape_a": "MAPE A",
+    "mape_b": "MAPE B",
+    "mape_c": "MAPE C",
+    "thw": "THW, s",
+    "lcr": "LCR",
+    "collisions": "crashed",
+    "realism": "realism",
+}
+"""Short headings of the metrics shown."""
+
+_DIGITS = {"spacing": 1, "thw": 2, "thw_median": 2, "ttc_min": 1}
+_DIGITS |= {"lcr": 4, "lcr_observed": 4, "ttc_share": 4, "drac_share": 4, "critical_share": 4}
+
+
+def run_table(evaluation: Evaluation) -> pd.DataFrame:
+    """One row per scored pair: `method` (or reference row), `scene_id`, `recording`, `run`, `partner`, then
+    every metric and, under `<metric>_n`, the samples behind it.
+
+    `partner` is the scene_id of the recorded scene that stands for a simulated one; missing for simulations.
+    """
+    return pd.concat([_run_rows(evaluation, row) for row in evaluation.rows], ignore_index=True)
+
+
+def _run_rows(evaluation: Evaluation, row: Scores) -> pd.DataFrame:
+    n = len(row.scene)
+    partner = np.zeros(n, np.int64) if row.partner is None else evaluation.scenes.scene_id[row.partner]
+    columns = _keys(evaluation, row) | {
+        "partner": pd.arrays.IntegerArray(partner.astype(np.int64), np.full(n, row.partner is None)),
+    }
+    for name in METRICS:
+        columns[name] = _masked(row.values.get(name, np.full(n, np.nan)))
+        columns[f"{name}_n"] = row.counts.get(name, np.zeros(n)).astype(np.int32)
+    return pd.DataFrame(columns)
+
+
+def frame_table(evaluation: Evaluation, window: int) -> pd.DataFrame:
+    """One row per scored pair and frame: `method`, `scene_id`, `recording`, `run`, `frame`, `h`, `mape_a`,
+    `mape_b`, `mape_c`, `spacing`.
+
+    h is that of the window that ends at the frame, so the first `window` - 1 frames have none. The real
+    scenes have only their spacing.
+    """
+    parts = []
+    for row in evaluation.rows:
+        if row.series is None:
+            continue
+        n_frames, n_pairs = row.series.spacing.shape
+        keys = _keys(evaluation, row)
+        columns: dict[str, Column] = {name: values.repeat(n_frames) for name, values in keys.items()}
+        columns["frame"] = np.tile(np.arange(n_frames, dtype=np.int16), n_pairs)
+        for name, values in frame_series(row, window).items():
+            columns[name] = _masked(values.T.reshape(-1))
+        parts.append(pd.DataFrame(columns))
+    return pd.concat(parts, ignore_index=True)
+
+
+def frame_series(row: Scores, window: int) -> dict[str, np.ndarray]:
+    """h, spacing errors and mean spacing of a row, `[n_frames, n_pairs]`; NaN where there is no figure."""
+    series = row.series
+    if series is None:
+        raise ValueError(f"row {row.row} has no figures per frame")
+    before = np.full((window - 1, series.h.shape[1]), np.nan, series.h.dtype)
+    h = np.concatenate([before, np.where(series.h_valid, series.h, np.nan)])
+    errors = {
+        name: np.where(series.mape_valid, getattr(series, name), np.nan)
+        for name in ("mape_a", "mape_b", "mape_c")
+    }
+    compared = {"h": h} | errors
+    if row.row == REAL:
+        compared = {name: np.full_like(values, np.nan) for name, values in compared.items()}
+    return compared | {"spacing": np.asarray(series.spacing)}
+
+
+def _keys(evaluation: Evaluation, row: Scores) -> dict[str, Column]:
+    """What a scored pair is."""
+    scenes = evaluation.scenes
+    return {
+        "method": pd.Categorical([row.row], [r.row for r in evaluation.rows]).repeat(len(row.scene)),
+        "scene_id": scenes.scene_id[row.scene].astype(np.int32),
+        "recording": pd.Categorical(scenes.recording[row.scene], np.unique(scenes.recording)),
+        "run": row.run.astype(np.int32),
+    }
+
+
+def _masked(values: np.ndarray) -> pd.arrays.FloatingArray:
+    """float32 with missing instead of NaN."""
+    missing = ~np.isfinite(values)
+    return pd.arrays.FloatingArray(np.where(missing, 0, values).astype(np.float32), missing)
+
+
+def summary_table(
+    evaluation: Evaluation, estimates: dict[tuple[str, str], Estimate], confidence: float
+) -> pd.DataFrame:
+    """One row per method (or reference row) and metric: its estimate, unit, definition, better direction."""
+    rows = []
+    for (method, name), estimate in estimates.items():
+        metric = METRICS[name]
+        row = evaluation.row(method)
+        rows.append(
+            {
+                "method": method,
+                "metric": name,
+                "unit": metric.unit,
+                "better": metric.direction.name,
+                **{key: value for key, value in vars(estimate).items()},
+                "confidence": confidence,
+                "n_rollouts": row.n_rollouts,
+                "definition": metric.definition,
+                "source": metric.source,
+            }
+        )
+    frame = pd.DataFrame(rows)
+    numbers = ("value", "sd", "low", "high", "difference", "difference_low", "difference_high")
+    for name in numbers:
+        frame[name] = frame[name].astype("Float64")
+    return frame
+
+
+def summary_rows(
+    evaluation: Evaluation, estimates: dict[tuple[str, str], Estimate]
+) -> list[dict[str, str | int | float | None]]:
+    """The objects of summary.json, one per row of the table, the method first.
+
+    Keys: method, every metric by its name with `_sd` (over runs), `_low` and `_high` (bootstrap interval over
+    scenes), n_scenes, n_rollouts, seconds. None where there is no figure.
+    """
+    found = []
+    for row in evaluation.rows:
+        figures: dict[str, str | int | float | None] = {"method": row.row}
+        for name in METRICS:
+            estimate = estimates.get((row.row, name))
+            figures[name] = None if estimate is None else estimate.value
+            for part in ("sd", "low", "high"):
+                figures[f"{name}_{part}"] = None if estimate is None else getattr(estimate, part)
+        figures["n_scenes"] = len(np.unique(row.scene))
+        figures["n_rollouts"] = row.n_rollouts
+        figures["seconds"] = round(row.seconds, 3)
+        found.append(figures)
+    return found
+
+
+def written(value: float, name: str) -> str:
+    """A figure of a metric with the digits it deserves."""
+    return f"{value:.{_DIGITS.get(name, 3)}f}"
+
+
+def table_notes(config: EvaluateTask, evaluation: Evaluation) -> list[str]:
+    """What must be read with the table."""
+    scenes = evaluation.scenes
+    percent = f"{100 * config.eval.confidence:g} %"
+    notes = [
+        f"± standard deviation over {config.eval.n_runs} runs; intervals: {percent} bootstrap over "
+        f"{len(evaluation.held_out)} held-out scenes (of {len(scenes)})",
+        "H Hellinger distance of speeds; MAPE relative error of the mean spacing, definitions A, B, C; "
+        "smaller is closer, but nothing can be expected below real against real",
+        "THW time headway, LCR lane changes per vehicle and second: they describe traffic; compare with the "
+        "row real, more is not better",
+    ]
+    if scenes.generated:
+        notes.insert(0, "GENERATED recordings, no measurements: nothing here is about real traffic")
+    return notes
+
+
+def metadata(config: EvaluateTask, evaluation: Evaluation) -> dict[str, str]:
+    """What the schema of every table says besides its provenance."""
+    return {
+        "seeds": f"eval.seed={config.eval.seed}, split.seed={config.split.seed}",
+        "scenes_id": evaluation.scenes.data_id,
+        "speed_min": str(evaluation.scenes.speed_min),
+        "speed_max": str(evaluation.scenes.speed_max),
+        "mape_definition": config.mape.definition.name,
+        "definitions": json.dumps({name: metric.definition for name, metric in METRICS.items()}),
+    }
+
+
+def source_names(evaluation: Evaluation) -> str:
+    """Data sets of the scenes."""
+    return ", ".join(_distinct(info.source for info in evaluation.scenes.infos))
+
+
+def _distinct(texts: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(texts))

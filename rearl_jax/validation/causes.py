@@ -1,0 +1,112 @@
+"""Why a scene differs: a name for it, from facts measured at the first tick at which it does."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from rearl_jax.core.kinematics import HEADING_TIME, LATERAL_TIME
+from rearl_jax.validation.comparison import Comparison
+from rearl_jax.validation.records import Recorded
+
+JUMP = 100.0
+"""Growth of a difference within one tick that is a jump: no rounding error of a smooth step grows like that."""
+
+GROWING_TICKS = 30
+"""Ticks before the first difference in which a vehicle may have been slow. Two seconds; errors grow tenfold per tick."""
+
+
+class Cause(Enum):
+    """What made the runs part."""
+
+    push_tie = (
+        "contact: resting-contact tie; two directions of a push are equal but for the last place, one is taken"
+    )
+    push = "contact: pushes of a collision carry on rounding errors"
+    standstill = "near standstill: unstable lateral controller amplifies last-place rounding"
+    decision = "decision within rounding of its threshold"
+    follows_contact = "follows a vehicle that contact has moved"
+    unexplained = "unexplained"
+
+
+@dataclass(frozen=True)
+class Facts:
+    """The first vehicle to differ, at the first tick at which it does.
+
+    Attributes:
+        tick: That tick.
+        vehicle: Its place in the list; of several the one that differs most.
+        difference: Difference of its position [m].
+        growth: That difference over the one a tick before [-].
+        speed: Its speed [m/s].
+        slowest: Its least speed, whatever the sign, in the two seconds before [m/s].
+        unstable_below: Speed below which its lateral controller is unstable [m/s].
+        is_crashed: Whether it has crashed.
+        has_flipped: Whether its target lanes have differed.
+        contact_tick: First tick at which a vehicle of the scene has crashed.
+    """
+
+    tick: int
+    vehicle: int
+    difference: float
+    growth: float
+    speed: float
+    slowest: float
+    unstable_below: float
+    is_crashed: bool
+    has_flipped: bool
+    contact_tick: int
+
+
+def measure(comparison: Comparison, recorded: Recorded, scene: int, tick: int, tolerance: float) -> Facts:
+    """The facts about one scene of a batch.
+
+    Args:
+        comparison: Of the batch.
+        recorded: The reference of the batch.
+        scene: Column of the scene.
+        tick: First tick at which it differs.
+        tolerance: Largest difference of a position that counts as none [m].
+    """
+    position = comparison.position[: tick + 1, :, scene]
+    flipped = comparison.flipped[: tick + 1, :, scene]
+    marked = flipped[tick] | comparison.crash_differs[tick, :, scene]
+    vehicle = int(np.argmax(position[tick])) if (position[tick] > tolerance).any() else int(np.argmax(marked))
+    speed = np.abs(recorded.tracks.speed[max(0, tick - GROWING_TICKS) : tick + 1, vehicle, scene])
+    before = max(float(position[tick - 1, vehicle]), float(np.finfo(np.float64).eps))
+    length = float(recorded.start.length[vehicle, scene])
+    return Facts(
+        tick=tick,
+        vehicle=vehicle,
+        difference=float(position[tick, vehicle]),
+        growth=float(position[tick, vehicle]) / before,
+        speed=float(recorded.tracks.speed[tick, vehicle, scene]),
+        slowest=float(speed.min()),
+        unstable_below=unstable_below(length),
+        is_crashed=bool(recorded.tracks.crashed[tick, vehicle, scene]),
+        has_flipped=bool(flipped[:, vehicle].any()),
+        contact_tick=int(comparison.contact[scene]),
+    )
+
+
+def unstable_below(length: float, ticks_per_second: int = 15) -> float:
+    """Speed [m/s] below which highway-env's lateral controller is unstable for a vehicle of a length [m].
+
+    A lateral offset y is steered back by the slip angle -(l / 2) y / (v^2 t_h t_l), which moves the vehicle sideways by
+    that times v dt: y is multiplied by 1 - (l / 2) dt / (v t_h t_l) each tick, beyond -1 where v is below
+    (l / 2) dt / (2 t_h t_l). 0.69 m/s for 5 m, dt = 1/15 s, t_h = 0.2 s, t_l = 0.6 s.
+
+    Source: highway-env 1.12.1, `ControlledVehicle.steering_control`, linearised.
+    """
+    return length / 2 / ticks_per_second / (2 * HEADING_TIME * LATERAL_TIME)
+
+
+def name_cause(facts: Facts) -> Cause:
+    """The cause that the facts show."""
+    if facts.is_crashed:
+        return Cause.push_tie if facts.growth > JUMP else Cause.push
+    if facts.slowest < facts.unstable_below:
+        return Cause.standstill
+    if facts.has_flipped:
+        return Cause.decision
+    return Cause.follows_contact if facts.tick >= facts.contact_tick else Cause.unexplained

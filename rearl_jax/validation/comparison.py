@@ -1,0 +1,134 @@
+"""How far two runs of the same scenes are apart, scene by scene and tick by tick. NumPy only.
+
+A run is highway-env's or the core's. "Before contact" means the ticks before any vehicle of the scene has crashed in
+the reference: collisions push vehicles apart along the axis of least overlap, and where two axes tie, or a vehicle rests
+against another, the last place decides about a push of centimetres.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rearl_jax.validation.records import Tracks
+
+QUANTITIES = ("position", "speed", "heading")
+"""What is compared: largest difference of x and y [m], of speed [m/s], of heading [rad]."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Differences of a batch of scenes; ticks count from the start, which is tick 0.
+
+    Attributes:
+        errors: For each of `QUANTITIES`, the largest difference over a scene's vehicles at every tick.
+        position: Largest difference of x and y for every vehicle [m].
+        contact: First tick with a crashed vehicle in the reference; the number of ticks where there is none.
+        changed: Lane changes of the reference: the nearest lane differs from the tick before.
+        changed_alike: Those of them that the other run makes on the same tick, into the same lane.
+        changed_either: Lane changes that at least one run makes.
+        flipped: Whether the target lanes of the two runs differ.
+        crash_differs: Whether the crash flags of the two runs differ.
+    """
+
+    errors: dict[str, Float[np.ndarray, "steps scenarios"]]
+    position: Float[np.ndarray, "steps vehicles scenarios"]
+    contact: Int[np.ndarray, " scenarios"]
+    changed: Bool[np.ndarray, "ticks vehicles scenarios"]
+    changed_alike: Bool[np.ndarray, "ticks vehicles scenarios"]
+    changed_either: Bool[np.ndarray, "ticks vehicles scenarios"]
+    flipped: Bool[np.ndarray, "steps vehicles scenarios"]
+    crash_differs: Bool[np.ndarray, "steps vehicles scenarios"]
+
+    @property
+    def before_contact(self) -> Bool[np.ndarray, "steps scenarios"]:
+        """Which ticks of a scene lie before its first contact."""
+        return np.arange(len(self.position))[:, None] < self.contact
+
+
+def compare(reference: Tracks, other: Tracks) -> Comparison:
+    """Differences of two runs of the same scenes."""
+    position = np.maximum(_apart(reference.x, other.x), _apart(reference.y, other.y))
+    any_crashed = reference.crashed.any(1)
+    n_steps = len(position)
+    changed = reference.lane[1:] != reference.lane[:-1]
+    other_changed = other.lane[1:] != other.lane[:-1]
+    return Comparison(
+        errors={
+            "position": position.max(1),
+            "speed": _apart(reference.speed, other.speed).max(1),
+            "heading": _apart(reference.heading, other.heading).max(1),
+        },
+        position=position,
+        contact=np.where(any_crashed.any(0), any_crashed.argmax(0), n_steps),
+        changed=changed,
+        changed_alike=changed & other_changed & (reference.lane[1:] == other.lane[1:]),
+        changed_either=changed | other_changed,
+        flipped=reference.target_lane != other.target_lane,
+        crash_differs=reference.crashed != other.crashed,
+    )
+
+
+def agrees(
+    comparison: Comparison, *, tolerance: float, only_before_contact: bool
+) -> Bool[np.ndarray, " scenarios"]:
+    """Which scenes agree: positions within a tolerance [m], equal target lanes, lane changes and crash flags.
+
+    Args:
+        comparison: Of the two runs.
+        tolerance: Largest difference of a position [m].
+        only_before_contact: Whether what happens from the first contact on is left out.
+    """
+    return ~first_disagreement(
+        comparison, tolerance=tolerance, only_before_contact=only_before_contact
+    )[0]
+
+
+def first_disagreement(
+    comparison: Comparison, *, tolerance: float, only_before_contact: bool
+) -> tuple[Bool[np.ndarray, " scenarios"], Int[np.ndarray, " scenarios"]]:
+    """Which scenes disagree, and from which tick on. Arguments as for `agrees`."""
+    lane_differs = np.zeros(comparison.flipped.shape, bool)
+    lane_differs[1:] = comparison.changed_either & ~comparison.changed_alike
+    differs = (comparison.position > tolerance) | comparison.flipped | comparison.crash_differs | lane_differs
+    differs_at = differs.any(1)
+    if only_before_contact:
+        differs_at &= comparison.before_contact
+    return differs_at.any(0), differs_at.argmax(0)
+
+
+def aborts(tracks: Tracks, is_meta: Bool[np.ndarray, "vehicles scenarios"]) -> Int[np.ndarray, " scenarios"]:
+    """Lane changes broken off in each scene.
+
+    While a change is in progress (the lane is not the target lane) nothing but the abort rule touches the target lane of
+    an IDM vehicle. Source: highway-env 1.12.1, `IDMVehicle.change_lane_policy`.
+    """
+    was_changing = tracks.lane[:-1] != tracks.target_lane[:-1]
+    given_up = tracks.target_lane[1:] != tracks.target_lane[:-1]
+    return (was_changing & given_up & ~is_meta).sum((0, 1))
+
+
+def rows(
+    comparison: Comparison, reference: Tracks, is_meta: Bool[np.ndarray, "vehicles scenarios"]
+) -> list[dict]:
+    """One row per scene: what happened in the reference, and the largest differences in all and before contact."""
+    before = comparison.before_contact
+    happened = {
+        "lane_changes": comparison.changed.sum((0, 1)),
+        "aborts": aborts(reference, is_meta),
+        "crashes": reference.crashed[-1].sum(0),
+        "lane_changes_alike": comparison.changed_alike.sum((0, 1)),
+        "lane_changes_either": comparison.changed_either.sum((0, 1)),
+        "flips": comparison.flipped.any(0).sum(0),
+        "flips_before_contact": (comparison.flipped & before[:, None]).any(0).sum(0),
+        "crash_flags_equal": ~comparison.crash_differs.any((0, 1)),
+    }
+    for name in QUANTITIES:
+        happened[f"max_{name}"] = comparison.errors[name].max(0)
+        happened[f"max_{name}_before_contact"] = np.where(before, comparison.errors[name], 0.0).max(0)
+    names = list(happened)
+    return [dict(zip(names, values, strict=True)) for values in zip(*happened.values(), strict=True)]
+
+
+def _apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.abs(a - b.astype(np.float64))

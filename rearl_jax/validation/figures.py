@@ -1,0 +1,55 @@
+"""The difference of position against time, one panel per set."""
+
+import io
+import math
+
+import matplotlib
+import pandas as pd
+from matplotlib.figure import Figure
+
+COLOURS = {"float64": "#0072b2", "float32": "#d55e00"}
+"""Two colours of Okabe and Ito's palette, told apart with any colour vision."""
+
+FLOOR = 1e-17
+"""Difference [m] at which none at all is drawn; a logarithm has no zero."""
+
+
+def error_over_time(errors: pd.DataFrame, tolerances: dict[str, float]) -> bytes:
+    """A PNG: for each set the largest difference over scenes and vehicles, on a logarithmic scale.
+
+    Args:
+        errors: Columns set, precision, scope (`all` or `before_contact`), time [s], median [m], largest [m].
+        tolerances: Tolerance of each precision [m].
+    """
+    matplotlib.use("agg")
+    names = list(errors["set"].drop_duplicates())
+    n_columns = min(4, len(names))
+    n_rows = math.ceil(len(names) / n_columns)
+    figure = Figure(figsize=(3.6 * n_columns, 2.5 * n_rows + 0.9), layout="constrained")
+    axes = figure.subplots(n_rows, n_columns, sharex=True, sharey=True, squeeze=False)
+    for axis, name in zip(axes.flat, names, strict=False):
+        chosen = errors[errors["set"] == name]
+        for precision, colour in COLOURS.items():
+            part = chosen[chosen["precision"] == precision]
+            for scope, style in (("all", ":"), ("before_contact", "-")):
+                line = part[part["scope"] == scope]
+                label = f"{precision}, largest" + (" before contact" if scope == "before_contact" else "")
+                axis.plot(line["time"], line["largest"].clip(FLOOR), style, color=colour, lw=1.1, label=label)
+            median = part[part["scope"] == "all"]
+            axis.plot(median["time"], median["median"].clip(FLOOR), color=colour, lw=0.7, alpha=0.45, label=f"{precision}, median")
+            axis.axhline(tolerances[precision], color=colour, lw=0.6, ls="--")
+        axis.set_title(name, fontsize=9)
+        axis.set_yscale("log")
+        axis.grid(alpha=0.25, lw=0.5)
+    for axis in axes.flat[len(names) :]:
+        axis.set_axis_off()
+    for axis in axes[-1]:
+        axis.set_xlabel("time [s]")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("difference of position [m]", fontsize=8)
+    handles, labels = axes.flat[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8)
+    figure.suptitle("The core against highway-env, tick by tick (dashed: tolerance)", fontsize=10)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=130, metadata={"Software": None})
+    return buffer.getvalue()

@@ -1,0 +1,135 @@
+"""The core on scenes that highway-env has run: the same vehicles, the same meta-actions, every tick recorded."""
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+
+import jax
+import numpy as np
+from jax import lax
+
+from rearl_jax.core.batch import ScenarioMap
+from rearl_jax.core.drivers import Body, Drivers, IDMParams, MOBILParams
+from rearl_jax.core.meta_actions import apply_meta_actions
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.state import Controller, TrafficState, make_state, nearest_lane
+from rearl_jax.core.step import tick
+from rearl_jax.core.timer import decision_period
+from rearl_jax.validation.records import Recorded, Start, Tracks, stack
+from rearl_jax.validation.scenarios import ScenarioSet
+
+VEHICLES_PER_BATCH = 640
+"""Vehicles simulated at once. Every batch of a set is filled up to the same width, so that one program serves all."""
+
+Simulate = Callable[[Sequence[Recorded], type], Tracks]
+"""From scenes (at most as many as a batch holds) and a floating type to their tracks, the scenario axis last."""
+
+
+def batch_width(n_vehicles: int) -> int:
+    """Scenes of some vehicles each that are simulated at once."""
+    return min(64, max(4, VEHICLES_PER_BATCH // n_vehicles))
+
+
+def model_of(scenario_set: ScenarioSet) -> TrafficModel:
+    """The core's road and stages for a set."""
+    return TrafficModel(speed_levels=scenario_set.speed_levels, cooperative=scenario_set.cooperative)
+
+
+def simulate(scenes: Sequence[Recorded], model: TrafficModel, dtype: type) -> Tracks:
+    """The tracks of the core, as many ticks as were recorded, the start included, the scenario axis last.
+
+    Args:
+        scenes: Of equal size, at most `batch_width`.
+        model: The road.
+        dtype: np.float32 or np.float64; the latter needs JAX's x64 mode.
+
+    Raises:
+        ValueError: If a result is not finite.
+    """
+    width = batch_width(scenes[0].tracks.x.shape[1])
+    recorded = stack([*scenes, *(scenes[-1],) * (width - len(scenes))])
+    state = _state(recorded.start, model, dtype)
+    drivers = _drivers(recorded.start, model, dtype)
+    arguments = jax.tree.map(np.asarray, (state, drivers, recorded.actions.astype(np.int32)))
+    later = _program(model, width)(arguments)
+    first = jax.tree.map(np.asarray, _observe(state, model))
+    columns = [
+        np.concatenate([start[None], rest])[..., : len(scenes)] for start, rest in zip(first, later, strict=True)
+    ]
+    for name, values in zip(("x", "y", "heading", "speed"), columns, strict=False):
+        if not np.isfinite(values).all():
+            raise ValueError(f"the core's {name} is not finite in {np.dtype(dtype).name}: a fault of the core")
+    return Tracks(*columns)
+
+
+@functools.cache
+def _program(model: TrafficModel, width: int) -> ScenarioMap:
+    """Compiled for the model: from (state, drivers, actions) to what `_observe` shows after every tick."""
+
+    def run(arguments: tuple[TrafficState, Drivers, jax.Array]) -> tuple[jax.Array, ...]:
+        state, drivers, actions = arguments
+
+        def next_tick(before: TrafficState, _: None) -> tuple[TrafficState, tuple[jax.Array, ...]]:
+            after = tick(before, drivers, model)
+            return after, _observe(after, model)
+
+        def next_second(before: TrafficState, action: jax.Array) -> tuple[TrafficState, tuple[jax.Array, ...]]:
+            decided = apply_meta_actions(before, action, model)
+            return lax.scan(next_tick, decided, length=model.ticks_per_second)
+
+        _, frames = lax.scan(next_second, state, actions)
+        return jax.tree.map(lambda values: values.reshape(-1, *values.shape[2:]), frames)
+
+    return ScenarioMap(run, chunk=math.ceil(width / jax.local_device_count()))
+
+
+def _observe(state: TrafficState, model: TrafficModel) -> tuple[jax.Array, ...]:
+    """The fields of `Tracks`."""
+    lane = nearest_lane(state.y, model)
+    return state.x, state.y, state.heading, state.speed, lane, state.target_lane, state.crashed
+
+
+def _state(start: Start, model: TrafficModel, dtype: type) -> TrafficState:
+    return make_state(
+        start.x,
+        start.y,
+        start.speed,
+        model,
+        heading=start.heading,
+        desired_speed=start.desired_speed,
+        target_lane=start.target_lane,
+        timer=start.timer,
+        controller=np.where(start.is_meta, Controller.META, Controller.IDM),
+        dtype=dtype,
+    )
+
+
+def _drivers(start: Start, model: TrafficModel, dtype: type) -> Drivers:
+    """Parameters as arrays of full size.
+
+    XLA turns the division by a number that it knows, or spreads over an array, into a multiplication by its inverse. That
+    is faster and one unit in the last place off, which a comparison with highway-env would show.
+    """
+
+    def numbers(name: str) -> np.ndarray:
+        return getattr(start, name).astype(dtype)
+
+    period = np.full(start.x.shape, decision_period(1.0, model.ticks_per_second), np.int32)
+    return Drivers(
+        idm=IDMParams(
+            **{
+                name: numbers(name)
+                for name in (
+                    "max_accel", "comfort_decel", "jam_spacing", "time_gap", "accel_exponent", "accel_limit"
+                )
+            }
+        ),
+        mobil=MOBILParams(
+            politeness=numbers("politeness"),
+            gain_threshold=numbers("gain_threshold"),
+            safe_decel=numbers("safe_decel"),
+            decision_period=period,
+            changes_lanes=start.changes_lanes,
+        ),
+        body=Body(length=numbers("length"), width=numbers("width"), collides=start.collides),
+    )

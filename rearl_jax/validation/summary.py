@@ -1,0 +1,148 @@
+"""From rows per scene to figures per set, per size and overall, to the flat summary, and to what the run demands.
+
+Keys of summary.json, overall and with the prefix `n2_`, `n10_`, `n30_`, `n60_` for one size of scene:
+
+| key | meaning |
+|---|---|
+| scenes, lane_changes, aborts, crashes | scenes; lane changes, changes broken off, crashed vehicles in highway-env |
+| agree_share_f64 | share of scenes that agree at all ticks: positions within tolerance_f64, equal lanes and crash flags |
+| agree_share_f32 | the same with tolerance_f32 before the first contact of a scene |
+| max_dx_f64, max_dspeed_f64, max_dheading_f64 | largest difference of a position [m], speed [m/s], heading [rad] |
+| lane_change_agreement_f64 | share of the lane changes of either run that both make, on the same tick |
+| crash_agreement_f64 | share of scenes with equal crash flags at every tick |
+| flips_f64 | vehicles whose target lanes differ at any tick |
+| ..._before_contact_f64 | the same before the first contact of a scene |
+| ..._f32 | the same for float32 |
+
+Only overall: `control_scenes`, `control_agree_share`, `control_max_dx` (highway-env with against without NumPy's vector
+functions, judged like float64), `control_core_agree_share` (the core in the same scenes), `exceptions_f64` and
+`exceptions_f32` (scenes that disagree, by cause, in float32 before the first contact), `unexplained`, and `reference`.
+"""
+
+import pandas as pd
+
+from rearl_jax.config.validation import ValidationConfig
+from rearl_jax.validation.causes import Cause
+from rearl_jax.validation.scenarios import SIZES
+
+PRECISIONS = {"float64": "f64", "float32": "f32"}
+"""Floating types and the endings of their keys."""
+
+CONTROL = "control"
+"""Stands in for a precision where highway-env itself takes the place of the core."""
+
+
+def figures(scenes: pd.DataFrame) -> dict[str, float | int | None]:
+    """The figures of some scenes in one precision; None where a share has nothing to count.
+
+    Args:
+        scenes: Rows of `comparison.rows` with the column `agrees`.
+    """
+    either = int(scenes["lane_changes_either"].sum())
+    return {
+        "scenes": len(scenes),
+        "lane_changes": int(scenes["lane_changes"].sum()),
+        "aborts": int(scenes["aborts"].sum()),
+        "crashes": int(scenes["crashes"].sum()),
+        "agree_share": _mean(scenes["agrees"]),
+        "max_dx": _largest(scenes["max_position"]),
+        "max_dspeed": _largest(scenes["max_speed"]),
+        "max_dheading": _largest(scenes["max_heading"]),
+        "max_dx_before_contact": _largest(scenes["max_position_before_contact"]),
+        "max_dspeed_before_contact": _largest(scenes["max_speed_before_contact"]),
+        "max_dheading_before_contact": _largest(scenes["max_heading_before_contact"]),
+        "lane_change_agreement": int(scenes["lane_changes_alike"].sum()) / either if either else None,
+        "crash_agreement": _mean(scenes["crash_flags_equal"]),
+        "flips": int(scenes["flips"].sum()),
+        "flips_before_contact": int(scenes["flips_before_contact"].sum()),
+    }
+
+
+EVENTS = ("scenes", "lane_changes", "aborts", "crashes")
+"""Figures that belong to the scenes, not to a precision."""
+
+
+def groups(scenes: pd.DataFrame) -> pd.DataFrame:
+    """Figures per set, per size and overall, one row for each and each precision."""
+    rows = []
+    for precision in PRECISIONS:
+        chosen = scenes[scenes["precision"] == precision]
+        parts = [("set", name, part) for name, part in chosen.groupby("set", sort=False, observed=True)]
+        parts += [("size", f"N = {size}", chosen[chosen["size"] == size]) for size in SIZES]
+        parts += [("all", "all", chosen)]
+        rows += [
+            {"level": level, "group": str(name), "precision": precision, **figures(part)}
+            for level, name, part in parts
+            if len(part)
+        ]
+    return pd.DataFrame(rows)
+
+
+def summarise(scenes: pd.DataFrame, reference: str) -> dict:
+    """The flat summary, see the head of this module.
+
+    Args:
+        scenes: One row per scene and precision (or `CONTROL`).
+        reference: What the core was compared with.
+    """
+    summary: dict = {"reference": reference, **_flat(scenes, "")}
+    for size in SIZES:
+        if (scenes["size"] == size).any():
+            summary |= _flat(scenes[scenes["size"] == size], f"n{size}_")
+    control = scenes[scenes["precision"] == CONTROL]
+    same = scenes[(scenes["precision"] == "float64") & scenes["scenario"].isin(control["scenario"])]
+    summary |= {
+        "control_scenes": len(control),
+        "control_agree_share": _mean(control["agrees"]),
+        "control_max_dx": _largest(control["max_position"]),
+        "control_core_agree_share": _mean(same["agrees"]),
+    }
+    for precision, ending in PRECISIONS.items():
+        excepted = scenes[(scenes["precision"] == precision) & ~scenes["agrees"]]
+        counts = excepted["cause"].value_counts(sort=False)
+        summary[f"exceptions_{ending}"] = {cause.value: int(counts.get(cause.value, 0)) for cause in Cause}
+    summary["unexplained"] = sum(
+        summary[f"exceptions_{ending}"][Cause.unexplained.value] for ending in PRECISIONS.values()
+    )
+    return summary
+
+
+def shortfalls(summary: dict, config: ValidationConfig) -> list[str]:
+    """What the run demands and has not shown, one sentence each; empty where all is well."""
+    found = []
+    for events in ("lane_changes", "aborts", "crashes"):
+        least = round(getattr(config, f"least_{events}") * config.share)
+        if summary[events] < least:
+            found.append(
+                f"only {summary[events]} {events.replace('_', ' ')} happened, too few to prove much (least {least});"
+                f" raise validation.scenes.*, or lower validation.least_{events}"
+            )
+    if summary["agree_share_f64"] < config.least_agree_share:
+        found.append(
+            f"{summary['agree_share_f64']:.2%} of the scenes agree in float64 within {config.tolerance_f64:g} m,"
+            f" less than validation.least_agree_share = {config.least_agree_share:.2%}"
+        )
+    if summary["agree_share_f32"] < 1:
+        found.append(
+            f"{summary['agree_share_f32']:.2%} of the scenes agree in float32 within {config.tolerance_f32:g} m"
+            " before the first contact, not all"
+        )
+    if summary["unexplained"]:
+        found.append(f"{summary['unexplained']} scenes differ without an explanation; see cause in scenes.parquet")
+    return found
+
+
+def _flat(scenes: pd.DataFrame, prefix: str) -> dict:
+    flat: dict = {}
+    for precision, ending in PRECISIONS.items():
+        for name, value in figures(scenes[scenes["precision"] == precision]).items():
+            flat[prefix + (name if name in EVENTS else f"{name}_{ending}")] = value
+    return flat
+
+
+def _mean(values: pd.Series) -> float | None:
+    return float(values.mean()) if len(values) else None
+
+
+def _largest(values: pd.Series) -> float | None:
+    return float(values.max()) if len(values) else None

@@ -1,0 +1,256 @@
+"""The task `rearl validate`: the core against highway-env, tick by tick.
+
+Writes into the study folder `reference/` (what highway-env did, kept for the next run), `scenes.parquet` (one row per
+scene and precision, with the cause of every difference), `agreement.parquet` (per set, per size, overall),
+`errors.parquet` (differences at every tick), `error_over_time.png`, `config.json` and `summary.json`.
+
+The reference runs with the elementary functions of the C library, as XLA does on a CPU; see `workers`. That choice
+favours nobody: with NumPy's own, highway-env differs from itself, by how much is in the report.
+"""
+
+import dataclasses
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import jax
+import numpy as np
+import pandas as pd
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from rearl_jax.config import ValidateTask
+from rearl_jax.config.validation import ValidationConfig
+from rearl_jax.results import Study
+from rearl_jax.runtime import available_cores
+from rearl_jax.validation import causes, comparison, report, simulation, summary
+from rearl_jax.validation.comparison import Comparison
+from rearl_jax.validation.figures import error_over_time
+from rearl_jax.validation.records import Recorded, Tracks, stack
+from rearl_jax.validation.scenarios import SETS, ScenarioSet
+from rearl_jax.validation.store import ReferenceStore
+from rearl_jax.validation.workers import Job, Variant, vector_features
+
+TICKS_PER_SECOND = 15
+"""Source: highway-env 1.12.1, simulation_frequency."""
+
+
+def run(config: ValidateTask) -> dict:
+    """The figures, as written to summary.json; its keys are documented in `rearl_jax.validation.summary`.
+
+    Raises:
+        ValueError: After everything is written, if the core does not agree or too little happened.
+    """
+    if not jax.config.jax_enable_x64:
+        raise ValueError("the comparison needs double precision: call rearl_jax.runtime.start(x64=True) first")
+    options = config.validation
+    study = Study(config.results.root, config.study, config, "validate")
+    study.write_config()
+    reference = f"highway-env {version('highway-env')}"
+    sets = [chosen for chosen in SETS if n_scenes(chosen, options)]
+    with _progress() as progress:
+        scenes, errors = _Validation(options, ReferenceStore(study), progress).run(sets)
+    seeds = {"seed": str(options.seed), "reference": reference}
+    groups = summary.groups(scenes)
+    study.write_table("scenes", scenes, **seeds)
+    study.write_table("agreement", groups, **seeds)
+    study.write_table("errors", errors, **seeds)
+    tolerances = {"float64": options.tolerance_f64, "float32": options.tolerance_f32}
+    study.write_bytes("error_over_time.png", error_over_time(errors, tolerances))
+    figures = summary.summarise(scenes, reference)
+    study.write_summary(figures)
+    report.print_report(groups, scenes, figures, options, Console())
+    if shortfalls := summary.shortfalls(figures, options):
+        raise ValueError("; ".join(shortfalls))
+    return figures
+
+
+def n_scenes(scenario_set: ScenarioSet, options: ValidationConfig) -> int:
+    """Scenes of a set in this run."""
+    return math.ceil(getattr(options.scenes, scenario_set.name) * options.share)
+
+
+@dataclass
+class _Validation:
+    """One run of the comparison."""
+
+    options: ValidationConfig
+    store: ReferenceStore
+    progress: Progress
+
+    def run(self, sets: Sequence[ScenarioSet]) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Rows per scene and precision, and differences at every tick."""
+        self._collect([job for chosen in sets for job in self._jobs(chosen, Variant.plain)], "highway-env")
+        if vector_features():
+            controls = [job for chosen in sets for job in self._jobs(chosen, Variant.vectorised)]
+            self._collect(controls, "highway-env, vectorised")
+        work = self.progress.add_task("core", total=sum(n_scenes(chosen, self.options) for chosen in sets))
+        rows, errors = [], []
+        for chosen in sets:
+            parts = {precision: _Errors() for precision in summary.PRECISIONS}
+            for jobs in self._batches(chosen):
+                recorded = [self.store.load(job) for job in jobs]
+                for precision, part in parts.items():
+                    rows += self._compare(chosen, jobs, recorded, precision, part)
+                rows += self._control(chosen, jobs, recorded)
+                self.progress.advance(work, len(jobs))
+            errors += [part.table(chosen, precision) for precision, part in parts.items()]
+        scenes = pd.DataFrame(rows)
+        return self._with_own_differences(scenes, sets), pd.concat(errors, ignore_index=True)
+
+    def _jobs(self, chosen: ScenarioSet, variant: Variant) -> list[Job]:
+        n = n_scenes(chosen, self.options)
+        if variant is Variant.vectorised:
+            n = math.ceil(n * self.options.control_share)
+        options = self.options
+        return [
+            Job(chosen.scenario(index, seed=options.seed, n_seconds=options.seconds), variant) for index in range(n)
+        ]
+
+    def _batches(self, chosen: ScenarioSet) -> Iterator[list[Job]]:
+        jobs, width = self._jobs(chosen, Variant.plain), simulation.batch_width(chosen.n_vehicles)
+        for start in range(0, len(jobs), width):
+            yield jobs[start : start + width]
+
+    def _collect(self, jobs: Sequence[Job], title: str) -> None:
+        """Has highway-env run what is not on file; long scenes first, so that no worker is left alone at the end."""
+        # Its cost grows with the number of vehicles to the power of 1.6: 1, 5 and 16 s for 10, 30 and 60.
+        costs = {job: job.scenario.n_seconds * job.scenario.n_vehicles**1.6 for job in jobs}
+        work = self.progress.add_task(title, total=sum(costs.values()))
+        longest_first = sorted(jobs, key=lambda job: -costs[job])
+        for done in self.store.collect(longest_first, self.options.workers or available_cores()):
+            self.progress.advance(work, costs[done])
+
+    def _compare(
+        self,
+        chosen: ScenarioSet,
+        jobs: Sequence[Job],
+        recorded: Sequence[Recorded],
+        precision: str,
+        errors: "_Errors",
+    ) -> list[dict]:
+        """Rows of a batch in one precision; its differences go to `errors`."""
+        tracks = simulation.simulate(recorded, simulation.model_of(chosen), np.dtype(precision).type)
+        batch = stack(recorded)
+        found = comparison.compare(batch.tracks, tracks)
+        errors.add(found)
+        return self._rows(chosen, jobs, batch, found, precision)
+
+    def _control(self, chosen: ScenarioSet, jobs: Sequence[Job], recorded: Sequence[Recorded]) -> list[dict]:
+        """Rows of those scenes of a batch that highway-env has run both ways."""
+        n_control = len(self._jobs(chosen, Variant.vectorised)) if vector_features() else 0
+        pairs = [
+            (job, plain, self.store.load(dataclasses.replace(job, variant=Variant.vectorised)))
+            for job, plain in zip(jobs, recorded, strict=True)
+            if job.scenario.index < n_control
+        ]
+        if not pairs:
+            return []
+        own_jobs, plain, vectorised = zip(*pairs, strict=True)
+        batch = stack(plain)
+        found = comparison.compare(batch.tracks, stack(vectorised).tracks)
+        return self._rows(chosen, own_jobs, batch, found, summary.CONTROL)
+
+    def _rows(
+        self, chosen: ScenarioSet, jobs: Sequence[Job], batch: Recorded, found: Comparison, precision: str
+    ) -> list[dict]:
+        before_contact = precision == "float32"
+        tolerance = self.options.tolerance_f32 if before_contact else self.options.tolerance_f64
+        bounds = {"tolerance": tolerance, "only_before_contact": before_contact}
+        agrees = comparison.agrees(found, **bounds)
+        # What a scene of float32 does after contact is no exception, but its cause is of interest all the same.
+        differs, first = comparison.first_disagreement(found, tolerance=tolerance, only_before_contact=False)
+        if before_contact:
+            excepted, first_before = comparison.first_disagreement(found, **bounds)
+            first = np.where(excepted, first_before, first)
+        rows = []
+        measured = comparison.rows(found, batch.tracks, batch.start.is_meta)
+        for number, (job, row) in enumerate(zip(jobs, measured, strict=True)):
+            contact = int(found.contact[number])
+            scene = {
+                "set": chosen.name,
+                "size": chosen.size,
+                "index": job.scenario.index,
+                "scenario": job.scenario.identity(),
+                "vehicles": chosen.n_vehicles,
+                "precision": precision,
+                "first_contact": contact / TICKS_PER_SECOND if contact < len(found.position) else None,
+                "agrees": bool(agrees[number]),
+            }
+            facts = _facts(found, batch, number, int(first[number]), tolerance) if differs[number] else {}
+            rows.append(scene | row | facts)
+        return rows
+
+    def _with_own_differences(self, scenes: pd.DataFrame, sets: Sequence[ScenarioSet]) -> pd.DataFrame:
+        """The rows with the column `own_difference`: what highway-env makes of one unit in the last place [m].
+
+        Measured for the scenes that disagree in float64; empty for all others.
+        """
+        by_name = {chosen.name: chosen for chosen in sets}
+        excepted = scenes[(scenes["precision"] == "float64") & ~scenes["agrees"]]
+        jobs = {}
+        for name, index in zip(excepted["set"], excepted["index"], strict=True):
+            scenario = by_name[name].scenario(int(index), seed=self.options.seed, n_seconds=self.options.seconds)
+            jobs[scenario.identity()] = Job(scenario, Variant.nudged)
+        self._collect(list(jobs.values()), "highway-env, nudged")
+        own = {}
+        for identity, job in jobs.items():
+            plain = self.store.load(dataclasses.replace(job, variant=Variant.plain)).tracks
+            nudged = self.store.load(job).tracks
+            own[identity] = float(max(np.abs(plain.x - nudged.x).max(), np.abs(plain.y - nudged.y).max()))
+        return scenes.assign(own_difference=scenes["scenario"].map(own).astype("float64"))
+
+
+def _facts(found: Comparison, batch: Recorded, number: int, tick: int, tolerance: float) -> dict:
+    facts = causes.measure(found, batch, number, tick, tolerance)
+    return {
+        "cause": causes.name_cause(facts).value,
+        "first_time": facts.tick / TICKS_PER_SECOND,
+        "first_vehicle": facts.vehicle,
+        "first_difference": facts.difference,
+        "first_growth": facts.growth,
+        "first_speed": facts.speed,
+        "slowest": facts.slowest,
+    }
+
+
+class _Errors:
+    """Differences of position at every tick, of all scenes of a set in one precision."""
+
+    def __init__(self) -> None:
+        self._position: list[np.ndarray] = []
+        self._before: list[np.ndarray] = []
+
+    def add(self, found: Comparison) -> None:
+        """Takes in a batch."""
+        self._position.append(found.errors["position"])
+        self._before.append(found.before_contact)
+
+    def table(self, chosen: ScenarioSet, precision: str) -> pd.DataFrame:
+        """Quantiles over scenes at every tick, of all scenes and of those before their first contact."""
+        position, before = np.concatenate(self._position, axis=1), np.concatenate(self._before, axis=1)
+        ticks = np.arange(len(position))
+        tables = []
+        for scope, kept in (("all", np.ones_like(before)), ("before_contact", before)):
+            some = kept.any(1)
+            values = np.ma.masked_array(position, ~kept)[some]
+            quantiles = [np.ma.compressed(row) for row in values]
+            columns = {
+                "set": chosen.name,
+                "size": chosen.size,
+                "precision": precision,
+                "scope": scope,
+                "tick": ticks[some],
+                "time": ticks[some] / TICKS_PER_SECOND,
+                "scenes": kept.sum(1)[some],
+            }
+            for name, level in (("median", 0.5), ("q90", 0.9), ("q99", 0.99), ("largest", 1.0)):
+                columns[name] = np.array([np.quantile(row, level) for row in quantiles])
+            tables.append(pd.DataFrame(columns))
+        return pd.concat(tables, ignore_index=True)
+
+
+def _progress() -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
+    return Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=Console(stderr=True))

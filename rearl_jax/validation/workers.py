@@ -1,0 +1,104 @@
+"""Worker processes in which highway-env runs, with the arithmetic of NumPy chosen by environment.
+
+On processors with AVX-512 NumPy has its own vector versions of arcsin, tan, arctan and pow. They differ from those of
+the C library, which XLA calls, by one unit in the last place for 0.5 to 10 % of the arguments, and highway-env's
+lateral controller, unstable below about 0.1 m/s, amplifies that. So NumPy is kept from using them, by its own documented
+switch NPY_DISABLE_CPU_FEATURES, in the processes that make the reference. Elsewhere there is nothing to switch off.
+How much they matter is measured: highway-env with them against highway-env without is the control of the report.
+"""
+
+import multiprocessing
+import os
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import Enum
+
+from rearl_jax.validation.records import Recorded
+from rearl_jax.validation.scenarios import Scenario
+
+SWITCH = "NPY_DISABLE_CPU_FEATURES"
+"""NumPy's environment variable, read when it is imported."""
+
+
+class Variant(Enum):
+    """How highway-env is run.
+
+    plain: with the functions of the C library; the reference. vectorised: as NumPy does by itself; the control.
+    nudged: plain, but every vehicle starts one unit in the last place further ahead; shows what highway-env makes of the
+    least possible difference.
+    """
+
+    plain = "plain"
+    vectorised = "vectorised"
+    nudged = "nudged"
+
+
+@dataclass(frozen=True)
+class Job:
+    """One scene to run in one way."""
+
+    scenario: Scenario
+    variant: Variant
+
+
+def vector_features() -> tuple[str, ...]:
+    """Names of NumPy's dispatched instruction sets at the level of AVX-512 that this machine has; none elsewhere."""
+    from numpy._core import _multiarray_umath as umath
+
+    dispatched, present = umath.__cpu_dispatch__, umath.__cpu_features__
+    return tuple(name for name in dispatched if ("AVX512" in name or name == "X86_V4") and present.get(name))
+
+
+def run(jobs: Iterable[Job], n_workers: int) -> Iterator[tuple[Job, Recorded]]:
+    """The jobs with their results, in the order in which they are done. All must be of the same arithmetic.
+
+    Raises:
+        RuntimeError: If highway-env failed in a scene; names it.
+    """
+    jobs = list(jobs)
+    if not jobs:
+        return
+    vectorised = {job.variant is Variant.vectorised for job in jobs}
+    if len(vectorised) > 1:
+        raise ValueError("jobs with and without NumPy's vector functions cannot share worker processes")
+    with _environment(vectorised=vectorised.pop()):
+        # Not forked: a worker must load NumPy itself, and JAX has threads.
+        context = multiprocessing.get_context("spawn")
+        executor = ProcessPoolExecutor(min(n_workers, len(jobs)), mp_context=context)
+        try:
+            waiting = {executor.submit(_simulate, job): job for job in jobs}
+            for future in as_completed(waiting):
+                job = waiting.pop(future)
+                try:
+                    yield job, future.result()
+                except Exception as error:
+                    scene = f"scene {job.scenario.index} of {job.scenario.set_name}"
+                    raise RuntimeError(f"highway-env failed in {scene} ({job.variant.value}): {error}") from error
+        finally:
+            executor.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _environment(*, vectorised: bool) -> Iterator[None]:
+    """The environment of new processes: with NumPy's vector functions, or without. Restored at the end."""
+    before = os.environ.get(SWITCH)
+    if vectorised:
+        os.environ.pop(SWITCH, None)
+    elif features := vector_features():
+        os.environ[SWITCH] = " ".join([*(before or "").replace(",", " ").split(), *features])
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop(SWITCH, None)
+        else:
+            os.environ[SWITCH] = before
+
+
+def _simulate(job: Job) -> Recorded:
+    """Runs in a worker, the only kind of process that imports highway-env."""
+    from rearl_jax.validation import reference
+
+    return reference.simulate(job.scenario, nudged=job.variant is Variant.nudged)

@@ -1,0 +1,135 @@
+"""Canonical tables in files: what is written is read back; foreign tables are worked out; damage is named."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rearl_jax.config.data import DataConfig, DataKind, OnBad
+from rearl_jax.data.canonical import TableFile, find_tables, write_recording
+from rearl_jax.data.problems import BadRecordingError
+from rearl_jax.data.recordings import is_generated, iterate_recordings
+from rearl_jax.data.records import Recording, RecordingInfo
+from rearl_jax.data.schema import validate
+
+STOP = DataConfig()
+DROP_ROW = DataConfig(on_bad=OnBad.drop_row)
+
+
+@pytest.fixture
+def recording(vehicle_rows) -> Recording:
+    info = RecordingInfo(
+        id="made_07",
+        frame_rate=10.0,
+        lane_count={1: 3},
+        road_length=300.0,
+        source="made by hand",
+        licence="CC0",
+        attribution="nobody",
+        generated=True,
+        speed_limit=33.3,
+        lane_markings={1: (0.0, 3.5, 7.0, 10.5)},
+        notes=("one", "two"),
+    )
+    table, _ = validate(vehicle_rows, info, STOP)
+    return Recording(info, table)
+
+
+@pytest.mark.parametrize("ending", [".parquet", ".csv"])
+def test_what_is_written_is_read_back(recording, tmp_path, ending):
+    path = write_recording(recording, tmp_path / "deep" / f"a{ending}")
+    file = TableFile(path, STOP)
+    assert file.recordings() == ["made_07"]
+    back = file.read("made_07")
+    assert back.dropped == {}
+    assert back.info.to_json() == recording.info.to_json()
+    assert back.info.lane_markings == recording.info.lane_markings
+    pd.testing.assert_frame_equal(back.table, recording.table)
+    assert not list(path.parent.glob("*unfinished*"))
+    data = DataConfig(DataKind.table, str(tmp_path / "deep"))
+    assert is_generated(data)
+    assert [r.info.id for r in iterate_recordings(data)] == ["made_07"]
+
+
+@pytest.mark.parametrize("ending", [".parquet", ".csv"])
+def test_a_foreign_table_of_several_recordings_is_worked_out(recording, tmp_path, ending):
+    other = recording.table.assign(recording="other", lane=0, position=recording.table["position"] + 5.0)
+    both = pd.concat([recording.table.astype({"recording": str}), other], ignore_index=True)
+    both["comment"] = "not in the schema"
+    path = tmp_path / f"tables{ending}"
+    if ending == ".csv":
+        both.to_csv(path, index=False)
+    else:
+        both.to_parquet(path)
+    file = TableFile(path, STOP)
+    assert file.recordings() == ["made_07", "other"]
+    first, second = (file.read(name) for name in file.recordings())
+    assert first.info.frame_rate == 10.0
+    assert (dict(first.info.lane_count), dict(second.info.lane_count)) == ({1: 2}, {1: 1})
+    assert first.info.road_length == pytest.approx(first.table["position"].max() + 2.25)
+    assert "worked out from the rows" in first.info.notes[0]
+    pd.testing.assert_frame_equal(first.table, recording.table)
+    spoiled = both.copy()
+    spoiled.loc[310, "speed"] = np.nan
+    if ending == ".csv":
+        spoiled.to_csv(path, index=False)
+    else:
+        spoiled.to_parquet(path)
+    with pytest.raises(BadRecordingError) as caught:
+        TableFile(path, STOP).read("other")
+    assert (caught.value.file, caught.value.column, caught.value.row) == (str(path), "speed", 311)
+
+
+def test_a_table_without_recording_is_named_after_its_file(recording, tmp_path):
+    recording.table.drop(columns="recording").to_parquet(tmp_path / "motorway.parquet")
+    (found,) = iterate_recordings(DataConfig(DataKind.table, str(tmp_path / "motorway.parquet")))
+    assert found.info.id == "motorway"
+    assert set(found.table["recording"]) == {"motorway"}
+
+
+def test_damaged_tables_stop(recording, tmp_path):
+    csv = write_recording(recording, tmp_path / "a.csv")
+    text = csv.read_text()
+    csv.write_text(text[: text.rindex(",") - 20])
+    with pytest.raises(BadRecordingError, match="cut off or damaged") as caught:
+        TableFile(csv, STOP).read("made_07")
+    assert caught.value.row == 300
+    assert TableFile(csv, DROP_ROW).read("made_07").dropped == {"broken_line": 1}
+    parquet = write_recording(recording, tmp_path / "a.parquet")
+    parquet.write_bytes(parquet.read_bytes()[:-50])
+    with pytest.raises(BadRecordingError, match="not a readable Parquet file"):
+        TableFile(parquet, STOP).recordings()
+
+
+def test_what_cannot_be_worked_out_is_asked_for(recording, tmp_path):
+    path = tmp_path / "a.parquet"
+    recording.table.drop(columns="time").to_parquet(path)
+    with pytest.raises(BadRecordingError, match="add the column time"):
+        TableFile(path, STOP).read("made_07")
+    recording.table.assign(time=0.0).to_parquet(path)
+    with pytest.raises(BadRecordingError, match="the frame rate cannot be told"):
+        TableFile(path, STOP).read("made_07")
+    recording.table.drop(columns="speed").to_parquet(path)
+    with pytest.raises(BadRecordingError, match="column speed: the column is missing"):
+        TableFile(path, STOP).read("made_07")
+    recording.table.assign(recording=None).to_parquet(path)
+    with pytest.raises(BadRecordingError, match="a row has no recording"):
+        TableFile(path, STOP).recordings()
+    path.unlink()
+    with pytest.raises(FileNotFoundError, match="no .parquet or .csv"):
+        find_tables(tmp_path)
+
+
+def test_a_failed_write_leaves_the_old_file(recording, tmp_path, monkeypatch):
+    path = write_recording(recording, tmp_path / "a.parquet")
+    before = path.read_bytes()
+
+    def full_disk(*_):
+        raise OSError("no space left")
+
+    monkeypatch.setattr("rearl_jax.data.canonical.pq.write_table", full_disk)
+    with pytest.raises(OSError, match="no space left"):
+        write_recording(recording, path)
+    assert path.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == ["a.parquet"]
+    with pytest.raises(ValueError, match="must end in .parquet or .csv"):
+        write_recording(recording, tmp_path / "a.txt")

@@ -1,0 +1,90 @@
+"""The task `prepare`: tables, counts, scenes and summary of a data set."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+
+from rearl_jax.config import PrepareTask, ResultsConfig
+from rearl_jax.config.data import DataConfig, DataKind, OnBad
+from rearl_jax.config.generator import GeneratorConfig
+from rearl_jax.config.scenes import ScenesConfig
+from rearl_jax.data.prepare import counts_of, run
+from rearl_jax.data.problems import BadRecordingError
+from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.results import read_metadata
+
+
+def test_highd_files_become_tables_counts_and_scenes(highd_files, tmp_path):
+    for number in ("01", "02"):
+        highd_files(tmp_path / "in", number, seed=int(number))
+    config = PrepareTask(
+        study="p",
+        results=ResultsConfig(str(tmp_path)),
+        data=DataConfig(DataKind.highd, str(tmp_path / "in")),
+        scenes=ScenesConfig(seconds=3, min_vehicles=4, slots=4),
+    )
+    summary = run(config)
+    assert summary["n_scenes"] >= 2
+    stored = json.loads((tmp_path / "p" / "summary.json").read_text())
+    assert {key: stored[key] for key in summary} == summary
+    assert (stored["recordings"], stored["vehicles"], stored["trucks"]) == (2, 24, 6)
+    assert stored["lane_changes"] == 8
+    assert (stored["generated"], stored["dropped"]) == (False, {})
+    assert stored["hours"] * 3600.0 == pytest.approx(2 * (55 + 150) / 25.0)
+    counts = pd.read_parquet(tmp_path / "p" / "recordings.parquet")
+    assert counts["recording"].tolist() == ["highd_01", "highd_02"]
+    assert counts["in_view"].tolist() == pytest.approx([1800 / 205] * 2)
+    tables = DataConfig(DataKind.table, str(tmp_path / "p" / "tables"))
+    for again, first in zip(iterate_recordings(tables), iterate_recordings(config.data), strict=True):
+        pd.testing.assert_frame_equal(again.table, first.table)
+        assert again.info.to_json() == first.info.to_json()
+    assert read_metadata(tmp_path / "p" / "scenes.parquet")["data_id"] == stored["data_id"]
+
+
+def test_what_is_dropped_is_in_the_summary(highd_files, tmp_path):
+    tracks = highd_files(tmp_path / "in")
+    table = pd.read_csv(tracks)
+    table.loc[5, "xVelocity"] = np.nan
+    table.to_csv(tracks, index=False)
+    config = PrepareTask(
+        results=ResultsConfig(str(tmp_path)),
+        data=DataConfig(DataKind.highd, str(tmp_path / "in")),
+        scenes=ScenesConfig(seconds=3, min_vehicles=4, slots=4),
+    )
+    with pytest.raises(BadRecordingError, match="xVelocity"):
+        run(config)
+    assert not (tmp_path / "prepare" / "summary.json").exists()
+    config.data.on_bad = OnBad.drop_track
+    assert run(config)["dropped"] == {"not_finite": 150, "tracks": 1}
+
+
+def test_recordings_are_generated_first_where_asked_for(tmp_path):
+    config = PrepareTask(
+        results=ResultsConfig(str(tmp_path / "results")),
+        data=DataConfig(DataKind.generated, str(tmp_path / "made")),
+        generator=GeneratorConfig(n_recordings=1, duration_scale=0.1, workers=1),
+        scenes=ScenesConfig(min_vehicles=4, slots=4),
+    )
+    summary = run(config)
+    assert (tmp_path / "made" / "01_tracks.csv").is_file()
+    assert summary["recordings"] == 1
+    assert summary["n_scenes"] >= 1
+    assert summary["dropped"] == {}
+    folder = tmp_path / "results" / "prepare"
+    assert json.loads((folder / "summary.json").read_text())["generated"] is True
+    assert read_metadata(folder / "scenes.parquet")["generated"] == "true"
+    # The generated files are the store; they are not written a second time.
+    assert not (folder / "tables").exists()
+    rows = pq.read_table(folder / "recordings.parquet").to_pylist()
+    assert [row["recording"] for row in rows] == ["generated_01"]
+
+
+def test_unknown_lanes_are_no_lane_changes(highd_files, tmp_path):
+    highd_files(tmp_path)
+    (recording,) = iterate_recordings(DataConfig(DataKind.highd, str(tmp_path)))
+    assert counts_of(recording)["lane_changes"] == 4
+    recording.table.loc[::2, "lane"] = pd.NA
+    assert counts_of(recording)["lane_changes"] == 0

@@ -1,0 +1,117 @@
+"""Data sets as streams of recordings: lazy, selectable, identified."""
+
+import dataclasses
+
+import pandas as pd
+import pytest
+
+from rearl_jax.config.data import DataConfig, DataKind, OnBad
+from rearl_jax.data import recordings
+from rearl_jax.data.problems import BadRecordingError
+from rearl_jax.data.recordings import count_recordings, data_id, is_generated, iterate_recordings
+from rearl_jax.data.schema import COLUMNS
+
+
+@pytest.fixture
+def highd(highd_files, tmp_path) -> DataConfig:
+    for number in ("01", "02", "10"):
+        highd_files(tmp_path, number, seed=int(number))
+    return DataConfig(DataKind.highd, str(tmp_path))
+
+
+def test_recordings_come_in_order_and_can_be_selected(highd):
+    assert count_recordings(highd) == 3
+    assert [r.info.id for r in iterate_recordings(highd)] == ["highd_01", "highd_02", "highd_10"]
+    some = dataclasses.replace(highd, recordings="highd_0?")
+    assert count_recordings(some) == 2
+    assert [r.info.id for r in iterate_recordings(some)] == ["highd_01", "highd_02"]
+    with pytest.raises(ValueError, match="selects none of 3 recordings: highd_01, highd_02, highd_10"):
+        count_recordings(dataclasses.replace(highd, recordings="us101_*"))
+
+
+def test_nothing_is_read_before_it_is_asked_for(highd, tmp_path):
+    (tmp_path / "02_tracks.csv").write_text("damaged")
+    stream = iterate_recordings(highd)
+    assert count_recordings(highd) == 3
+    assert next(stream).info.id == "highd_01"
+    with pytest.raises(BadRecordingError, match="02_tracks.csv"):
+        next(stream)
+
+
+def test_every_kind_has_a_reader_and_names_what_it_wants(tmp_path):
+    for kind in DataKind:
+        if kind is DataKind.us101:
+            continue
+        with pytest.raises(FileNotFoundError, match=r"data.root is not set: data.root must name \w+"):
+            count_recordings(DataConfig(kind))
+        with pytest.raises(FileNotFoundError, match="nowhere does not exist: data.root must name"):
+            count_recordings(DataConfig(kind, str(tmp_path / "nowhere")))
+        with pytest.raises(FileNotFoundError, match="data.root must name"):
+            count_recordings(DataConfig(kind, str(tmp_path)))
+
+
+def test_the_shipped_set_can_be_copied_and_read_elsewhere(tmp_path):
+    shipped = recordings._root(DataConfig())
+    assert shipped.parent.name == "us101"
+    assert {"LICENSE", "ATTRIBUTION"} <= {file.name for file in shipped.parent.iterdir()}
+    assert shipped.stat().st_size < 4_000_000
+    (tmp_path / shipped.name).write_bytes(shipped.read_bytes())
+    copy = DataConfig(root=str(tmp_path))
+    assert data_id(copy) == data_id(DataConfig())
+    assert count_recordings(copy) == 3
+
+
+def test_the_identity_follows_the_rows_and_the_policy(highd, tmp_path):
+    before = data_id(highd)
+    assert before.startswith("highd-")
+    assert data_id(highd) == before
+    others = {
+        data_id(dataclasses.replace(highd, **change))
+        for change in ({"recordings": "highd_01"}, {"on_bad": OnBad.drop_row}, {"max_jump": 3.0})
+    }
+    path = tmp_path / "10_tracks.csv"
+    path.write_text(path.read_text().replace("Truck", "Car").replace("0.1", "0.2"))
+    others.add(data_id(highd))
+    assert before not in others
+    assert len(others) == 4
+
+
+def test_generated_recordings_stay_generated_when_read_as_highd(highd, tmp_path):
+    assert not is_generated(highd)
+    (tmp_path / "generator.json").write_text("{}")
+    assert is_generated(highd)
+    first = next(iterate_recordings(highd))
+    assert (first.info.id, first.info.generated) == ("generated_01", True)
+    assert not is_generated(DataConfig())
+
+
+def test_two_recordings_of_one_name_stop(vehicle_rows, tmp_path):
+    rows = vehicle_rows.assign(recording="same", time=vehicle_rows["frame"] / 10.0)
+    for name in ("a", "b"):
+        rows.to_parquet(tmp_path / f"{name}.parquet")
+    with pytest.raises(ValueError, match="several recordings in .* are called same"):
+        count_recordings(DataConfig(DataKind.table, str(tmp_path)))
+
+
+def test_all_readers_deliver_the_same_schema(highd):
+    expected = {c.name: c.dtype for c in COLUMNS}
+    for data in (highd, DataConfig(recordings="us101_0820")):
+        table = next(iterate_recordings(data)).table
+        assert {name: str(dtype) for name, dtype in table.dtypes.items()} == expected
+        assert isinstance(table.index, pd.RangeIndex)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"kind": DataKind.highd}, "root must name the folder"),
+        ({"recordings": ""}, "recordings must be"),
+        ({"max_jump": 0.0}, "max_jump must be > 0"),
+        ({"max_jump": float("nan")}, "max_jump must be > 0"),
+        ({"default_length": 0.5}, "default_length must be within"),
+    ],
+)
+def test_values_out_of_range_are_refused(change, words):
+    DataConfig().check()
+    with pytest.raises(ValueError, match=words):
+        DataConfig(**change).check()

@@ -1,0 +1,136 @@
+"""Initial states: common random numbers, measured states, and the size of a batch that must not matter."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+
+def frames_of(config, scenes, held_out, width=64):
+    import jax
+
+    from rearl_jax.evaluation.rollouts import Rollouts
+
+    rollouts = Rollouts(config, scenes, held_out)
+    parts = list(rollouts.chunks(width))
+    return rollouts, jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)
+
+
+@pytest.mark.usefixtures("drifting")
+def test_a_rollout_depends_on_seed_run_and_scene_alone(scenes, small):
+    everything, frames = frames_of(small, scenes, np.arange(6))
+    assert len(everything) == 18
+    assert len(np.unique(frames.x[0, 0])) == 18  # no two start alike
+    few, other = frames_of(replace(small, eval=replace(small.eval, n_runs=2)), scenes, np.array([2, 5]))
+    for column, (run, scene) in enumerate(zip(few.run, few.scene, strict=True)):
+        twin = np.flatnonzero((everything.run == run) & (everything.scene == scene))
+        np.testing.assert_array_equal(other.x[..., column], frames.x[..., twin[0]])
+        np.testing.assert_array_equal(other.lane[..., column], frames.lane[..., twin[0]])
+    _, reseeded = frames_of(replace(small, eval=replace(small.eval, seed=1)), scenes, np.arange(6))
+    assert not np.isin(reseeded.x[0, 0], frames.x[0, 0]).any()
+
+
+@pytest.mark.usefixtures("drifting")
+def test_common_random_numbers_of_different_models(scenes, small):
+    # A method that drives differently starts from the same vehicles.
+    _, frames = frames_of(small, scenes, np.arange(6))
+    changed = replace(small.core, lane_changes=False, ticks_per_second=30, speed_limit=30.0)
+    _, other = frames_of(replace(small, core=changed), scenes, np.arange(6))
+    np.testing.assert_array_equal(frames.x, other.x)
+
+
+@pytest.mark.usefixtures("drifting")
+def test_one_rollout_per_run_serves_every_scene(scenes, small):
+    from rearl_jax.config.evaluation import SeedScope
+
+    shared = replace(small, eval=replace(small.eval, seed_scope=SeedScope.run))
+    rollouts, frames = frames_of(shared, scenes, np.array([2, 5]))
+    assert len(rollouts) == 3
+    _, other = frames_of(shared, scenes, np.array([1, 3, 4]))
+    np.testing.assert_array_equal(frames.x, other.x)
+    assert len(np.unique(frames.x[0, 0])) == 3
+
+
+@pytest.mark.usefixtures("drifting")
+def test_fixed_initial_speed(scenes, small):
+    from rearl_jax.config.core import InitConfig, InitialSpeed
+
+    _, drawn = frames_of(small, scenes, np.arange(6))
+    assert drawn.speed.min() >= 21.0
+    assert drawn.speed.max() <= 24.0
+    assert drawn.speed.std() > 0.5
+    fixed = replace(small, init=InitConfig(speed=InitialSpeed.fixed_25))
+    _, frames = frames_of(fixed, scenes, np.arange(6))
+    assert (frames.speed == 25.0).all()
+
+
+@pytest.mark.usefixtures("drifting")
+def test_rollouts_from_the_measured_snapshot(scenes, small):
+    from rearl_jax.config.core import InitConfig, InitialSource
+
+    measured = replace(small, init=InitConfig(source=InitialSource.scene))
+    rollouts, frames = frames_of(measured, scenes, np.array([1, 4]))
+    for column, scene in enumerate(rollouts.scene):
+        speed = scenes.scaled_speed[scene, 0]
+        start = frames.x[0, :, column] - speed
+        position = scenes.position[scene, 0]
+        np.testing.assert_allclose(start, position - position.min(), atol=1e-3)
+        np.testing.assert_allclose(frames.speed[0, :, column], speed, rtol=1e-6)
+        # Carriageway 2 lies to the right of the two lanes of carriageway 1.
+        assert frames.lane[0, :, column].tolist() == [0, 1, 2, 3]
+
+
+def test_measured_snapshots_that_do_not_fit_the_road_stop(scenes, small):
+    from rearl_jax.config.core import InitConfig, InitialSource
+    from rearl_jax.config.evaluation import SeedScope
+    from rearl_jax.evaluation.rollouts import Rollouts
+
+    measured = replace(small, init=InitConfig(source=InitialSource.scene))
+    for changed, said in (
+        (replace(measured, core=replace(small.core, n_lanes=3)), "set core.n_lanes=4"),
+        (replace(measured, core=replace(small.core, n_vehicles=10)), "set core.n_vehicles=4"),
+        (
+            replace(measured, eval=replace(small.eval, seed_scope=SeedScope.run)),
+            "set eval.seed_scope=run_x_scene",
+        ),
+    ):
+        with pytest.raises(ValueError, match=said):
+            Rollouts(changed, scenes, np.arange(6))
+    blind = replace(scenes, lane=np.full_like(scenes.lane, -1))
+    with pytest.raises(ValueError, match="needs the lane of every vehicle"):
+        Rollouts(measured, blind, np.arange(6))
+
+
+@pytest.mark.usefixtures("drifting")
+def test_batches_of_any_width_score_alike(scenes, small):
+    from rearl_jax.evaluation.runner import evaluate
+    from rearl_jax.evaluation.tables import frame_table, run_table
+
+    tables = []
+    for width in (5, 512):
+        config = replace(small, core=replace(small.core, chunk=width))
+        evaluation = evaluate(config, scenes, np.array([0, 2, 3, 5]))
+        tables.append((run_table(evaluation), frame_table(evaluation, config.hist.window)))
+        base = evaluation.rows[0]
+        assert (base.values["lcr"] > 0).any()
+        assert (base.values["collisions"] == 1 / 4).all()
+        assert len(base.scene) == 12
+    (runs, frames), (other_runs, other_frames) = tables
+    assert runs.equals(other_runs)
+    assert frames.equals(other_frames)
+
+
+def test_the_real_simulation_does_not_depend_on_the_batch(scenes, small):
+    from rearl_jax.config.evaluation import EvaluationConfig
+
+    core = replace(small.core, n_vehicles=10, density=3.0)
+    config = replace(small, core=core, eval=EvaluationConfig(n_runs=8))
+    _, together = frames_of(config, scenes, np.arange(6), width=512)
+    assert together.x.shape == (12, 10, 48)
+    assert int((together.lane[1:] != together.lane[:-1]).sum()) > 10
+    _, apart = frames_of(config, scenes, np.arange(6), width=11)
+    np.testing.assert_array_equal(together.lane, apart.lane)
+    np.testing.assert_array_equal(together.crashed, apart.crashed)
+    for name in ("x", "y", "speed"):
+        # The compiler may round differently in batches of another width: one unit in the last place.
+        np.testing.assert_allclose(getattr(together, name), getattr(apart, name), rtol=1e-5, atol=1e-4)

@@ -1,0 +1,120 @@
+"""Reference rows: partners, noise floor, realism, and what recordings cannot tell."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+
+def test_partners_share_no_second_of_traffic(scenes):
+    from rearl_jax.config.evaluation import EvaluationConfig
+    from rearl_jax.evaluation.scores import partners
+
+    # Windows of twelve seconds every four: neighbours overlap.
+    overlapping = replace(scenes, start_time=scenes.start_time / 3)
+    for scene_set, n_expected in ((scenes, 5), (overlapping, 3)):
+        partner, scene, run = partners(scene_set, np.arange(6), EvaluationConfig(n_runs=10))
+        apart = np.abs(scene_set.start_time[partner] - scene_set.start_time[scene])
+        same = scene_set.recording[partner] == scene_set.recording[scene]
+        assert same.any() or n_expected == 3
+        assert (~same | (apart >= scene_set.seconds)).all()
+        assert np.bincount(scene).tolist() == [n_expected] * 6
+        for index in range(6):
+            assert len(set(partner[scene == index])) == n_expected
+            assert sorted(run[scene == index]) == list(range(n_expected))
+
+
+def test_partners_depend_on_seed_and_scene_alone(scenes):
+    from rearl_jax.config.evaluation import EvaluationConfig
+    from rearl_jax.evaluation.scores import partners
+
+    config = EvaluationConfig(n_runs=3)
+    everything, scene, _ = partners(scenes, np.arange(6), config)
+    few, scene_of_few, _ = partners(scenes, np.array([1, 4]), config)
+    for index in (1, 4):
+        np.testing.assert_array_equal(everything[scene == index], few[scene_of_few == index])
+    other, *_ = partners(scenes, np.arange(6), replace(config, seed=1))
+    assert (other != everything).any()
+
+
+def test_noise_floor_is_the_distance_of_two_samples(scenes):
+    from rearl_jax.config.evaluation import EvaluationConfig
+    from rearl_jax.config.metrics import HistConfig
+    from rearl_jax.evaluation.scores import noise_floor_scores
+
+    hist = HistConfig(window=5)
+    row = noise_floor_scores(scenes, np.array([0, 3]), hist, EvaluationConfig(noise_draws=4000))
+    rng = np.random.default_rng(0)
+    for position, index in enumerate((0, 3)):
+        counts, _ = np.histogram(scenes.scaled_speed[index], np.linspace(5.0, 32.0, 9))
+        samples = rng.multinomial(20, counts / counts.sum(), (4000, 2)) / 20  # 5 s of 4 vehicles
+        expected = np.sqrt(((np.sqrt(samples[:, 0]) - np.sqrt(samples[:, 1])) ** 2).sum(axis=1) / 2).mean()
+        assert expected > 0.05
+        assert row.values["h"][position] == pytest.approx(expected, rel=0.03)
+    np.testing.assert_allclose(row.values["h_legacy"], row.values["h"] * np.sqrt(0.5 / 3.375), rtol=1e-6)
+    alone = noise_floor_scores(scenes, np.array([3]), hist, EvaluationConfig(noise_draws=4000))
+    assert alone.values["h"][0] == row.values["h"][1]
+
+
+def scored(scenes, candidate, index, row="real_vs_real"):
+    from rearl_jax.config.metrics import MetricsConfig
+    from rearl_jax.evaluation.scores import scores_of
+    from rearl_jax.evaluation.scoring import Scorer
+
+    scorer = Scorer(scenes, MetricsConfig(), width=3, dtype=np.dtype(np.float32))
+    metrics = scorer.recorded(candidate, index)
+    run = np.arange(len(index)) // 2
+    return scores_of(row, index, run, metrics, partner=candidate, seconds=1.0)
+
+
+def test_a_scene_against_itself_is_no_comparison(scenes):
+    from rearl_jax.data.scene_set import real_lane_change_rate
+    from rearl_jax.evaluation.scores import COMPARING, REAL, of_recordings
+
+    index = np.arange(6)
+    raw = scored(scenes, index, index, REAL)
+    assert raw.values["h"].max() == 0.0
+    own = of_recordings(raw, scenes)
+    assert not set(COMPARING) & set(own.values)
+    np.testing.assert_array_equal(own.values["lcr"], real_lane_change_rate(scenes))
+    assert own.values["lcr"].min() > 0
+    with pytest.raises(ValueError, match="is a simulation"):
+        of_recordings(replace(raw, partner=None), scenes)
+
+
+def test_without_lanes_nothing_is_said_about_lanes(scenes):
+    from rearl_jax.evaluation.scores import of_recordings
+
+    blind = replace(scenes, lane=np.full_like(scenes.lane, -1))
+    index = np.arange(6)
+    row = of_recordings(scored(blind, np.roll(index, 1), index), blind)
+    assert not {"thw", "lcr", "ttc_min", "critical_share", "realism"} & set(row.values)
+    assert row.realism is None
+    assert np.isfinite(row.values["h"]).all()
+
+
+def test_realism_of_a_row_pools_its_runs(scenes):
+    import jax
+    import jax.numpy as jnp
+
+    from rearl_jax.config.metrics import RealismConfig
+    from rearl_jax.evaluation.scores import REAL, with_realism
+    from rearl_jax.metrics.realism import realism_scores
+
+    held_out = np.array([1, 4])
+    real = scored(scenes, held_out, held_out, REAL)
+    row = scored(scenes, np.array([0, 0, 2, 3]), np.array([4, 1, 1, 4]))
+    done, same = with_realism([row, real], real, RealismConfig())
+    assert same is real
+
+    def likelihood(pairs, scene):
+        pooled = jax.tree.map(lambda leaf: jnp.asarray(leaf[..., pairs].sum(axis=-1, dtype="i4")), row.realism)
+        reference = jax.tree.map(lambda leaf: jnp.asarray(leaf[..., scene]), real.realism)
+        return float(realism_scores(pooled, reference, RealismConfig(), row.values["h"].dtype).meta.value)
+
+    expected = [likelihood([1, 2], 0), likelihood([0, 3], 1)]
+    assert 0.1 < expected[0] < 1
+    np.testing.assert_allclose(done.pooled["realism"], expected, rtol=1e-5)
+    single = [likelihood([pair], scene) for pair, scene in enumerate((1, 0, 0, 1))]
+    np.testing.assert_allclose(done.values["realism"], single, rtol=1e-5)
+    assert len(set(np.round(single, 6))) > 2

@@ -1,0 +1,196 @@
+"""`rearl evaluate` from end to end: what it writes, what it prints, and that nothing is missing or made up."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+ROWS = ["base", "real_vs_real", "noise_floor", "real"]
+FILES = ["config.json", "errors_over_time.png", "frames.parquet", "page.html", "runs.parquet"]
+FILES += ["space_time.png", "speed_histogram.png", "summary.json", "summary.parquet"]
+
+
+def test_folder_holds_every_file_and_nothing_half_written(done):
+    assert sorted(path.name for path in done.folder.iterdir()) == FILES
+
+
+def test_summary_is_one_flat_object_per_row_with_the_documented_keys(done):
+    from rearl_jax.metrics import METRICS
+
+    stored = json.loads((done.folder / "summary.json").read_text())
+    assert [row["method"] for row in stored] == ROWS
+    documented = "method h mape_a mape_b mape_c thw lcr collisions realism n_scenes n_rollouts seconds".split()
+    figures = {f"{name}{part}" for name in METRICS for part in ("", "_sd", "_low", "_high")}
+    for row in stored:
+        assert set(documented) | figures <= set(row)
+        assert {"task", "study", "config_hash", "code_version", "data_id", "generated"} <= set(row)
+        assert all(isinstance(value, (str, int, float, bool, type(None))) for value in row.values())
+    base, others, floor, real = stored
+    assert all(base[name] is not None for name in documented)
+    assert (base["n_scenes"], base["n_rollouts"]) == (5, 5)
+    assert base["seconds"] > 0
+    assert base["h_sd"] is None  # one run has no spread
+    assert base["h_low"] < base["h"] < base["h_high"]
+    # Chance alone, then other traffic, then the model: each is further away than the one before.
+    assert 0 < floor["h"] < others["h"] < base["h"] < 1
+    assert others["mape_b"] < base["mape_b"]
+    assert floor["thw"] is None
+    assert real["h"] is None
+    assert real["thw"] > 0
+    assert real["lcr"] > 0
+
+
+def test_base_is_the_method_of_the_paper_on_this_data(done):
+    base = done.summary[0]
+    # Initial speeds 21 to 24 m/s and a mean spacing of 40 m that grows: see the rollout, not the scene.
+    runs = done.table("runs").query("method == 'base'")
+    frames = done.table("frames").query("method == 'base'")
+    assert len(runs) == 5
+    assert frames.groupby("frame")["spacing"].mean().iloc[0] == pytest.approx(40.0, abs=5.0)
+    assert frames.groupby("frame")["spacing"].mean().iloc[-1] > 80.0
+    assert base["mape_a"] == pytest.approx(float(runs["mape_a"].mean()), rel=1e-6)
+    assert base["h"] == pytest.approx(float(frames.groupby("scene_id")["h"].mean().mean()), rel=1e-5)
+
+
+def test_tables_have_a_row_for_everything_and_no_nan(done):
+    runs, frames = done.table("runs"), done.table("frames")
+    assert runs.groupby("method", observed=True).size().to_dict() == dict.fromkeys(ROWS, 5)
+    assert frames.groupby("method", observed=True).size().to_dict() == {
+        name: 5 * 60 for name in ROWS if name != "noise_floor"
+    }
+    for table in (runs, frames, done.table("summary")):
+        for name in table.select_dtypes("number").columns:
+            values = table[name].dropna().to_numpy(np.float64)
+            assert np.isfinite(values).all(), name
+    base = frames.query("method == 'base'")
+    assert base["h"].isna().groupby(base["frame"]).all().sum() == 4  # a window of five has 56 ends
+    assert base["h"].notna().sum() == 5 * 56
+    assert base[["mape_a", "mape_b", "mape_c", "spacing"]].notna().all().all()
+    real = frames.query("method == 'real'")
+    assert real["h"].isna().all()
+    assert real["spacing"].notna().all()
+
+
+def test_partners_are_other_scenes(done):
+    runs = done.table("runs")
+    others = runs.query("method == 'real_vs_real'")
+    assert (others["partner"] != others["scene_id"]).all()
+    real = runs.query("method == 'real'")
+    assert (real["partner"] == real["scene_id"]).all()
+    assert runs.query("method == 'base'")["partner"].isna().all()
+
+
+def test_real_rows_are_the_scenes_own(done):
+    from rearl_jax.data.scene_set import real_lane_change_rate
+
+    scenes, held_out = done.evaluation.scenes, done.evaluation.held_out
+    runs = done.table("runs").set_index(["method", "scene_id"])
+    np.testing.assert_allclose(
+        runs.loc["real", "lcr"].to_numpy(np.float64), real_lane_change_rate(scenes)[held_out], rtol=1e-6
+    )
+    np.testing.assert_allclose(
+        runs.loc["real", "spacing"].to_numpy(np.float64),
+        scenes.mean_spacing[held_out].mean(axis=1),
+        rtol=1e-5,
+    )
+
+
+def test_metadata_says_where_the_tables_come_from(done):
+    from rearl_jax.results import read_metadata
+
+    for name in ("runs", "frames", "summary"):
+        stored = read_metadata(done.folder / f"{name}.parquet")
+        assert stored["task"] == "evaluate"
+        assert stored["generated"] == "false"
+        assert stored["seeds"] == "eval.seed=0, split.seed=0"
+        assert stored["scenes_id"] == done.evaluation.scenes.data_id
+        assert stored["mape_definition"] == "A"
+        assert json.loads(stored["definitions"])["lcr"].startswith("lane changes")
+
+
+def test_printed_table_holds_the_reference_rows_and_never_praises_more_headway(done):
+    for title in ("base", "real against real", "noise floor", "real"):
+        assert re.search(rf"^ {title} ", done.printed, re.MULTILINE)
+    assert "more is not better" in " ".join(done.printed.split())
+    assert "GENERATED" not in done.printed
+    assert "…" not in done.printed  # nothing cut off
+    figure = f"{done.summary[0]['h']:.3f}".lstrip("0")
+    assert figure in done.printed
+
+
+def test_page_needs_nothing_from_outside(done):
+    page = (done.folder / "page.html").read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") == 3
+    for loaded in re.findall(r"(?:src|href)=\"([^\"]*)\"", page) + re.findall(r"url\(([^)]*)\)", page):
+        assert loaded.startswith("data:")
+    assert not re.search(r"<(?:script|link|iframe|object)\b", page)
+    assert "CC BY-SA 4.0" in page
+    assert "U.S. Department of Transportation" in page
+    assert "about a tenth of the traffic" in page
+    assert "rearl evaluate method=base" in page
+    assert "eval.n_runs=1" in page
+    assert "Generated recordings" not in page
+
+
+def test_figures_are_pictures_of_some_size(done):
+    import matplotlib.image
+
+    for path in done.folder.glob("*.png"):
+        picture = matplotlib.image.imread(path)
+        assert min(picture.shape[:2]) >= 500
+        assert picture[..., :3].std() > 0.05  # not empty
+
+
+def test_generated_data_are_marked_everywhere(done, capsys):
+    from rearl_jax.evaluation.figures import speed_histogram
+    from rearl_jax.evaluation.page import render
+    from rearl_jax.evaluation.terminal import print_table
+
+    scenes = done.evaluation.scenes
+    infos = tuple(replace(info, generated=True) for info in scenes.infos)
+    evaluation = replace(done.evaluation, scenes=replace(scenes, infos=infos))
+    print_table(done.config, evaluation, done.estimates)
+    assert capsys.readouterr().out.count("GENERATED") == 2
+    assert "Generated recordings, no measurements" in render(done.config, evaluation, done.estimates, {})
+    assert speed_histogram(done.config, evaluation) != speed_histogram(done.config, done.evaluation)
+
+
+def test_narrow_terminal_loses_intervals_and_nothing_else(done, monkeypatch, capsys):
+    from rearl_jax.evaluation import terminal
+
+    class Narrow(terminal.Console):
+        def __init__(self, **options):
+            super().__init__(force_terminal=True, color_system=None, **({"width": 84} | options))
+
+    monkeypatch.setattr(terminal, "Console", Narrow)
+    terminal.print_table(done.config, done.evaluation, done.estimates)
+    printed = capsys.readouterr().out
+    assert "…" not in printed
+    assert "intervals: page.html" in printed
+    assert f"{done.summary[0]['realism']:.3f}".lstrip("0") in printed
+
+
+def test_summary_table_compares_row_by_row(done):
+    table = done.table("summary").set_index(["method", "metric"])
+    h = table.loc[("base", "h")]
+    assert h["compared_with"] == "real_vs_real"
+    assert h["difference"] == pytest.approx(h["value"] - table.loc[("real_vs_real", "h"), "value"])
+    assert h["difference_low"] < h["difference"] < h["difference_high"]
+    assert table.loc[("base", "thw"), "compared_with"] == "real"
+    assert pd.isna(table.loc[("real", "thw"), "compared_with"])
+
+
+def test_unknown_example_stops(done):
+    from rearl_jax.evaluation.runner import example_scene
+
+    scenes, held_out = done.evaluation.scenes, done.evaluation.held_out
+    ids = scenes.scene_id[held_out]
+    assert example_scene(scenes, held_out, int(ids[2])) == held_out[2]
+    speed = scenes.speed[held_out].mean(axis=(1, 2))
+    assert speed[np.searchsorted(held_out, example_scene(scenes, held_out, None))] == np.median(speed)
+    other = next(i for i in scenes.scene_id if i not in ids)
+    with pytest.raises(ValueError, match=f"eval.example = {other} is not a held-out scene; these are: "):
+        example_scene(scenes, held_out, int(other))
