@@ -36,7 +36,7 @@ def run(config: BenchCoreTask) -> dict:
     with progress_bar() as progress:
         bar = progress.add_task("starting", total=n_steps)
 
-        def report(doing: str, advance: float = 0) -> None:
+        def report(doing: str, advance: int = 0) -> None:
             progress.update(bar, description=doing, advance=advance)
 
         for position, n_vehicles in enumerate(bench.vehicles):
@@ -62,7 +62,7 @@ def measure_in_turn(
     sessions: dict[str, Session],
     n_vehicles: int,
     bench: BenchConfig,
-    report: Callable[[str, float], None],
+    report: Callable[[str, int], None],
 ) -> list[Series]:
     """One series per program.
 
@@ -85,10 +85,7 @@ def measure_in_turn(
             seed = bench.seed + 1 + repetition
             measured[name].append(sessions[name].measure(n_scenarios[name], seed))
             report(f"N = {n_vehicles}: {name}, {repetition + 1} of {bench.repetitions}", 1)
-    return [
-        Series(name, n_vehicles, tuple(measured[name]), dict(session.facts))
-        for name, session in sessions.items()
-    ]
+    return [Series(name, n_vehicles, tuple(measured[name]), dict(session.facts)) for name, session in sessions.items()]
 
 
 def measure_memory(bench: BenchConfig) -> Measurement:

@@ -1,13 +1,12 @@
 """One timed run of one program, and the clocks and meters behind it."""
 
-import resource
 import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 TICKS_PER_SECOND = 15
 """Steps per simulated second. Source: highway-env 1.12.1."""
@@ -50,12 +49,13 @@ class Measurement:
         return self.n_substeps / self.wall_s
 
 
+@runtime_checkable
 class Simulator(Protocol):
     """A program that has been made ready for scenes of one kind."""
 
     @property
     def facts(self) -> Mapping[str, float | int]:
-        """`unit`, the least sensible number of scenarios of a measurement, and figures found while starting."""
+        """`unit`, the least sensible number of scenarios, and figures found while starting."""
         ...
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:
@@ -80,12 +80,16 @@ class Stopwatch:
         self.wall_s += time.perf_counter() - self._wall
 
 
-def peak_memory_bytes() -> int:
-    """Largest resident memory this process has had so far [bytes]."""
+def peak_memory_bytes() -> int | None:
+    """Largest resident memory this process has had so far [bytes]; None where the system does not tell."""
     if sys.platform == "linux":
         # getrusage would count what the parent process held at the moment it started this one.
         for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) * 1024
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else peak * 1024

@@ -66,9 +66,7 @@ class NativeProgram:
         command = [str(self._program), str(n_scenarios), str(self._seconds * TICKS_PER_SECOND)]
         done = subprocess.run(command, capture_output=True, text=True, env=environment)
         if done.returncode:
-            raise RuntimeError(
-                f"{' '.join(command)} ended with code {done.returncode}: {done.stderr.strip()}"
-            )
+            raise RuntimeError(f"{' '.join(command)} ended with code {done.returncode}: {done.stderr.strip()}")
         said = json.loads(done.stdout)
         return Measurement(
             n_scenarios=n_scenarios,

@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from rearl_jax import runtime
 from rearl_jax.bench.measurement import Measurement, Simulator
@@ -34,6 +34,7 @@ class Absent:
     remedy: str
 
 
+@runtime_checkable
 class Session(Simulator, Protocol):
     """A program that runs beside this process."""
 
@@ -126,7 +127,7 @@ def _worker_environment() -> dict[str, str]:
     }
 
 
-def start_ours(n_vehicles: int, config: BenchConfig) -> WorkerSession:
+def start_ours(n_vehicles: int, config: BenchConfig) -> Session:
     """A fresh process with our core compiled for so many vehicles."""
     return WorkerSession(
         OURS, n_vehicles=n_vehicles, seconds=config.seconds, density=config.density, chunk=config.chunk

@@ -51,20 +51,17 @@ class SumoRoads:
         """
         self._n_vehicles, self._seconds, self._density = n_vehicles, seconds, density
         self._sumo = import_module("libsumo")
-        self._folder = tempfile.TemporaryDirectory(prefix="rearl_sumo_")
-        lanes = "".join(_LANE.format(k, ROAD_LENGTH, 4 * k - 14) for k in range(N_LANES))
-        names = " ".join(f"road_{k}" for k in range(N_LANES))
-        self._network = Path(self._folder.name) / "road.net.xml"
-        self._network.write_text(
-            _NETWORK.format(length=ROAD_LENGTH, lanes=lanes, names=names), encoding="utf-8"
-        )
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:
         """The cost of some scenes, one after the other."""
         watch = Stopwatch()
-        results = [
-            self._simulate(np.random.default_rng([seed, number]), watch) for number in range(n_scenarios)
-        ]
+        with tempfile.TemporaryDirectory(prefix="rearl_sumo_") as name:
+            network, routes = Path(name) / "road.net.xml", Path(name) / "traffic.rou.xml"
+            network.write_text(_draw_network(), encoding="utf-8")
+            results = []
+            for number in range(n_scenarios):
+                routes.write_text(self._draw_traffic(np.random.default_rng([seed, number])), encoding="utf-8")
+                results.append(self._simulate(network, routes, watch))
         speeds, lane_changes, crashed = zip(*results, strict=True)
         return Measurement(
             n_scenarios=n_scenarios,
@@ -77,11 +74,10 @@ class SumoRoads:
             crashed=sum(crashed),
         )
 
-    def _simulate(self, random: np.random.Generator, watch: Stopwatch) -> tuple[float, int, int]:
+    def _simulate(self, network: Path, routes: Path, watch: Stopwatch) -> tuple[float, int, int]:
         """Mean speed at the end [m/s], lane changes and crashed vehicles of one scene."""
-        sumo, routes = self._sumo, Path(self._folder.name) / "traffic.rou.xml"
-        routes.write_text(self._draw(random), encoding="utf-8")
-        sumo.start(["sumo", "-n", str(self._network), "-r", str(routes), *_OPTIONS.split()])
+        sumo = self._sumo
+        sumo.start(["sumo", "-n", str(network), "-r", str(routes), *_OPTIONS.split()])
         try:
             sumo.simulationStep()  # the vehicles enter; not counted
             names = sumo.vehicle.getIDList()
@@ -100,7 +96,7 @@ class SumoRoads:
         finally:
             sumo.close()
 
-    def _draw(self, random: np.random.Generator) -> str:
+    def _draw_traffic(self, random: np.random.Generator) -> str:
         """A route file with vehicles placed as highway-env 1.12.1 does in `Vehicle.create_random`."""
         speed = random.uniform(21, 24, self._n_vehicles)
         offset = (12 + speed) * np.exp(-5 / 40 * N_LANES) / self._density
@@ -109,7 +105,13 @@ class SumoRoads:
         delta = random.uniform(3.5, 4.5, self._n_vehicles)
         columns = zip(speed, position, lane, delta, strict=True)
         vehicles = (
-            _VEHICLE.format(number, speed=v, position=x, lane=k, delta=d)
-            for number, (v, x, k, d) in enumerate(columns)
+            _VEHICLE.format(number, speed=v, position=x, lane=k, delta=d) for number, (v, x, k, d) in enumerate(columns)
         )
         return f"<routes>{''.join(vehicles)}</routes>"
+
+
+def _draw_network() -> str:
+    """A network file with one straight road; SUMO counts lanes from the right."""
+    lanes = "".join(_LANE.format(k, ROAD_LENGTH, 4 * k - 14) for k in range(N_LANES))
+    names = " ".join(f"road_{k}" for k in range(N_LANES))
+    return _NETWORK.format(length=ROAD_LENGTH, lanes=lanes, names=names)

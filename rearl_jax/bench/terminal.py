@@ -10,15 +10,13 @@ from rich.table import Table
 from rearl_jax.bench.results import BenchResults, Series
 from rearl_jax.bench.sessions import C_ALL, OURS
 
-_WIDTH = 112
-"""Columns the table needs."""
+_WIDTH = 110
+"""Columns the whole table needs; a narrower terminal gets it without what happened in the traffic."""
 
-_TITLES = {
-    OURS: "rearl_jax",
-    "c": "C, one thread",
-    C_ALL: "C, all cores (elapsed)",
-    "highway_env": "highway-env",
-}
+_TITLES = {OURS: "rearl_jax", "c": "C, one thread", C_ALL: "C, all cores", "highway_env": "highway-env"}
+
+_SPEEDS = ("M/CPU-s", "M/s", "ours/it", "from", "to")
+_TRAFFIC = ("scenarios", "s", "changes", "crashed", "m/s")
 
 
 def progress_bar() -> Progress:
@@ -32,65 +30,66 @@ def print_results(results: BenchResults) -> None:
     console = Console()
     if not console.is_terminal:
         console = Console(width=_WIDTH)  # a file or a pipe has no width of its own
-    table = Table(
-        title="Agent-substeps (one vehicle, 1/15 s)", title_justify="left", title_style="bold", box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-    )  # fmt: skip
-    table.add_column("N", justify="right")
+    has_room = console.width >= _WIDTH
+    style = {"title_justify": "left", "title_style": "bold", "box": SIMPLE_HEAD, "padding": (0, 1, 0, 0)}
+    table = Table(title="Millions of agent-substeps (one vehicle, 1/15 s)", **style)
+    table.add_column("N", justify="right", no_wrap=True)
     table.add_column("program", no_wrap=True)
-    for heading in (
-        "per CPU-s", "per s", "ours / it", "least-greatest", "scenarios x s", "changes/veh-min", "crashed", "m/s",
-    ):  # fmt: skip
+    for heading in _SPEEDS + (_TRAFFIC if has_room else ()):
         table.add_column(heading, justify="right", no_wrap=True)
     for n_vehicles in results.numbers:
         items = [item for name in results.programs if (item := results.find(name, n_vehicles)) is not None]
         for item in items:
             first = str(n_vehicles) if item.program == OURS else ""
-            table.add_row(first, *_cells(results, item), end_section=item is items[-1])
+            cells = _speed_cells(results, item) + (_traffic_cells(item) if has_room else [])
+            title = _TITLES.get(item.program, item.program)
+            table.add_row(first, title, *cells, end_section=item is items[-1])
     console.print(table)
     for line in _notes(results):
         console.print(line, highlight=False, markup=False)
 
 
-def _cells(results: BenchResults, item: Series) -> list[str]:
+def _speed_cells(results: BenchResults, item: Series) -> list[str]:
+    speeds = [f"{item.substeps_per_cpu_s / 1e6:#.4g}", f"{item.substeps_per_s / 1e6:#.4g}"]
     ratio = None if item.program == OURS else results.ratio(item.program, item.n_vehicles)
+    if ratio is None:
+        return [*speeds, "", "", ""]
+    return [*speeds, *(_ratio(value) for value in (ratio.median, ratio.least, ratio.greatest))]
+
+
+def _ratio(value: float) -> str:
+    return f"{value:,.0f}" if value >= 100 else f"{value:#.3g}"
+
+
+def _traffic_cells(item: Series) -> list[str]:
     last, changes, crashed = item.measurements[-1], item.lane_changes_per_vehicle_min, item.crashed_share
     return [
-        _TITLES.get(item.program, item.program),
-        _short(item.substeps_per_cpu_s),
-        _short(item.substeps_per_s),
-        "" if ratio is None else f"{ratio.median:.3g}",
-        "" if ratio is None else f"{ratio.least:.3g}-{ratio.greatest:.3g}",
-        f"{last.n_scenarios} x {last.seconds}",
+        f"{last.n_scenarios:,}",
+        f"{last.seconds}",
         "-" if changes is None else f"{changes:.3f}",
-        "-" if crashed is None else f"{crashed:.2%}",
-        f"{item.mean_speed:.1f}",
+        "-" if crashed is None else f"{crashed:.3%}",
+        f"{item.mean_speed:.2f}",
     ]
-
-
-def _short(speed: float) -> str:
-    return f"{speed / 1e6:.2f} M" if speed >= 1e5 else f"{speed / 1e3:.2f} k"
 
 
 def _notes(results: BenchResults) -> list[str]:
     ours = [item for n in results.numbers if (item := results.find(OURS, n)) is not None]
-    compiled = ", ".join(f"{item.facts['compile_s']:.1f} (N = {item.n_vehicles})" for item in ours)
+    compiled = ", ".join(f"{item.facts['compile_s']:.1f}" for item in ours)
     chunks = ", ".join(f"{item.facts['chunk']}" for item in ours)
     machine = results.machine
     lines = [
-        "medians; ratios are taken within a repetition, per CPU-second, for C on all cores per elapsed second",
-        "C has no collisions; SUMO steps 67 ms and changes lanes at once; ours includes drawing the scenes",
-        f"compile time [s]: {compiled}; scenarios a core takes at a time: {chunks}",
+        "Medians. Ratios: within a repetition, per CPU-second; for C on all cores per elapsed second.",
+        "Changes of lane per vehicle and minute, vehicles crashed by the end, mean speed at the end.",
+        "Ours draws its scenes in the time; C has no collisions; SUMO steps 67 ms and changes lanes at once.",
+        f"compile time by N: {compiled} s; scenarios a core takes at a time: {chunks}",
     ]
     growth, peak = results.cost_growth(), results.peak_memory_gib()
     if growth is not None:
-        numbers = results.numbers
-        lines.append(f"cost of a vehicle step at N = {numbers[-1]}: {growth:.2f} x that at N = {numbers[0]}")
+        few, many = results.numbers[0], results.numbers[-1]
+        lines.append(f"a vehicle step at N = {many} costs {growth:.2f} times that at N = {few}")
     if results.memory is not None and peak is not None:
-        lines.append(
-            f"{results.memory.n_scenarios:,} rollouts of {results.memory.seconds} s: {peak:.2f} GiB at the peak,"
-            f" {results.memory.wall_s:.1f} s"
-        )
+        run = results.memory
+        lines.append(f"{run.n_scenarios:,} rollouts of {run.seconds} s: {peak:.2f} GiB, {run.wall_s:.1f} s")
     load = "" if results.load_average is None else f", load {results.load_average:.1f} at the start"
     lines.append(f"{machine['cpu_model']}, {machine['cpu_cores']} cores, jax {machine['jax_version']}{load}")
     lines += [f"absent: {item.program} ({item.reason}); {item.remedy}" for item in results.absent]

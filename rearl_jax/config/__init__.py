@@ -22,6 +22,7 @@ from rearl_jax.config.scenes import (
     SplitConfig,
     TracksConfig,
 )
+from rearl_jax.config.validation import ValidationConfig
 
 
 @dataclass(unsafe_hash=True)
@@ -85,6 +86,7 @@ class ValidateTask:
 
     study: str = _study("validate")
     results: ResultsConfig = _group(ResultsConfig)
+    validation: ValidationConfig = _group(ValidationConfig)
 
 
 @dataclass(unsafe_hash=True)

@@ -26,15 +26,13 @@ class BenchConfig:
     repetition_cpu_s: float = key(2.0, "CPU time a measurement aims at by its number of scenarios [s]")
     scenarios: tuple[int, ...] | None = key(
         None,
-        "scenarios of a measurement of ours, one number per entry of vehicles; null: as many as fill the time",
+        "scenarios of a measurement of ours, one number per entry of vehicles; null: what fills the time",
     )
     chunk: int | None = key(None, "scenarios a core simulates at a time; null: by the number of vehicles")
     peers: tuple[Peer, ...] = key(
         (Peer.c, Peer.highway_env, Peer.libsumo), "programs measured beside ours; absent ones are named"
     )
-    peer_cpu_s: float = key(
-        6.0, "CPU time after which highway-env ends its scene with the second it is in [s]"
-    )
+    peer_cpu_s: float = key(6.0, "CPU time after which highway-env ends its scene with the second it is in [s]")
     memory_rollouts: int = key(100_000, "rollouts of the peak-memory measurement; 0 leaves it out")
     memory_vehicles: int = key(10, "vehicles per scenario of the peak-memory measurement")
 
@@ -53,9 +51,7 @@ class BenchConfig:
                 raise ValueError(f"{name} must be at least 0, got {getattr(self, name)}")
         if self.chunk is not None and self.chunk < 1:
             raise ValueError(f"chunk must be at least 1 or null, got {self.chunk}")
-        if self.scenarios is not None and (
-            len(self.scenarios) != len(self.vehicles) or min(self.scenarios) < 1
-        ):
+        if self.scenarios is not None and (len(self.scenarios) != len(self.vehicles) or min(self.scenarios) < 1):
             raise ValueError(
                 f"scenarios must hold one positive number for each of the {len(self.vehicles)} entries of"
                 f" vehicles, got {list(self.scenarios)}"

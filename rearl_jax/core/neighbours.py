@@ -67,9 +67,9 @@ class Leader(eqx.Module):
         speed_y: Its speed across the road [m/s].
     """
 
-    distance: Float[Array, "vehicles *scenarios"]
-    speed_x: Float[Array, "vehicles *scenarios"]
-    speed_y: Float[Array, "vehicles *scenarios"]
+    distance: Float[Array, "#vehicles *#scenarios"]
+    speed_x: Float[Array, "#vehicles *#scenarios"]
+    speed_y: Float[Array, "#vehicles *#scenarios"]
 
 
 class Follower(eqx.Module):
@@ -83,11 +83,11 @@ class Follower(eqx.Module):
         speed_ratio: Its `View.speed_ratio` [-]; 1 without a follower, which makes its free acceleration zero.
     """
 
-    distance: Float[Array, "vehicles *scenarios"]
-    speed: Float[Array, "vehicles *scenarios"]
-    cos_heading: Float[Array, "vehicles *scenarios"]
-    sin_heading: Float[Array, "vehicles *scenarios"]
-    speed_ratio: Float[Array, "vehicles *scenarios"]
+    distance: Float[Array, "#vehicles *#scenarios"]
+    speed: Float[Array, "#vehicles *#scenarios"]
+    cos_heading: Float[Array, "#vehicles *#scenarios"]
+    sin_heading: Float[Array, "#vehicles *#scenarios"]
+    speed_ratio: Float[Array, "#vehicles *#scenarios"]
 
     @property
     def speed_x(self) -> Float[Array, "vehicles *scenarios"]:

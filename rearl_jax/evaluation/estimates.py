@@ -45,9 +45,7 @@ class Estimate:
     n_scenes: int = 0
 
 
-def estimates(
-    rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig
-) -> dict[tuple[str, str], Estimate]:
+def estimates(rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig) -> dict[tuple[str, str], Estimate]:
     """Estimates by row and metric; pairs without any figure are left out.
 
     Args:
@@ -66,9 +64,7 @@ def estimates(
                 means[row.row, name] = values
                 spread[row.row, name] = spread_over_runs(row, name)
     others = {
-        (row, name): (REAL_VS_REAL if name in COMPARING else REAL, name)
-        for row, name in means
-        if row not in TITLES
+        (row, name): (REAL_VS_REAL if name in COMPARING else REAL, name) for row, name in means if row not in TITLES
     }
     differences = {key: means[key] - means[other] for key, other in others.items() if other in means}
     ends = _intervals(means, eval)

@@ -20,9 +20,7 @@ from rearl_jax.metrics.histograms import legacy_scale
 from rearl_jax.results import config_hash, git_sha
 
 _CAPTIONS = {
-    "speed_histogram": (
-        "Speeds of all held-out scenes (rescaled to the range of the simulator) and of all rollouts."
-    ),
+    "speed_histogram": ("Speeds of all held-out scenes (rescaled to the range of the simulator) and of all rollouts."),
     "errors_over_time": (
         "Hellinger distance of the window that ends at each second, relative error of the mean spacing, and "
         "the mean spacing itself. Lines are means, bands hold the middle 80 % of scenes and runs."
@@ -68,7 +66,7 @@ def render(
         subtitle=f"rearl_jax {__version__}, study {config.study}",
         generated=scenes.generated,
         rows=[row.title for row in evaluation.rows],
-        difference=f"{config.method.name} less real",
+        difference=f"{config.method.name} less reference",
         metrics=[_metric(name, config, evaluation, estimates) for name in METRICS],
         notes=table_notes(config, evaluation),
         figures=[
@@ -78,9 +76,7 @@ def render(
         data={"summary": _data_summary(config, evaluation), "sources": _sources(evaluation)},
         definitions=_definitions(config, evaluation),
         command=command(config),
-        provenance=(
-            f"configuration {config_hash(config)}, scenes {scenes.data_id}, code {git_sha() or __version__}"
-        ),
+        provenance=(f"configuration {config_hash(config)}, scenes {scenes.data_id}, code {git_sha() or __version__}"),
         configuration=json.dumps(as_plain(config), indent=2),
     )
 
@@ -88,9 +84,7 @@ def render(
 def command(config: EvaluateTask) -> str:
     """The command that repeats the evaluation: every key that differs from its default."""
     defaults, chosen = keys_of(EvaluateTask()), keys_of(config)
-    changed = [
-        f"{name}={key.default}" for name, key in chosen.items() if key.default != defaults[name].default
-    ]
+    changed = [f"{name}={key.default}" for name, key in chosen.items() if key.default != defaults[name].default]
     return " ".join(["rearl", "evaluate", f"method={config.method.name}", *map(shlex.quote, changed)])
 
 

@@ -126,8 +126,7 @@ class Rollouts:
         if config.init.source is InitialSource.scene:
             if is_shared:
                 raise ValueError(
-                    "init.source=scene starts every rollout from its own scene: set "
-                    "eval.seed_scope=run_x_scene"
+                    "init.source=scene starts every rollout from its own scene: set eval.seed_scope=run_x_scene"
                 )
             state = measured_state(scenes.select(held_out), config.core)
             columns = np.searchsorted(held_out, self.scene)
@@ -148,9 +147,7 @@ class Rollouts:
 
 
 @functools.cache
-def _program(
-    method: Method, core: CoreConfig, speed: InitialSpeed, n_seconds: int, width: int
-) -> ScenarioMap:
+def _program(method: Method, core: CoreConfig, speed: InitialSpeed, n_seconds: int, width: int) -> ScenarioMap:
     """Compiled once for all studies of a process: from seeds (and measured states) to frames."""
     model = traffic_model(core)
 

@@ -132,9 +132,7 @@ def simulated_row(
     return row, Sample(example, shown, speed_counts)
 
 
-def reference_rows(
-    config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray, scorer: Scorer
-) -> list[Scores]:
+def reference_rows(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray, scorer: Scorer) -> list[Scores]:
     """Real against real, the noise floor, and the real scenes themselves."""
     begin = time.perf_counter()
     partner, scene, run = partners(scenes, held_out, config.eval)

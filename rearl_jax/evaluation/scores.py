@@ -141,9 +141,7 @@ def partners(scenes: SceneSet, held_out: np.ndarray, eval: EvaluationConfig) -> 
     return np.concatenate(partner), np.concatenate(scene), np.concatenate(run)
 
 
-def noise_floor_scores(
-    scenes: SceneSet, held_out: np.ndarray, hist: HistConfig, eval: EvaluationConfig
-) -> Scores:
+def noise_floor_scores(scenes: SceneSet, held_out: np.ndarray, hist: HistConfig, eval: EvaluationConfig) -> Scores:
     """Hellinger distance of two samples, as large as a window, of each held-out scene's own speeds.
 
     A mean over `eval.noise_draws` pairs of samples per scene.

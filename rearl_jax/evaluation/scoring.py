@@ -112,8 +112,7 @@ class Scorer:
     def _simulated(self, frames: Frames, index: np.ndarray) -> dict[str, np.ndarray]:
         """The same fields of a simulation: one carriageway along x, a slot is a vehicle, all of one size."""
         picked = {
-            name: np.asarray(getattr(frames, name))[..., index]
-            for name in ("x", "y", "speed", "lane", "crashed")
+            name: np.asarray(getattr(frames, name))[..., index] for name in ("x", "y", "speed", "lane", "crashed")
         }
         shape = picked["x"].shape
         slots = np.arange(shape[1], dtype=np.int32)[None, :, None]

@@ -87,8 +87,7 @@ def frame_series(row: Scores, window: int) -> dict[str, np.ndarray]:
     before = np.full((window - 1, series.h.shape[1]), np.nan, series.h.dtype)
     h = np.concatenate([before, np.where(series.h_valid, series.h, np.nan)])
     errors = {
-        name: np.where(series.mape_valid, getattr(series, name), np.nan)
-        for name in ("mape_a", "mape_b", "mape_c")
+        name: np.where(series.mape_valid, getattr(series, name), np.nan) for name in ("mape_a", "mape_b", "mape_c")
     }
     compared = {"h": h} | errors
     if row.row == REAL:
@@ -173,9 +172,10 @@ def table_notes(config: EvaluateTask, evaluation: Evaluation) -> list[str]:
     """What must be read with the table."""
     scenes = evaluation.scenes
     percent = f"{100 * config.eval.confidence:g} %"
+    n_runs = config.eval.n_runs
+    spread = f"± standard deviation over {n_runs} runs" if n_runs > 1 else "one run, so no spread over runs"
     notes = [
-        f"± standard deviation over {config.eval.n_runs} runs; intervals: {percent} bootstrap over "
-        f"{len(evaluation.held_out)} held-out scenes (of {len(scenes)})",
+        f"{spread}; intervals: {percent} bootstrap over {len(evaluation.held_out)} held-out scenes (of {len(scenes)})",
         "H Hellinger distance of speeds; MAPE relative error of the mean spacing, definitions A, B, C; "
         "smaller is closer, but nothing can be expected below real against real",
         "THW time headway, LCR lane changes per vehicle and second: they describe traffic; compare with the "

@@ -32,6 +32,11 @@ def run(config: EvaluateTask) -> dict:
         FileNotFoundError, ValueError: There are no recordings, one is bad, too few scenes can be cut from
             them, or two keys contradict each other.
     """
+    if config.hist.window > config.scenes.seconds:
+        raise ValueError(
+            f"hist.window = {config.hist.window} s is longer than a scene of {config.scenes.seconds} s: set it to "
+            f"{config.scenes.seconds} or less"
+        )
     if config.core.dtype is Precision.float64:
         jax.config.update("jax_enable_x64", True)
     study = Study(

@@ -13,9 +13,7 @@ _WIDTH = 114
 """Columns the table with intervals needs."""
 
 
-def print_table(
-    config: EvaluateTask, evaluation: Evaluation, estimates: dict[tuple[str, str], Estimate]
-) -> None:
+def print_table(config: EvaluateTask, evaluation: Evaluation, estimates: dict[tuple[str, str], Estimate]) -> None:
     """Prints the table people read; in a narrow terminal without intervals."""
     console = Console()
     if not console.is_terminal:

@@ -1,8 +1,7 @@
 """The core on scenes that highway-env has run: the same vehicles, the same meta-actions, every tick recorded."""
 
 import functools
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import jax
 import numpy as np
@@ -18,16 +17,17 @@ from rearl_jax.core.timer import decision_period
 from rearl_jax.validation.records import Recorded, Start, Tracks, stack
 from rearl_jax.validation.scenarios import ScenarioSet
 
-VEHICLES_PER_BATCH = 640
-"""Vehicles simulated at once. Every batch of a set is filled up to the same width, so that one program serves all."""
-
-Simulate = Callable[[Sequence[Recorded], type], Tracks]
-"""From scenes (at most as many as a batch holds) and a floating type to their tracks, the scenario axis last."""
+VECTOR = 8
+"""Scenarios of a device are a multiple of this. XLA runs what does not fill a vector through scalar code, whose last place
+may differ; eight doubles fill the widest vectors there are."""
 
 
 def batch_width(n_vehicles: int) -> int:
-    """Scenes of some vehicles each that are simulated at once."""
-    return min(64, max(4, VEHICLES_PER_BATCH // n_vehicles))
+    """Scenes of some vehicles each that are simulated at once.
+
+    Every batch of a set is filled up to this width, so that one program serves all.
+    """
+    return jax.local_device_count() * VECTOR * max(1, min(4, 40 // n_vehicles))
 
 
 def model_of(scenario_set: ScenarioSet) -> TrafficModel:
@@ -80,7 +80,7 @@ def _program(model: TrafficModel, width: int) -> ScenarioMap:
         _, frames = lax.scan(next_second, state, actions)
         return jax.tree.map(lambda values: values.reshape(-1, *values.shape[2:]), frames)
 
-    return ScenarioMap(run, chunk=math.ceil(width / jax.local_device_count()))
+    return ScenarioMap(run, chunk=width // jax.local_device_count())
 
 
 def _observe(state: TrafficState, model: TrafficModel) -> tuple[jax.Array, ...]:

@@ -1,0 +1,81 @@
+import json
+
+import pandas as pd
+import pytest
+
+from rearl_jax import results
+from rearl_jax.bench.core import measure_in_turn, measure_memory, run
+from rearl_jax.bench.measurement import Measurement
+from rearl_jax.bench.sessions import OURS
+from rearl_jax.config import BenchCoreTask, ResultsConfig
+from rearl_jax.config.bench import BenchConfig, Peer
+
+
+class Fake:
+    """A program of constant speed that notes when it is asked."""
+
+    def __init__(self, name, unit, cost, log):
+        self.name, self.cost, self.log = name, cost, log
+        self.facts = {"unit": unit}
+
+    def measure(self, n_scenarios, seed):
+        self.log.append((self.name, n_scenarios, seed))
+        cpu_s = n_scenarios * self.cost
+        figures = {"n_scenarios": n_scenarios, "seconds": 60, "n_substeps": 9000 * n_scenarios}
+        return Measurement(**figures, cpu_s=cpu_s, wall_s=cpu_s, mean_speed=20.0)
+
+    def close(self):
+        pass
+
+
+def test_programs_take_turns_after_a_warm_up():
+    log = []
+    programs = {OURS: Fake(OURS, 4, 0.1, log), "c": Fake("c", 16, 0.01, log), "slow": Fake("slow", 1, 9.0, log)}
+    bench = BenchConfig(repetitions=3, repetition_cpu_s=2.0, seed=10)
+    series = measure_in_turn(programs, 10, bench, lambda doing, advance: None)
+    assert log[:3] == [(OURS, 4, 10), ("c", 16, 10), ("slow", 1, 10)]
+    measured = log[3:]
+    counts = {OURS: 20, "c": 192, "slow": 1}
+    assert [name for name, _, _ in measured] == [OURS, "c", "slow", "slow", "c", OURS, OURS, "c", "slow"]
+    assert all(count == counts[name] for name, count, _ in measured)
+    assert [seed for _, _, seed in measured] == [11] * 3 + [12] * 3 + [13] * 3
+    assert [(item.program, len(item.measurements)) for item in series] == [(OURS, 3), ("c", 3), ("slow", 3)]
+
+
+def test_number_of_scenarios_can_be_given():
+    log = []
+    programs = {OURS: Fake(OURS, 4, 0.1, log)}
+    bench = BenchConfig(vehicles=(5, 10), scenarios=(6, 7), repetitions=1)
+    measure_in_turn(programs, 10, bench, lambda doing, advance: None)
+    assert log[-1][1] == 7
+
+
+def test_task_writes_everything(tmp_path, capsys):
+    bench = BenchConfig(
+        vehicles=(3,), seconds=2, repetitions=2, scenarios=(8,), chunk=4, peers=(Peer.highway_env,), memory_rollouts=0
+    )
+    task = BenchCoreTask(study="tiny", results=ResultsConfig(root=str(tmp_path)), bench=bench)
+    summary = run(task)
+    folder = tmp_path / "tiny"
+    written = json.loads((folder / "summary.json").read_text())
+    assert summary.items() <= written.items()
+    assert written["scenarios_n3"] == 8
+    assert written["substeps_per_cpu_s_n3"] > 0
+    assert written["highway_env_substeps_per_cpu_s_n3"] > 0
+    assert written["ratio_to_highway_env_n3"] > 0
+    table = pd.read_parquet(folder / "bench_core.parquet")
+    assert list(table.groupby("program").size()) == [2, 2]
+    assert set(table.loc[table["program"] == OURS, "n_substeps"]) == {8 * 3 * 2 * 15}
+    assert json.loads(results.read_metadata(folder / "bench_core.parquet")["machine"])["cpu_cores"] >= 1
+    assert (folder / "cost.png").stat().st_size > 10_000
+    assert (folder / "config.json").exists()
+    said = capsys.readouterr().out
+    assert "highway-env" in said
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_with_the_number_of_rollouts():
+    few, many = (measure_memory(BenchConfig(seconds=10, chunk=64, memory_rollouts=count)) for count in (128, 20_000))
+    assert many.n_scenarios == 20_000
+    assert many.lane_changes > few.lane_changes > 0
+    assert many.peak_memory_bytes < few.peak_memory_bytes + 100 * 2**20

@@ -1,0 +1,111 @@
+import re
+
+import pytest
+from PIL import Image
+
+from rearl_jax.bench.figure import draw_costs
+from rearl_jax.bench.measurement import Measurement
+from rearl_jax.bench.results import MEANINGS, BenchResults, Series
+from rearl_jax.bench.sessions import C_ALL, OURS, Absent
+from rearl_jax.bench.terminal import print_results
+
+MACHINE = {"cpu_model": "a processor", "cpu_cores": 2, "jax_version": "1"}
+
+
+def run(cpu_s, wall_s=1.0, **others):
+    figures = {"n_scenarios": 10, "seconds": 61, "n_substeps": 1_000_000, "mean_speed": 20.0, **others}
+    return Measurement(cpu_s=cpu_s, wall_s=wall_s, **figures)
+
+
+def series(program, n_vehicles, *costs, **others):
+    facts = {"unit": 1, "chunk": 8, "compile_s": 3.0} if program == OURS else {"unit": 1}
+    return Series(program, n_vehicles, tuple(run(cost, cost / 2, **others) for cost in costs), facts)
+
+
+@pytest.fixture
+def results():
+    return BenchResults(
+        series=(
+            series(OURS, 10, 1.0, 2.0, 4.0, lane_changes=30, crashed=5, peak_memory_bytes=2**30),
+            series("c", 10, 4.0, 2.0, 2.0),
+            series(C_ALL, 10, 4.0, 4.0, 4.0),
+            series("highway_env", 10, 1000.0, 4000.0, 4000.0, lane_changes=40, crashed=0),
+            series(OURS, 200, 6.0, 6.0, 6.0, lane_changes=30, crashed=5, peak_memory_bytes=2**30),
+            series("c", 200, 3.0, 3.0, 3.0),
+        ),
+        absent=(Absent("libsumo", "not installed", "pip install it"),),
+        memory=run(5.0, 9.0, n_scenarios=100_000, peak_memory_bytes=3 * 2**28),
+        load_average=1.5,
+        machine=MACHINE,
+    )
+
+
+def test_ratios_are_taken_within_repetitions(results):
+    ratio = results.ratio("c", 10)
+    assert (ratio.median, ratio.least, ratio.greatest) == (1.0, 0.5, 4.0)
+    assert results.ratio("highway_env", 10).median == 1000
+    assert results.ratio("highway_env", 200) is None
+    # Both on all cores: by elapsed time.
+    slow = run(100.0, 2.0)
+    one = Series(C_ALL, 10, (slow,), {"unit": 1})
+    ours = Series(OURS, 10, (run(1.0, 1.0),), {"unit": 1})
+    assert BenchResults((ours, one), (), None, None, MACHINE).ratio(C_ALL, 10).median == 2
+
+
+def test_medians_and_traffic(results):
+    ours = results.find(OURS, 10)
+    assert ours.substeps_per_cpu_s == 500_000
+    assert ours.substeps_per_s == 1_000_000
+    assert ours.lane_changes_per_vehicle_min == pytest.approx(30 / 100)
+    assert ours.crashed_share == pytest.approx(5 / 100)
+    assert results.find("c", 10).lane_changes_per_vehicle_min is None
+    assert results.find("c", 10).crashed_share is None
+    assert results.cost_growth() == 3
+    assert results.peak_memory_gib() == 0.75
+
+
+def test_every_figure_of_the_summary_is_documented(results):
+    summary = results.summary()
+    assert summary["substeps_per_cpu_s_n10"] == 500_000
+    assert summary["ratio_to_c_n10"] == 1.0
+    assert summary["ratio_to_highway_env_n10_max"] == 1000 or summary["ratio_to_highway_env_n10_max"] == 2000
+    assert summary["cost_ratio_n200_to_n10"] == 3
+    assert summary["peak_memory_gib_100k"] == 0.75
+    assert summary["absent"] == [{"program": "libsumo", "reason": "not installed", "remedy": "pip install it"}]
+    assert "ratio_to_libsumo_n10" not in summary
+    fields = {"N": r"\d+", "A": r"\d+", "B": r"\d+", "R": r"\d+k?", "peer": "(c|c_all_threads|highway_env|libsumo)"}
+    patterns = [re.sub(r"\{(\w+)\}", lambda found: fields[found[1]], name) for name in MEANINGS]
+    for name in summary.keys() - MACHINE.keys():
+        plain = re.sub("_(min|max)$", "", name) if name.startswith("ratio_to_") else name
+        assert any(re.fullmatch(pattern, plain) for pattern in patterns), f"{name} is not documented"
+    for pattern in patterns:
+        assert any(re.fullmatch(pattern, name) for name in summary), f"{pattern} is documented, but not there"
+
+
+def test_table_has_a_row_per_measurement(results):
+    table = results.table()
+    assert len(table) == 3 * 6
+    assert not table.duplicated(["program", "n_vehicles", "repetition"]).any()
+    ours = table[(table["program"] == OURS) & (table["n_vehicles"] == 10)]
+    assert list(ours["substeps_per_cpu_s"]) == [1e6, 5e5, 2.5e5]
+    assert table["crashed"].dtype == "Int64"
+    assert table.loc[table["program"] == "c", "crashed"].isna().all()
+
+
+def test_terminal_shows_speeds_ratios_and_what_is_absent(results, capsys):
+    print_results(results)
+    said = capsys.readouterr().out
+    (row,) = re.findall(r"^.*highway-env .*$", said, re.MULTILINE)
+    assert "1,000" in row
+    assert "absent: libsumo (not installed); pip install it" in said
+    assert "100,000 rollouts of 61 s: 0.75 GiB, 9.0 s" in said
+    assert "costs 3.00 times that at N = 10" in said
+    assert "…" not in said
+
+
+def test_figure_is_drawn(results, tmp_path):
+    file = tmp_path / "cost.png"
+    file.write_bytes(draw_costs(results))
+    with Image.open(file) as image:
+        assert image.width > 1000
+        assert len(image.convert("RGB").getcolors(1 << 20)) > 10
