@@ -8,6 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rearl_jax.config import DataConfig, PrepareTask
+    from rearl_jax.core.batch import ScenarioMap
+    from rearl_jax.core.drivers import Drivers, highway_env_drivers
+    from rearl_jax.core.meta_actions import MetaAction
+    from rearl_jax.core.model import TrafficModel
+    from rearl_jax.core.rollout import Frames, rollout
+    from rearl_jax.core.spawn import spawn
+    from rearl_jax.core.state import Controller, TrafficState, make_state
+    from rearl_jax.core.step import tick
     from rearl_jax.data.recordings import Recording, RecordingInfo, iterate_recordings
     from rearl_jax.data.scene_files import load_scenes
     from rearl_jax.data.scene_set import SceneSet
@@ -19,34 +27,58 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
+    "Controller": "rearl_jax.core.state",
     "DataConfig": "rearl_jax.config",
+    "Drivers": "rearl_jax.core.drivers",
+    "Frames": "rearl_jax.core.rollout",
     "METRICS": "rearl_jax.metrics",
+    "MetaAction": "rearl_jax.core.meta_actions",
     "PrepareTask": "rearl_jax.config",
     "Recording": "rearl_jax.data.recordings",
     "RecordingInfo": "rearl_jax.data.recordings",
+    "ScenarioMap": "rearl_jax.core.batch",
     "SceneSet": "rearl_jax.data.scene_set",
     "Study": "rearl_jax.results",
+    "TrafficModel": "rearl_jax.core.model",
+    "TrafficState": "rearl_jax.core.state",
     "build_scenes": "rearl_jax.data.scenes",
+    "highway_env_drivers": "rearl_jax.core.drivers",
     "iterate_recordings": "rearl_jax.data.recordings",
     "load_scenes": "rearl_jax.data.scene_files",
+    "make_state": "rearl_jax.core.state",
     "read_metadata": "rearl_jax.results",
+    "rollout": "rearl_jax.core.rollout",
+    "spawn": "rearl_jax.core.spawn",
     "split_scenes": "rearl_jax.data.splits",
+    "tick": "rearl_jax.core.step",
 }
 
 __all__ = [
+    "Controller",
     "DataConfig",
+    "Drivers",
+    "Frames",
     "METRICS",
+    "MetaAction",
     "PrepareTask",
     "Recording",
     "RecordingInfo",
+    "ScenarioMap",
     "SceneSet",
     "Study",
+    "TrafficModel",
+    "TrafficState",
     "__version__",
     "build_scenes",
+    "highway_env_drivers",
     "iterate_recordings",
     "load_scenes",
+    "make_state",
     "read_metadata",
+    "rollout",
+    "spawn",
     "split_scenes",
+    "tick",
 ]
 
 

@@ -17,8 +17,8 @@ MOTION = ("x", "y", "heading", "speed", "acceleration")
 
 #: Recorded scenes: kinds, vehicles, road, scenes of each kind, ticks of each scene.
 RECORDINGS = {
-    "small": (KINDS, N_VEHICLES, scenes.ROAD, 16, 20),
-    "small, short road": (KINDS, N_VEHICLES, scenes.SHORT, 16, 20),
+    "small": (KINDS, N_VEHICLES, scenes.ROAD, 14, 20),
+    "small, short road": (KINDS, N_VEHICLES, scenes.SHORT, 14, 20),
     "eight lanes, polite": (KINDS[1:], N_VEHICLES, scenes.WIDE, 12, 20),
     "one lane": (("stress", "level", "start", "end"), N_VEHICLES, scenes.NARROW, 8, 20),
     "large": (APART, LARGE, scenes.ROAD, 5, 20),
@@ -79,14 +79,13 @@ def test_recorded_scenes_hold_what_they_are_to_show(name):
     assert events.aborts >= aborts
     assert events.crashes >= crashes
     assert min(events.lefts, events.changes - events.lefts) >= 0.25 * changes
-    speed = recorded.before["speed"]
-    assert speed.min() < 0 < 30 < speed.max()
 
 
 @pytest.mark.parametrize("name", ["small", "small, short road", "one lane", "large"])
 def test_recorded_scenes_reach_beyond_both_ends_of_the_road(name):
     recorded = recording(name)
-    x, length = recorded.before["x"], recorded.road.length
+    x, speed, length = recorded.before["x"], recorded.before["speed"], recorded.road.length
+    assert speed.min() < 0 < 30 < speed.max()
     for low, high in ((-np.inf, -5), (-5, 0), (length, length + 5), (length + 5, np.inf)):
         assert ((low < x) & (x < high)).sum() > 10
 
@@ -120,10 +119,13 @@ def test_tick_in_large_traffic_with_vehicles_side_by_side():
 
 
 def test_sorted_search_finds_whom_the_search_of_all_pairs_finds():
-    _, by_order = one_tick("large", np.float64)
-    _, by_pairs = one_tick("large", np.float64, largest_small_traffic=LARGE)
-    names = set(vars(by_order)) - {"order"}
-    simulation.assert_same_bits(by_order, by_pairs, names)
+    """Bit for bit, but for vehicles side by side, which have a test of their own."""
+    recorded, by_pairs = one_tick("small", np.float64)
+    _, by_order = one_tick("small", np.float64, largest_small_traffic=N_VEHICLES - 1)
+    apart = np.flatnonzero((np.diff(np.sort(recorded.before["x"], axis=0), axis=0) > 0).all(axis=0))
+    assert len(apart) > 0.9 * recorded.before["x"].shape[1]
+    by_pairs, by_order = (simulation.columns(after, apart) for after in (by_pairs, by_order))
+    simulation.assert_same_bits(by_order, by_pairs, set(vars(by_order)) - {"order"})
 
 
 def test_any_order_along_the_road_is_a_valid_start():
@@ -150,7 +152,7 @@ def test_meta_actions(name):
     assert moved.sum() > 15
     assert sped.sum() > 15
     refused = before["is_meta"] & ~moved & np.isin(recorded.actions, (0, 2))
-    assert refused.sum() > 5
+    assert refused.sum() > 3
     assert (abs(told["target"] - told["lane"]) >= 2).any()
     np.testing.assert_array_equal(after.target_lane, told["target"])
     np.testing.assert_array_equal(after.desired_speed, told["desired"])

@@ -1,0 +1,228 @@
+"""What must not matter to traffic, and what must: symmetries of one tick and of many."""
+
+import copy
+
+import jax
+import numpy as np
+import pytest
+
+from rearl_jax.core.state import Controller
+from rearl_jax.core.step import tick
+from tests.core import scenes, simulation
+from tests.core.scenes import ROAD
+from tests.core.simulation import MODEL, N_VEHICLES, WIDTH, assert_same_bits
+
+N_CARS = 7
+MOVING = ("x", "y", "heading", "speed", "acceleration", "target_lane", "ticks_to_decision", "crashed")
+
+
+def driving_traffic(n_scenes, n_cars, *, span=1.0, seed=0, gap=1.0):
+    """Scenes in the order along the road, without contact, with desired speeds far apart."""
+    traffic = []
+    for number in range(n_scenes):
+        rng = np.random.default_rng([seed, number])
+        cars = scenes.draw_cars("road", n_cars, ROAD, rng)
+        scenes.prepare(cars, ROAD, rng)
+        for car in cars:
+            car.crashed, car.target = False, car.lane
+        scenes.to_single(cars)
+        traffic.append(cars)
+    return traffic
+
+
+def stress_traffic(n_scenes, n_cars, *, seed=0):
+    traffic = []
+    for number in range(n_scenes):
+        rng = np.random.default_rng([seed, number])
+        cars = scenes.draw_cars(("stress", "meta", "pile")[number % 3], n_cars, ROAD, rng)
+        scenes.prepare(cars, ROAD, rng)
+        scenes.to_single(cars)
+        for car in cars:
+            for name in scenes.PARAMETERS:
+                setattr(car, name, float(np.float32(getattr(car, name))))
+        traffic.append(cars)
+    return traffic
+
+
+def lane_history(states):
+    """Nearest lanes and target lanes after every tick."""
+    return np.clip(np.ceil(states.y / 4 - 0.5), 0, 3).astype(int), states.target_lane
+
+
+def aborts_per_scenario(states):
+    """Changes broken off: the target falls back on the lane the vehicle has not left."""
+    lane, target = lane_history(states)
+    was_changing = lane[:-1] != target[:-1]
+    gives_up = was_changing & (target[1:] != target[:-1]) & (target[1:] == lane[:-1])
+    return gives_up.sum(axis=(0, 1))
+
+
+def test_order_of_the_list_does_not_matter_without_conflicts():
+    traffic = driving_traffic(128, N_VEHICLES)
+    order = np.random.default_rng(0).permutation(N_VEHICLES)
+    shuffled = [[cars[i] for i in order] for cars in traffic]
+    one, other = (
+        simulation.history(*simulation.core_of(cars), n_ticks=150) for cars in (traffic, shuffled)
+    )
+    peaceful = (aborts_per_scenario(one) == 0) & (aborts_per_scenario(other) == 0)
+    peaceful &= ~one.crashed.any(axis=(0, 1)) & ~other.crashed.any(axis=(0, 1))
+    lane, _ = lane_history(one)
+    assert ((np.diff(lane, axis=0) != 0).sum(axis=(0, 1)) * peaceful).sum() > 100
+    assert peaceful.sum() > 64
+    for name in MOVING:
+        a, b = getattr(one, name)[:, order][..., peaceful], getattr(other, name)[..., peaceful]
+        np.testing.assert_array_equal(a, b, err_msg=name)
+
+
+def test_order_of_the_list_decides_who_gives_way():
+    """Three cars on their way into one lane, each within the desired gap of the next (43 m at 20 m/s) only.
+
+    From the rear to the front everybody sees the others' old targets, so two give way. From the front to the rear the one in
+    the middle has given way already when the last one looks.
+    """
+    cars = [scenes.car_on(0, x, 20.0, target=1) for x in (20.0, 50.0, 80.0)]
+    state, drivers = simulation.core_of([cars, cars[::-1]])
+    after = simulation.advance(state, drivers).target_lane[:3]
+    np.testing.assert_array_equal(after[:, 0], [0, 0, 1])
+    np.testing.assert_array_equal(after[::-1, 1], [1, 0, 1])
+
+
+@pytest.mark.parametrize("shift", [64.0, 1000.0])
+def test_place_along_the_road_does_not_matter(shift):
+    traffic = driving_traffic(64, N_VEHICLES)
+    moved = copy.deepcopy(traffic)
+    for cars in moved:
+        for car in cars:
+            car.x += shift
+    one, other = (simulation.history(*simulation.core_of(cars), n_ticks=90) for cars in (traffic, moved))
+    assert (np.diff(lane_history(one)[0], axis=0) != 0).sum() > 50
+    np.testing.assert_array_equal(one.target_lane, other.target_lane)
+    np.testing.assert_array_equal(one.crashed, other.crashed)
+    np.testing.assert_allclose(other.x - shift, one.x, rtol=0, atol=1e-9)
+    for name in ("y", "speed", "heading"):
+        np.testing.assert_allclose(getattr(other, name), getattr(one, name), rtol=0, atol=1e-9)
+
+
+def mirrored(cars):
+    cars = copy.deepcopy(cars)
+    for car in cars:
+        car.y, car.heading = 12.0 - car.y, -car.heading
+        car.lane, car.target = 3 - car.lane, 3 - car.target
+    return cars
+
+
+def test_mirrored_road_mirrors_every_decision_but_the_one_for_the_right():
+    """Where both sides are accepted the right one wins; there, and only there, both roads turn right."""
+    traffic = stress_traffic(900, N_VEHICLES)
+    for cars in traffic:
+        for car in cars:
+            car.timer = 2.0  # everybody decides now
+    one, other = (
+        simulation.advance(*simulation.core_of(cars))
+        for cars in (traffic, [mirrored(cars) for cars in traffic])
+    )
+    lane = np.array([[car.lane for car in cars] for cars in traffic]).T
+    before = np.array([[car.target for car in cars] for cars in traffic]).T
+    decides = lane == before
+    turned, turned_there = one.target_lane - lane, 3 - other.target_lane - lane
+    assert (decides & (turned == -1)).sum() > 200
+    assert (decides & (turned == 1)).sum() > 200
+    same = turned == turned_there
+    both = (turned == 1) & (turned_there == -1) & decides
+    assert (same | both).all()
+    assert 20 < both.sum() < 0.5 * (decides & (turned == 1)).sum()
+    # Whoever decided alike drives alike; a mirrored y is rounded anew.
+    np.testing.assert_allclose((12 - other.y)[same], one.y[same], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(other.speed[same], one.speed[same], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("slots", [(0, 1, 2, 3, 4, 5, 6), (3, 4, 5, 6, 7, 8, 9), (0, 2, 3, 5, 6, 8, 9)])
+def test_slots_of_absent_vehicles_do_not_matter(slots):
+    traffic = stress_traffic(200, N_CARS)
+    states = []
+    for chosen in (np.arange(N_CARS), np.array(slots)):
+        state, drivers = simulation.core_of(traffic, slots=chosen)
+        after = simulation.advance(state, drivers, n_ticks=20)
+        states.append(jax.tree.map(lambda leaf, chosen=chosen: leaf[chosen], after))
+        absent = np.setdiff1d(np.arange(N_VEHICLES), chosen)
+        np.testing.assert_array_equal(after.x[absent], np.asarray(state.x)[absent])
+        assert (after.speed[absent] == 0).all()
+        assert not after.crashed[absent].any()
+    assert states[0].crashed.mean() > 0.3
+    assert_same_bits(*states, set(vars(states[0])) - {"order"})
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_batch_and_padding_change_nothing(dtype):
+    """A scene of seven in a batch, with three absent vehicles, is the same scene alone, bit for bit."""
+    traffic = stress_traffic(60, N_CARS)
+    batch = simulation.core_of(traffic, dtype=dtype, road=scenes.ROAD)
+    alone = simulation.core_of(traffic, dtype=dtype, road=scenes.ROAD, n_slots=N_CARS)
+    single = jax.jit(lambda state, drivers: tick(state, drivers, MODEL))
+    together = simulation.history(*batch, n_ticks=10)
+    one_by_one = []
+    for number in range(len(traffic)):
+        state, drivers = (simulation.columns(tree, number) for tree in alone)
+        states = []
+        for _ in range(10):
+            state = single(state, drivers)
+            states.append(state)
+        one_by_one.append(jax.tree.map(lambda *leaves: np.stack(leaves), *states))
+    one_by_one = jax.tree.map(lambda *leaves: np.stack(leaves, axis=-1), *one_by_one)
+    together = jax.tree.map(lambda leaf: leaf[:, :N_CARS], together)
+    assert one_by_one.crashed[-1].mean() > 0.3
+    assert (np.diff(one_by_one.target_lane, axis=0) != 0).sum() > 10
+    assert_same_bits(together, one_by_one, set(vars(together)) - {"order"})
+
+
+def test_one_tick_without_compilation():
+    traffic = stress_traffic(30, N_VEHICLES)
+    for cars in traffic:
+        for car in cars:
+            car.timer = 2.0
+    state, drivers = simulation.core_of(traffic)
+    compiled = simulation.advance(state, drivers)
+    with jax.disable_jit():
+        plain = jax.tree.map(np.asarray, tick(state, drivers, MODEL))
+    assert (compiled.target_lane != np.asarray(state.target_lane)).sum() > 10
+    assert compiled.is_pushed.sum() > 30
+    for name in ("target_lane", "ticks_to_decision", "crashed", "is_pushed"):
+        np.testing.assert_array_equal(getattr(plain, name), getattr(compiled, name))
+    for name in ("x", "y", "heading", "speed", "acceleration", "push_x", "push_y"):
+        np.testing.assert_allclose(getattr(plain, name), getattr(compiled, name), rtol=0, atol=1e-11)
+
+
+def test_parameters_of_length_one_are_those_of_everybody():
+    from rearl_jax.core.drivers import highway_env_drivers
+
+    traffic = driving_traffic(WIDTH, N_VEHICLES)
+    state, _ = simulation.core_of(traffic)
+    full = simulation.advance(state, simulation.default_drivers(state.x.shape))
+    drivers = highway_env_drivers(dtype=np.float64)
+    assert {leaf.shape for leaf in jax.tree.leaves(drivers)} == {(1, 1)}
+    short = jax.jit(lambda state, drivers: tick(state, drivers, MODEL))(state, drivers)
+    assert_same_bits(short, full)
+
+
+def test_collisions_that_nobody_looks_for_do_not_happen():
+    traffic = stress_traffic(60, N_VEHICLES)
+    for cars in traffic:
+        for car in cars:
+            car.collides = car.crashed = False
+    state, drivers = simulation.core_of(traffic)
+    after = simulation.advance(state, drivers, n_ticks=5)
+    assert not after.crashed.any()
+    assert not after.is_pushed.any()
+    drivers = simulation.default_drivers(state.x.shape)
+    assert simulation.advance(state, drivers, n_ticks=5).crashed.mean() > 0.2
+
+
+def test_absent_vehicles_need_no_sensible_numbers():
+    """Not even finite ones: only their controller is looked at."""
+    from rearl_jax.core.state import make_state
+
+    x = np.array([[10.0], [np.nan]])
+    controller = np.array([[Controller.IDM], [Controller.ABSENT]])
+    state = make_state(x, x, x, MODEL, heading=x * 0, controller=controller, dtype=np.float64)
+    assert np.isfinite(np.asarray(state.x)).all()
+    assert np.asarray(state.ticks_to_decision).max() <= 16
