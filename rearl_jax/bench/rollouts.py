@@ -7,15 +7,10 @@ import numpy as np
 from jaxtyping import Array, Key
 
 from rearl_jax.bench.measurement import TICKS_PER_SECOND, Measurement, Stopwatch, peak_memory_bytes
-from rearl_jax.core.batch import ScenarioMap
+from rearl_jax.core.batch import ScenarioMap, chunk_for
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import Frames, rollout
 from rearl_jax.core.spawn import spawn
-
-
-def chunk_for(n_vehicles: int) -> int:
-    """Scenarios a core should simulate at a time, so that the arrays of a step stay in its cache."""
-    return max(16, 1280 // n_vehicles // 16 * 16)
 
 
 class Rollouts:
@@ -28,7 +23,7 @@ class Rollouts:
             n_vehicles: Vehicles per scenario.
             seconds: Simulated time [s].
             density: highway-env's `vehicles_density` [-].
-            chunk: Scenarios a core takes at a time; None for `chunk_for`.
+            chunk: Scenarios a core takes at a time; None for `batch.chunk_for`.
         """
         self._n_vehicles, self._seconds = n_vehicles, seconds
         self.chunk = chunk_for(n_vehicles) if chunk is None else chunk

@@ -13,7 +13,9 @@ JUMP = 100.0
 """Growth of a difference within one tick that is a jump: no rounding error of a smooth step grows like that."""
 
 GROWING_TICKS = 30
-"""Ticks before the first difference in which a vehicle may have been slow. Two seconds; errors grow tenfold per tick."""
+"""Ticks before the first difference in which a vehicle may have been slow. Two seconds; errors grow tenfold per
+tick.
+"""
 
 
 class Cause(Enum):

@@ -50,7 +50,8 @@ def simulate(scenario: Scenario, *, nudged: bool = False) -> Recorded:
 
     Args:
         scenario: The scene.
-        nudged: Move every vehicle forward by one unit in the last place before the first tick. Tells how far highway-env
+        nudged: Move every vehicle forward by one unit in the last place before the first tick. Tells how far
+            highway-env
             carries the least possible difference by itself.
     """
     road = _BUILDERS[scenario.source](scenario)

@@ -65,7 +65,8 @@ def _exception_table(excepted: pd.DataFrame, precision: str) -> Table:
     table = Table(title=f"Scenes that differ in {precision}")
     for heading in ("scene", "cause"):
         table.add_column(heading)
-    for heading in ("from\n[s]", "first contact\n[s]", "vehicle's\nspeed [m/s]", "largest\n[m]", "highway-env's\nown [m]"):
+    for heading in ("from\n[s]", "first contact\n[s]", "vehicle's\nspeed [m/s]", "largest\n[m]",
+    "highway-env's\nown [m]"):
         table.add_column(heading, justify="right")
     for row in excepted.to_dict("records"):
         own = row["own_difference"]

@@ -36,7 +36,9 @@ class Source(Enum):
 
 @dataclass(frozen=True)
 class Injection:
-    """Vehicles placed by us, in list order; the names are those of `records.Start`. An absent timer is highway-env's own."""
+    """Vehicles placed by us, in list order; the names are those of `records.Start`. An absent timer is highway-env's
+    own.
+    """
 
     x: tuple[float, ...]
     y: tuple[float, ...]
@@ -162,7 +164,9 @@ def _injection(random: np.random.Generator, *, shuffled: bool = False, **columns
 
 
 def _stress(n_vehicles: int) -> Callable[[np.random.Generator, int], Injection]:
-    """Vehicles of very different speeds, close together and in random list order, so that aborts chain and many crash."""
+    """Vehicles of very different speeds, close together and in random list order, so that aborts chain and many
+    crash.
+    """
 
     def draw(random: np.random.Generator, index: int) -> Injection:
         speed = random.uniform(10, 32, n_vehicles)
@@ -206,7 +210,9 @@ _PARAMETER_RANGES = {
 
 
 def _drivers(random: np.random.Generator, index: int) -> Injection:
-    """Ten vehicles that differ in everything a vehicle can differ in; some never change lanes or look for collisions."""
+    """Ten vehicles that differ in everything a vehicle can differ in; some never change lanes or look for
+    collisions.
+    """
     n_vehicles = 10
     drawn = {name: random.uniform(*limits, n_vehicles) for name, limits in _PARAMETER_RANGES.items()}
     drawn["changes_lanes"] = random.uniform(size=n_vehicles) < 0.9

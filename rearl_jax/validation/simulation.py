@@ -18,8 +18,8 @@ from rearl_jax.validation.records import Recorded, Start, Tracks, stack
 from rearl_jax.validation.scenarios import ScenarioSet
 
 VECTOR = 8
-"""Scenarios of a device are a multiple of this. XLA runs what does not fill a vector through scalar code, whose last place
-may differ; eight doubles fill the widest vectors there are."""
+"""Scenarios of a device are a multiple of this. XLA runs what does not fill a vector through scalar code, whose last
+place may differ; eight doubles fill the widest vectors there are."""
 
 
 def batch_width(n_vehicles: int) -> int:
@@ -107,8 +107,8 @@ def _state(start: Start, model: TrafficModel, dtype: type) -> TrafficState:
 def _drivers(start: Start, model: TrafficModel, dtype: type) -> Drivers:
     """Parameters as arrays of full size.
 
-    XLA turns the division by a number that it knows, or spreads over an array, into a multiplication by its inverse. That
-    is faster and one unit in the last place off, which a comparison with highway-env would show.
+    XLA turns the division by a number that it knows, or spreads over an array, into a multiplication by its inverse.
+    That is faster and one unit in the last place off, which a comparison with highway-env would show.
     """
 
     def numbers(name: str) -> np.ndarray:

@@ -5,8 +5,8 @@ Keys of summary.json, overall and with the prefix `n2_`, `n10_`, `n30_`, `n60_` 
 | key | meaning |
 |---|---|
 | scenes, lane_changes, aborts, crashes | scenes; lane changes, changes broken off, crashed vehicles in highway-env |
-| agree_share_f64 | share of scenes that agree at all ticks: positions within tolerance_f64, equal lanes and crash flags |
-| agree_share_f32 | the same with tolerance_f32 before the first contact of a scene |
+| agree_share_f64 | share of scenes that agree at all ticks: positions within tolerance_f64, equal lanes and crash
+flags | | agree_share_f32 | the same with tolerance_f32 before the first contact of a scene |
 | max_dx_f64, max_dspeed_f64, max_dheading_f64 | largest difference of a position [m], speed [m/s], heading [rad] |
 | lane_change_agreement_f64 | share of the lane changes of either run that both make, on the same tick |
 | crash_agreement_f64 | share of scenes with equal crash flags at every tick |

@@ -27,7 +27,7 @@ from rearl_jax.runtime import available_cores
 from rearl_jax.validation import causes, comparison, report, simulation, summary
 from rearl_jax.validation.comparison import Comparison
 from rearl_jax.validation.figures import error_over_time
-from rearl_jax.validation.records import Recorded, Tracks, stack
+from rearl_jax.validation.records import Recorded, stack
 from rearl_jax.validation.scenarios import SETS, ScenarioSet
 from rearl_jax.validation.store import ReferenceStore
 from rearl_jax.validation.workers import Job, Variant, vector_features

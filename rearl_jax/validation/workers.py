@@ -2,8 +2,9 @@
 
 On processors with AVX-512 NumPy has its own vector versions of arcsin, tan, arctan and pow. They differ from those of
 the C library, which XLA calls, by one unit in the last place for 0.5 to 10 % of the arguments, and highway-env's
-lateral controller, unstable below about 0.1 m/s, amplifies that. So NumPy is kept from using them, by its own documented
-switch NPY_DISABLE_CPU_FEATURES, in the processes that make the reference. Elsewhere there is nothing to switch off.
+lateral controller, unstable below about 0.1 m/s, amplifies that. So NumPy is kept from using them, by its own
+documented switch NPY_DISABLE_CPU_FEATURES, in the processes that make the reference. Elsewhere there is nothing to
+switch off.
 How much they matter is measured: highway-env with them against highway-env without is the control of the report.
 """
 
@@ -26,8 +27,8 @@ class Variant(Enum):
     """How highway-env is run.
 
     plain: with the functions of the C library; the reference. vectorised: as NumPy does by itself; the control.
-    nudged: plain, but every vehicle starts one unit in the last place further ahead; shows what highway-env makes of the
-    least possible difference.
+    nudged: plain, but every vehicle starts one unit in the last place further ahead; shows what highway-env makes of
+    the least possible difference.
     """
 
     plain = "plain"

@@ -2,7 +2,7 @@ import jax
 import numpy as np
 import pytest
 
-from rearl_jax.bench.rollouts import Rollouts, chunk_for
+from rearl_jax.bench.rollouts import Rollouts
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import rollout
 from rearl_jax.core.spawn import spawn
@@ -41,9 +41,3 @@ def test_facts(rollouts):
     assert rollouts.facts["chunk"] == 8
     assert rollouts.facts["unit"] == 8 * len(jax.local_devices())
     assert rollouts.facts["compile_s"] > 0
-
-
-def test_chunks_shrink_with_the_number_of_vehicles():
-    chunks = [chunk_for(n_vehicles) for n_vehicles in (1, 10, 30, 50, 100, 200, 1000)]
-    assert chunks == sorted(chunks, reverse=True)
-    assert all(chunk % 16 == 0 and chunk > 0 for chunk in chunks)

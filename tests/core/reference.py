@@ -1,4 +1,5 @@
-"""highway-env's straight-highway traffic written a second time: plain Python, one scenario, one vehicle after the other.
+"""highway-env's straight-highway traffic written a second time: plain Python, one scenario, one vehicle after the
+other.
 
 Everything is float64 and follows the behaviour of highway-env 1.12.1 step by step, with its float timers and its
 sequential decisions in list order. Nothing is shared with the package; slow on purpose.
