@@ -47,7 +47,7 @@ class ValidationConfig:
         0.1, "share of each set that highway-env runs a second time with NumPy's vector functions: its own noise"
     )
     tolerance_f64: float = key(1e-9, "largest difference of a position in float64 [m]; own choice")
-    tolerance_f32: float = key(2e-3, "largest difference of a position in float32 before the first contact [m]; own choice")
+    tolerance_f32: float = key(2e-3, "largest difference of a position in float32 before contact [m]; own choice")
     least_agree_share: float = key(0.99, "least share of scenes that must agree in float64; own choice")
     least_lane_changes: int = key(5000, "least number of lane changes, else the comparison proves too little")
     least_aborts: int = key(300, "least number of lane changes broken off")

@@ -36,7 +36,8 @@ def error_over_time(errors: pd.DataFrame, tolerances: dict[str, float]) -> bytes
                 label = f"{precision}, largest" + (" before contact" if scope == "before_contact" else "")
                 axis.plot(line["time"], line["largest"].clip(FLOOR), style, color=colour, lw=1.1, label=label)
             median = part[part["scope"] == "all"]
-            axis.plot(median["time"], median["median"].clip(FLOOR), color=colour, lw=0.7, alpha=0.45, label=f"{precision}, median")
+            label = f"{precision}, median"
+            axis.plot(median["time"], median["median"].clip(FLOOR), color=colour, lw=0.7, alpha=0.45, label=label)
             axis.axhline(tolerances[precision], color=colour, lw=0.6, ls="--")
         axis.set_title(name, fontsize=9)
         axis.set_yscale("log")

@@ -79,7 +79,7 @@ def _exception_table(excepted: pd.DataFrame, precision: str) -> Table:
             f"{row['max_position']:.1e}",
             "-" if pd.isna(own) else f"{own:.1e}",
         )
-    table.caption = "highway-env's own: difference it makes by itself when all vehicles start one unit in the last place ahead"
+    table.caption = "highway-env's own: what it makes of a start one unit in the last place further ahead"
     return table
 
 
