@@ -32,7 +32,7 @@ class BenchConfig:
     peers: tuple[Peer, ...] = key(
         (Peer.c, Peer.highway_env, Peer.libsumo), "programs measured beside ours; absent ones are named"
     )
-    peer_cpu_s: float = key(6.0, "CPU time after which highway-env ends its scene with the second it is in [s]")
+    peer_cpu_s: float = key(3.0, "CPU time after which highway-env ends its scene with the second it is in [s]")
     memory_rollouts: int = key(100_000, "rollouts of the peak-memory measurement; 0 leaves it out")
     memory_vehicles: int = key(10, "vehicles per scenario of the peak-memory measurement")
 

@@ -1,0 +1,145 @@
+"""Rollouts, and the map that spreads scenarios over chunks and devices."""
+
+import os
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rearl_jax.core.batch import ScenarioMap, chunk_for
+from rearl_jax.core.meta_actions import apply_meta_actions
+from rearl_jax.core.rollout import Frames, rollout
+from rearl_jax.core.spawn import spawn
+from rearl_jax.core.state import Controller
+from tests.core import simulation
+from tests.core.simulation import MODEL, N_VEHICLES
+
+N_SCENARIOS, N_SECONDS = 8, 4
+
+
+def simulate(arguments):
+    state, drivers, actions = arguments
+    return rollout(state, drivers, MODEL, n_seconds=N_SECONDS, actions=actions)
+
+
+@pytest.fixture(scope="module")
+def arguments():
+    """Drawn traffic, three vehicles of each scenario driven by random meta-actions."""
+    keys = jax.random.split(jax.random.key(3), N_SCENARIOS)
+    state, drivers = spawn(keys, MODEL, n_vehicles=N_VEHICLES, dtype=jnp.dtype(jnp.float64))
+    controller = np.array(state.controller)
+    controller[::4] = Controller.META
+    object.__setattr__(state, "controller", jnp.asarray(controller))
+    rng = np.random.default_rng(0)
+    actions = jnp.asarray(rng.integers(5, size=(N_SECONDS, N_VEHICLES, N_SCENARIOS)), jnp.int32)
+    return state, drivers, actions
+
+
+@pytest.fixture(scope="module")
+def rolled(arguments):
+    return jax.tree.map(np.asarray, jax.jit(simulate)(arguments))
+
+
+def test_frames_are_the_states_after_each_second(arguments, rolled):
+    """A rollout is meta-actions and ticks, one after the other; parameters of length one are those of everybody."""
+    state, drivers, actions = arguments
+    assert {leaf.shape for leaf in jax.tree.leaves(drivers)} == {(1, 1), (N_VEHICLES, N_SCENARIOS)}
+    final, frames = rolled
+    assert isinstance(frames, Frames)
+    assert frames.x.shape == (N_SECONDS, N_VEHICLES, N_SCENARIOS)
+    for second in range(N_SECONDS):
+        state = jax.tree.map(jnp.asarray, apply_meta_actions(state, actions[second], MODEL))
+        state = simulation.advance(state, drivers, n_ticks=15)
+        for name in ("x", "y", "heading", "speed", "acceleration"):
+            np.testing.assert_allclose(getattr(frames, name)[second], getattr(state, name), rtol=0, atol=1e-9)
+        np.testing.assert_array_equal(frames.crashed[second], state.crashed)
+        np.testing.assert_array_equal(frames.lane[second], np.clip(np.ceil(state.y / 4 - 0.5), 0, 3))
+        state = jax.tree.map(jnp.asarray, state)
+    np.testing.assert_array_equal(final.target_lane, state.target_lane)
+    np.testing.assert_array_equal(frames.x[-1], final.x)
+    assert (np.diff(frames.lane, axis=0) != 0).sum() > 10
+    assert (np.diff(frames.speed, axis=0) > 0.5).any()
+
+
+def test_map_over_chunks_is_the_function_itself(arguments, rolled):
+    """Eight scenarios in chunks of three: the last chunk is filled up, nothing of the filling comes back."""
+    mapped = ScenarioMap(simulate, chunk=3)
+    parts = list(mapped.chunks(arguments))
+    assert [part[1].x.shape[-1] for part in parts] == [3, 3, 2]
+    joined = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)
+    assert (np.diff(joined[1].lane, axis=0) != 0).sum() > 10
+    for a, b in zip(jax.tree.leaves(joined), jax.tree.leaves(rolled), strict=True):
+        assert a.dtype == b.dtype
+        np.testing.assert_array_equal(a, b)
+    for a, b in zip(jax.tree.leaves(mapped(arguments)), jax.tree.leaves(rolled), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def doubled(tree):
+    return {"twice": tree["a"] * 2, "sum": tree["a"].sum(0) + tree["b"]}
+
+
+@pytest.mark.parametrize("n_scenarios", [1, 4, 7, 8, 9])
+def test_map_joins_any_number_of_scenarios_in_order(n_scenarios):
+    tree = {"a": np.arange(3.0 * n_scenarios).reshape(3, n_scenarios), "b": np.arange(n_scenarios) * 1.0}
+    result = ScenarioMap(doubled, chunk=4)(tree)
+    np.testing.assert_array_equal(result["twice"], tree["a"] * 2)
+    np.testing.assert_array_equal(result["sum"], tree["a"].sum(0) + tree["b"])
+
+
+def test_map_compiles_once():
+    traced = []
+
+    def function(x):
+        traced.append(x.shape)
+        return x + 1
+
+    mapped = ScenarioMap(function, chunk=4)
+    mapped(np.arange(9.0))
+    first = len(traced)
+    mapped(np.arange(12.0))
+    assert len(traced) == first
+    assert set(traced) == {(4,)}
+
+
+DEVICES = """
+import numpy as np
+import jax
+from rearl_jax.core.batch import ScenarioMap
+assert len(jax.local_devices()) == 3
+for n in (1, 2, 7, 12, 25):
+    x = np.arange(2.0 * n).reshape(2, n)
+    result = ScenarioMap(lambda x: (x * 2, x.sum(0)), chunk=4)(x)
+    assert (result[0] == x * 2).all() and (result[1] == x.sum(0)).all()
+print("done")
+"""
+
+
+def test_map_over_several_devices():
+    environment = os.environ | {
+        "XLA_FLAGS": "--xla_force_host_platform_device_count=3",
+        "JAX_PLATFORMS": "cpu",
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", DEVICES], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.strip() == "done", done.stderr
+
+
+def test_map_refuses_arguments_that_disagree():
+    mapped = ScenarioMap(doubled)
+    with pytest.raises(ValueError, match=r"same number of scenarios in its last axis, got \[3, 4\]"):
+        mapped({"a": np.zeros((2, 3)), "b": np.zeros(4)})
+    with pytest.raises(ValueError, match=r"same number of scenarios"):
+        mapped({"a": np.zeros((2, 0)), "b": np.zeros(0)})
+    with pytest.raises(ValueError, match="at least one scenario"):
+        ScenarioMap(doubled, chunk=0)
+
+
+def test_chunks_shrink_with_the_number_of_vehicles():
+    sizes = [chunk_for(n) for n in (1, 5, 10, 30, 60, 1000)]
+    assert sizes == sorted(sizes, reverse=True)
+    assert all(128 <= size <= 4096 for size in sizes)

@@ -1,0 +1,67 @@
+"""What a state and a model refuse, and how they fill in what is not given."""
+
+import jax
+import numpy as np
+import pytest
+
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.state import Controller, make_state, nearest_lane, nearest_level
+from tests.core.simulation import MODEL
+
+
+@pytest.mark.parametrize("name", ["x", "y", "speed", "heading"])
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_numbers_that_are_not_finite_are_refused(name, bad):
+    arrays = {key: np.full((4, 3), 4.0) for key in ("x", "y", "speed", "heading")}
+    arrays[name][2, 1] = bad
+    positional = (arrays["x"], arrays["y"], arrays["speed"], MODEL)
+    with pytest.raises(ValueError, match=rf"{name} of vehicle 2 \(index \(2, 1\)\) is not finite.*ABSENT"):
+        make_state(*positional, heading=arrays["heading"])
+    controller = np.full((4, 3), Controller.IDM)
+    controller[2, 1] = Controller.ABSENT
+    state = make_state(*positional, heading=arrays["heading"], controller=controller)
+    assert all(np.isfinite(np.asarray(leaf)).all() for leaf in jax.tree.leaves(state))
+
+
+@pytest.mark.parametrize("n_lanes", [0, -1, 9])
+def test_number_of_lanes(n_lanes):
+    with pytest.raises(ValueError, match=rf"n_lanes = {n_lanes} is outside 1\.\.8"):
+        TrafficModel(n_lanes=n_lanes)
+
+
+def test_clock_and_levels():
+    with pytest.raises(ValueError, match="ticks_per_second = 0"):
+        TrafficModel(ticks_per_second=0)
+    with pytest.raises(ValueError, match="at least two speeds"):
+        TrafficModel(speed_levels=(5.0,))
+    assert TrafficModel(ticks_per_second=20).tick == 0.05
+    assert hash(TrafficModel()) == hash(TrafficModel(n_lanes=4))
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_defaults_are_those_of_the_constructors(dtype):
+    x = np.array([[10.0, 11.3], [40.0, 41.0]])
+    y = np.array([[0.0, 4.0], [9.9, 14.5]])
+    speed = np.array([[20.0, 21.0], [22.0, 23.4]])
+    controller = np.array([[1, 2], [1, 2]])
+    state = make_state(x, y, speed, MODEL, controller=controller, dtype=dtype)
+    for name in ("x", "y", "heading", "speed", "desired_speed", "push_x"):
+        assert getattr(state, name).dtype == dtype
+    np.testing.assert_array_equal(state.target_lane, [[0, 1], [2, 3]])
+    # An IDM vehicle wants the speed it has, a META vehicle the nearest of 5, 8.375, ... 32 m/s.
+    np.testing.assert_allclose(state.desired_speed, [[20.0, 21.875], [22.0, 21.875]], rtol=1e-6)
+    # Timers start at ((x + y) pi) mod 1 s: here 0.416, 0.066, 0.765 and 0.358 s.
+    phase = np.mod((x + y) * np.pi, 1.0)
+    np.testing.assert_array_equal(state.ticks_to_decision, np.floor((1 - phase) * 15) + 1)
+
+
+def test_nearest_lane_is_the_lower_one_on_the_line():
+    y = np.array([-9.0, -2.0, 0.0, 1.99, 2.0, 2.01, 6.0, 10.0, 10.01, 13.0, 99.0])
+    lanes = nearest_lane(jax.numpy.asarray(y), MODEL)
+    np.testing.assert_array_equal(lanes, [0, 0, 0, 0, 0, 1, 1, 2, 3, 3, 3])
+
+
+def test_nearest_level_rounds_halves_to_even():
+    speed = np.array([-5.0, 5.0, 6.6875, 10.0625, 31.0, 50.0])
+    for values in (speed, jax.numpy.asarray(speed)):
+        np.testing.assert_array_equal(nearest_level(values, MODEL), [0, 0, 0, 2, 8, 8])
