@@ -24,8 +24,9 @@ def chunk_for(n_vehicles: int) -> int:
 class ScenarioMap(Generic[Arguments, Result]):
     """A function of many scenarios, compiled once and run chunk by chunk over all local devices.
 
-    Every array leaf of the function's argument and result has the scenario axis last. Scenarios must not depend on each
-    other: each device runs its own part without waiting for the rest.
+    Every array leaf of the function's argument and result has the scenario axis last; an argument whose axis has
+    length 1 is the same for all. Scenarios must not depend on each other: each device runs its own part without waiting
+    for the rest.
     """
 
     def __init__(self, function: Callable[[Arguments], Result], *, chunk: int = 2048) -> None:
@@ -44,8 +45,8 @@ class ScenarioMap(Generic[Arguments, Result]):
             lambda arguments: jax.shard_map(
                 function,
                 mesh=mesh,
-                in_specs=(_specs(arguments),),
-                out_specs=_specs(jax.eval_shape(function, arguments)),
+                in_specs=(jax.tree.map(_split, arguments),),
+                out_specs=jax.tree.map(_split, jax.eval_shape(function, arguments)),
                 check_vma=False,
             )(arguments)
         )
@@ -58,17 +59,21 @@ class ScenarioMap(Generic[Arguments, Result]):
         """
         leaves = jax.tree.leaves(arguments)
         counts = {np.shape(leaf)[-1] for leaf in leaves}
-        if len(counts) != 1 or 0 in counts:
+        n_scenarios = max(counts, default=0)
+        if n_scenarios == 0 or counts - {1, n_scenarios}:
             raise ValueError(
-                f"every argument needs the same number of scenarios in its last axis, got {sorted(counts)}"
+                "every argument needs the same number of scenarios in its last axis, or 1 for all,"
+                f" got {sorted(counts)}"
             )
-        n_scenarios = counts.pop()
         n_devices = len(self._devices)
         width = n_devices * min(self._chunk, math.ceil(n_scenarios / n_devices))
         for start in range(0, n_scenarios, width):
             # The last chunk is filled up with its own last scenario, so that one program serves all.
             columns = np.minimum(np.arange(start, start + width), n_scenarios - 1)
-            result = self._run(jax.tree.map(operator.itemgetter((..., columns)), arguments))
+            part = jax.tree.map(
+                lambda leaf, at=columns: leaf[..., at] if _is_own(leaf, n_scenarios) else leaf, arguments
+            )
+            result = self._run(part)
             valid = operator.itemgetter((..., slice(min(width, n_scenarios - start))))
             yield jax.tree.map(valid, jax.tree.map(np.asarray, result))
 
@@ -77,6 +82,11 @@ class ScenarioMap(Generic[Arguments, Result]):
         return jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1), *self.chunks(arguments))
 
 
-def _specs(tree: object) -> object:
-    """Partition along the last axis of every leaf."""
-    return jax.tree.map(lambda leaf: PartitionSpec(*(None,) * (leaf.ndim - 1), "scenarios"), tree)
+def _is_own(leaf: np.ndarray | jax.Array, n_scenarios: int) -> bool:
+    """Whether every scenario has its own values."""
+    return leaf.shape[-1] == n_scenarios
+
+
+def _split(leaf: jax.Array | jax.ShapeDtypeStruct) -> PartitionSpec:
+    """Partition along the last axis; what is the same for all goes to all devices."""
+    return PartitionSpec(*(None,) * (leaf.ndim - 1), "scenarios" if leaf.shape[-1] > 1 else None)

@@ -126,7 +126,7 @@ def lanes_under(state: TrafficState, model: TrafficModel) -> Int[Array, "vehicle
     for lane in range(model.n_lanes):
         offset = jnp.abs(state.y - lane * model.lane_width)
         is_on = is_visible & (offset <= model.lane_width / 2 + LANE_MARGIN)
-        bits = bits | jnp.where(is_on, lane_bit(lane), 0)
+        bits = bits | jnp.where(is_on, jnp.int32(lane_bit(lane)), jnp.int32(0))
     return bits
 
 
@@ -143,7 +143,7 @@ def perceive(state: TrafficState, model: TrafficModel) -> View:
     on_lanes = lanes_under(state, model)
     nearest = None
     if is_large(state.x.shape[0]):
-        nearest = walk_along_road(state.order, on_lanes, lane_bit, model)
+        nearest = walk_along_road(state.order, state.x, on_lanes, lane_bit, model)
     return View(
         lane=nearest_lane(state.y, model),
         cos_heading=cos_heading,
@@ -169,9 +169,7 @@ def find_leader(state: TrafficState, view: View, lane: Int[Array, "vehicles *sce
     Source: highway-env 1.12.1, `Road.neighbour_vehicles`.
     """
     if view.nearest is not None:
-        ahead, behind = view.nearest.on(lane)
-        is_level = (behind != NOBODY) & (pick(state.x, behind) == state.x)
-        index = jnp.where(is_level, behind, ahead)
+        index, _ = view.nearest.on(lane)
         seen = Leader(pick(state.x, index) - state.x, pick(view.speed_x, index), pick(view.speed_y, index))
         return _replace_where(index != NOBODY, seen, _nobody_ahead(state))
     bit = lane_bit(lane)
@@ -201,7 +199,7 @@ def find_follower(state: TrafficState, view: View, lane: Int[Array, "vehicles *s
         _, index = view.nearest.on(lane)
         behind_by = state.x - pick(state.x, index)
         new = Follower(behind_by, *(pick(values, index) for values in seen))
-        return _replace_where((index != NOBODY) & (behind_by > 0), new, _nobody_behind(state))
+        return _replace_where(index != NOBODY, new, _nobody_behind(state))
     bit = lane_bit(lane)
 
     def look_at(other: Int[Array, ""], found: Follower) -> Follower:

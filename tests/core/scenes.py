@@ -122,9 +122,7 @@ def photograph(cars, road):
     picture["is_meta"] = np.array([car.kind == META for car in cars])
     picture["is_pushed"] = np.array([car.push is not None for car in cars])
     picture["push_x"], picture["push_y"] = np.array([car.push or (0.0, 0.0) for car in cars]).T
-    picture["ticks"] = np.array(
-        [reference.ticks_to_exceed(car.timer, car.delay, road.dt) for car in cars], np.int32
-    )
+    picture["ticks"] = np.array([reference.ticks_to_exceed(car.timer, car.delay, road.dt) for car in cars], np.int32)
     periods = {car.delay: reference.ticks_to_exceed(0.0, car.delay, road.dt) for car in cars}
     picture["period"] = np.array([periods[car.delay] for car in cars], np.int32)
     return picture

@@ -125,9 +125,7 @@ def drivers_of(picture, dtype):
             decision_period=jnp.asarray(picture["period"], jnp.int32),
             changes_lanes=jnp.asarray(picture["changes_lanes"], bool),
         ),
-        body=Body(
-            length=real["length"], width=real["width"], collides=jnp.asarray(picture["collides"], bool)
-        ),
+        body=Body(length=real["length"], width=real["width"], collides=jnp.asarray(picture["collides"], bool)),
     )
 
 

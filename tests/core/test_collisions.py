@@ -123,9 +123,7 @@ def test_crashed_vehicles_come_to_rest_where_they_point():
     states = simulation.history(state, drivers, n_ticks=30)
     np.testing.assert_allclose(states.speed[:, 0, 0], 20 * (14 / 15) ** np.arange(1, 31), rtol=1e-12)
     np.testing.assert_array_equal(states.heading[:, 0, 0], np.asarray(state.heading)[0, 0])
-    np.testing.assert_allclose(
-        np.diff(states.y[:, 0, 0]) / np.diff(states.x[:, 0, 0]), np.tan(0.1), rtol=1e-9
-    )
+    np.testing.assert_allclose(np.diff(states.y[:, 0, 0]) / np.diff(states.x[:, 0, 0]), np.tan(0.1), rtol=1e-9)
 
 
 def test_far_apart_nobody_is_touched():

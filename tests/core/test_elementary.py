@@ -13,9 +13,7 @@ TYPES = (np.float32, np.float64)
 
 
 def samples(low, high, dtype, n=200_001):
-    return np.concatenate([np.linspace(low, high, n), np.random.default_rng(0).uniform(low, high, n)]).astype(
-        dtype
-    )
+    return np.concatenate([np.linspace(low, high, n), np.random.default_rng(0).uniform(low, high, n)]).astype(dtype)
 
 
 @pytest.mark.parametrize("dtype", TYPES)

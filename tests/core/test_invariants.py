@@ -61,9 +61,7 @@ def test_order_of_the_list_does_not_matter_without_conflicts():
     traffic = driving_traffic(128, N_VEHICLES)
     order = np.random.default_rng(0).permutation(N_VEHICLES)
     shuffled = [[cars[i] for i in order] for cars in traffic]
-    one, other = (
-        simulation.history(*simulation.core_of(cars), n_ticks=150) for cars in (traffic, shuffled)
-    )
+    one, other = (simulation.history(*simulation.core_of(cars), n_ticks=150) for cars in (traffic, shuffled))
     peaceful = (aborts_per_scenario(one) == 0) & (aborts_per_scenario(other) == 0)
     peaceful &= ~one.crashed.any(axis=(0, 1)) & ~other.crashed.any(axis=(0, 1))
     lane, _ = lane_history(one)
@@ -118,8 +116,7 @@ def test_mirrored_road_mirrors_every_decision_but_the_one_for_the_right():
         for car in cars:
             car.timer = 2.0  # everybody decides now
     one, other = (
-        simulation.advance(*simulation.core_of(cars))
-        for cars in (traffic, [mirrored(cars) for cars in traffic])
+        simulation.advance(*simulation.core_of(cars)) for cars in (traffic, [mirrored(cars) for cars in traffic])
     )
     lane = np.array([[car.lane for car in cars] for cars in traffic]).T
     before = np.array([[car.target for car in cars] for cars in traffic]).T

@@ -38,7 +38,6 @@ HAPPENED = {
 }
 
 # Its process was seen to abort once while compiling; kept out of the default run until the cause is known.
-pytestmark = pytest.mark.slow
 
 
 @functools.cache

@@ -10,9 +10,7 @@ from tests.core.reference import ticks_to_exceed
 from tests.core.scenes import car_on
 
 
-@pytest.mark.parametrize(
-    ("ticks_per_second", "period"), [(5, 6), (10, 11), (15, 16), (20, 20), (25, 25), (30, 31)]
-)
+@pytest.mark.parametrize(("ticks_per_second", "period"), [(5, 6), (10, 11), (15, 16), (20, 20), (25, 25), (30, 31)])
 def test_period_is_that_of_float_additions(ticks_per_second, period):
     """Measured with highway-env 1.12.1, whose timer adds 1/f s in float64."""
     assert decision_period(1.0, ticks_per_second) == period
