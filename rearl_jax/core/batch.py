@@ -82,9 +82,9 @@ class ScenarioMap(Generic[Arguments, Result]):
         return jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1), *self.chunks(arguments))
 
 
-def _is_own(leaf: np.ndarray | jax.Array, n_scenarios: int) -> bool:
-    """Whether every scenario has its own values."""
-    return leaf.shape[-1] == n_scenarios
+def _take(leaf: np.ndarray | jax.Array, columns: np.ndarray, n_scenarios: int) -> np.ndarray | jax.Array:
+    """Some scenarios' values, or what is the same for all."""
+    return leaf[..., columns] if leaf.shape[-1] == n_scenarios else leaf
 
 
 def _split(leaf: jax.Array | jax.ShapeDtypeStruct) -> PartitionSpec:

@@ -37,8 +37,6 @@ HAPPENED = {
     "large, side by side": (20, 10, 200),
 }
 
-# Its process was seen to abort once while compiling; kept out of the default run until the cause is known.
-
 
 @functools.cache
 def recording(name):
