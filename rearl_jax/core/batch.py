@@ -70,10 +70,7 @@ class ScenarioMap(Generic[Arguments, Result]):
         for start in range(0, n_scenarios, width):
             # The last chunk is filled up with its own last scenario, so that one program serves all.
             columns = np.minimum(np.arange(start, start + width), n_scenarios - 1)
-            part = jax.tree.map(
-                lambda leaf, at=columns: leaf[..., at] if _is_own(leaf, n_scenarios) else leaf, arguments
-            )
-            result = self._run(part)
+            result = self._run(jax.tree.map(lambda leaf, at=columns: _take(leaf, at, n_scenarios), arguments))
             valid = operator.itemgetter((..., slice(min(width, n_scenarios - start))))
             yield jax.tree.map(valid, jax.tree.map(np.asarray, result))
 

@@ -5,10 +5,8 @@ somebody behind them in the list; only those are then tested in full, one vehicl
 all others. A push is the last one written: the partner with the highest list index counts, which is why the vehicles
 are taken in rising order.
 
-Source: highway-env 1.12.1, `Road.step`, `RoadObject.handle_collisions`, `utils.are_polygons_intersecting`.
+Source: highway-env 1.12.1, `Road.step`, `RoadObject.handle_collisions`.
 """
-
-import functools
 
 import equinox as eqx
 import jax
@@ -23,6 +21,7 @@ from rearl_jax.core.elementary import cosine, sine
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import for_each_vehicle, is_large, row
 from rearl_jax.core.order import within_reach
+from rearl_jax.core.rectangles import Rectangle, separate
 from rearl_jax.core.state import TrafficState
 
 ROUNDING_MARGIN = 1e-3
@@ -31,19 +30,6 @@ ROUNDING_MARGIN = 1e-3
 
 _Marks = tuple[Array, Array, Array, Array]
 """Who has crashed, who is pushed, and the pushes in x and y [m]."""
-
-
-class _Rectangle(eqx.Module):
-    """A vehicle as the collision test sees it: place [m], heading, speed [m/s], half sizes [m]."""
-
-    x: Float[Array, "rows *scenarios"]
-    y: Float[Array, "rows *scenarios"]
-    cos: Float[Array, "rows *scenarios"]
-    sin: Float[Array, "rows *scenarios"]
-    speed: Float[Array, "rows *scenarios"]
-    half_length: Float[Array, "rows *scenarios"]
-    half_width: Float[Array, "rows *scenarios"]
-    collides: Bool[Array, "rows *scenarios"]
 
 
 class _Extent(eqx.Module):
@@ -62,7 +48,7 @@ def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficStat
     """State with everybody marked who touches somebody, and with the pushes of the coming tick."""
     shape = state.x.shape
     rectangles = lax.stop_gradient(
-        _Rectangle(
+        Rectangle(
             x=state.x,
             y=state.y,
             cos=cosine(state.heading),
@@ -91,7 +77,7 @@ def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficStat
 
 def _collide_all(
     extent: _Extent,
-    rectangles: _Rectangle,
+    rectangles: Rectangle,
     marks: _Marks,
     model: TrafficModel,
 ) -> _Marks:
@@ -113,7 +99,7 @@ def _collide_all(
     return lax.while_loop(is_unfinished, take_next, (pending, marks))[1]
 
 
-def _extent(all_: _Rectangle, model: TrafficModel) -> _Extent:
+def _extent(all_: Rectangle, model: TrafficModel) -> _Extent:
     """Bounding boxes of all vehicles."""
     cos, sin = jnp.abs(all_.cos), jnp.abs(all_.sin)
     moved = all_.speed * (float(np.sqrt(2)) * model.tick)
@@ -154,7 +140,7 @@ def _may_touch(one: _Extent, other: _Extent) -> Array:
 
 def _collide_one(
     marks: _Marks,
-    all_: _Rectangle,
+    all_: Rectangle,
     chosen: Int[Array, "1 *scenarios"],
     is_chosen: Bool[Array, "1 *scenarios"],
     model: TrafficModel,
@@ -167,7 +153,7 @@ def _collide_one(
     one = jax.tree.map(lambda values: jnp.take_along_axis(values, chosen, axis=0), all_)
     nowhere, nothing = jnp.zeros(all_.x.shape, bool), jnp.zeros_like(all_.x)
     apart = (nowhere, nowhere, nothing, nothing)
-    touches, will_touch, shift_x, shift_y = if_any(is_chosen, lambda: _separate(one, all_, model), apart)
+    touches, will_touch, shift_x, shift_y = if_any(is_chosen, lambda: separate(one, all_, model), apart)
 
     diagonals = jnp.hypot(one.half_length, one.half_width) + jnp.hypot(all_.half_length, all_.half_width)
     is_near = jnp.hypot(all_.x - one.x, all_.y - one.y) <= diagonals + one.speed * model.tick
@@ -185,50 +171,4 @@ def _collide_one(
         is_pushed | will_touch | pushes_self,
         jnp.where(pushes_self, self_x / 2, jnp.where(will_touch, -shift_x / 2, push_x)),
         jnp.where(pushes_self, self_y / 2, jnp.where(will_touch, -shift_y / 2, push_y)),
-    )
-
-
-def _separate(one: _Rectangle, other: _Rectangle, model: TrafficModel) -> _Marks:
-    """Whether rectangles touch, whether they will within a tick, and the shift of `one` that prevents it [m].
-
-    Separating-axis test with the outward normals of all eight edges. A normal and its negative can give different
-    depths when one interval holds the other, so both are tested; on equal depths the first counts.
-    """
-    moved_x = (one.speed * one.cos - other.speed * other.cos) * model.tick
-    moved_y = (one.speed * one.sin - other.speed * other.sin) * model.tick
-    axes = []
-    for rectangle in (one, other):
-        cos, sin = rectangle.cos, rectangle.sin
-        axes += [(-cos, -sin), (-sin, cos), (cos, sin), (sin, -cos)]
-
-    def project(rectangle: _Rectangle, nx: Array, ny: Array) -> tuple[Array, Array]:
-        centre = rectangle.x * nx + rectangle.y * ny
-        reach = rectangle.half_length * jnp.abs(rectangle.cos * nx + rectangle.sin * ny)
-        reach = reach + rectangle.half_width * jnp.abs(rectangle.cos * ny - rectangle.sin * nx)
-        return centre - reach, centre + reach
-
-    def gap(low: Array, high: Array, other_low: Array, other_high: Array) -> Array:
-        return jnp.where(low < other_low, other_low - high, low - other_high)
-
-    touches, will_touch = [], []
-    depth = jnp.full_like(other.x, jnp.inf)
-    shift_x = shift_y = jnp.zeros_like(other.x)
-    for nx, ny in axes:
-        (low, high), (other_low, other_high) = project(one, nx, ny), project(other, nx, ny)
-        touches.append(gap(low, high, other_low, other_high) <= 0)
-        moved = moved_x * nx + moved_y * ny
-        low, high = jnp.minimum(low, low + moved), jnp.maximum(high, high + moved)
-        distance = gap(low, high, other_low, other_high)
-        will_touch.append(distance <= 0)
-        is_beyond = (one.x - other.x) * nx + (one.y - other.y) * ny > 0
-        size = jnp.abs(distance)
-        signed = jnp.where(is_beyond, size, -size)
-        shift_x = jnp.where(size < depth, signed * nx, shift_x)
-        shift_y = jnp.where(size < depth, signed * ny, shift_y)
-        depth = jnp.minimum(size, depth)
-    return (
-        functools.reduce(jnp.logical_and, touches),
-        functools.reduce(jnp.logical_and, will_touch),
-        shift_x,
-        shift_y,
     )

@@ -18,6 +18,9 @@ from rearl_jax.core.model import TrafficModel
 
 Fields = TypeVar("Fields")
 
+_Sorted = tuple[Array, Array]
+"""Positions [m] and vehicle indices, by place in the order."""
+
 NOBODY = -1
 """Index that stands for no vehicle."""
 
@@ -30,12 +33,11 @@ def sort_along_road(
     Found from any permutation by exchanging neighbours (odd-even transposition sort).
     """
     n_vehicles = x.shape[0]
-    Sorted = tuple[Array, Array]
 
-    def is_wrong(low: Sorted, high: Sorted) -> Array:
+    def is_wrong(low: _Sorted, high: _Sorted) -> Array:
         return (low[0] > high[0]) | ((low[0] == high[0]) & (low[1] < high[1]))
 
-    def exchange(first: int, values: Sorted) -> Sorted:
+    def exchange(first: int, values: _Sorted) -> _Sorted:
         last = first + (n_vehicles - first) // 2 * 2
         lows = values[0][first:last:2], values[1][first:last:2]
         highs = values[0][first + 1 : last : 2], values[1][first + 1 : last : 2]
@@ -48,10 +50,10 @@ def sort_along_road(
 
         return exchanged(values[0], lows[0], highs[0]), exchanged(values[1], lows[1], highs[1])
 
-    def is_unsorted(values: Sorted) -> Array:
+    def is_unsorted(values: _Sorted) -> Array:
         return jnp.any(is_wrong((values[0][:-1], values[1][:-1]), (values[0][1:], values[1][1:])))
 
-    def passes(values: Sorted) -> Sorted:
+    def passes(values: _Sorted) -> _Sorted:
         return exchange(1, exchange(0, values))
 
     return lax.while_loop(is_unsorted, passes, (pick(x, order), order))[1]
