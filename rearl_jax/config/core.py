@@ -25,9 +25,7 @@ class CoreConfig:
     lane_changes: bool = key(True, "vehicles change lanes (MOBIL)")
     collisions: bool = key(True, "vehicles collide; without, they pass through each other")
     dtype: Precision = key(Precision.float32, "floating type of the simulation")
-    chunk: int = key(
-        512, "scenarios one core simulates at a time; more need more memory, fewer leave it idle"
-    )
+    chunk: int = key(512, "scenarios one core simulates at a time; more need more memory, fewer leave it idle")
 
     def check(self) -> None:
         """Ranges."""

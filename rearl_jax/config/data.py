@@ -34,12 +34,8 @@ class DataConfig:
         DataKind.us101,
         "format of the recordings: us101 (shipped), ngsim, i80, openacc, highd, generated or table",
     )
-    root: str | None = key(
-        None, "folder of the recordings; not needed for us101, which comes with the package"
-    )
-    recordings: str = key(
-        "*", "shell pattern on the recording id, such as highd_0? or us101_0750; * takes all"
-    )
+    root: str | None = key(None, "folder of the recordings; not needed for us101, which comes with the package")
+    recordings: str = key("*", "shell pattern on the recording id, such as highd_0? or us101_0750; * takes all")
     on_bad: OnBad = key(
         OnBad.stop,
         "rows that break the schema: stop with an error, drop_track (the vehicle) or drop_row (the row, and "
@@ -58,9 +54,7 @@ class DataConfig:
     def check(self) -> None:
         """Raise ValueError for a value out of range."""
         if self.kind is not DataKind.us101 and not self.root:
-            raise ValueError(
-                f"root must name the folder of the recordings for data.kind={self.kind.name}, got none"
-            )
+            raise ValueError(f"root must name the folder of the recordings for data.kind={self.kind.name}, got none")
         if not self.recordings:
             raise ValueError("recordings must be a shell pattern such as *, got an empty text")
         if not self.max_jump > 0.0:

@@ -11,13 +11,9 @@ class GeneratorConfig:
     """Generated recordings in the highD format (for data.kind=generated)."""
 
     seed: int = key(0, "seed of the whole set; a recording depends on it and on its own number only")
-    n_recordings: int = key(
-        60, "recordings to write, those in the folder stay; highD has 60 (Krajewski et al. 2018)"
-    )
+    n_recordings: int = key(60, "recordings to write, those in the folder stay; highD has 60 (Krajewski et al. 2018)")
     first_id: int = key(1, "number of the first recording; the files are named after it, 1 -> 01_tracks.csv")
-    workers: int = key(
-        0, "processes that write recordings side by side, 0.8 GiB each; 0 = one per processor core"
-    )
+    workers: int = key(0, "processes that write recordings side by side, 0.8 GiB each; 0 = one per processor core")
     duration_scale: float = key(1.0, "factor on every duration; below 1 for short trial recordings")
 
     duration_mean: float = key(1000.0, "mean duration of a recording [s]; highD: 16.5 h in 60 recordings")
@@ -46,16 +42,12 @@ class GeneratorConfig:
     truck_share_mean: float = key(
         0.192, "mean share of trucks; counts of highD published with CRITICAL (Tian et al. 2024)"
     )
-    congested_share: float = key(
-        0.07, "share of recordings with stop-and-go traffic in one direction; assumed"
-    )
+    congested_share: float = key(0.07, "share of recordings with stop-and-go traffic in one direction; assumed")
 
     car_speed: float = key(
         38.3, "mean desired speed of cars without a speed limit [m/s]; gives about 33 m/s driven, as in highD"
     )
-    car_speed_sd: float = key(
-        2.7, "standard deviation of the cars' desired speed [m/s]; gives about 3.5 m/s driven"
-    )
+    car_speed_sd: float = key(2.7, "standard deviation of the cars' desired speed [m/s]; gives about 3.5 m/s driven")
     truck_speed: float = key(26.0, "mean desired speed of trucks [m/s]; legal 80 km/h, limiters at 89 km/h")
     truck_speed_sd: float = key(2.2, "standard deviation of the trucks' desired speed [m/s]; assumed")
     car_time_gap: float = key(
@@ -79,9 +71,7 @@ class GeneratorConfig:
     position_noise: float = key(
         0.04, "standard deviation of a detected position [m]; Krajewski et al. 2018 state less than 0.10 m"
     )
-    smoothing_cutoff: float = key(
-        1.0, "frequency at which the tracker's smoother halves a movement [Hz]; assumed"
-    )
+    smoothing_cutoff: float = key(1.0, "frequency at which the tracker's smoother halves a movement [Hz]; assumed")
 
     def check(self) -> None:
         """Raise ValueError for a value out of range."""
@@ -101,9 +91,7 @@ class GeneratorConfig:
         for stem in ("duration", "in_view", "truck_share"):
             low, mean, high = (getattr(self, f"{stem}_{part}") for part in ("min", "mean", "max"))
             if not 0.0 < low < mean < high:
-                raise ValueError(
-                    f"{stem}_mean must lie between {stem}_min and {stem}_max, got {low}, {mean}, {high}"
-                )
+                raise ValueError(f"{stem}_mean must lie between {stem}_min and {stem}_max, got {low}, {mean}, {high}")
         if not self.truck_share_max < 0.6:
             raise ValueError(f"truck_share_max must be < 0.6, got {self.truck_share_max}")
         if not self.in_view_max <= 45.0:

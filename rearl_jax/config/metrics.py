@@ -44,9 +44,7 @@ class HistConfig:
     high: float = key(32.0, "upper edge of the last bin [m/s]; REARL, the highest target speed of DiLu")
     n_bins: int = key(8, "number of equal bins; REARL")
     window: int = key(5, "length of the sliding window [frames at 1 Hz = s]; REARL")
-    oob: OutOfBounds = key(
-        OutOfBounds.clip, "speeds outside the range: clip (into the outer bins) or drop; own choice"
-    )
+    oob: OutOfBounds = key(OutOfBounds.clip, "speeds outside the range: clip (into the outer bins) or drop; own choice")
 
     def check(self) -> None:
         """Raises ValueError where a value cannot be used."""
@@ -119,9 +117,7 @@ class FeatureConfig:
 class RealismConfig:
     """Highway subset of the Waymo Open Sim Agents realism measures"""
 
-    speed_values: SpeedValues = key(
-        SpeedValues.scaled, "scaled (as in the Hellinger distance) or raw; own choice"
-    )
+    speed_values: SpeedValues = key(SpeedValues.scaled, "scaled (as in the Hellinger distance) or raw; own choice")
     speed: FeatureConfig = key(
         lambda: FeatureConfig(low=0.0, high=35.0, n_bins=10, weight=0.05),
         "linear speed [m/s]; range of the 2023 challenge (later ones stop at 25 m/s), weight of 2024",
@@ -146,16 +142,12 @@ class RealismConfig:
         """Raises ValueError where a value cannot be used."""
         for name in ("pseudocount", "collision_pseudocount"):
             if not getattr(self, name) > 0:
-                raise ValueError(
-                    f"{name} must be > 0 (an empty bin needs a probability), got {getattr(self, name)}"
-                )
+                raise ValueError(f"{name} must be > 0 (an empty bin needs a probability), got {getattr(self, name)}")
         if self.collision_weight < 0:
             raise ValueError(f"collision_weight must be >= 0, got {self.collision_weight}")
         features = (self.speed, self.acceleration, self.distance, self.ttc)
         if not self.collision_weight + sum(feature.weight for feature in features) > 0:
-            raise ValueError(
-                "collision_weight and the weights of the four features are all 0, one must be > 0"
-            )
+            raise ValueError("collision_weight and the weights of the four features are all 0, one must be > 0")
 
 
 @dataclass(unsafe_hash=True)

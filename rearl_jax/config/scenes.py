@@ -123,18 +123,14 @@ class TracksConfig:
 class FeaturesConfig:
     """Feature vector (v, x, d) of a vehicle"""
 
-    d: FeatureDistance = key(
-        FeatureDistance.mean_all, "mean_all: mean distance to all others; or dhw; own choice"
-    )
+    d: FeatureDistance = key(FeatureDistance.mean_all, "mean_all: mean distance to all others; or dhw; own choice")
 
 
 @dataclass(unsafe_hash=True)
 class SpacingConfig:
     """Distance between two vehicles"""
 
-    metric: SpacingMetric = key(
-        SpacingMetric.euclid2d, "euclid2d or longitudinal, centre to centre; own choice"
-    )
+    metric: SpacingMetric = key(SpacingMetric.euclid2d, "euclid2d or longitudinal, centre to centre; own choice")
 
 
 @dataclass(unsafe_hash=True)

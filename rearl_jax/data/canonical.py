@@ -181,9 +181,7 @@ def _worked_out(recording: str, rows: pd.DataFrame, path: Path) -> RecordingInfo
     for direction in (1, 2):
         here = values["direction"] == direction
         if here.any():
-            lane = (
-                rows["lane"].to_numpy(dtype=np.float64, na_value=np.nan)[here] if "lane" in rows else np.nan
-            )
+            lane = rows["lane"].to_numpy(dtype=np.float64, na_value=np.nan)[here] if "lane" in rows else np.nan
             known = np.isfinite(lane)
             lanes[direction] = min(int(np.max(lane, where=known, initial=0.0)) + 1, _MOST_LANES)
     end = values["position"] + 0.5 * values["length"]

@@ -97,9 +97,7 @@ def wrong_lane(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> 
     bad = ~np.isin(direction, list(info.lane_count))
     if bad.any():
         text = f"direction {direction[np.argmax(bad)]} is none of {sorted(info.lane_count)}"
-        return Finding(
-            "wrong_direction", "direction", bad, text, "use 1 and 2 as in highD, 1 where there is only one"
-        )
+        return Finding("wrong_direction", "direction", bad, text, "use 1 and 2 as in highD, 1 where there is only one")
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     count = np.zeros(max(info.lane_count) + 1)
     count[list(info.lane_count)] = list(info.lane_count.values())
@@ -108,12 +106,8 @@ def wrong_lane(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> 
         return None
     row = int(np.argmax(bad))
     n_lanes = int(count[direction[row]])
-    text = (
-        f"lane {lane[row]:g} does not exist, direction {direction[row]} has lanes 0 (left) to {n_lanes - 1}"
-    )
-    return Finding(
-        "lane_out_of_range", "lane", bad, text, "count lanes from 0 at the left, or correct the lane count"
-    )
+    text = f"lane {lane[row]:g} does not exist, direction {direction[row]} has lanes 0 (left) to {n_lanes - 1}"
+    return Finding("lane_out_of_range", "lane", bad, text, "count lanes from 0 at the left, or correct the lane count")
 
 
 def changed_direction(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
@@ -137,9 +131,7 @@ def gap(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding
         return None
     row = int(np.argmax(bad))
     text = f"track {track[row]} misses the frames between {frame[row - 1]} and {frame[row]}"
-    return Finding(
-        "gap", "frame", bad, text, "fill the frames, or give the second part its own id", is_step=True
-    )
+    return Finding("gap", "frame", bad, text, "fill the frames, or give the second part its own id", is_step=True)
 
 
 def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
@@ -169,9 +161,7 @@ def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Findin
                 f"track {track[row]} moves {moved:.2f} m ({name}) in {time[row - 1]:g} s "
                 f"at {speed[row]:.2f} m/s, more than data.max_jump={policy.max_jump:g} m off"
             )
-            return Finding(
-                "jump", name, bad, text, "correct the row, or give the second part its own id", is_step=True
-            )
+            return Finding("jump", name, bad, text, "correct the row, or give the second part its own id", is_step=True)
     return None
 
 

@@ -61,9 +61,7 @@ def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tupl
     return table, len(broken)
 
 
-def _parse(
-    path: Path, columns: dict[str, pa.DataType], broken: list[csv.InvalidRow], *, use_threads: bool
-) -> pa.Table:
+def _parse(path: Path, columns: dict[str, pa.DataType], broken: list[csv.InvalidRow], *, use_threads: bool) -> pa.Table:
     def skip(row: csv.InvalidRow) -> str:
         broken.append(row)
         return "skip"

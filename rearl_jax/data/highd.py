@@ -167,9 +167,7 @@ def _placed(
     return _stated(source, "laneId", info, policy, losses)
 
 
-def _stated(
-    source: pd.DataFrame, name: str, info: RecordingInfo, policy: DataConfig, losses: Losses
-) -> pd.DataFrame:
+def _stated(source: pd.DataFrame, name: str, info: RecordingInfo, policy: DataConfig, losses: Losses) -> pd.DataFrame:
     missing = source[name].isna().to_numpy()
     if missing.any():
         finding = Finding("not_finite", name, missing, "the value is missing", "complete the row")
@@ -223,13 +221,9 @@ def _moving_as_stated(
     if not wrong.any():
         return source
     track = int(np.argmax(wrong))
-    text = (
-        f"track {ids[track]} has mean xVelocity {mean[track]:.1f} m/s but drivingDirection {direction[track]}"
-    )
+    text = f"track {ids[track]} has mean xVelocity {mean[track]:.1f} m/s but drivingDirection {direction[track]}"
     remedy = "direction 1 drives to the left (negative), 2 to the right (positive): correct one of them"
-    return reject(
-        source, Finding("wrong_direction", "speed", wrong[which], text, remedy), info, policy, losses
-    )
+    return reject(source, Finding("wrong_direction", "speed", wrong[which], text, remedy), info, policy, losses)
 
 
 def _driver_frame(
@@ -299,7 +293,5 @@ def _lane_ids(
         used = lane_id[direction == side]
         if used.size and (used.min() < low or used.max() > high):
             lanes[side] = (int(used.min()), int(used.max()))
-            notes += (
-                f"direction {side}: laneId outside the lane markings, lanes counted from the ids that occur",
-            )
+            notes += (f"direction {side}: laneId outside the lane markings, lanes counted from the ids that occur",)
     return lanes, notes

@@ -56,9 +56,7 @@ def read_recording_meta(path: Path) -> RecordingMeta:
         except ValueError:
             values = []
         if len(values) < at_least or not np.all(np.isfinite(values)):
-            text = (
-                f"{row[name]!r} is not {at_least} number{'s separated by ; or more' if at_least > 1 else ''}"
-            )
+            text = f"{row[name]!r} is not {at_least} number{'s separated by ; or more' if at_least > 1 else ''}"
             raise BadRecordingError(str(path), text, "correct it", name, 1)
         return tuple(values)
 

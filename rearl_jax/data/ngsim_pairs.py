@@ -21,9 +21,7 @@ from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
 TRUCK_LENGTH = 7.0  # m; the lengths of I-80 leaders have a gap between 6.8 m (cars) and 7.7 m
 LANES = 7  # six lanes and the on-ramp, NGSIM I-80 data description
-_COLUMNS = (
-    "run follower leader t_s y_f_m v_f_mps a_f_mps2 y_l_m v_l_mps a_l_mps2 leader_length_m lane".split()
-)
+_COLUMNS = "run follower leader t_s y_f_m v_f_mps a_f_mps2 y_l_m v_l_mps a_l_mps2 leader_length_m lane".split()
 _SAME = 0.01  # m; rows that share a vehicle must agree on where it is and how long
 
 

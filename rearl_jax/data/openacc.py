@@ -23,9 +23,7 @@ from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
 FRAME_RATE = 10.0
 LICENCE = "CC BY 4.0"
-ATTRIBUTION = (
-    "European Commission, Joint Research Centre, Open ACC Database, https://doi.org/10.2905/JRC.KMH3D00"
-)
+ATTRIBUTION = "European Commission, Joint Research Centre, Open ACC Database, https://doi.org/10.2905/JRC.KMH3D00"
 MAX_HOLE = 10  # frames, 1 s; holes of a gap or speed up to this are interpolated
 MAX_GAP = 1000.0  # m; the widest gap of the set is 230 m
 MAX_BACKWARD = 1.0  # m/s; noise of the satellite receivers makes standing vehicles drive back by 0.07 m/s

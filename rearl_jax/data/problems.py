@@ -25,9 +25,7 @@ class BadRecordingError(ValueError):
         remedy: What to do about it.
     """
 
-    def __init__(
-        self, file: str, problem: str, remedy: str, column: str | None = None, row: int | None = None
-    ):
+    def __init__(self, file: str, problem: str, remedy: str, column: str | None = None, row: int | None = None):
         self.file, self.column, self.row, self.problem, self.remedy = file, column, row, problem, remedy
         place = [file]
         if column is not None:

@@ -100,9 +100,7 @@ def _selected(data: DataConfig) -> list[_Entry]:
     chosen = [entry for entry in entries if fnmatchcase(entry.id, data.recordings)]
     if not chosen:
         names = ", ".join(entry.id for entry in entries[:5]) + (", ..." if len(entries) > 5 else "")
-        raise ValueError(
-            f"data.recordings={data.recordings} selects none of {len(entries)} recordings: {names}"
-        )
+        raise ValueError(f"data.recordings={data.recordings} selects none of {len(entries)} recordings: {names}")
     twice = sorted(name for name, n in Counter(entry.id for entry in chosen).items() if n > 1)
     if twice:
         raise ValueError(f"several recordings in {data.root} are called {twice[0]}: give each its own id")

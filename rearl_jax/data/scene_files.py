@@ -55,16 +55,12 @@ def load_scenes(path: str | Path) -> SceneSet:
         raise FileNotFoundError(f"{path} does not exist: write it with `rearl prepare`")
     stored = read_metadata(path).get(_METADATA)
     if stored is None:
-        raise ValueError(
-            f"{path} holds no scenes (its metadata has no key {_METADATA}): write it with `rearl prepare`"
-        )
+        raise ValueError(f"{path} holds no scenes (its metadata has no key {_METADATA}): write it with `rearl prepare`")
     meta = json.loads(stored)
     table = pd.read_parquet(path)
     missing = [name for name in (*ARRAYS, "k", "slot") if name not in table.columns]
     if missing:
-        raise ValueError(
-            f"{path} lacks the columns {', '.join(missing)}: write it again with `rearl prepare`"
-        )
+        raise ValueError(f"{path} lacks the columns {', '.join(missing)}: write it again with `rearl prepare`")
     shape = tuple(meta["shape"])
     k, slot = table["k"].to_numpy(np.int64), table["slot"].to_numpy(np.int64)
     expected = np.arange(int(np.prod(shape)))

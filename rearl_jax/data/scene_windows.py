@@ -161,8 +161,7 @@ def vehicles_of(recording: Recording) -> Vehicles:
     """Columns of a canonical table as arrays, an unknown lane as `UNKNOWN_LANE`."""
     table = recording.table
     reals = {
-        name: table[name].to_numpy(np.float64, na_value=np.nan)
-        for name in ("x", "y", "position", "length", "speed")
+        name: table[name].to_numpy(np.float64, na_value=np.nan) for name in ("x", "y", "position", "length", "speed")
     }
     return Vehicles(
         direction=table["direction"].to_numpy(np.int8),
@@ -262,10 +261,6 @@ def _slots(
         "action": actions(lane, next_lane, speed, vehicles.speed[later]),
         "next_lane": np.where(has_next, next_lane, UNKNOWN_LANE).astype(np.int8),
         "has_next": has_next,
-        "spacing": mean_distance(
-            vehicles.x[picked], vehicles.y[picked], all_present, scenes.slots, spacing.metric
-        ),
-        "feature_distance": feature_distance(
-            vehicles, rows, present, scenes.slots, features.d, spacing.metric
-        ),
+        "spacing": mean_distance(vehicles.x[picked], vehicles.y[picked], all_present, scenes.slots, spacing.metric),
+        "feature_distance": feature_distance(vehicles, rows, present, scenes.slots, features.d, spacing.metric),
     }

@@ -51,9 +51,7 @@ COLUMNS = (
     Column("direction", "int8", "", "carriageway, 1 or 2 as in highD; 1 where there is only one"),
     Column("x", "float64", "m", "vehicle centre in the ground frame that both carriageways share"),
     Column("y", "float64", "m", "vehicle centre in the ground frame that both carriageways share"),
-    Column(
-        "position", "float64", "m", "vehicle centre along the own driving direction, from the upstream edge"
-    ),
+    Column("position", "float64", "m", "vehicle centre along the own driving direction, from the upstream edge"),
     Column(
         "lateral",
         "float64",
@@ -100,9 +98,7 @@ def validate(
     losses = Losses() if losses is None else losses
     require_columns(list(table.columns), REQUIRED, info.file or info.id)
     if table.empty:
-        raise BadRecordingError(
-            info.file or info.id, "the recording has no rows", "remove the file or complete it"
-        )
+        raise BadRecordingError(info.file or info.id, "the recording has no rows", "remove the file or complete it")
 
     def checked(table: pd.DataFrame, questions: tuple[Callable, ...]) -> pd.DataFrame:
         for question in questions:
@@ -129,9 +125,7 @@ def _numbers(table: pd.DataFrame, info: RecordingInfo) -> pd.DataFrame:
     for column in COLUMNS:
         name = column.name
         if name not in table and name != "time":
-            table[name] = (
-                pd.Series(pd.NA, index=table.index, dtype="Int64") if "Int" in column.dtype else np.nan
-            )
+            table[name] = pd.Series(pd.NA, index=table.index, dtype="Int64") if "Int" in column.dtype else np.nan
         elif column.dtype != "category" and name in table:
             table[name] = _number(pd.Series(table[name]), column, info)
     if "time" not in table:

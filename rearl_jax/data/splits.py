@@ -81,9 +81,7 @@ class Splits:
 
     def summary(self) -> dict[str, int]:
         """Number of scenes per split and of the dropped ones by cause."""
-        sizes = {
-            split.name.lower(): int(np.sum(self.label == split)) for split in Split if split != Split.DROPPED
-        }
+        sizes = {split.name.lower(): int(np.sum(self.label == split)) for split in Split if split != Split.DROPPED}
         return sizes | {"crossing": self.n_crossing, "surplus": self.n_surplus}
 
 
@@ -92,9 +90,7 @@ def split_scenes(scenes: SceneSet, split: SplitConfig) -> Splits:
     return split_windows(scenes.recording, scenes.start_time, float(scenes.seconds), split)
 
 
-def split_windows(
-    recording: np.ndarray, start_time: np.ndarray, seconds: float, split: SplitConfig
-) -> Splits:
+def split_windows(recording: np.ndarray, start_time: np.ndarray, seconds: float, split: SplitConfig) -> Splits:
     """Splits of windows of recordings.
 
     Units are shuffled with `split.seed`; evaluation takes units until it has its size, then threshold, then

@@ -92,8 +92,7 @@ def track_features(
     # Keys rise over the whole table and every query lies inside its own track, so tracks never mix.
     at = np.linspace(first, last, tracks.points, axis=1)
     speed, position, distance = (
-        np.interp(at, index.key, values).astype(np.float32)
-        for values in (vehicles.speed, vehicles.position, distance)
+        np.interp(at, index.key, values).astype(np.float32) for values in (vehicles.speed, vehicles.position, distance)
     )
     return TrackFeatures(
         recording=recording.info.id,

@@ -102,12 +102,8 @@ def _wrong_size(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
         if not low <= median <= high:
             foot = SI_FACTOR["ft"]
             hint = " (feet?)" if low <= median * foot <= high else ""
-            text = (
-                f"the median {name} of class {which} is {median:.2f} m, outside {low:g} to {high:g} m{hint}"
-            )
-            return _unit_finding(
-                name, chosen & ((values < low) | (values > high)), text, f"convert {name} to m"
-            )
+            text = f"the median {name} of class {which} is {median:.2f} m, outside {low:g} to {high:g} m{hint}"
+            return _unit_finding(name, chosen & ((values < low) | (values > high)), text, f"convert {name} to m")
     return None
 
 
@@ -123,12 +119,8 @@ def _wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     width = (right - left) / (lanes[-1] - lanes[0])
     if LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
         return None
-    text = (
-        f"lateral grows by {width:.2f} m per lane to the right, outside {LANE_WIDTH[0]} to {LANE_WIDTH[1]} m"
-    )
-    return _unit_finding(
-        "lateral", known & (lane == lanes[-1]), text, "give lateral in m, positive to the right"
-    )
+    text = f"lateral grows by {width:.2f} m per lane to the right, outside {LANE_WIDTH[0]} to {LANE_WIDTH[1]} m"
+    return _unit_finding("lateral", known & (lane == lanes[-1]), text, "give lateral in m, positive to the right")
 
 
 def _moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

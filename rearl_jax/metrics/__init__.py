@@ -103,9 +103,7 @@ METRICS: dict[str, Metric] = {
             "all frames, speed >= thw.v_min (1 m/s), none crashed, gap > 0, any distance",
             _REARL,
         ),
-        Metric(
-            "thw_median", "time headway, median", "s", _NONE, "median over the same pairs", "own definition"
-        ),
+        Metric("thw_median", "time headway, median", "s", _NONE, "median over the same pairs", "own definition"),
         Metric(
             "thw_excluded",
             "pairs without time headway",
@@ -120,8 +118,7 @@ METRICS: dict[str, Metric] = {
             "lane-change rate, observed",
             "1/s",
             _NONE,
-            "lane changes per observed "
-            "vehicle-second (frames 1 s apart); compares recorded with simulated scenes",
+            "lane changes per observed vehicle-second (frames 1 s apart); compares recorded with simulated scenes",
             "own definition",
         ),
         Metric(

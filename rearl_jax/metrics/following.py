@@ -50,8 +50,6 @@ def find_leaders(
         return tuple(jnp.where(nearer, new, old) for new, old in zip(found, best, strict=True))
 
     nobody = (jnp.full_like(position, jnp.inf), speed, length, jnp.zeros_like(crashed))
-    distance, leader_speed, leader_length, leader_crashed = fold_vehicles(
-        nearer_of, nobody, position.shape[1]
-    )
+    distance, leader_speed, leader_length, leader_crashed = fold_vehicles(nearer_of, nobody, position.shape[1])
     gap = distance - (length + leader_length) / 2
     return Followers(jnp.isfinite(distance), distance, gap, speed - leader_speed, leader_crashed)

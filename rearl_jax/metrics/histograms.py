@@ -86,9 +86,7 @@ def speed_edges(hist: HistConfig) -> tuple[float, ...]:
     return equal_edges(hist.low, hist.high, hist.n_bins)
 
 
-def speed_counts(
-    speed: Float[Array, " vehicles *scenarios"], hist: HistConfig
-) -> Int[Array, " bins *scenarios"]:
+def speed_counts(speed: Float[Array, " vehicles *scenarios"], hist: HistConfig) -> Int[Array, " bins *scenarios"]:
     """Number of vehicles per speed bin in one frame.
 
     Args:
@@ -108,9 +106,7 @@ def cumulative_speed_counts(
     return cumulative_counts(speed, speed_edges(hist), drop=hist.oob is OutOfBounds.drop)
 
 
-def window_counts(
-    cumulative: Int[Array, "rows bins *scenarios"], window: int
-) -> Int[Array, "windows bins *scenarios"]:
+def window_counts(cumulative: Int[Array, "rows bins *scenarios"], window: int) -> Int[Array, "windows bins *scenarios"]:
     """Histograms of all windows of `window` frames, oldest first; the first ends at frame window - 1.
 
     60 frames and a window of 5 give the 56 windows of REARL (Bi et al.).
@@ -180,9 +176,7 @@ def window_distances(
     dtype: jnp.dtype,
 ) -> Distances:
     """Hellinger distances of all windows between two scenes given as cumulative counts, oldest first."""
-    counts, reference_counts = (
-        jnp.moveaxis(window_counts(c, hist.window), 1, 0) for c in (cumulative, reference)
-    )
+    counts, reference_counts = (jnp.moveaxis(window_counts(c, hist.window), 1, 0) for c in (cumulative, reference))
     return histogram_distances(counts, reference_counts, dtype)
 
 

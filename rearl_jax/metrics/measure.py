@@ -81,9 +81,7 @@ def scene_mean(
     return ratio(scene_sum(jnp.where(valid, values, 0)), scene_count(valid), values.dtype)
 
 
-def frame_mean(
-    values: Float[Array, " frames *scenarios"], valid: Bool[Array, " frames *scenarios"]
-) -> Measure:
+def frame_mean(values: Float[Array, " frames *scenarios"], valid: Bool[Array, " frames *scenarios"]) -> Measure:
     """Measure mean over the valid frames."""
     total = jnp.sum(jnp.where(valid, values, 0), axis=0)
     return ratio(total, jnp.sum(valid, axis=0, dtype=jnp.int32), values.dtype)

@@ -157,9 +157,7 @@ def likelihood(
     return Measure(jnp.where(n_real > 0, jnp.exp(mean_log), 0), n_real)
 
 
-def realism_scores(
-    simulated: RealismCounts, real: RealismCounts, realism: RealismConfig, dtype: jnp.dtype
-) -> Realism:
+def realism_scores(simulated: RealismCounts, real: RealismCounts, realism: RealismConfig, dtype: jnp.dtype) -> Realism:
     """Likelihoods of a real scene's features under the simulated scene, and their weighted mean.
 
     Weights are renormalised over the features that have values. A recording scored as if it were simulated
@@ -172,18 +170,14 @@ def realism_scores(
         dtype: Floating-point type of the result.
     """
     names = ("speed", "acceleration", "distance", "ttc")
-    weights = {name: getattr(realism, name).weight for name in names} | {
-        "collision": realism.collision_weight
-    }
+    weights = {name: getattr(realism, name).weight for name in names} | {"collision": realism.collision_weight}
     smoothing = {name: realism.pseudocount for name in names} | {"collision": realism.collision_pseudocount}
     scores = {
         name: likelihood(getattr(simulated, name), getattr(real, name), pseudocount, dtype)
         for name, pseudocount in smoothing.items()
     }
     values = jnp.stack([score.value for score in scores.values()])
-    used = jnp.stack(
-        [jnp.where(score.count > 0, weights[name], 0).astype(dtype) for name, score in scores.items()]
-    )
+    used = jnp.stack([jnp.where(score.count > 0, weights[name], 0).astype(dtype) for name, score in scores.items()])
     total = unrolled_sum(used, 0)
     meta = jnp.where(total > 0, unrolled_sum(used * values, 0) / jnp.where(total > 0, total, 1), 0)
     return Realism(meta=Measure(meta, unrolled_sum((used > 0).astype(jnp.int32), 0)), **scores)

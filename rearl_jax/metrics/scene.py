@@ -140,9 +140,7 @@ def recorded_trajectories(
     """
     width = jnp.full_like(x, VEHICLE_WIDTH) if width is None else width
     crashed = jnp.zeros(x.shape, bool)
-    return Trajectories(
-        x, y, position, speed, scaled_speed, lane, crashed, length, width, direction, track_id
-    )
+    return Trajectories(x, y, position, speed, scaled_speed, lane, crashed, length, width, direction, track_id)
 
 
 def scene_reference(
@@ -169,9 +167,7 @@ def scene_metrics(scene: Trajectories, reference: SceneReference, config: Metric
     h = frame_mean(distances.value, distances.valid)
     spacing = mean_spacing(vehicle_spacing(scene.x, scene.y, config.spacing))
     errors = spacing_errors(spacing, reference.mean_spacing, reference.vehicle_spacing)
-    followers = find_leaders(
-        scene.position, scene.speed, scene.lane, scene.length, scene.crashed, scene.direction
-    )
+    followers = find_leaders(scene.position, scene.speed, scene.lane, scene.length, scene.crashed, scene.direction)
     headways = time_headways(followers, scene.speed, scene.crashed, config.thw)
     pairs = conflicts(followers, scene.crashed, config.safety)
     acceleration = rate_of_change(scene.speed, scene.track_id, dt)
@@ -208,7 +204,5 @@ def scene_metrics(scene: Trajectories, reference: SceneReference, config: Metric
             scene.crashed,
             config.realism,
         ),
-        series=SceneSeries(
-            distances.value, distances.valid, errors.a, errors.b, errors.c, errors.valid, spacing
-        ),
+        series=SceneSeries(distances.value, distances.valid, errors.a, errors.b, errors.c, errors.valid, spacing),
     )

@@ -21,9 +21,7 @@ tick.
 class Cause(Enum):
     """What made the runs part."""
 
-    push_tie = (
-        "contact: resting-contact tie; two directions of a push are equal but for the last place, one is taken"
-    )
+    push_tie = "contact: resting-contact tie; two directions of a push are equal but for the last place, one is taken"
     push = "contact: pushes of a collision carry on rounding errors"
     standstill = "near standstill: unstable lateral controller amplifies last-place rounding"
     decision = "decision within rounding of its threshold"

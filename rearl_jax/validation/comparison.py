@@ -69,9 +69,7 @@ def compare(reference: Tracks, other: Tracks) -> Comparison:
     )
 
 
-def agrees(
-    comparison: Comparison, *, tolerance: float, only_before_contact: bool
-) -> Bool[np.ndarray, " scenarios"]:
+def agrees(comparison: Comparison, *, tolerance: float, only_before_contact: bool) -> Bool[np.ndarray, " scenarios"]:
     """Which scenes agree: positions within a tolerance [m], equal target lanes, lane changes and crash flags.
 
     Args:
@@ -79,9 +77,7 @@ def agrees(
         tolerance: Largest difference of a position [m].
         only_before_contact: Whether what happens from the first contact on is left out.
     """
-    return ~first_disagreement(
-        comparison, tolerance=tolerance, only_before_contact=only_before_contact
-    )[0]
+    return ~first_disagreement(comparison, tolerance=tolerance, only_before_contact=only_before_contact)[0]
 
 
 def first_disagreement(
@@ -94,7 +90,7 @@ def first_disagreement(
     differs_at = differs.any(1)
     if only_before_contact:
         differs_at &= comparison.before_contact
-    return differs_at.any(0), differs_at.argmax(0)
+    return np.any(differs_at, axis=0), np.argmax(differs_at, axis=0)
 
 
 def aborts(tracks: Tracks, is_meta: Bool[np.ndarray, "vehicles scenarios"]) -> Int[np.ndarray, " scenarios"]:
@@ -108,9 +104,7 @@ def aborts(tracks: Tracks, is_meta: Bool[np.ndarray, "vehicles scenarios"]) -> I
     return (was_changing & given_up & ~is_meta).sum((0, 1))
 
 
-def rows(
-    comparison: Comparison, reference: Tracks, is_meta: Bool[np.ndarray, "vehicles scenarios"]
-) -> list[dict]:
+def rows(comparison: Comparison, reference: Tracks, is_meta: Bool[np.ndarray, "vehicles scenarios"]) -> list[dict]:
     """One row per scene: what happened in the reference, and the largest differences in all and before contact."""
     before = comparison.before_contact
     happened = {

@@ -7,7 +7,8 @@ Nothing of highway-env is replaced. The road is ticked directly (`Road.act`, `Ro
 does, so that observations and rewards, which do not act on the traffic, need not be computed.
 """
 
-import highway_env
+from typing import Any, cast
+
 import numpy as np
 from highway_env.envs.common.action import DiscreteMetaAction
 from highway_env.envs.highway_env import HighwayEnv
@@ -51,40 +52,39 @@ def simulate(scenario: Scenario, *, nudged: bool = False) -> Recorded:
     Args:
         scenario: The scene.
         nudged: Move every vehicle forward by one unit in the last place before the first tick. Tells how far
-            highway-env
-            carries the least possible difference by itself.
+            highway-env carries the least possible difference by itself.
+
+    Raises:
+        ValueError: If a result is not finite.
     """
     road = _BUILDERS[scenario.source](scenario)
+    # Annotated as a list of any vehicles; those of all scenes steer themselves.
+    vehicles = cast("list[ControlledVehicle]", road.vehicles)
     if nudged:
-        for vehicle in road.vehicles:
+        for vehicle in vehicles:
             vehicle.position[0] = np.nextafter(vehicle.position[0], np.inf)
             vehicle.on_state_update()
-    start = _describe(road.vehicles)
-    actions = np.full((scenario.n_seconds, len(road.vehicles)), IDLE, np.int8)
+    start = _describe(vehicles)
+    actions = np.full((scenario.n_seconds, len(vehicles)), IDLE, np.int8)
     actions[:, start.is_meta] = np.array(scenario.actions).reshape(scenario.n_seconds, -1)
     names = DiscreteMetaAction.ACTIONS_ALL
-    frames = [_frame(road.vehicles)]
+    frames = [_frame(vehicles)]
     for row in actions:
-        for vehicle, is_meta, action in zip(road.vehicles, start.is_meta, row, strict=True):
+        for vehicle, is_meta, action in zip(vehicles, start.is_meta, row, strict=True):
             if is_meta:
                 vehicle.act(names[int(action)])
         for _ in range(TICKS_PER_SECOND):
             road.act()
             road.step(1 / TICKS_PER_SECOND)
-            frames.append(_frame(road.vehicles))
+            frames.append(_frame(vehicles))
     return Recorded(start=start, actions=actions, tracks=_tracks(frames))
-
-
-def version() -> str:
-    """Version of highway-env."""
-    return highway_env.__version__
 
 
 def _spawn_on_road(scenario: Scenario) -> Road:
     """A bare road with IDM vehicles placed as `HighwayEnv._create_vehicles` places them."""
     road = _straight_road(scenario)
     for _ in range(scenario.n_idm):
-        vehicle = IDMVehicle.create_random(road, spacing=1 / DENSITY)
+        vehicle = cast("IDMVehicle", IDMVehicle.create_random(road, spacing=1 / DENSITY))
         vehicle.randomize_behavior()
         road.vehicles.append(vehicle)
     return road
@@ -121,13 +121,14 @@ def _injected_vehicle(
     road: Road, injection: Injection, number: int, speed_levels: tuple[float, ...]
 ) -> ControlledVehicle:
     position = [injection.x[number], injection.y[number]]
-    motion = {"heading": injection.heading[number], "speed": injection.speed[number]}
+    heading, speed = injection.heading[number], injection.speed[number]
     desired = injection.desired_speed[number]
     if injection.is_meta[number]:
-        vehicle = MDPVehicle(road, position, **motion, target_speed=desired, target_speeds=list(speed_levels))
+        vehicle = MDPVehicle(road, position, heading, speed, target_speed=desired, target_speeds=list(speed_levels))
     else:
-        timer = None if injection.timer is None else injection.timer[number]
-        vehicle = IDMVehicle(road, position, **motion, target_speed=desired, timer=timer)
+        # Annotated as a number, but None by default.
+        timer: Any = None if injection.timer is None else injection.timer[number]
+        vehicle = IDMVehicle(road, position, heading, speed, target_speed=desired, timer=timer)
     for name, values in injection.parameters:
         value = values[number]
         setattr(vehicle, ATTRIBUTES[name], -value if name == "comfort_decel" else value)
@@ -140,7 +141,9 @@ _BUILDERS = {Source.road: _spawn_on_road, Source.env: _reset_env, Source.injecte
 
 def _straight_road(scenario: Scenario) -> Road:
     network = RoadNetwork.straight_road_network(4, speed_limit=30)
-    return Road(network=network, np_random=np.random.default_rng(scenario.seed), record_history=False)
+    # Annotated as NumPy's old generator, but highway-env's environments pass the new one.
+    random: Any = np.random.default_rng(scenario.seed)
+    return Road(network=network, np_random=random, record_history=False)
 
 
 def _describe(vehicles: list[ControlledVehicle]) -> Start:
@@ -170,13 +173,14 @@ def _describe(vehicles: list[ControlledVehicle]) -> Start:
 
 
 def _frame(vehicles: list[ControlledVehicle]) -> list[tuple]:
-    return [
-        (*v.position, v.heading, v.speed, v.lane_index[2], v.target_lane_index[2], v.crashed) for v in vehicles
-    ]
+    return [(*v.position, v.heading, v.speed, v.lane_index[2], v.target_lane_index[2], v.crashed) for v in vehicles]
 
 
 def _tracks(frames: list[list[tuple]]) -> Tracks:
-    x, y, heading, speed, lane, target_lane, crashed = np.moveaxis(np.array(frames, np.float64), -1, 0)
+    columns = np.moveaxis(np.array(frames, np.float64), -1, 0)
+    if not np.isfinite(columns).all():
+        raise ValueError("a position, heading or speed is not finite")
+    x, y, heading, speed, lane, target_lane, crashed = columns
     return Tracks(
         x=x,
         y=y,

@@ -47,7 +47,7 @@ class Injection:
     desired_speed: tuple[float, ...]
     is_meta: tuple[bool, ...]
     timer: tuple[float, ...] | None = None
-    parameters: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    parameters: tuple[tuple[str, tuple[float | bool, ...]], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,9 @@ def _drivers(random: np.random.Generator, index: int) -> Injection:
     collisions.
     """
     n_vehicles = 10
-    drawn = {name: random.uniform(*limits, n_vehicles) for name, limits in _PARAMETER_RANGES.items()}
+    drawn: dict[str, np.ndarray] = {
+        name: random.uniform(*limits, n_vehicles) for name, limits in _PARAMETER_RANGES.items()
+    }
     drawn["changes_lanes"] = random.uniform(size=n_vehicles) < 0.9
     drawn["collides"] = random.uniform(size=n_vehicles) < 0.8
     columns = {
@@ -226,7 +228,7 @@ def _drivers(random: np.random.Generator, index: int) -> Injection:
         "timer": random.uniform(0.001, 1.2, n_vehicles),
     }
     order = random.permutation(n_vehicles)
-    placed = _injection(random, **{name: values[order] for name, values in columns.items()})
+    placed = _injection(random, shuffled=False, **{name: values[order] for name, values in columns.items()})
     parameters = tuple((name, tuple(values.tolist())) for name, values in drawn.items())
     return dataclasses.replace(placed, parameters=parameters)
 

@@ -4,6 +4,7 @@ import functools
 from collections.abc import Sequence
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
@@ -111,17 +112,15 @@ def _drivers(start: Start, model: TrafficModel, dtype: type) -> Drivers:
     That is faster and one unit in the last place off, which a comparison with highway-env would show.
     """
 
-    def numbers(name: str) -> np.ndarray:
-        return getattr(start, name).astype(dtype)
+    def numbers(name: str) -> jax.Array:
+        return jnp.asarray(getattr(start, name), dtype)
 
-    period = np.full(start.x.shape, decision_period(1.0, model.ticks_per_second), np.int32)
+    period = jnp.full(start.x.shape, decision_period(1.0, model.ticks_per_second), jnp.int32)
     return Drivers(
         idm=IDMParams(
             **{
                 name: numbers(name)
-                for name in (
-                    "max_accel", "comfort_decel", "jam_spacing", "time_gap", "accel_exponent", "accel_limit"
-                )
+                for name in ("max_accel", "comfort_decel", "jam_spacing", "time_gap", "accel_exponent", "accel_limit")
             }
         ),
         mobil=MOBILParams(
@@ -129,7 +128,7 @@ def _drivers(start: Start, model: TrafficModel, dtype: type) -> Drivers:
             gain_threshold=numbers("gain_threshold"),
             safe_decel=numbers("safe_decel"),
             decision_period=period,
-            changes_lanes=start.changes_lanes,
+            changes_lanes=jnp.asarray(start.changes_lanes),
         ),
-        body=Body(length=numbers("length"), width=numbers("width"), collides=start.collides),
+        body=Body(length=numbers("length"), width=numbers("width"), collides=jnp.asarray(start.collides)),
     )

@@ -44,9 +44,10 @@ class ReferenceStore:
             ValueError: If the file cannot be read.
         """
         path = self._study.path / self._name(job)
+        content = path.read_bytes()
         try:
-            return records.from_bytes(path.read_bytes())
-        except (ValueError, KeyError, EOFError) as error:
+            return records.from_bytes(content)
+        except Exception as error:  # zipfile and NumPy have half a dozen for what is not their format
             raise ValueError(f"{path} is damaged ({error}): delete it and run again") from error
 
     def _name(self, job: Job) -> str:

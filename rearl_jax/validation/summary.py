@@ -5,8 +5,8 @@ Keys of summary.json, overall and with the prefix `n2_`, `n10_`, `n30_`, `n60_` 
 | key | meaning |
 |---|---|
 | scenes, lane_changes, aborts, crashes | scenes; lane changes, changes broken off, crashed vehicles in highway-env |
-| agree_share_f64 | share of scenes that agree at all ticks: positions within tolerance_f64, equal lanes and crash
-flags | | agree_share_f32 | the same with tolerance_f32 before the first contact of a scene |
+| agree_share_f64 | share of scenes that agree at all ticks: positions (tolerance_f64), lanes, crash flags |
+| agree_share_f32 | the same with tolerance_f32 before the first contact of a scene |
 | max_dx_f64, max_dspeed_f64, max_dheading_f64 | largest difference of a position [m], speed [m/s], heading [rad] |
 | lane_change_agreement_f64 | share of the lane changes of either run that both make, on the same tick |
 | crash_agreement_f64 | share of scenes with equal crash flags at every tick |
@@ -19,6 +19,7 @@ functions, judged like float64), `control_core_agree_share` (the core in the sam
 `exceptions_f32` (scenes that disagree, by cause, in float32 before the first contact), `unexplained`, and `reference`.
 """
 
+import numpy as np
 import pandas as pd
 
 from rearl_jax.config.validation import ValidationConfig
@@ -32,29 +33,35 @@ CONTROL = "control"
 """Stands in for a precision where highway-env itself takes the place of the core."""
 
 
+def where(table: pd.DataFrame, **values: str | int | bool) -> pd.DataFrame:
+    """The rows that hold some values, by column."""
+    kept = np.ones(len(table), bool)
+    for name, value in values.items():
+        kept &= table[name].to_numpy() == value
+    return table.loc[kept]
+
+
 def figures(scenes: pd.DataFrame) -> dict[str, float | int | None]:
     """The figures of some scenes in one precision; None where a share has nothing to count.
 
     Args:
         scenes: Rows of `comparison.rows` with the column `agrees`.
     """
-    either = int(scenes["lane_changes_either"].sum())
+    either = _total(scenes, "lane_changes_either")
     return {
         "scenes": len(scenes),
-        "lane_changes": int(scenes["lane_changes"].sum()),
-        "aborts": int(scenes["aborts"].sum()),
-        "crashes": int(scenes["crashes"].sum()),
-        "agree_share": _mean(scenes["agrees"]),
-        "max_dx": _largest(scenes["max_position"]),
-        "max_dspeed": _largest(scenes["max_speed"]),
-        "max_dheading": _largest(scenes["max_heading"]),
-        "max_dx_before_contact": _largest(scenes["max_position_before_contact"]),
-        "max_dspeed_before_contact": _largest(scenes["max_speed_before_contact"]),
-        "max_dheading_before_contact": _largest(scenes["max_heading_before_contact"]),
-        "lane_change_agreement": int(scenes["lane_changes_alike"].sum()) / either if either else None,
-        "crash_agreement": _mean(scenes["crash_flags_equal"]),
-        "flips": int(scenes["flips"].sum()),
-        "flips_before_contact": int(scenes["flips_before_contact"].sum()),
+        **{events: _total(scenes, events) for events in ("lane_changes", "aborts", "crashes")},
+        "agree_share": _mean(scenes, "agrees"),
+        "max_dx": _largest(scenes, "max_position"),
+        "max_dspeed": _largest(scenes, "max_speed"),
+        "max_dheading": _largest(scenes, "max_heading"),
+        "max_dx_before_contact": _largest(scenes, "max_position_before_contact"),
+        "max_dspeed_before_contact": _largest(scenes, "max_speed_before_contact"),
+        "max_dheading_before_contact": _largest(scenes, "max_heading_before_contact"),
+        "lane_change_agreement": _total(scenes, "lane_changes_alike") / either if either else None,
+        "crash_agreement": _mean(scenes, "crash_flags_equal"),
+        "flips": _total(scenes, "flips"),
+        "flips_before_contact": _total(scenes, "flips_before_contact"),
     }
 
 
@@ -66,9 +73,9 @@ def groups(scenes: pd.DataFrame) -> pd.DataFrame:
     """Figures per set, per size and overall, one row for each and each precision."""
     rows = []
     for precision in PRECISIONS:
-        chosen = scenes[scenes["precision"] == precision]
+        chosen = where(scenes, precision=precision)
         parts = [("set", name, part) for name, part in chosen.groupby("set", sort=False, observed=True)]
-        parts += [("size", f"N = {size}", chosen[chosen["size"] == size]) for size in SIZES]
+        parts += [("size", f"N = {size}", where(chosen, size=size)) for size in SIZES]
         parts += [("all", "all", chosen)]
         rows += [
             {"level": level, "group": str(name), "precision": precision, **figures(part)}
@@ -87,20 +94,19 @@ def summarise(scenes: pd.DataFrame, reference: str) -> dict:
     """
     summary: dict = {"reference": reference, **_flat(scenes, "")}
     for size in SIZES:
-        if (scenes["size"] == size).any():
-            summary |= _flat(scenes[scenes["size"] == size], f"n{size}_")
-    control = scenes[scenes["precision"] == CONTROL]
-    same = scenes[(scenes["precision"] == "float64") & scenes["scenario"].isin(control["scenario"])]
+        if len(part := where(scenes, size=size)):
+            summary |= _flat(part, f"n{size}_")
+    control, core = where(scenes, precision=CONTROL), where(scenes, precision="float64")
+    same = core.loc[np.isin(core["scenario"].to_numpy(), control["scenario"].to_numpy())]
     summary |= {
         "control_scenes": len(control),
-        "control_agree_share": _mean(control["agrees"]),
-        "control_max_dx": _largest(control["max_position"]),
-        "control_core_agree_share": _mean(same["agrees"]),
+        "control_agree_share": _mean(control, "agrees"),
+        "control_max_dx": _largest(control, "max_position"),
+        "control_core_agree_share": _mean(same, "agrees"),
     }
     for precision, ending in PRECISIONS.items():
-        excepted = scenes[(scenes["precision"] == precision) & ~scenes["agrees"]]
-        counts = excepted["cause"].value_counts(sort=False)
-        summary[f"exceptions_{ending}"] = {cause.value: int(counts.get(cause.value, 0)) for cause in Cause}
+        found = list(where(scenes, precision=precision, agrees=False)["cause"])
+        summary[f"exceptions_{ending}"] = {cause.value: found.count(cause.value) for cause in Cause}
     summary["unexplained"] = sum(
         summary[f"exceptions_{ending}"][Cause.unexplained.value] for ending in PRECISIONS.values()
     )
@@ -135,14 +141,18 @@ def shortfalls(summary: dict, config: ValidationConfig) -> list[str]:
 def _flat(scenes: pd.DataFrame, prefix: str) -> dict:
     flat: dict = {}
     for precision, ending in PRECISIONS.items():
-        for name, value in figures(scenes[scenes["precision"] == precision]).items():
+        for name, value in figures(where(scenes, precision=precision)).items():
             flat[prefix + (name if name in EVENTS else f"{name}_{ending}")] = value
     return flat
 
 
-def _mean(values: pd.Series) -> float | None:
-    return float(values.mean()) if len(values) else None
+def _total(scenes: pd.DataFrame, name: str) -> int:
+    return int(scenes[name].to_numpy().sum())
 
 
-def _largest(values: pd.Series) -> float | None:
-    return float(values.max()) if len(values) else None
+def _mean(scenes: pd.DataFrame, name: str) -> float | None:
+    return float(scenes[name].to_numpy().mean()) if len(scenes) else None
+
+
+def _largest(scenes: pd.DataFrame, name: str) -> float | None:
+    return float(scenes[name].to_numpy().max()) if len(scenes) else None

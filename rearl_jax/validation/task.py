@@ -10,11 +10,12 @@ favours nobody: with NumPy's own, highway-env differs from itself, by how much i
 
 import dataclasses
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 
-import jax
+import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 from rich.console import Console
@@ -35,6 +36,17 @@ from rearl_jax.validation.workers import Job, Variant, vector_features
 TICKS_PER_SECOND = 15
 """Source: highway-env 1.12.1, simulation_frequency."""
 
+FACTS = {
+    "cause": "str",
+    "first_time": "float64",
+    "first_vehicle": "Int64",
+    "first_difference": "float64",
+    "first_growth": "float64",
+    "first_speed": "float64",
+    "slowest": "float64",
+}
+"""Columns about the first difference of a scene and their types; empty where there is none."""
+
 
 def run(config: ValidateTask) -> dict:
     """The figures, as written to summary.json; its keys are documented in `rearl_jax.validation.summary`.
@@ -42,7 +54,7 @@ def run(config: ValidateTask) -> dict:
     Raises:
         ValueError: After everything is written, if the core does not agree or too little happened.
     """
-    if not jax.config.jax_enable_x64:
+    if jnp.result_type(float) != jnp.float64:
         raise ValueError("the comparison needs double precision: call rearl_jax.runtime.start(x64=True) first")
     options = config.validation
     study = Study(config.results.root, config.study, config, "validate")
@@ -60,7 +72,7 @@ def run(config: ValidateTask) -> dict:
     study.write_bytes("error_over_time.png", error_over_time(errors, tolerances))
     figures = summary.summarise(scenes, reference)
     study.write_summary(figures)
-    report.print_report(groups, scenes, figures, options, Console())
+    report.print_report(groups, scenes, figures, options)
     if shortfalls := summary.shortfalls(figures, options):
         raise ValueError("; ".join(shortfalls))
     return figures
@@ -68,7 +80,12 @@ def run(config: ValidateTask) -> dict:
 
 def n_scenes(scenario_set: ScenarioSet, options: ValidationConfig) -> int:
     """Scenes of a set in this run."""
-    return math.ceil(getattr(options.scenes, scenario_set.name) * options.share)
+    return _part(getattr(options.scenes, scenario_set.name), options.share)
+
+
+def _part(number: int, share: float) -> int:
+    """A share of a number, rounded up, but 7 % of 100 are 7 although 100 * 0.07 is a little more."""
+    return math.ceil(round(number * share, 9))
 
 
 @dataclass
@@ -96,13 +113,13 @@ class _Validation:
                 rows += self._control(chosen, jobs, recorded)
                 self.progress.advance(work, len(jobs))
             errors += [part.table(chosen, precision) for precision, part in parts.items()]
-        scenes = pd.DataFrame(rows)
+        scenes = pd.DataFrame(rows).astype({"first_contact": "float64", **FACTS})
         return self._with_own_differences(scenes, sets), pd.concat(errors, ignore_index=True)
 
     def _jobs(self, chosen: ScenarioSet, variant: Variant) -> list[Job]:
         n = n_scenes(chosen, self.options)
         if variant is Variant.vectorised:
-            n = math.ceil(n * self.options.control_share)
+            n = _part(n, self.options.control_share)
         options = self.options
         return [
             Job(chosen.scenario(index, seed=options.seed, n_seconds=options.seconds), variant) for index in range(n)
@@ -117,7 +134,7 @@ class _Validation:
         """Has highway-env run what is not on file; long scenes first, so that no worker is left alone at the end."""
         # Its cost grows with the number of vehicles to the power of 1.6: 1, 5 and 16 s for 10, 30 and 60.
         costs = {job: job.scenario.n_seconds * job.scenario.n_vehicles**1.6 for job in jobs}
-        work = self.progress.add_task(title, total=sum(costs.values()))
+        work = self.progress.add_task(title, total=sum(costs.values()), visible=bool(costs))
         longest_first = sorted(jobs, key=lambda job: -costs[job])
         for done in self.store.collect(longest_first, self.options.workers or available_cores()):
             self.progress.advance(work, costs[done])
@@ -179,7 +196,7 @@ class _Validation:
                 "agrees": bool(agrees[number]),
             }
             facts = _facts(found, batch, number, int(first[number]), tolerance) if differs[number] else {}
-            rows.append(scene | row | facts)
+            rows.append(scene | row | dict.fromkeys(FACTS) | facts)
         return rows
 
     def _with_own_differences(self, scenes: pd.DataFrame, sets: Sequence[ScenarioSet]) -> pd.DataFrame:
@@ -188,7 +205,7 @@ class _Validation:
         Measured for the scenes that disagree in float64; empty for all others.
         """
         by_name = {chosen.name: chosen for chosen in sets}
-        excepted = scenes[(scenes["precision"] == "float64") & ~scenes["agrees"]]
+        excepted = summary.where(scenes, precision="float64", agrees=False)
         jobs = {}
         for name, index in zip(excepted["set"], excepted["index"], strict=True):
             scenario = by_name[name].scenario(int(index), seed=self.options.seed, n_seconds=self.options.seconds)
@@ -199,7 +216,7 @@ class _Validation:
             plain = self.store.load(dataclasses.replace(job, variant=Variant.plain)).tracks
             nudged = self.store.load(job).tracks
             own[identity] = float(max(np.abs(plain.x - nudged.x).max(), np.abs(plain.y - nudged.y).max()))
-        return scenes.assign(own_difference=scenes["scenario"].map(own).astype("float64"))
+        return scenes.assign(own_difference=[own.get(identity, np.nan) for identity in scenes["scenario"]])
 
 
 def _facts(found: Comparison, batch: Recorded, number: int, tick: int, tolerance: float) -> dict:
@@ -252,5 +269,7 @@ class _Errors:
 
 
 def _progress() -> Progress:
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
-    return Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=Console(stderr=True))
+    """A progress bar on standard error; silent where that is no terminal."""
+    share = (BarColumn(), TextColumn("{task.percentage:3.0f} %"))
+    columns = (TextColumn("{task.description}"), *share, TimeElapsedColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True)

@@ -15,6 +15,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
+from importlib import import_module
 
 from rearl_jax.validation.records import Recorded
 from rearl_jax.validation.scenarios import Scenario
@@ -46,8 +47,8 @@ class Job:
 
 def vector_features() -> tuple[str, ...]:
     """Names of NumPy's dispatched instruction sets at the level of AVX-512 that this machine has; none elsewhere."""
-    from numpy._core import _multiarray_umath as umath
-
+    # Imported by name: NumPy's annotations leave this module out.
+    umath = import_module("numpy._core._multiarray_umath")
     dispatched, present = umath.__cpu_dispatch__, umath.__cpu_features__
     return tuple(name for name in dispatched if ("AVX512" in name or name == "X86_V4") and present.get(name))
 

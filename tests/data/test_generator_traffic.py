@@ -31,15 +31,11 @@ def test_gipps_speeds_are_stationary_where_they_should_be():
     assert np.allclose(safe_speed(speed, gap, speed, drivers.time_gap, drivers), speed)
     assert np.all(safe_speed(speed, gap + 1.0, speed, drivers.time_gap, drivers) > speed)
     assert np.all(safe_speed(speed, gap, speed - 1.0, drivers.time_gap, drivers) < speed)
-    assert np.allclose(
-        free_speed(drivers.desired_speed, drivers.desired_speed, drivers), drivers.desired_speed
-    )
+    assert np.allclose(free_speed(drivers.desired_speed, drivers.desired_speed, drivers), drivers.desired_speed)
 
 
 # Share of the own time gap at the start: less than half is what a cut-in may leave.
-@pytest.mark.parametrize(
-    ("braking", "share"), [(2.0, 0.45), (4.0, 0.45), (6.0, 0.45), (2.0, 1.0), (8.0, 1.0)]
-)
+@pytest.mark.parametrize(("braking", "share"), [(2.0, 0.45), (4.0, 0.45), (6.0, 0.45), (2.0, 1.0), (8.0, 1.0)])
 def test_nobody_runs_into_a_braking_leader(braking, share):
     drivers = _drivers(400)
     n, dt = 400, 0.08

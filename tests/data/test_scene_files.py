@@ -78,9 +78,7 @@ def test_the_table_is_readable_without_this_package(scenes, study):
 
 
 def test_files_that_hold_no_scenes_are_refused(scenes, study, tmp_path):
-    with pytest.raises(
-        FileNotFoundError, match=r"none.parquet does not exist: write it with `rearl prepare`"
-    ):
+    with pytest.raises(FileNotFoundError, match=r"none.parquet does not exist: write it with `rearl prepare`"):
         load_scenes(tmp_path / "none.parquet")
     other = study.write_table("other", pd.DataFrame({"a": [1]}))
     with pytest.raises(ValueError, match="holds no scenes"):

@@ -98,9 +98,7 @@ def busy_recording(seed: int, rate: float, name: str = "busy") -> Recording:
             "direction": direction,
             "length": rng.uniform(4, 15),
         }
-        tracks.append(
-            track | {"id": i * 3, "x": x, "y": y, "position": position, "lane": lane, "speed": speed}
-        )
+        tracks.append(track | {"id": i * 3, "x": x, "y": y, "position": position, "lane": lane, "speed": speed})
     return recording(*tracks, name=name, rate=rate)
 
 
@@ -118,11 +116,7 @@ def oracle(recording: Recording, scenes: ScenesConfig, d: FeatureDistance, metri
     def feature(own, others):
         if d is FeatureDistance.mean_all:
             return np.mean([distance(own, other) for other in others])
-        lane = [
-            o
-            for o in others
-            if (o.lane, o.direction) == (own.lane, own.direction) and o.position > own.position
-        ]
+        lane = [o for o in others if (o.lane, o.direction) == (own.lane, own.direction) and o.position > own.position]
         leader = min(lane, key=lambda o: o.position, default=None)
         if leader is None:
             return 0.0
@@ -152,9 +146,7 @@ def oracle(recording: Recording, scenes: ScenesConfig, d: FeatureDistance, metri
                 picked = [vehicles[: scenes.slots] for vehicles in frames]
                 for vehicles in picked:
                     for row in vehicles:
-                        row.spacing = np.mean(
-                            [distance(row, other) for other in vehicles if other is not row]
-                        )
+                        row.spacing = np.mean([distance(row, other) for other in vehicles if other is not row])
                 accepted.append((window, start, picked))
         window += 1
     return accepted, n_windows
@@ -195,9 +187,7 @@ def test_scenes_equal_a_slow_reading_of_the_definition(rate, scenes, d, metric):
     for name in ("x", "y", "position", "lane", "direction", "length", "speed"):
         np.testing.assert_array_equal(getattr(built, name), values(lambda row, name=name: getattr(row, name)))
     np.testing.assert_allclose(built.spacing, values(lambda row: row.spacing), rtol=1e-12)
-    np.testing.assert_allclose(
-        built.feature_distance, values(lambda row: row.feature), rtol=1e-12, atol=1e-12
-    )
+    np.testing.assert_allclose(built.feature_distance, values(lambda row: row.feature), rtol=1e-12, atol=1e-12)
     np.testing.assert_array_equal(built.has_next, values(lambda row: row.next is not None))
     np.testing.assert_array_equal(built.next_lane, values(lambda row: row.next["lane"] if row.next else -1))
 
@@ -211,9 +201,7 @@ def test_scenes_equal_a_slow_reading_of_the_definition(rate, scenes, d, metric):
 
     np.testing.assert_array_equal(built.action, values(action))
     changed = (built.next_lane != built.lane) & built.has_next
-    assert set(np.unique(built.action)) == {0, 1, 2, 3, 4}, (
-        "every action must occur for the comparison to count"
-    )
+    assert set(np.unique(built.action)) == {0, 1, 2, 3, 4}, "every action must occur for the comparison to count"
     np.testing.assert_allclose(real_lane_change_rate(built), changed.mean(axis=(1, 2)))
     assert not built.has_next.all()
 
@@ -272,9 +260,7 @@ def test_equally_old_vehicles_are_ordered_by_track_id():
 
 def test_per_direction_makes_a_scene_of_every_carriageway():
     tracks = [track | {"direction": 1 + track["id"] % 2} for track in standing(9, 60)]
-    built = build(
-        [recording(*tracks)], ScenesConfig(Direction.per_direction, seconds=6, min_vehicles=4, slots=4)
-    )
+    built = build([recording(*tracks)], ScenesConfig(Direction.per_direction, seconds=6, min_vehicles=4, slots=4))
     assert (len(built), built.counts.windows) == (2, 2)
     np.testing.assert_array_equal(built.direction[:, 0, 0], [1, 2])
     assert (built.direction == built.direction[:, :1, :1]).all()
@@ -297,14 +283,10 @@ def test_other_ways_to_rescale():
     speed = np.array([0.0, 5.0, 20.0, 40.0])
     np.testing.assert_array_equal(scale_speed(speed, 0.0, 40.0, SpeedNorm.none), speed)
     np.testing.assert_array_equal(scale_speed(speed, 0.0, 40.0, SpeedNorm.clip), [5.0, 5.0, 20.0, 32.0])
-    np.testing.assert_allclose(
-        scale_speed(speed, 5.0, 20.0, SpeedNorm.minmax_p01_999), [5.0, 5.0, 32.0, 32.0]
-    )
+    np.testing.assert_allclose(scale_speed(speed, 5.0, 20.0, SpeedNorm.minmax_p01_999), [5.0, 5.0, 32.0, 32.0])
     tracks = standing(4, 600, speed=np.linspace(10.0, 20.0, 600))
     tracks[0]["speed"] = np.r_[200.0, tracks[0]["speed"][1:10], 1.0, tracks[0]["speed"][11:]]
-    plain, robust = (
-        build([recording(*tracks)], norm=n) for n in (SpeedNorm.minmax, SpeedNorm.minmax_p01_999)
-    )
+    plain, robust = (build([recording(*tracks)], norm=n) for n in (SpeedNorm.minmax, SpeedNorm.minmax_p01_999))
     assert (plain.speed_min, plain.speed_max) == (1.0, 200.0)
     assert 1.0 < robust.speed_min < robust.speed_max < 200.0
     assert (robust.scaled_speed.min(), robust.scaled_speed.max()) == (5.0, 32.0)

@@ -32,9 +32,7 @@ def test_a_sound_table_passes_with_the_columns_and_types_of_the_schema(vehicle_r
     assert dropped == {}
     assert {name: str(dtype) for name, dtype in table.dtypes.items()} == {c.name: c.dtype for c in COLUMNS}
     assert len(table) == 300
-    assert table[["track_id", "frame"]].equals(
-        table[["track_id", "frame"]].sort_values(["track_id", "frame"])
-    )
+    assert table[["track_id", "frame"]].equals(table[["track_id", "frame"]].sort_values(["track_id", "frame"]))
     assert set(table["recording"]) == {"made_01"}
     np.testing.assert_allclose(table["time"], (table["frame"] - 7) / 10.0, atol=1e-12)
     assert table["leader_id"].isna().sum() == 200

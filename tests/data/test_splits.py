@@ -106,9 +106,7 @@ def test_recordings_stay_whole():
 
 def test_windows_over_the_border_of_two_splits_are_dropped_and_counted():
     recording, start = windows(1, 1200.0, stride=10.0)
-    splits = split_windows(
-        recording, start, SECONDS, SplitConfig(SplitUnit.block, evaluation=25, threshold=25)
-    )
+    splits = split_windows(recording, start, SECONDS, SplitConfig(SplitUnit.block, evaluation=25, threshold=25))
     crosses = start // 300 != (start + SECONDS - 1) // 300
     assert crosses.sum() == 15
     # Four blocks of four splits: every border lies between two of them.
@@ -143,9 +141,7 @@ def test_no_two_splits_share_a_second_of_traffic():
         unit = list(SplitUnit)[seed % 3]
         stride = float(rng.choice([1, 7, 20, 45, 60, 90]))
         config = SplitConfig(unit, seed, block_seconds=float(rng.choice([60, 75, 300])))
-        recording, start = windows(
-            rng.integers(1, 9), rng.integers(2, 26) * SECONDS, stride, rng.random() < 0.5
-        )
+        recording, start = windows(rng.integers(1, 9), rng.integers(2, 26) * SECONDS, stride, rng.random() < 0.5)
         kept = rng.random(len(recording)) >= rng.uniform(0.0, 0.7)
         recording, start = recording[kept], start[kept]
         try:

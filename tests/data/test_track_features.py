@@ -76,12 +76,8 @@ def test_distance_headway_of_curves():
     built = curves(source, points=50, d=FeatureDistance.dhw)
     ahead = np.diff(source.table["position"].to_numpy().reshape(2, 50), axis=0)[0]
     assert (np.abs(ahead) > 4.0).any()
-    np.testing.assert_allclose(
-        built.distance[0], np.where(ahead > 0, np.maximum(ahead - 4.0, 0.0), 0.0), rtol=1e-5
-    )
-    np.testing.assert_allclose(
-        built.distance[1], np.where(ahead < 0, np.maximum(-ahead - 4.0, 0.0), 0.0), rtol=1e-5
-    )
+    np.testing.assert_allclose(built.distance[0], np.where(ahead > 0, np.maximum(ahead - 4.0, 0.0), 0.0), rtol=1e-5)
+    np.testing.assert_allclose(built.distance[1], np.where(ahead < 0, np.maximum(-ahead - 4.0, 0.0), 0.0), rtol=1e-5)
 
 
 def test_a_lonely_track_is_left_out_and_counted():

@@ -19,9 +19,7 @@ def shares(speeds, hist):
 
 
 def hellinger(p, q):
-    return math.sqrt(sum((math.sqrt(a) - math.sqrt(b)) ** 2 for a, b in zip(p, q, strict=True))) / math.sqrt(
-        2
-    )
+    return math.sqrt(sum((math.sqrt(a) - math.sqrt(b)) ** 2 for a, b in zip(p, q, strict=True))) / math.sqrt(2)
 
 
 def window_hellinger(simulated, real, hist):

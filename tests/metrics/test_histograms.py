@@ -144,8 +144,6 @@ def test_noise_floor_equals_a_numpy_simulation():
     assert 0.1 < np.mean(expected) < 0.25
     error = np.hypot(np.std(expected), draws.std()) / math.sqrt(1500)
     assert abs(float(draws.mean()) - np.mean(expected)) < 5 * error
-    assert (
-        float(noise_floor(jnp.asarray(p), n_samples=5000, n_draws=100, key=jax.random.key(1)).mean()) < 0.03
-    )
+    assert float(noise_floor(jnp.asarray(p), n_samples=5000, n_draws=100, key=jax.random.key(1)).mean()) < 0.03
     certain = noise_floor(jnp.asarray([0.0, 1.0, 0.0]), n_draws=10, key=jax.random.key(2))
     assert bool((certain == 0).all())

@@ -20,9 +20,7 @@ def jerk_from_speed(speed, crashed, dt, threshold, track_id):
 
 
 def jerk_of(scene, dt, threshold, track_id):
-    return jerk_from_speed(
-        jnp.asarray(scene["speed"]), jnp.asarray(scene["crashed"]), dt, threshold, track_id
-    )
+    return jerk_from_speed(jnp.asarray(scene["speed"]), jnp.asarray(scene["crashed"]), dt, threshold, track_id)
 
 
 @pytest.mark.parametrize("recorded", [False, True], ids=["simulated", "recorded"])
@@ -70,9 +68,7 @@ def test_a_lane_change_into_the_crash_frame_does_not_count():
 def test_jerk_of_known_motions(dtype):
     t = np.arange(8.0)[:, None]
     crashed = np.zeros((8, 2), bool)
-    uniform = jerk_of(
-        {"speed": (5 + 2 * t + np.zeros((1, 2))).astype(dtype), "crashed": crashed}, 1.0, 2.5, None
-    )
+    uniform = jerk_of({"speed": (5 + 2 * t + np.zeros((1, 2))).astype(dtype), "crashed": crashed}, 1.0, 2.5, None)
     assert (float(uniform.rms.value), float(uniform.share.value), int(uniform.rms.count)) == (0, 0, 12)
     growing = {"speed": (1.5 * t**2 + np.zeros((1, 2))).astype(dtype), "crashed": crashed}
     assert float(jerk_of(growing, 1.0, 2.5, None).rms.value) == pytest.approx(3)

@@ -100,10 +100,7 @@ def test_default_weights_are_those_of_the_subset():
     weights = [config.speed.weight, config.acceleration.weight, config.distance.weight, config.ttc.weight]
     assert [*weights, config.collision_weight] == [0.05, 0.05, 0.1, 0.1, 0.25]
     assert config.speed_values is SpeedValues.scaled
-    bins = [
-        jnp.ones(f.n_bins, jnp.int32)
-        for f in (config.speed, config.acceleration, config.distance, config.ttc)
-    ]
+    bins = [jnp.ones(f.n_bins, jnp.int32) for f in (config.speed, config.acceleration, config.distance, config.ttc)]
     simulated = RealismCounts(*bins, collision=jnp.asarray([10, 0]))
     scores = realism_scores(simulated, simulated, config, jnp.dtype("float64"))
     mean = (0.05 / 10 + 0.05 / 11 + 0.1 / 10 + 0.1 / 10 + 0.25 * (10.001 / 10.002)) / 0.55
@@ -131,9 +128,7 @@ def test_distance_equals_the_reference(dtype, kind):
     scene = cast(make_scene(38, kind, recorded=True), dtype)
     found = DISTANCE(*(jnp.asarray(scene[k]) for k in ("x", "y", "length", "width")))
     expected = [reference.nearest(scene, *slot) for slot in np.ndindex(scene["x"].shape)]
-    np.testing.assert_allclose(
-        np.asarray(found).ravel(), expected, atol=1e-3 if dtype == np.float32 else 1e-9
-    )
+    np.testing.assert_allclose(np.asarray(found).ravel(), expected, atol=1e-3 if dtype == np.float32 else 1e-9)
     assert kind != "random" or (min(expected) < 0 < max(expected))
 
 
@@ -143,9 +138,7 @@ def test_distance_hand_values():
     assert found[0, 0] == found[0, 2] == -1.5, "overlap of 2 m along and 1.5 m across: the short way out"
     assert float(found[0, 1]) == pytest.approx(3.5), "side by side with the third: 5.5 - 2 across"
     assert float(found[0, 3]) == pytest.approx(math.hypot(100 - 8 - 5, 6 - 2))
-    gradient = jax.grad(
-        lambda x: distance_to_nearest(x, y, jnp.full((1, 4), 5.0), jnp.full((1, 4), 2.0)).sum()
-    )(x)
+    gradient = jax.grad(lambda x: distance_to_nearest(x, y, jnp.full((1, 4), 5.0), jnp.full((1, 4), 2.0)).sum())(x)
     assert bool(jnp.isfinite(gradient).all())
 
 

@@ -158,9 +158,7 @@ def test_gradients_are_those_of_finite_differences():
     def total(position, speed):
         moved = scene | {"position": position, "speed": speed}
         pairs = conflicts(leaders(moved), jnp.asarray(scene["crashed"]), SafetyConfig())
-        return (
-            scored(moved).mean.value + pairs.ttc_min.value + time_to_collision(leaders(moved), cap=5.0).sum()
-        )
+        return scored(moved).mean.value + pairs.ttc_min.value + time_to_collision(leaders(moved), cap=5.0).sum()
 
     at = jnp.asarray(scene["position"]), jnp.asarray(scene["speed"])
     along = [jnp.asarray(np.random.default_rng(s).normal(size=at[0].shape)) for s in (0, 1)]

@@ -95,9 +95,5 @@ class SpeedRestriction:
         if phase < 0:
             return value
         fleet = situation.fleet
-        inside = (
-            (fleet.position >= self.start)
-            & (fleet.position <= self.end)
-            & (fleet.direction == self.direction)
-        )
+        inside = (fleet.position >= self.start) & (fleet.position <= self.end) & (fleet.direction == self.direction)
         return np.where(inside, np.minimum(value, self.speeds[phase]), value)

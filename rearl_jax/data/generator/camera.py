@@ -9,9 +9,7 @@ from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.data.generator.fleet import Drivers
 from rearl_jax.data.generator.traffic import FRAME, Samples
 
-LATERAL_NOISE_SHARE = (
-    0.5  # lateral detection noise relative to the longitudinal one; edges of a lane are sharper
-)
+LATERAL_NOISE_SHARE = 0.5  # lateral detection noise relative to the longitudinal one; edges of a lane are sharper
 SHORTEST_TRACK = 4  # frames the tracker needs for third differences
 
 
@@ -65,9 +63,7 @@ def observe(
     )
 
 
-def interpolate(
-    samples: Samples, frames_per_step: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def interpolate(samples: Samples, frames_per_step: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Vehicle, frame, position [m] and lateral position [m] at every frame between the samples.
 
     Positions follow the cubic through both samples with their speeds (exact for constant acceleration),
@@ -83,10 +79,7 @@ def interpolate(
     x0, x1 = samples.position[pair, None], samples.position[pair + 1, None]
     m0, m1 = duration * samples.speed[pair, None], duration * samples.speed[pair + 1, None]
     position = (
-        (2 * p**3 - 3 * p**2 + 1) * x0
-        + (p**3 - 2 * p**2 + p) * m0
-        + (3 * p**2 - 2 * p**3) * x1
-        + (p**3 - p**2) * m1
+        (2 * p**3 - 3 * p**2 + 1) * x0 + (p**3 - 2 * p**2 + p) * m0 + (3 * p**2 - 2 * p**3) * x1 + (p**3 - p**2) * m1
     )
     lateral = (1 - p) * samples.lateral[pair, None] + p * samples.lateral[pair + 1, None]
     frame = frames_per_step * samples.step[pair, None] + np.arange(frames_per_step) + 1

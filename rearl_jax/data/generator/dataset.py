@@ -68,9 +68,7 @@ def generate(
     return [recording_files(root, number)[0] for number in wanted]
 
 
-def generate_recording(
-    config: GeneratorConfig, root: Path, behaviour: Behaviour, number: int
-) -> dict[str, int]:
+def generate_recording(config: GeneratorConfig, root: Path, behaviour: Behaviour, number: int) -> dict[str, int]:
     """Simulate, observe and write one recording; returns the sizes of its files [bytes] by name."""
     plan = plan_recording(config, number)
     streams = np.random.default_rng([config.seed, number, 2]).spawn(4)
@@ -80,9 +78,7 @@ def generate_recording(
         behaviour = behaviour.with_desired_speed(plan.congestion)
     samples = Traffic(plan, config, arrivals, drivers, behaviour, streams[2]).record()
     tracks = observe(samples, drivers, round(plan.duration / FRAME), config, streams[3])
-    write_recording(
-        root, number, highd_tables(plan, tracks, drivers, arrivals.direction, config.camera_length)
-    )
+    write_recording(root, number, highd_tables(plan, tracks, drivers, arrivals.direction, config.camera_length))
     return {path.name: path.stat().st_size for path in recording_files(root, number)}
 
 
@@ -97,9 +93,7 @@ def _written(
         return
     pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
     try:
-        jobs = {
-            pool.submit(generate_recording, config, root, behaviour, number): number for number in numbers
-        }
+        jobs = {pool.submit(generate_recording, config, root, behaviour, number): number for number in numbers}
         for job in as_completed(jobs):
             yield jobs[job], job.result()
     finally:
@@ -155,9 +149,7 @@ def _difference(truth: dict, content: dict) -> str:
     """The keys that differ, in words."""
     before = truth.get("config", {})
     changed = [
-        f"{name}={before.get(name)} there, {value} here"
-        for name, value in content.items()
-        if before.get(name) != value
+        f"{name}={before.get(name)} there, {value} here" for name, value in content.items() if before.get(name) != value
     ]
     return f" ({'; '.join(changed)})" if changed else ""
 

@@ -76,9 +76,7 @@ def draw_drivers(
     def normal(mean: float, sd: float, n_sd: float = 2.5) -> np.ndarray:
         return mean + sd * np.clip(rng.standard_normal(n), -n_sd, n_sd)
 
-    time_gap = by_class(
-        around(config.car_time_gap, 0.40, 0.55, 3.0), around(config.truck_time_gap, 0.25, 1.0, 3.5)
-    )
+    time_gap = by_class(around(config.car_time_gap, 0.40, 0.55, 3.0), around(config.truck_time_gap, 0.25, 1.0, 3.5))
     articulated = rng.random(n) < 0.75
     truck_length = np.where(articulated, normal(16.6, 0.9, 2.3), rng.uniform(8.0, 12.5, n))
     return Drivers(

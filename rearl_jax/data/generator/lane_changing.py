@@ -84,12 +84,8 @@ def change_probability(
     drivers, speed = fleet.drivers, fleet.speed
     horizon = GAIN_HORIZON if side == LEFT else RETURN_HORIZON
     own_speed_ahead = np.where(np.isfinite(situation.gap), situation.leader_speed, desired_speed)
-    here = expected_speed(
-        desired_speed, speed, situation.gap, own_speed_ahead, drivers.time_gap, GAIN_HORIZON
-    )
-    there = expected_speed(
-        desired_speed, speed, target.gap_ahead, target.speed_ahead, drivers.time_gap, horizon
-    )
+    here = expected_speed(desired_speed, speed, situation.gap, own_speed_ahead, drivers.time_gap, GAIN_HORIZON)
+    there = expected_speed(desired_speed, speed, target.gap_ahead, target.speed_ahead, drivers.time_gap, horizon)
     gain = there - here
     if side == LEFT:
         gain = modified(gain, behaviour.incentive_left, situation)

@@ -109,9 +109,7 @@ def _design(config: GeneratorConfig) -> _Design:
     cell = np.arange(N_CELLS)
     level = (cell + 0.5) / N_CELLS
     in_view = _quantiles(level, config.in_view_min, config.in_view_mean, config.in_view_max, 1.3)
-    duration = rng.permutation(
-        _quantiles(level, config.duration_min, config.duration_mean, config.duration_max, 2.5)
-    )
+    duration = rng.permutation(_quantiles(level, config.duration_min, config.duration_mean, config.duration_max, 2.5))
     # The shortest recording takes the lightest traffic, so that the counts reach down to vehicles_min.
     shortest = int(np.argmin(duration))
     duration[[0, shortest]] = duration[[shortest, 0]]
@@ -144,9 +142,7 @@ def _choose_sections(in_view: np.ndarray, rng: np.random.Generator) -> np.ndarra
     return np.where(narrow, rng.choice(two_lanes, len(in_view)), rng.choice(three_lanes, len(in_view)))
 
 
-def _bottleneck(
-    config: GeneratorConfig, direction: int, duration: float, rng: np.random.Generator
-) -> SpeedRestriction:
+def _bottleneck(config: GeneratorConfig, direction: int, duration: float, rng: np.random.Generator) -> SpeedRestriction:
     """A bottleneck behind the view that alternates for a while between crawling and slow traffic."""
     time = WARM_UP + duration * float(rng.uniform(0.0, 1.0 - CONGESTED_TIME))
     end = time + CONGESTED_TIME * duration
@@ -156,6 +152,4 @@ def _bottleneck(
         speeds += [float(rng.uniform(*CRAWL_SPEED)), float(rng.uniform(*SLOW_SPEED))]
         time = times[-1] + float(rng.uniform(*SLOW_TIME))
     start = config.approach_length + config.camera_length + BOTTLENECK_DISTANCE
-    return SpeedRestriction(
-        direction, start, start + BOTTLENECK_LENGTH, (*times, time), (*speeds, float("inf"))
-    )
+    return SpeedRestriction(direction, start, start + BOTTLENECK_LENGTH, (*times, time), (*speeds, float("inf")))

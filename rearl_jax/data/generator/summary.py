@@ -23,12 +23,8 @@ def summarise(root: Path) -> pd.DataFrame:
     """
     paths = sorted(root.glob("*_recordingMeta.csv"))
     if not paths:
-        raise FileNotFoundError(
-            f"{root}: no *_recordingMeta.csv in this folder; name the folder of the recordings"
-        )
-    rows = [
-        _recording(path, path.with_name(path.name.replace("recordingMeta", "tracksMeta"))) for path in paths
-    ]
+        raise FileNotFoundError(f"{root}: no *_recordingMeta.csv in this folder; name the folder of the recordings")
+    rows = [_recording(path, path.with_name(path.name.replace("recordingMeta", "tracksMeta"))) for path in paths]
     return pd.DataFrame(rows).set_index("id").sort_index()
 
 
@@ -50,12 +46,8 @@ def totals(summary: pd.DataFrame) -> dict[str, int | float]:
         "crossing_time": time_in_view / float(summary.n_vehicles.sum()),
         "car_speed": float(np.average(summary.car_speed, weights=summary.n_vehicles)),
         "car_speed_sd": float(np.average(summary.car_speed_sd, weights=summary.n_vehicles)),
-        "truck_speed": float(
-            np.average(summary.truck_speed, weights=summary.n_vehicles * summary.truck_share)
-        ),
-        "truck_speed_sd": float(
-            np.average(summary.truck_speed_sd, weights=summary.n_vehicles * summary.truck_share)
-        ),
+        "truck_speed": float(np.average(summary.truck_speed, weights=summary.n_vehicles * summary.truck_share)),
+        "truck_speed_sd": float(np.average(summary.truck_speed_sd, weights=summary.n_vehicles * summary.truck_share)),
         "lane_changes": int(summary.lane_changes.sum()),
         "lane_change_rate": float(summary.lane_changes.sum()) / time_in_view,
         "n_windows": int(summary.n_windows.sum()),

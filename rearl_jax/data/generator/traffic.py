@@ -92,9 +92,7 @@ class Traffic:
             self.choose_lanes(situation, desired_speed)
             self.choose_accelerations(situation, desired_speed)
             self.move()
-        vehicle, steps, position, speed, lateral = (
-            np.concatenate(column) for column in zip(*rows, strict=True)
-        )
+        vehicle, steps, position, speed, lateral = (np.concatenate(column) for column in zip(*rows, strict=True))
         index = np.lexsort((steps, vehicle))
         return Samples(vehicle[index], steps[index], position[index], speed[index], lateral[index])
 
@@ -180,9 +178,7 @@ class Traffic:
             second = self.leader_of_entry[n:]
             second_gap, second_speed = self._to(second, self.between)
             own, drivers = fleet.speed[self.between], fleet.drivers.take(self.between)
-            first_safe = safe_speed(
-                own, gap[self.between], leader_speed[self.between], drivers.time_gap, drivers
-            )
+            first_safe = safe_speed(own, gap[self.between], leader_speed[self.between], drivers.time_gap, drivers)
             second_safe = safe_speed(own, second_gap, second_speed, drivers.time_gap, drivers)
             lower = second_safe < first_safe
             change = self.between[lower]
@@ -224,9 +220,7 @@ class Traffic:
             side, situation, target, desired_speed, rate, 2 * DECISION_INTERVAL, self.behaviour
         )
         draw = self.rng.random(len(fleet))
-        begin = np.flatnonzero(
-            allowed & (draw < probability) & accepts_gaps(fleet.speed, target, fleet.drivers)
-        )
+        begin = np.flatnonzero(allowed & (draw < probability) & accepts_gaps(fleet.speed, target, fleet.drivers))
         fleet.origin[begin] = fleet.lane[begin]
         fleet.lane[begin] += side
         fleet.change_start[begin] = self.time
@@ -250,9 +244,7 @@ class Traffic:
         fleet.noise = kept * fleet.noise + self.config.acceleration_noise * np.sqrt(1.0 - kept**2) * shocks[0]
         # Near standstill and in an emergency nobody plays with the pedal.
         calm = np.minimum(fleet.speed / 10.0, 1.0) * (acceleration > -2.5)
-        fleet.acceleration = modified(
-            acceleration + calm * fleet.noise, self.behaviour.acceleration, situation
-        )
+        fleet.acceleration = modified(acceleration + calm * fleet.noise, self.behaviour.acceleration, situation)
         kept = np.exp(-self.dt / DRIFT_TIME)
         fleet.drift = kept * fleet.drift + DRIFT_SD * np.sqrt(1.0 - kept**2) * shocks[1]
 
@@ -291,9 +283,7 @@ class Traffic:
         """Gap to and speed of given leaders (-1 = none: gap inf, own speed)."""
         fleet = self.fleet
         some = leader >= 0
-        gap = np.where(
-            some, fleet.position[leader] - fleet.drivers.length[leader] - fleet.position[follower], np.inf
-        )
+        gap = np.where(some, fleet.position[leader] - fleet.drivers.length[leader] - fleet.position[follower], np.inf)
         return gap, np.where(some, fleet.speed[leader], fleet.speed[follower])
 
     def _neighbours(self, lane: np.ndarray) -> Neighbours:
