@@ -3,17 +3,18 @@
 On a CPU, XLA calls the C library once per element for these functions: 1.6 ns for a sine and 8 ns for an arcsine, where
 a whole vehicle may cost 30 ns per tick. In float32 they are short polynomials here, found by Chebyshev interpolation
 when the module is loaded and good to about one unit in the last place. In float64, where agreement with highway-env
-counts and speed does not, they are JAX's own functions.
+counts and speed does not, they are JAX's own functions where these are as exact as the C library's, and sums in two
+parts (`rearl_jax.core.double_double`) where not.
 """
 
-import itertools
 from collections.abc import Callable
-from fractions import Fraction
 
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 from jaxtyping import Array, Float, Int
+
+from rearl_jax.core import double_double
+from rearl_jax.core.double_double import ARCSINE_SERIES
 
 HALF_PI_HIGH = float(np.float32(np.pi / 2))
 HALF_PI_LOW = np.pi / 2 - HALF_PI_HIGH
@@ -35,15 +36,10 @@ _SINE_OVER_ARGUMENT = _power_series(lambda s: np.sinc(np.sqrt(s) / np.pi), (np.p
 _COSINE = _power_series(lambda s: np.cos(np.sqrt(s)), (np.pi / 4) ** 2 * 1.01, 5)
 
 
-# (arcsin(v) / v - 1) / v^2, what the arcsine adds to its argument: the Taylor series, and a short fit for float32.
-_ARCSINE_SERIES = [
-    *itertools.accumulate((Fraction((2 * k + 1) ** 2, (2 * k + 2) * (2 * k + 3)) for k in range(50)), Fraction.__mul__)
-]
-_ARCSINE_TAYLOR = [float(coefficient) for coefficient in _ARCSINE_SERIES]
-_ARCSINE_FIT = _power_series(lambda s: np.polynomial.polynomial.polyval(s, _ARCSINE_TAYLOR), ARCSINE_RANGE**2, 8)
-
-_N_EXACT = 12
-"""Leading terms of the series summed in two parts; of the others, rounding errors are too small to matter."""
+# (arcsin(v) / v - 1) / v^2, what the arcsine adds to its argument.
+_ARCSINE_EXCESS = _power_series(
+    lambda s: np.polynomial.polynomial.polyval(s, [float(c) for c in ARCSINE_SERIES]), ARCSINE_RANGE**2, 8
+)
 
 
 def _polynomial(coefficients: list[float], square: Float[Array, "*n"]) -> Float[Array, "*n"]:
@@ -81,53 +77,12 @@ def cosine(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
 
 
 def arcsine(value: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Arcsine [rad] of a value cut to +-ARCSINE_RANGE, within 0.6 units in the last place.
-
-    In float64 it is rounded correctly, as the C library does but for two arguments in a thousand. XLA's own arcsine,
-    2 arctan2(v, 1 + sqrt(1 - v^2)), misses the last place for every fourth, which the lateral controller amplifies
-    below 0.1 m/s.
-    """
+    """Arcsine [rad] of a value cut to +-ARCSINE_RANGE; in float32 within 1e-7, in float64 correctly rounded."""
     value = jnp.clip(value, -ARCSINE_RANGE, ARCSINE_RANGE)
+    if value.dtype == jnp.float64:
+        return double_double.arcsine(value)
     square = value * value
-    if value.dtype != jnp.float64:
-        return value + value * square * _polynomial(_ARCSINE_FIT, square)
-    zero = jnp.zeros_like(value)
-    exact_square = _product_in_two_parts(value, value)
-    factor = _polynomial(_ARCSINE_TAYLOR[_N_EXACT:], square), zero
-    for coefficient in reversed(_ARCSINE_SERIES[:_N_EXACT]):
-        high, low = _times(exact_square, factor)
-        # Behind a barrier, as XLA would cancel a constant that is added and taken away again.
-        first = lax.optimization_barrier(jnp.full_like(value, float(coefficient)))
-        total, lost = _sum_in_two_parts(first, high)
-        factor = total, lost + (low + float(coefficient - Fraction(float(coefficient))))
-    high, low = _times(_times(exact_square, (value, zero)), factor)
-    total, lost = _sum_in_two_parts(value, high)
-    return total + (lost + low)
-
-
-def _sum_in_two_parts(a: Float[Array, "*n"], b: Float[Array, "*n"]) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-    """The rounded sum and what rounding lost, for |a| >= |b|. Source: Dekker, Numer. Math. 18 (1971) 224."""
-    total = a + b
-    return total, b - (total - a)
-
-
-def _product_in_two_parts(
-    a: Float[Array, "*n"], b: Float[Array, "*n"]
-) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-    """The rounded product and what rounding lost. Source: Dekker, Numer. Math. 18 (1971) 224."""
-    split = 2.0**27 + 1
-    a_high = rounded(split * a) - rounded(rounded(split * a) - a)
-    b_high = rounded(split * b) - rounded(rounded(split * b) - b)
-    a_low, b_low, product = a - a_high, b - b_high, rounded(a * b)
-    return product, a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low)
-
-
-def _times(
-    a: tuple[Float[Array, "*n"], Float[Array, "*n"]], b: tuple[Float[Array, "*n"], Float[Array, "*n"]]
-) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-    """Product of two numbers in two parts each."""
-    product, lost = _product_in_two_parts(a[0], b[0])
-    return product, lost + (a[0] * b[1] + a[1] * b[0])
+    return value + value * square * _polynomial(_ARCSINE_EXCESS, square)
 
 
 SMALLEST_BASE = 1e-30
@@ -139,12 +94,3 @@ def power(base: Float[Array, "*n"], exponent: Float[Array, "*n"]) -> Float[Array
     if base.dtype != jnp.float32:
         return jnp.power(base, exponent)
     return jnp.exp(exponent * jnp.log(jnp.maximum(base, SMALLEST_BASE)))
-
-
-def rounded(product: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """The product, in float64 kept from being fused with the sum it goes into.
-
-    A fused multiply-add rounds once where highway-env rounds twice. One unit in the last place of a lateral position is
-    enough to tell: the lateral controller is unstable below 0.1 m/s and amplifies it to 1e-9 m within a minute.
-    """
-    return jnp.where(jnp.abs(product) < jnp.inf, product, jnp.nan) if product.dtype == jnp.float64 else product

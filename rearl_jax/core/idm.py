@@ -11,8 +11,9 @@ Source: Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805; highway-env 1.
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rearl_jax.core.double_double import rounded
 from rearl_jax.core.drivers import IDMParams
-from rearl_jax.core.elementary import power, rounded
+from rearl_jax.core.elementary import power
 from rearl_jax.core.neighbours import not_zero
 
 

@@ -14,8 +14,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from rearl_jax.core.affected import if_any
+from rearl_jax.core.double_double import arctangent, rounded
 from rearl_jax.core.drivers import Drivers
-from rearl_jax.core.elementary import arcsine, cosine, rounded, sine
+from rearl_jax.core.elementary import arcsine, cosine, sine
 from rearl_jax.core.mobil import Prospects
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import View, not_zero
@@ -68,8 +69,8 @@ def wrap_to_pi(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
 def slip_angle(sine_of_slip: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """Slip angle [rad] of a wanted sine, within what the largest steering angle allows."""
     if sine_of_slip.dtype == jnp.float64:
-        steering = jnp.arctan(2 * jnp.tan(arcsine(sine_of_slip)))
-        return jnp.arctan(jnp.tan(jnp.clip(steering, -MAX_STEERING, MAX_STEERING)) / 2)
+        steering = arctangent(2 * jnp.tan(arcsine(sine_of_slip)))
+        return arctangent(jnp.tan(jnp.clip(steering, -MAX_STEERING, MAX_STEERING)) / 2)
     return jnp.clip(arcsine(sine_of_slip), -MAX_SLIP, MAX_SLIP)
 
 

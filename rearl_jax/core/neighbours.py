@@ -14,7 +14,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
 
-from rearl_jax.core.elementary import cosine, rounded, sine
+from rearl_jax.core.double_double import rounded
+from rearl_jax.core.elementary import cosine, sine
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
 from rearl_jax.core.order import NOBODY, NearestOnLanes, pick, walk_along_road
 from rearl_jax.core.state import TrafficState, nearest_lane

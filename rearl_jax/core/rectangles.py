@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rearl_jax.core.elementary import rounded
+from rearl_jax.core.double_double import rounded
 from rearl_jax.core.model import TrafficModel
 
 _Vector = tuple[Array, Array]

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rearl_jax.core.elementary import ARCSINE_RANGE, arcsine, cosine, power, rounded, sine
+from rearl_jax.core.double_double import rounded
+from rearl_jax.core.elementary import ARCSINE_RANGE, arcsine, cosine, power, sine
 
 TYPES = (np.float32, np.float64)
 
