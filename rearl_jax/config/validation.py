@@ -1,5 +1,6 @@
 """Keys of the comparison with highway-env."""
 
+import math
 from dataclasses import dataclass, fields
 
 from rearl_jax.config._key import key
@@ -67,8 +68,8 @@ class ValidationConfig:
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{name} must be within 0 and 1, got {getattr(self, name)}")
         for name in ("tolerance_f64", "tolerance_f32"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be > 0 m, got {getattr(self, name)}")
+            if not 0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} must be positive and finite [m], got {getattr(self, name)}")
         for name in ("least_lane_changes", "least_aborts", "least_crashes"):
             if getattr(self, name) < 0:
                 raise ValueError(f"{name} must be at least 0, got {getattr(self, name)}")
