@@ -9,6 +9,9 @@ import jax
 import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 
+_LINE = 16
+"""Numbers of float32 in a cache line of 64 bytes."""
+
 Arguments = TypeVar("Arguments")
 Result = TypeVar("Result")
 
@@ -16,9 +19,12 @@ Result = TypeVar("Result")
 def chunk_for(n_vehicles: int) -> int:
     """Scenarios a core should take at a time: many, so that starting a pass costs little, but few enough for its cache.
 
-    Measured on a core with 1 MiB of second-level cache.
+    An odd number of cache lines of float32: rows a power of two apart share the same few places of a cache and drive
+    each other out. Measured on a core with 1 MiB of second-level cache: at 10 vehicles 1,200 scenarios take half the
+    time per vehicle that 1,024 or 2,048 take.
     """
-    return int(np.clip(2 ** round(math.log2(16_000 / n_vehicles)), 128, 4096))
+    odd = 2 * round((12_000 / n_vehicles / _LINE - 1) / 2) + 1
+    return _LINE * min(max(odd, 9), 255)
 
 
 class ScenarioMap(Generic[Arguments, Result]):

@@ -64,7 +64,9 @@ def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficStat
         reach = extent.reach_x + jnp.abs(extent.moved_x) + jnp.abs(extent.moved_y)
         may_touch = within_reach(state.order, extent.x, reach, extent, _may_touch)
     else:
-        may_touch = if_any(rectangles.collides, lambda: _may_touch_later(extent), jnp.zeros(shape, bool))
+        # Half the list once more behind its end, so that everybody can be held against those who come after.
+        cycle = jax.tree.map(lambda values: jnp.concatenate([values, values[: shape[0] // 2]]), extent)
+        may_touch = if_any(rectangles.collides, lambda: _may_touch_next(extent, cycle), jnp.zeros(shape, bool))
     marks = lax.stop_gradient((state.crashed, state.is_pushed, state.push_x, state.push_y))
     marks = on_affected(
         jnp.any(may_touch, axis=0),
@@ -112,6 +114,18 @@ def _extent(all_: Rectangle, model: TrafficModel) -> _Extent:
         moved_y=moved * all_.sin,
         collides=all_.collides,
     )
+
+
+def _may_touch_next(all_: _Extent, cycle: _Extent) -> Bool[Array, "vehicles *scenarios"]:
+    """Whether a vehicle may touch, now or in the coming tick, one of the half of all vehicles that come next.
+
+    The list is a circle here, so every pair is looked at, in one direction.
+    """
+    n_vehicles = all_.x.shape[0]
+    found = jnp.zeros(all_.x.shape, bool)
+    for places in range(1, n_vehicles // 2 + 1):
+        found = found | _may_touch(all_, jax.tree.map(lambda values, k=places: values[k : k + n_vehicles], cycle))
+    return found
 
 
 def _may_touch_later(all_: _Extent) -> Bool[Array, "vehicles *scenarios"]:
