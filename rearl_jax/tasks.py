@@ -59,6 +59,23 @@ TASKS = (
         ),
     ),
     Task(
+        words="cluster",
+        run="rearl_jax.clustering.task:run",
+        config="rearl_jax.config:ClusterTask",
+        summary="cluster tracks and scenes and pick representative scenes",
+        description=(
+            "Clusters all tracks by speed, position and spacing under the Frechet distance ((k,l)-clustering), "
+            "scenes by the shares of these clusters (k-means), and picks the representative scenes that "
+            "detection uses. bo.enabled=true first searches k, l and the iterations. Prints a table, writes "
+            "Parquet and figures."
+        ),
+        examples=(
+            "rearl cluster",
+            "rearl cluster data=highd data.root=/data/highD study=highd_clusters",
+            "rearl cluster bo.enabled=true bo.n_calls=100 study=search",
+        ),
+    ),
+    Task(
         words="evaluate",
         run="rearl_jax.evaluation.task:run",
         config="rearl_jax.config:EvaluateTask",
@@ -72,6 +89,23 @@ TASKS = (
             "rearl evaluate",
             "rearl evaluate data=highd data.root=/data/highD study=highd_base",
             "rearl evaluate -m scenes.stride=60,30 study=overlap",
+        ),
+    ),
+    Task(
+        words="sweep thresholds",
+        run="rearl_jax.sweep.task:run",
+        config="rearl_jax.config:SweepThresholdsTask",
+        summary="try pairs of detection thresholds on the tuning scenes",
+        description=(
+            "Takes percentiles of what the method base reaches on the threshold scenes as thresholds, simulates the "
+            "tuning scenes under every pair of them in one program and picks the pair with the least Hellinger "
+            "distance plus spacing error; says whether the scenes can tell it from the next. Prints a table, writes "
+            "Parquet and figures."
+        ),
+        examples=(
+            "rearl sweep thresholds",
+            "rearl sweep thresholds data=highd data.root=/data/highD study=highd_thresholds",
+            "rearl sweep thresholds sweep.h_pct=[10,30] sweep.m_pct=[5]",
         ),
     ),
     Task(

@@ -9,8 +9,11 @@ from typing import Any
 
 from rearl_jax.config._key import key
 from rearl_jax.config.bench import BenchConfig
+from rearl_jax.config.clustering import BoConfig, ClusterConfig, KlConfig
 from rearl_jax.config.core import CoreConfig, InitConfig
 from rearl_jax.config.data import DataConfig
+from rearl_jax.config.decision import AdmissibleConfig, DecisionConfig, ExecConfig, MatcherConfig
+from rearl_jax.config.detection import DetectionConfig, ReferenceConfig
 from rearl_jax.config.evaluation import EvaluationConfig, Method
 from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
@@ -22,6 +25,7 @@ from rearl_jax.config.scenes import (
     SplitConfig,
     TracksConfig,
 )
+from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.config.validation import ValidationConfig
 
 
@@ -57,11 +61,29 @@ class PrepareTask:
 
 
 @dataclass(unsafe_hash=True)
+class ClusterTask:
+    """Tracks and scenes in clusters, and representative scenes."""
+
+    study: str = _study("cluster")
+    results: ResultsConfig = _group(ResultsConfig)
+    data: DataConfig = _group(DataConfig)
+    tracks: TracksConfig = _group(TracksConfig)
+    scenes: ScenesConfig = _group(ScenesConfig)
+    speed: SpeedConfig = _group(SpeedConfig)
+    features: FeaturesConfig = _group(FeaturesConfig)
+    spacing: SpacingConfig = _group(SpacingConfig)
+    split: SplitConfig = _group(SplitConfig)
+    kl: KlConfig = _group(KlConfig)
+    cluster: ClusterConfig = _group(ClusterConfig)
+    bo: BoConfig = _group(BoConfig)
+
+
+@dataclass(unsafe_hash=True)
 class EvaluateTask:
     """Simulated against measured scenes."""
 
     study: str = _study("evaluate")
-    method: Method = key(Method.base, "what drives the vehicles; base: IDM and MOBIL without intervention")
+    method: Method = key(Method.base, "what drives the vehicles; base: IDM and MOBIL alone, rearl: with interventions")
     results: ResultsConfig = _group(ResultsConfig)
     data: DataConfig = _group(DataConfig)
     tracks: TracksConfig = _group(TracksConfig)
@@ -77,7 +99,24 @@ class EvaluateTask:
     realism: RealismConfig = _group(RealismConfig)
     init: InitConfig = _group(InitConfig)
     core: CoreConfig = _group(CoreConfig)
+    kl: KlConfig = _group(KlConfig)
+    cluster: ClusterConfig = _group(ClusterConfig)
+    bo: BoConfig = _group(BoConfig)
+    detection: DetectionConfig = _group(DetectionConfig)
+    reference: ReferenceConfig = _group(ReferenceConfig)
+    decision: DecisionConfig = _group(DecisionConfig)
+    matcher: MatcherConfig = _group(MatcherConfig)
+    admissible: AdmissibleConfig = _group(AdmissibleConfig)
+    exec: ExecConfig = _group(ExecConfig)
     eval: EvaluationConfig = _group(EvaluationConfig)
+
+
+@dataclass(unsafe_hash=True)
+class SweepThresholdsTask(EvaluateTask):
+    """Thresholds of the detection."""
+
+    study: str = _study("sweep_thresholds")
+    sweep: SweepConfig = _group(SweepConfig)
 
 
 @dataclass(unsafe_hash=True)

@@ -11,6 +11,8 @@ class Method(Enum):
 
     base = "base"
     """IDM and MOBIL with highway-env's parameters, without intervention."""
+    rearl = "rearl"
+    """The same, and decisions of a policy where the traffic drifts from its reference."""
 
 
 class SeedScope(Enum):

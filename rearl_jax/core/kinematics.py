@@ -110,6 +110,9 @@ def control(
     following = jnp.where(target_lane == view.lane, prospects.own, jnp.minimum(prospects.own, towards))
     following = jnp.clip(following, -drivers.idm.accel_limit, drivers.idm.accel_limit)
     tracking = (1 / SPEED_TIME) * (state.desired_speed - state.speed)
+    if model.meta_follows:
+        limit = drivers.idm.accel_limit
+        tracking = jnp.clip(jnp.minimum(tracking, following), -limit, limit)
     acceleration = jnp.where(state.controller == Controller.IDM, following, tracking)
     acceleration = jnp.where(state.crashed, -state.speed, acceleration)
     # Bounds of the speed; the two cases exclude each other.

@@ -98,6 +98,8 @@ def weigh_lanes(state: TrafficState, view: View, drivers: Drivers, model: Traffi
         return if_any(is_needed, lambda: look(lane), nothing)
 
     follows = state.controller == Controller.IDM
+    if model.meta_follows:
+        follows = state.controller != Controller.ABSENT
     own = where_needed(follows, behind_leader, view.lane)
     target = where_needed(follows & (view.lane != state.target_lane), behind_leader, state.target_lane)
     if not model.lane_changes:

@@ -28,6 +28,8 @@ class TrafficModel:
         collisions: Whether the collision stage is part of the program.
         cooperative: Whether MOBIL evaluates what a change costs the followers. Only needed where some vehicle's
             politeness is not zero; without it the program is shorter and the result the same.
+        meta_follows: Whether vehicles under meta-actions keep their distance: they accelerate at most as IDM would
+            towards their target speed behind their leader. highway-env's do not.
         speed_levels: Target speeds [m/s] a meta-action can choose.
 
     Source: highway-env 1.12.1 (`highway-v0`); speed levels: nine levels from 5 to 32 m/s as in REARL (Bi et al.).
@@ -41,6 +43,7 @@ class TrafficModel:
     lane_changes: bool = True
     collisions: bool = True
     cooperative: bool = False
+    meta_follows: bool = False
     speed_levels: tuple[float, ...] = tuple(5.0 + 3.375 * level for level in range(9))
 
     def __post_init__(self) -> None:

@@ -5,17 +5,20 @@ same ones (common random numbers), so that differences between methods are not d
 """
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Int
+from jaxtyping import Array, Int, Key
 
 from rearl_jax._typing import PRNGKey
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import CoreConfig, InitialSource, InitialSpeed
+from rearl_jax.config.decision import Longitudinal, MatcherConfig, PolicyName
 from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.core.batch import ScenarioMap
 from rearl_jax.core.drivers import Drivers
@@ -24,9 +27,20 @@ from rearl_jax.core.rollout import Frames, rollout
 from rearl_jax.core.spawn import spawn
 from rearl_jax.core.state import TrafficState, make_state
 from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.decision.loop import Decisions, LoopOptions, rollout_with_policy
+from rearl_jax.decision.policies import make_policy
+from rearl_jax.detection.detector import Thresholds, detection_options
+from rearl_jax.detection.references import References
+from rearl_jax.detection.table import tabulate
 
 Simulator: TypeAlias = Callable[[TrafficState, Drivers, TrafficModel, int], Frames]
 """From initial states, drivers, the road and a number of seconds to the frame after each second."""
+
+POLICY_STREAM = 1
+"""Separates the random numbers of a policy from those of the initial state."""
+
+NEVER = (float("inf"), float("inf"))
+"""Thresholds that nothing passes."""
 
 FIXED_SPEED = 25.0
 """Speed of init.speed=fixed_25 [m/s]. Source: highway-env 1.12.1, `HighwayEnv._create_vehicles`."""
@@ -38,7 +52,32 @@ def simulate_base(state: TrafficState, drivers: Drivers, model: TrafficModel, n_
 
 
 SIMULATORS: dict[Method, Simulator] = {Method.base: simulate_base}
-"""How each method simulates a batch of scenarios."""
+"""How each method without interventions simulates a batch of scenarios."""
+
+
+class Simulated(eqx.Module):
+    """Rollouts: the traffic, and what was decided about it (None where nobody decides)."""
+
+    frames: Frames
+    decisions: Decisions | None
+
+
+@dataclass(frozen=True)
+class Interventions:
+    """What of the interventions changes the program: policy, detection, execution."""
+
+    policy: PolicyName
+    matcher: MatcherConfig
+    loop: LoopOptions
+
+
+def interventions(config: EvaluateTask) -> Interventions | None:
+    """The interventions of the configured method, None for none."""
+    if config.method is Method.base:
+        return None
+    detection = detection_options(config.detection, config.reference, config.hist, config.mape, config.spacing)
+    loop = LoopOptions(detection, config.admissible, config.exec)
+    return Interventions(config.decision.policy, config.matcher, loop)
 
 
 def traffic_model(core: CoreConfig) -> TrafficModel:
@@ -101,27 +140,49 @@ class Rollouts:
     Attributes:
         scene: Index of the scene of each rollout; with eval.seed_scope=run every rollout serves all scenes.
         run: Run of each rollout.
+        cell: Index of the thresholds of each rollout.
     """
 
-    def __init__(self, config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray) -> None:
+    def __init__(
+        self,
+        config: EvaluateTask,
+        scenes: SceneSet,
+        held_out: np.ndarray,
+        references: References | None = None,
+        thresholds: Sequence[tuple[float, float]] = (NEVER,),
+    ) -> None:
         """Lists the rollouts; nothing is simulated yet.
 
         Args:
             config: Method, road, initial states, runs and seeds.
             scenes: All scenes.
             held_out: Indices of those to be simulated.
+            references: Representative scenes, for methods that intervene.
+            thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene; every pair gets
+                the same rollouts.
         """
         self._config, self._n_seconds = config, scenes.seconds
         runs = np.arange(config.eval.n_runs, dtype=np.int32)
         is_shared = config.eval.seed_scope is SeedScope.run
         served = held_out[:1] if is_shared else held_out
-        self.run, self.scene = np.repeat(runs, len(served)), np.tile(served, len(runs))
+        n = len(runs) * len(served)
+        self.cell = np.repeat(np.arange(len(thresholds)), n)
+        self.run = np.tile(np.repeat(runs, len(served)), len(thresholds))
+        self.scene = np.tile(served, len(runs) * len(thresholds))
         scene_id = np.zeros_like(self.scene) if is_shared else scenes.scene_id[self.scene]
         self._starts = {
             "seed": np.full(len(self.run), config.eval.seed, np.int32),
             "run": self.run,
             "scene_id": scene_id.astype(np.int32),
         }
+        self._references = self._thresholds = None
+        if config.method is not Method.base:
+            if references is None:
+                raise ValueError(f"method={config.method.name} needs references to hold the traffic against")
+            # A last axis of length 1: the same for all scenarios.
+            self._references = jax.tree.map(lambda leaf: np.asarray(leaf)[..., None], references)
+            kind = np.dtype(config.core.dtype.name)
+            self._thresholds = tuple(np.array(values, kind)[self.cell] for values in zip(*thresholds, strict=True))
         self._state = None
         if config.init.source is InitialSource.scene:
             if is_shared:
@@ -135,24 +196,32 @@ class Rollouts:
     def __len__(self) -> int:
         return len(self.run)
 
-    def chunks(self, width: int) -> Iterator[Frames]:
-        """Frames chunk by chunk, scenarios in the order of `run` and `scene`.
+    def chunks(self, width: int) -> Iterator[Simulated]:
+        """Rollouts chunk by chunk, scenarios in the order of `run` and `scene`.
 
         Args:
             width: Scenarios a device takes at a time.
         """
         config = self._config
-        simulate = _program(config.method, config.core, config.init.speed, self._n_seconds, width)
-        return simulate.chunks((self._starts, self._state))
+        simulate = _program(
+            config.method, interventions(config), config.core, config.init.speed, self._n_seconds, width
+        )
+        return simulate.chunks((self._starts, self._state, self._references, self._thresholds))
+
+
+_Batch: TypeAlias = tuple[dict[str, Array], TrafficState | None, References | None, tuple[Array, Array] | None]
+"""What a chunk of rollouts is computed from: seeds, measured states, references and thresholds, as far as used."""
 
 
 @functools.cache
-def _program(method: Method, core: CoreConfig, speed: InitialSpeed, n_seconds: int, width: int) -> ScenarioMap:
-    """Compiled once for all studies of a process: from seeds (and measured states) to frames."""
+def _program(
+    method: Method, acts: Interventions | None, core: CoreConfig, speed: InitialSpeed, n_seconds: int, width: int
+) -> ScenarioMap:
+    """Compiled once for all studies of a process: from seeds (and measured states) to rollouts."""
     model = traffic_model(core)
 
-    def simulate(batch: tuple[dict[str, Array], TrafficState | None]) -> Frames:
-        starts, measured = batch
+    def simulate(batch: _Batch) -> Simulated:
+        starts, measured, references, thresholds = batch
         keys = jax.vmap(rollout_key)(starts["seed"], starts["run"], starts["scene_id"])
         state, drivers = spawn(
             keys,
@@ -162,6 +231,42 @@ def _program(method: Method, core: CoreConfig, speed: InitialSpeed, n_seconds: i
             initial_speed=FIXED_SPEED if speed is InitialSpeed.fixed_25 else None,
             dtype=jnp.dtype(core.dtype.name),
         )
-        return SIMULATORS[method](state if measured is None else measured, drivers, model, n_seconds)
+        state = state if measured is None else measured
+        if acts is None or references is None or thresholds is None:
+            return Simulated(SIMULATORS[method](state, drivers, model, n_seconds), None)
+        references = jax.tree.map(lambda leaf: leaf[..., 0], references)
+        return simulate_rearl(state, drivers, keys, references, Thresholds(*thresholds), acts, model, n_seconds)
 
     return ScenarioMap(simulate, chunk=width)
+
+
+def simulate_rearl(
+    state: TrafficState,
+    drivers: Drivers,
+    keys: Key[Array, " scenarios"],
+    references: References,
+    thresholds: Thresholds,
+    acts: Interventions,
+    model: TrafficModel,
+    n_seconds: int,
+) -> Simulated:
+    """Rollouts of IDM and MOBIL traffic with interventions.
+
+    Args:
+        state: Initial states.
+        drivers: Parameters of all vehicles.
+        keys: Random keys of the rollouts.
+        references: Representative scenes.
+        thresholds: Of every scenario.
+        acts: Policy, detection, execution.
+        model: Road, clock and stages of the same traffic without interventions.
+        n_seconds: Seconds to simulate [s].
+    """
+    model = replace(model, meta_follows=acts.loop.execution.longitudinal is Longitudinal.idm_capped)
+    policy_keys = jax.vmap(lambda key: jax.random.fold_in(key, POLICY_STREAM))(keys)
+    table = tabulate(references, acts.loop.detection.hist, state.x.dtype)
+    policy = make_policy(acts.policy, acts.matcher, model)
+    _, frames, decisions = rollout_with_policy(
+        state, drivers, policy_keys, table, thresholds, policy, model, acts.loop, n_seconds=n_seconds
+    )
+    return Simulated(frames, decisions)

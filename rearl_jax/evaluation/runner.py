@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -15,7 +15,9 @@ from rearl_jax.config.evaluation import SeedScope
 from rearl_jax.config.metrics import HistConfig, MetricsConfig
 from rearl_jax.core.rollout import Frames
 from rearl_jax.data.scene_set import SceneSet
-from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.decision.loop import Decisions
+from rearl_jax.detection.references import References
+from rearl_jax.evaluation.rollouts import NEVER, Rollouts, Simulated
 from rearl_jax.evaluation.scores import (
     REAL,
     REAL_VS_REAL,
@@ -27,6 +29,7 @@ from rearl_jax.evaluation.scores import (
     with_realism,
 )
 from rearl_jax.evaluation.scoring import Scorer, join
+from rearl_jax.metrics.scene import SceneMetrics
 
 BINS_DRAWN = 4
 """Bins of the drawn speed histogram per bin of the Hellinger distance."""
@@ -48,6 +51,21 @@ class Sample:
 
 
 @dataclass(frozen=True)
+class DecisionLog:
+    """What was detected and decided in every rollout of the method.
+
+    Attributes:
+        scene: Index of the scene whose initial state a rollout has.
+        run: Run of each rollout.
+        decisions: Second by second, `[n_steps, n_rollouts]`.
+    """
+
+    scene: Int[np.ndarray, " rollouts"]
+    run: Int[np.ndarray, " rollouts"]
+    decisions: Decisions
+
+
+@dataclass(frozen=True)
 class Evaluation:
     """Everything that was measured.
 
@@ -56,12 +74,14 @@ class Evaluation:
         held_out: Indices of the evaluation scenes, rising.
         rows: The method first, then the reference rows.
         sample: What the figures show of the method.
+        log: What was detected and decided; None where nobody decides.
     """
 
     scenes: SceneSet
     held_out: Int[np.ndarray, " scenes"]
     rows: list[Scores]
     sample: Sample
+    log: DecisionLog | None = None
 
     def row(self, name: str) -> Scores:
         """The row of that name."""
@@ -73,6 +93,8 @@ def evaluate(
     scenes: SceneSet,
     held_out: np.ndarray,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    references: References | None = None,
+    thresholds: tuple[float, float] = NEVER,
 ) -> Evaluation:
     """The method and the reference rows, scored on the held-out scenes.
 
@@ -81,9 +103,11 @@ def evaluate(
         scenes: All scenes; those not held out serve only as partners in real against real.
         held_out: Indices of the scenes to evaluate on, rising.
         progress: Called with the number of rollouts done and their total.
+        references: Representative scenes, for methods that intervene.
+        thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene.
     """
     metrics = MetricsConfig(config.hist, config.thw, config.safety, config.realism, config.spacing)
-    rollouts = Rollouts(config, scenes, held_out)
+    rollouts = Rollouts(config, scenes, held_out, references, [thresholds])
     n_pairs = config.eval.n_runs * len(held_out)
     width = min(config.core.chunk, math.ceil(n_pairs / len(jax.local_devices())))
     scorer = Scorer(scenes, metrics, width=width, dtype=np.dtype(config.core.dtype.name))
@@ -91,10 +115,10 @@ def evaluate(
     # Beside the simulation's compilation, which is the longest part of a short job.
     with ThreadPoolExecutor(1) as beside:
         reference = beside.submit(reference_rows, config, scenes, held_out, scorer)
-        method, sample = simulated_row(config, rollouts, scorer, held_out, width, example, progress)
+        method, sample, log = simulated_row(config, rollouts, scorer, held_out, width, example, progress)
         rows = [method, *reference.result()]
     real = next(row for row in rows if row.row == REAL)
-    return Evaluation(scenes, held_out, with_realism(rows, real, config.realism), sample)
+    return Evaluation(scenes, held_out, with_realism(rows, real, config.realism), sample, log)
 
 
 def simulated_row(
@@ -105,31 +129,90 @@ def simulated_row(
     width: int,
     example: int,
     progress: Callable[[int, int], None],
-) -> tuple[Scores, Sample]:
-    """Scores of the method on the held-out scenes, and what the figures show of it."""
+) -> tuple[Scores, Sample, DecisionLog | None]:
+    """Scores of the method on the held-out scenes, what the figures show of it, and what was decided."""
     begin = time.perf_counter()
     edges = speed_histogram_edges(config.hist)
     speed_counts = np.zeros(len(edges) - 1, np.int64)
-    parts, scored, shown, done = [], [], None, 0
-    for frames in rollouts.chunks(width):
-        run = rollouts.run[done : done + frames.x.shape[-1]]
-        scene = rollouts.scene[done : done + frames.x.shape[-1]]
-        which = np.arange(len(run))
-        if config.eval.seed_scope is SeedScope.run:
-            which, scene = np.repeat(which, len(held_out)), np.tile(held_out, len(run))
-        parts.append(scorer.simulated(frames, which, scene))
-        scored.append((scene, run[which]))
+    chunks, decided, shown = [], [], None
+    for simulated, chunk in scored_chunks(config, rollouts, scorer, held_out, width, progress):
+        frames = simulated.frames
+        chunks.append(chunk)
+        decided.append(simulated.decisions)
         speed_counts += np.histogram(np.clip(frames.speed, edges[0], edges[-1]), edges)[0]
-        if shown is None and example in scene:
-            column = which[np.flatnonzero(scene == example)[0]]
+        if shown is None and example in chunk.scene:
+            column = chunk.rollout[np.flatnonzero(chunk.scene == example)[0]]
             shown = jax.tree.map(lambda leaf, at=column: leaf[..., at].copy(), frames)
-        done += len(run)
-        progress(done, len(rollouts))
-    scene, run = (np.concatenate(values) for values in zip(*scored, strict=True))
-    seconds = time.perf_counter() - begin
-    row = scores_of(config.method.name, scene, run, join(parts), n_rollouts=done, seconds=seconds)
+    row = _joined(config, chunks, len(rollouts), time.perf_counter() - begin)
     assert shown is not None  # the example is one of the held-out scenes
-    return row, Sample(example, shown, speed_counts)
+    log = None
+    if decided[0] is not None:
+        joined = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *decided)
+        log = DecisionLog(rollouts.scene, rollouts.run, joined)
+    return row, Sample(example, shown, speed_counts), log
+
+
+def scored_rollouts(
+    config: EvaluateTask, rollouts: Rollouts, scenes: SceneSet, progress: Callable[[int, int], None]
+) -> Scores:
+    """Scores of rollouts that each belong to one scene, in their order.
+
+    Args:
+        config: The task, with eval.seed_scope=run_x_scene.
+        rollouts: The rollouts.
+        scenes: All scenes.
+        progress: Called with the number of rollouts done and their total.
+    """
+    begin = time.perf_counter()
+    width = min(config.core.chunk, math.ceil(len(rollouts) / len(jax.local_devices())))
+    metrics = MetricsConfig(config.hist, config.thw, config.safety, config.realism, config.spacing)
+    scorer = Scorer(scenes, metrics, width=width, dtype=np.dtype(config.core.dtype.name))
+    chunks = [chunk for _, chunk in scored_chunks(config, rollouts, scorer, rollouts.scene, width, progress)]
+    return _joined(config, chunks, len(rollouts), time.perf_counter() - begin)
+
+
+@dataclass(frozen=True)
+class ScoredChunk:
+    """Pairs of a rollout and a scene, and their metrics.
+
+    Attributes:
+        rollout: Column of each pair's rollout in the chunk.
+        scene: Index of its scene.
+        run: Its run.
+        metrics: Its metrics.
+    """
+
+    rollout: Int[np.ndarray, " pairs"]
+    scene: Int[np.ndarray, " pairs"]
+    run: Int[np.ndarray, " pairs"]
+    metrics: SceneMetrics
+
+
+def scored_chunks(
+    config: EvaluateTask,
+    rollouts: Rollouts,
+    scorer: Scorer,
+    held_out: np.ndarray,
+    width: int,
+    progress: Callable[[int, int], None],
+) -> Iterator[tuple[Simulated, ScoredChunk]]:
+    """Rollouts chunk by chunk, each scored against its scene, or against all under eval.seed_scope=run."""
+    done = 0
+    for simulated in rollouts.chunks(width):
+        n = simulated.frames.x.shape[-1]
+        run, scene = rollouts.run[done : done + n], rollouts.scene[done : done + n]
+        which = np.arange(n)
+        if config.eval.seed_scope is SeedScope.run:
+            which, scene = np.repeat(which, len(held_out)), np.tile(held_out, n)
+        yield simulated, ScoredChunk(which, scene, run[which], scorer.simulated(simulated.frames, which, scene))
+        done += n
+        progress(done, len(rollouts))
+
+
+def _joined(config: EvaluateTask, chunks: list[ScoredChunk], n_rollouts: int, seconds: float) -> Scores:
+    scene, run = (np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in ("scene", "run"))
+    metrics = join([chunk.metrics for chunk in chunks])
+    return scores_of(config.method.name, scene, run, metrics, n_rollouts=n_rollouts, seconds=seconds)
 
 
 def reference_rows(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray, scorer: Scorer) -> list[Scores]:

@@ -12,6 +12,7 @@ import pandas as pd
 
 from rearl_jax.config import EvaluateTask
 from rearl_jax.evaluation.estimates import Estimate
+from rearl_jax.evaluation.interventions import intervention_figures, intervention_note
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.evaluation.scores import REAL, Scores
 from rearl_jax.metrics import METRICS
@@ -146,8 +147,10 @@ def summary_rows(
     """The objects of summary.json, one per row of the table, the method first.
 
     Keys: method, every metric by its name with `_sd` (over runs), `_low` and `_high` (bootstrap interval over
-    scenes), n_scenes, n_rollouts, seconds. None where there is no figure.
+    scenes), n_scenes, n_rollouts, seconds; for a method that intervenes also those of `intervention_figures`, None
+    in the other rows. None where there is no figure.
     """
+    acts = {} if evaluation.log is None else intervention_figures(evaluation.log)
     found = []
     for row in evaluation.rows:
         figures: dict[str, str | int | float | None] = {"method": row.row}
@@ -159,6 +162,7 @@ def summary_rows(
         figures["n_scenes"] = len(np.unique(row.scene))
         figures["n_rollouts"] = row.n_rollouts
         figures["seconds"] = round(row.seconds, 3)
+        figures |= acts if row is evaluation.rows[0] else dict.fromkeys(acts)
         found.append(figures)
     return found
 
@@ -181,6 +185,8 @@ def table_notes(config: EvaluateTask, evaluation: Evaluation) -> list[str]:
         "THW time headway, LCR lane changes per vehicle and second: they describe traffic; compare with the "
         "row real, more is not better",
     ]
+    if evaluation.log is not None:
+        notes.insert(1, intervention_note(evaluation.log))
     if scenes.generated:
         notes.insert(0, "GENERATED recordings, no measurements: nothing here is about real traffic")
     return notes

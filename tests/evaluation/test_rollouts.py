@@ -12,7 +12,7 @@ def frames_of(config, scenes, held_out, width=64):
     from rearl_jax.evaluation.rollouts import Rollouts
 
     rollouts = Rollouts(config, scenes, held_out)
-    parts = list(rollouts.chunks(width))
+    parts = [part.frames for part in rollouts.chunks(width)]
     return rollouts, jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)
 
 

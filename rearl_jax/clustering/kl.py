@@ -1,0 +1,202 @@
+"""(k,l)-clustering of curves: k centres of at most l vertices that are near to all curves under the Frechet distance.
+
+First centres are simplified curves of a sample, chosen as k-medoids; then centres move to the points of their members
+(Frechet centring). Distances to all curves are one compiled program.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Float32, Int
+
+from rearl_jax.clustering.continuous import continuous_distances
+from rearl_jax.clustering.frechet import aligned, discrete_distances, subdivided
+from rearl_jax.clustering.medoids import build, farthest_first, swap
+from rearl_jax.clustering.simplify import shortcut_errors, simplified
+from rearl_jax.config.clustering import CurveDistance, KlConfig, KlInit, KlUpdate
+
+
+@dataclass(frozen=True)
+class Centres:
+    """Centres and how near they are.
+
+    Attributes:
+        vertices: Vertices of the centres.
+        distances: Frechet distance of every curve to every centre.
+    """
+
+    vertices: Float[np.ndarray, "centres features vertices"]
+    distances: Float32[np.ndarray, "centres curves"]
+
+    @property
+    def labels(self) -> Int[np.ndarray, " curves"]:
+        """Nearest centre of every curve, the first of equally near ones."""
+        return self.distances.argmin(axis=0)
+
+    @property
+    def cost(self) -> float:
+        """Mean distance of the curves to their nearest centre."""
+        return float(self.distances.min(axis=0).mean(dtype=np.float64))
+
+
+class Curves:
+    """Curves to cluster, and a sample of them whose simplifications are the first centres to choose from.
+
+    What depends neither on k nor on l is computed once: a search over both asks many times.
+    """
+
+    def __init__(self, curves: Float32[np.ndarray, "features points curves"], kl: KlConfig) -> None:
+        """Takes the curves.
+
+        Args:
+            curves: Features scaled and weighted; curves contiguous.
+            kl: Distance, sample and seed; k and l come with each call.
+
+        Raises:
+            ValueError: Fewer curves than clusters.
+        """
+        if curves.shape[2] < kl.k:
+            raise ValueError(
+                f"{curves.shape[2]} tracks cannot form kl.k = {kl.k} clusters: lower kl.k or read more data"
+            )
+        self.curves = np.ascontiguousarray(curves)
+        self._distance, self._centre_points = kl.distance, kl.centre_points
+        n_curves = curves.shape[2]
+        chosen = np.random.default_rng(kl.seed).choice(n_curves, min(kl.sample, n_curves), replace=False)
+        self.sample = np.ascontiguousarray(curves[:, :, np.sort(chosen)])
+        self._among_sample: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+
+    def distances(
+        self, centres: Float[np.ndarray, "centres features vertices"], curves: np.ndarray | None = None
+    ) -> Float32[np.ndarray, "centres curves"]:
+        """Distance of every curve (of all, or of those given) to every centre."""
+        curves = self.curves if curves is None else curves
+        if self._distance is CurveDistance.continuous:
+            return continuous_distances(curves.astype(np.float64), centres).astype(np.float32)
+        if self._distance is CurveDistance.discrete_resampled:
+            centres = subdivided(centres, max(self._centre_points, centres.shape[2]))
+        return discrete_distances(curves, centres)
+
+    def among_sample(self, n_vertices: int) -> tuple[np.ndarray, Float32[np.ndarray, "candidates curves"]]:
+        """The sample simplified to `n_vertices`, and its distances to itself unsimplified."""
+        if n_vertices not in self._among_sample:
+            candidates = simplified(self.sample, self._sample_errors, n_vertices)
+            self._among_sample[n_vertices] = candidates, self.distances(candidates, self.sample)
+        return self._among_sample[n_vertices]
+
+    @cached_property
+    def _sample_errors(self) -> Float[np.ndarray, "curves points points"]:
+        return shortcut_errors(self.sample)
+
+
+def cluster_curves(
+    curves: Curves, kl: KlConfig, progress: Callable[[int, int], None] = lambda done, total: None
+) -> tuple[Centres, list[float]]:
+    """The best centres found, and the cost of every iterate, the first centres first.
+
+    Args:
+        curves: What to cluster.
+        kl: Parameters.
+        progress: Called with the number of iterates so far and the most there can be.
+
+    Source: Buchin, Driemel, van de L'Isle & Nusser, klcluster: Center-based clustering of trajectories,
+    SIGSPATIAL 2019.
+    """
+    tried = []
+    for centres in iterates(curves, kl):
+        tried.append(centres)
+        progress(len(tried), kl.iterations + 1)
+    progress(kl.iterations + 1, kl.iterations + 1)
+    costs = [centres.cost for centres in tried]
+    return tried[int(np.argmin(costs))], costs
+
+
+def iterates(curves: Curves, kl: KlConfig) -> Iterator[Centres]:
+    """First centres, then after each update; ends after `kl.iterations` or the first that does not lower the cost."""
+    vertices = first_centres(curves, kl)
+    centres = Centres(vertices, curves.distances(vertices))
+    yield centres
+    rng = np.random.default_rng([kl.seed, 1])
+    for _ in range(kl.iterations):
+        before = centres.cost
+        vertices = moved(curves, centres, kl, rng)
+        centres = Centres(vertices, curves.distances(vertices))
+        yield centres
+        if not centres.cost < before:
+            return
+
+
+def first_centres(curves: Curves, kl: KlConfig) -> Float[np.ndarray, "centres features vertices"]:
+    """Simplified curves: medoids of the sample, or farthest first over all curves."""
+    if kl.init is KlInit.gonzalez:
+        return _gonzalez(curves, kl)
+    candidates, distances = curves.among_sample(kl.l)
+    start = farthest_first(distances, kl.k) if kl.init is KlInit.gonzalez_pam else build(distances, kl.k)
+    return candidates[swap(distances, start)]
+
+
+def _gonzalez(curves: Curves, kl: KlConfig) -> Float[np.ndarray, "centres features vertices"]:
+    """A random curve simplified, then always the curve farthest from all centres so far."""
+    n_curves = curves.curves.shape[2]
+    chosen = int(np.random.default_rng([kl.seed, 2]).integers(n_curves))
+    centres: list[np.ndarray] = []
+    nearest = np.full(n_curves, np.inf, dtype=np.float32)
+    for _ in range(kl.k):
+        one = curves.curves[:, :, chosen : chosen + 1]
+        centres.append(simplified(one, shortcut_errors(one), kl.l)[0])
+        nearest = np.minimum(nearest, curves.distances(centres[-1][None])[0])
+        chosen = int(nearest.argmax())
+    return np.stack(centres)
+
+
+def moved(
+    curves: Curves, centres: Centres, kl: KlConfig, rng: np.random.Generator
+) -> Float[np.ndarray, "centres features vertices"]:
+    """Centres moved to their members; one without members stays."""
+    labels = centres.labels
+    result = centres.vertices.copy()
+    for label in range(len(result)):
+        members = np.flatnonzero(labels == label)
+        if not len(members):
+            continue
+        most = kl.sample if kl.update is KlUpdate.medoid else kl.members
+        members = np.sort(rng.choice(members, min(most, len(members)), replace=False))
+        chosen = np.ascontiguousarray(curves.curves[:, :, members])
+        if kl.update is KlUpdate.medoid:
+            candidates = simplified(chosen, shortcut_errors(chosen), result.shape[2])
+            result[label] = candidates[curves.distances(candidates, chosen).sum(axis=1).argmin()]
+        else:
+            result[label] = _centred(chosen, result[label], kl)
+    return result
+
+
+def _centred(
+    members: Float32[np.ndarray, "features points curves"], centre: Float[np.ndarray, "features vertices"], kl: KlConfig
+) -> Float[np.ndarray, "features vertices"]:
+    """Every vertex moved to the middle of all points of the members that are aligned to it."""
+    members = members.astype(np.float64)
+    middle = enclosing_ball if kl.update is KlUpdate.fsa else _mean
+    coupled = aligned(members, centre)
+    return np.stack([middle(members[:, at], kl.ball_steps) for at in coupled], axis=1)
+
+
+def enclosing_ball(points: Float[np.ndarray, "features points"], steps: int) -> Float[np.ndarray, " features"]:
+    """Centre of the smallest ball around the points: from their mean, step i goes 1/(i+1) of the way to the farthest.
+
+    Source: Badoiu & Clarkson, Smaller core-sets for balls, SODA 2003.
+    """
+    centre, radius = points.mean(axis=1), np.inf
+    best = centre
+    for step in range(1, steps + 1):
+        squared = ((points - centre[:, None]) ** 2).sum(axis=0)
+        farthest = int(squared.argmax())
+        if squared[farthest] < radius:
+            best, radius = centre, squared[farthest]
+        centre = centre + (points[:, farthest] - centre) / (step + 1)
+    return best
+
+
+def _mean(points: Float[np.ndarray, "features points"], steps: int) -> Float[np.ndarray, " features"]:
+    return points.mean(axis=1)

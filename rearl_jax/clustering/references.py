@@ -1,0 +1,320 @@
+"""Recordings to representative scenes in one pass: what detection holds simulated traffic against.
+
+    builder = ReferenceBuilder(config)
+    scenes = build_scenes(builder.passing(iterate_recordings(config.data)), ...)
+    references, clusters = builder.build(scenes, split_scenes(scenes, config.split))
+
+Finished clusterings are kept on disk; where one is found, tracks are not even collected.
+"""
+
+import logging
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, Float32, Int, Shaped
+
+from rearl_jax.clustering.kl import Curves, cluster_curves
+from rearl_jax.clustering.scenes import SceneClusters, cluster_scenes, label_shares, may_be_fitted, references_of
+from rearl_jax.clustering.search import search
+from rearl_jax.clustering.store import cache_path, read_arrays, write_arrays
+from rearl_jax.clustering.tracks import FeatureScale, TrackCollector, TrackSet, seen_in, track_index
+from rearl_jax.config._schema import as_plain
+from rearl_jax.config.clustering import BoConfig, ClusterConfig, FitOn, KlConfig
+from rearl_jax.config.data import DataConfig
+from rearl_jax.config.scenes import (
+    FeaturesConfig,
+    ScenesConfig,
+    SpacingConfig,
+    SpeedConfig,
+    SplitConfig,
+    TracksConfig,
+)
+from rearl_jax.data.recordings import data_id
+from rearl_jax.data.records import Recording
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.splits import Splits
+from rearl_jax.detection.references import References
+from rearl_jax.results import Study
+
+log = logging.getLogger(__name__)
+
+DRAWN = 600
+"""Tracks whose curves are kept for figures."""
+
+
+@runtime_checkable
+class ReferenceKeys(Protocol):
+    """The groups of a task's configuration that decide its references."""
+
+    data: DataConfig
+    tracks: TracksConfig
+    scenes: ScenesConfig
+    speed: SpeedConfig
+    features: FeaturesConfig
+    spacing: SpacingConfig
+    split: SplitConfig
+    kl: KlConfig
+    cluster: ClusterConfig
+    bo: BoConfig
+
+
+_GROUPS = ("tracks", "scenes", "speed", "features", "spacing", "split", "kl", "cluster", "bo")
+
+
+@dataclass(frozen=True)
+class TrackClusters:
+    """Clusters of tracks, ordered by the mean speed of their centres, slowest first.
+
+    Attributes:
+        recording: Recording of every track.
+        track_id: Vehicle, unique in its recording.
+        labels: Nearest centre.
+        distances: Frechet distance to it, unitless.
+        centres: Centres in units of the features: scaled speed [m/s], position [m], distance [m].
+        counts: Tracks left out because they are short, or never in company.
+        fitted: Number of tracks the centres were fitted on.
+        costs: Mean distance of these to their nearest centre, unitless: of the first centres, then after each update;
+            the centres are those of the lowest.
+        parameters: k, l and iterations the centres were made with.
+        drawn: Index of some tracks, for figures.
+        drawn_curves: Their features.
+    """
+
+    recording: Shaped[np.ndarray, " tracks"]
+    track_id: Int[np.ndarray, " tracks"]
+    labels: Int[np.ndarray, " tracks"]
+    distances: Float32[np.ndarray, " tracks"]
+    centres: Float[np.ndarray, "clusters features vertices"]
+    counts: Int[np.ndarray, " 2"]
+    fitted: Int[np.ndarray, ""]
+    costs: Float[np.ndarray, " iterates"]
+    parameters: Int[np.ndarray, " 3"]
+    drawn: Int[np.ndarray, " drawn"]
+    drawn_curves: Float32[np.ndarray, "features points drawn"]
+
+
+@dataclass(frozen=True)
+class Clusters:
+    """Both clusterings behind the references.
+
+    Attributes:
+        scene_id: Scene of every entry of `scenes`, and of its representatives' indices.
+        tracks: Clusters of tracks.
+        scenes: Clusters of scenes.
+        trace: Rounds of the search for k, l and iterations; None without one.
+    """
+
+    scene_id: Int[np.ndarray, " scenes"]
+    tracks: TrackClusters
+    scenes: SceneClusters
+    trace: pd.DataFrame | None
+
+    @property
+    def reference_scenes(self) -> Int[np.ndarray, " references"]:
+        """scene_id of the representatives, in the order of the references."""
+        return self.scene_id[self.scenes.representatives]
+
+
+class ReferenceBuilder:
+    """Collects tracks while scenes are cut, then builds the references; finished ones come from disk."""
+
+    def __init__(self, config: ReferenceKeys) -> None:
+        self._config = config
+        keys = {group: as_plain(getattr(config, group)) for group in _GROUPS}
+        self.data_id = data_id(config.data)
+        self._path = cache_path({**keys, "data": self.data_id})
+        self._found = _stored(self._path)
+        self._collector = TrackCollector(config.scenes, config.tracks, config.features, config.spacing)
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the clustering was found on disk."""
+        return self._found is not None
+
+    def passing(self, recordings: Iterable[Recording]) -> Iterator[Recording]:
+        """The recordings, unchanged; their tracks are kept unless the clustering is there already."""
+        return iter(recordings) if self.is_finished else self._collector.passing(recordings)
+
+    def build(
+        self,
+        scenes: SceneSet,
+        splits: Splits,
+        study: Study | None = None,
+        progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
+    ) -> tuple[References, Clusters]:
+        """Representative scenes and the clusterings behind them.
+
+        Args:
+            scenes: All scenes of the recordings passed.
+            splits: Which of them are for evaluation and tuning.
+            study: Keeps the trace of a search and takes it up again (`bo.enabled`).
+            progress: Called with a stage (`search`, `tracks`), the steps done and their total.
+
+        Raises:
+            ValueError: Too few tracks or scenes to cluster, or the recordings have not been passed through.
+        """
+        found = self._found
+        if found is not None and not np.array_equal(found.scene_id, scenes.scene_id):
+            raise ValueError(
+                f"{self._path} belongs to {len(found.scene_id)} scenes, {len(scenes)} were given: build references "
+                "from the scenes of the same configuration"
+            )
+        if found is None:
+            tracks = self._collector.collected()
+            found = cluster(self._config, scenes, tracks, splits, study, self.data_id, progress)
+            write_arrays(self._path, _arrays(found))
+        _warn_of_leaks(found, splits)
+        return references_of(scenes, found.scenes, self._config.cluster), found
+
+
+def build_references(
+    scenes: SceneSet,
+    tracks: TrackSet,
+    splits: Splits,
+    config: ReferenceKeys,
+    study: Study | None = None,
+    progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
+) -> tuple[References, Clusters]:
+    """Representative scenes and the clusterings behind them, from tracks already collected; nothing is kept on disk.
+
+    Args:
+        scenes: All scenes.
+        tracks: All long tracks of the same recordings.
+        splits: Which scenes are for evaluation and tuning.
+        config: A task's configuration.
+        study: Keeps the trace of a search and takes it up again (`bo.enabled`).
+        progress: Called with a stage (`search`, `tracks`), the steps done and their total.
+    """
+    found = cluster(config, scenes, tracks, splits, study, scenes.data_id, progress)
+    return references_of(scenes, found.scenes, config.cluster), found
+
+
+def cluster(
+    config: ReferenceKeys,
+    scenes: SceneSet,
+    tracks: TrackSet,
+    splits: Splits,
+    study: Study | None,
+    identity: str,
+    progress: Callable[[str, int, int], None],
+) -> Clusters:
+    """Both clusterings, of tracks and then of scenes.
+
+    Args:
+        config: A task's configuration.
+        scenes: All scenes.
+        tracks: All long tracks.
+        splits: Which scenes are for evaluation and tuning.
+        study: Keeps the trace of a search.
+        identity: Identity of the data.
+        progress: Called with a stage, the steps done and their total.
+    """
+    allowed = may_be_fitted(splits, config.cluster.fit_on)
+    # Vehicles of scenes that may not be seen teach the centres nothing.
+    training = ~seen_in(tracks, scenes, np.flatnonzero(~allowed))
+    if not training.any():
+        raise ValueError(
+            f"all {len(tracks)} tracks drive through evaluation or tuning scenes, none is left to fit on: read more "
+            "recordings, set split.evaluation and split.tuning to smaller numbers, or cluster.fit_on=all"
+        )
+    features = tracks.features(scenes)
+    scale = FeatureScale.of(features[:, :, training], config.kl.weights)
+    by_track, kl, trace = cluster_tracks(config, tracks, features, scale, training, study, identity, progress)
+    track = track_index(tracks, scenes, np.arange(len(scenes)))
+    labels = np.where(track >= 0, by_track.labels[track], -1)
+    vectors = label_shares(labels, track, kl.k, config.cluster.vector)
+    return Clusters(scenes.scene_id, by_track, cluster_scenes(vectors, allowed, config.cluster), trace)
+
+
+def cluster_tracks(
+    config: ReferenceKeys,
+    tracks: TrackSet,
+    features: Float32[np.ndarray, "features points tracks"],
+    scale: FeatureScale,
+    training: np.ndarray,
+    study: Study | None,
+    identity: str,
+    progress: Callable[[str, int, int], None],
+) -> tuple[TrackClusters, KlConfig, pd.DataFrame | None]:
+    """Centres fitted on the training tracks, labels of all tracks; also the parameters used and the search's trace."""
+    curves = scale.scaled(features)
+    fitted = np.ascontiguousarray(curves[:, :, training])
+    kl, trace = config.kl, None
+    if config.bo.enabled:
+        kl, trace = search(fitted, kl, config.bo, study, identity, lambda done, all: progress("search", done, all))
+    searched = Curves(fitted, kl)
+    best, costs = cluster_curves(searched, kl, lambda done, total: progress("tracks", done, total))
+    # Slowest first, so that label 0 means the same in every run.
+    physical = scale.physical(best.vertices)
+    order = np.argsort(physical[:, 0].mean(axis=1), kind="stable")
+    distances = searched.distances(best.vertices[order], curves)
+    labels = distances.argmin(axis=0)
+    drawn = np.sort(np.random.default_rng([kl.seed, 3]).permutation(len(tracks))[:DRAWN])
+    log.info("tracks per cluster: %s; mean distance %.4f", np.bincount(labels, minlength=kl.k).tolist(), best.cost)
+    return (
+        TrackClusters(
+            recording=tracks.recording,
+            track_id=tracks.track_id,
+            labels=labels,
+            distances=distances.min(axis=0),
+            centres=physical[order],
+            counts=np.array([tracks.n_short, tracks.n_alone]),
+            fitted=np.array(training.sum()),
+            costs=np.array(costs),
+            parameters=np.array([kl.k, kl.l, kl.iterations]),
+            drawn=drawn,
+            drawn_curves=features[:, :, drawn],
+        ),
+        kl,
+        trace,
+    )
+
+
+def _warn_of_leaks(clusters: Clusters, splits: Splits) -> None:
+    held_out = np.concatenate([splits.evaluation, splits.tuning])
+    leaked = np.isin(clusters.scenes.representatives, held_out).sum()
+    if leaked:
+        log.warning(
+            "%d references are evaluation or tuning scenes (cluster.fit_on=%s): results on these are not held out",
+            int(leaked),
+            FitOn.all.name,
+        )
+
+
+_TRACK_FIELDS = tuple(item.name for item in fields(TrackClusters))
+_SCENE_FIELDS = tuple(item.name for item in fields(SceneClusters))
+
+
+def _arrays(clusters: Clusters) -> dict[str, np.ndarray]:
+    """The record as named arrays."""
+    arrays = {"scene_id": clusters.scene_id}
+    arrays |= {f"tracks.{name}": getattr(clusters.tracks, name) for name in _TRACK_FIELDS}
+    arrays |= {f"scenes.{name}": np.asarray(getattr(clusters.scenes, name)) for name in _SCENE_FIELDS}
+    if clusters.trace is not None:
+        for name, column in clusters.trace.items():
+            arrays[f"trace.{name}"] = column.to_numpy(np.str_ if name == "chosen_by" else None)
+    return arrays
+
+
+def _stored(path: Path) -> Clusters | None:
+    """The record from disk, if it is there and whole."""
+    arrays = read_arrays(path)
+    if arrays is None:
+        return None
+    trace = {name.removeprefix("trace."): values for name, values in arrays.items() if name.startswith("trace.")}
+    try:
+        n_distinct = int(arrays.pop("scenes.n_distinct"))
+        by_scene = {name: arrays[f"scenes.{name}"] for name in _SCENE_FIELDS if name != "n_distinct"}
+        return Clusters(
+            scene_id=arrays["scene_id"],
+            tracks=TrackClusters(**{name: arrays[f"tracks.{name}"] for name in _TRACK_FIELDS}),
+            scenes=SceneClusters(**by_scene, n_distinct=n_distinct),
+            trace=pd.DataFrame(trace) if trace else None,
+        )
+    except KeyError as error:
+        log.warning("%s is damaged (it lacks %s): clustering again", path, error)
+        return None

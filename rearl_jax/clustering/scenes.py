@@ -1,0 +1,168 @@
+"""Scenes to clusters by the kinds of tracks in them, and one representative per cluster."""
+
+import logging
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rearl_jax.config.clustering import ClusterConfig, FitOn, Representative, SceneVector
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.splits import Split, Splits
+from rearl_jax.detection.references import References
+
+log = logging.getLogger(__name__)
+
+_SAME = 9
+"""Decimals to which shares must agree to count as one scene; finer differences are rounding of k-means' input."""
+
+_N_ACTIONS = 5
+
+
+@dataclass(frozen=True)
+class SceneClusters:
+    """Clusters of scenes, ordered by their centres: most of the slowest kind of track first.
+
+    Attributes:
+        vectors: Shares of the labels in every scene, summing to 1; zeros where a scene has no labelled track.
+        fitted: Scenes the clustering was fitted on.
+        labels: Nearest centre of every scene; -1 where a scene has no labelled track.
+        centres: Centroids.
+        representatives: Index of the fitted member nearest to each centroid.
+        n_distinct: Number of different vectors among the fitted scenes.
+    """
+
+    vectors: Float[np.ndarray, "scenes shares"]
+    fitted: Bool[np.ndarray, " scenes"]
+    labels: Int[np.ndarray, " scenes"]
+    centres: Float[np.ndarray, "clusters shares"]
+    representatives: Int[np.ndarray, " clusters"]
+    n_distinct: int
+
+    def members(self, cluster: int) -> Int[np.ndarray, " members"]:
+        """Indices of the fitted scenes of one cluster, rising."""
+        return np.flatnonzero(self.fitted & (self.labels == cluster))
+
+
+def label_shares(
+    labels: Int[np.ndarray, "scenes frames slots"],
+    track: Int[np.ndarray, "scenes frames slots"],
+    n_labels: int,
+    definition: SceneVector,
+) -> Float[np.ndarray, "scenes labels"]:
+    """Share of every label in every scene.
+
+    Args:
+        labels: Label of the track in every slot; -1 without one.
+        track: Index of that track, the same wherever it is seen.
+        n_labels: Number of labels.
+        definition: Every track of the scene once, or every slot of every snapshot.
+
+    Returns:
+        Shares that sum to 1; zeros for a scene without labelled tracks.
+
+    Source: Bi et al., scenes as vectors in R^3; they do not state what is counted.
+    """
+    counts = np.zeros((len(labels), n_labels))
+    for scene in range(len(labels)):
+        labelled = labels[scene] >= 0
+        found = labels[scene][labelled]
+        if definition is SceneVector.unique_tracks:
+            _, first = np.unique(track[scene][labelled], return_index=True)
+            found = found[first]
+        counts[scene] = np.bincount(found, minlength=n_labels)
+    return counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+
+
+def may_be_fitted(splits: Splits, fit_on: FitOn) -> Bool[np.ndarray, " scenes"]:
+    """Scenes that clusterings may see.
+
+    By default the threshold scenes and those in no subset. A dropped scene may share seconds of traffic with an
+    evaluation or tuning scene, so it counts as one.
+    """
+    if fit_on is FitOn.all:
+        return np.ones(len(splits.label), dtype=bool)
+    return np.isin(splits.label, (Split.REST, Split.THRESHOLD))
+
+
+def cluster_scenes(
+    vectors: Float[np.ndarray, "scenes shares"], allowed: Bool[np.ndarray, " scenes"], config: ClusterConfig
+) -> SceneClusters:
+    """Clusters of scenes by k-means, and their representatives.
+
+    Args:
+        vectors: Label shares of all scenes, see `label_shares`.
+        allowed: Scenes the clustering may be fitted on.
+        config: Number of clusters, restarts, seed.
+
+    Raises:
+        ValueError: No scene is left to fit on.
+
+    Source: Bi et al., Eq. 6, k-means with 15 clusters.
+    """
+    # Heavy to import, so not before a clustering is really asked for.
+    from sklearn.cluster import KMeans
+
+    has_vector = vectors.sum(axis=1) > 0
+    fitted = allowed & has_vector
+    if not fitted.any():
+        raise ValueError(
+            f"none of {len(vectors)} scenes can be clustered: {int(allowed.sum())} are outside the evaluation and "
+            f"tuning splits, {int(has_vector.sum())} contain a track of tracks.min_frames. Read more recordings, set "
+            "split.evaluation and split.tuning to smaller numbers, or cluster.fit_on=all"
+        )
+    if not has_vector.all():
+        log.warning("%d scenes have no track of tracks.min_frames and no cluster", int((~has_vector).sum()))
+    n_distinct = len(np.unique(np.round(vectors[fitted], _SAME), axis=0))
+    n_clusters = min(config.n_clusters, n_distinct)
+    if n_clusters < config.n_clusters:
+        log.warning(
+            "clusters of scenes: %d instead of cluster.n_clusters = %d, only %d different scenes among %d",
+            n_clusters,
+            config.n_clusters,
+            n_distinct,
+            int(fitted.sum()),
+        )
+    # Rounded, so that scenes that count as one are one for k-means too.
+    points = np.round(vectors, _SAME)
+    # pyright takes the default "auto" for the only type there is.
+    kmeans = KMeans(n_clusters, n_init=config.n_init, random_state=config.seed)  # pyright: ignore[reportArgumentType]
+    kmeans.fit(points[fitted])
+    order = np.lexsort(-kmeans.cluster_centers_.T[::-1])
+    centres = kmeans.cluster_centers_[order]
+    distance = ((points[:, None] - centres[None]) ** 2).sum(axis=2)
+    labels = np.where(has_vector, distance.argmin(axis=1), -1)
+    # Rounded for the same reason: scenes of equal vectors must tie, and the lowest index win.
+    to_centre = np.round(distance, 2 * _SAME)
+    representatives = np.empty(n_clusters, dtype=np.int64)
+    for cluster in range(n_clusters):
+        members = np.flatnonzero(fitted & (labels == cluster))
+        representatives[cluster] = members[to_centre[members, cluster].argmin()]
+    return SceneClusters(vectors, fitted, labels, centres, representatives, n_distinct)
+
+
+def references_of(scenes: SceneSet, clusters: SceneClusters, config: ClusterConfig) -> References:
+    """What simulated traffic is held against: the representatives' snapshots.
+
+    `slot_mean` takes the mean of each slot over the members of the cluster and their most frequent action, the lowest
+    of equally frequent ones.
+    """
+    if config.representative is Representative.medoid:
+        chosen = clusters.representatives
+        speed, spacing = scenes.scaled_speed[chosen], scenes.spacing[chosen]
+        mean_spacing, action = scenes.mean_spacing[chosen], scenes.action[chosen]
+    else:
+        members = [clusters.members(cluster) for cluster in range(len(clusters.centres))]
+        speed, spacing, mean_spacing = (
+            np.stack([values[at].mean(axis=0) for at in members])
+            for values in (scenes.scaled_speed, scenes.spacing, scenes.mean_spacing)
+        )
+        votes = np.stack([[(scenes.action[at] == a).sum(axis=0) for a in range(_N_ACTIONS)] for at in members])
+        action = votes.argmax(axis=1)
+    return References(
+        speed=jnp.asarray(speed, jnp.float32),
+        spacing=jnp.asarray(spacing, jnp.float32),
+        mean_spacing=jnp.asarray(mean_spacing, jnp.float32),
+        action=jnp.asarray(action, jnp.int32),
+    )

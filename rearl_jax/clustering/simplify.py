@@ -1,0 +1,99 @@
+"""Curves to polylines of few of their own points, with the least possible Frechet error of any edge."""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+_STEPS = 30
+"""Halvings of the bracket of a shortcut's error; leaves 1e-9 of it."""
+
+
+def shortcut_errors(curves: Float[np.ndarray, "features points curves"]) -> Float[np.ndarray, "curves points points"]:
+    """Frechet distance of the segment from point i to point j to the piece of the curve between them; inf for i >= j.
+
+    To a segment s the distance is the smallest e for which the points in between have, in their order, points on s
+    within e that never step back. Projections that never step back already are these points; else bisection.
+
+    Source: Alt & Godau (1995) for the decision.
+    """
+    points = np.moveaxis(np.asarray(curves, dtype=np.float64), 2, 0)
+    n_points = points.shape[2]
+    errors = np.full((len(points), n_points, n_points), np.inf)
+    for i in range(n_points - 1):
+        errors[:, i, i + 1 :] = _from_point(points[:, :, i:])
+    return errors
+
+
+def simplify(errors: Float[np.ndarray, "curves points points"], n_vertices: int) -> Int[np.ndarray, "curves vertices"]:
+    """Points of every curve that become the vertices: start and end, and those with the least largest error between.
+
+    Curves with too few points have some of them twice, as edges of no length.
+
+    Source: vertex-restricted min-error simplification, Imai & Iri, in Computational Morphology (1988).
+    """
+    n_curves, n_points, _ = errors.shape
+    # A vertex may stay where it is, so that "at most n_vertices" is covered too.
+    errors = np.where(np.eye(n_points, dtype=bool), 0.0, errors)
+    best = np.where(np.arange(n_points) == 0, 0.0, np.inf) * np.ones((n_curves, 1))
+    before = []
+    for _ in range(n_vertices - 1):
+        through = np.maximum(best[:, :, None], errors)
+        before.append(through.argmin(axis=1))
+        best = through.min(axis=1)
+    vertices = np.full((n_curves, n_vertices), n_points - 1)
+    every = np.arange(n_curves)
+    for vertex in range(n_vertices - 2, -1, -1):
+        vertices[:, vertex] = before[vertex][every, vertices[:, vertex + 1]]
+    return vertices
+
+
+def simplified(
+    curves: Float[np.ndarray, "features points curves"],
+    errors: Float[np.ndarray, "curves points points"],
+    n_vertices: int,
+) -> Float[np.ndarray, "curves features vertices"]:
+    """The simplifications as polylines."""
+    vertices = simplify(errors, n_vertices)
+    points = np.moveaxis(np.asarray(curves, dtype=np.float64), 2, 0)
+    return np.take_along_axis(points, vertices[:, None, :], axis=2)
+
+
+def _from_point(points: Float[np.ndarray, "curves features rest"]) -> Float[np.ndarray, "curves ends"]:
+    """Errors of the segments from the first point to each of the others."""
+    offset = points[:, :, 1:] - points[:, :, :1]
+    edge = np.moveaxis(offset, 1, 2)  # curves, ends, features
+    a = (edge**2).sum(axis=2)
+    # along[., end, between]: projection of the points between on the edge, as share of it.
+    along = np.matmul(edge, offset) / np.where(a > 0.0, a, 1.0)[:, :, None]
+    between = np.tri(points.shape[2] - 1, k=-1, dtype=bool)
+    square = (offset**2).sum(axis=1)[:, None, :]
+    # |o - s e|^2 for the share s of the edge e.
+    beside = np.maximum(square - along**2 * a[:, :, None], 0.0)
+
+    def apart(share: np.ndarray) -> np.ndarray:
+        distance = np.sqrt(beside + (share - along) ** 2 * a[:, :, None])
+        return np.where(between, distance, 0.0).max(axis=2)
+
+    at = np.clip(along, 0.0, 1.0)
+    low = apart(at)
+    high = apart(np.maximum.accumulate(np.where(between, at, 0.0), axis=2))
+    curve, end = np.nonzero(high - low > 1e-12)
+    if len(curve):
+        high[curve, end] = _bisected(
+            low[curve, end], high[curve, end], along[curve, end], beside[curve, end], a[curve, end], between[end]
+        )
+    return high
+
+
+def _bisected(
+    low: np.ndarray, high: np.ndarray, along: np.ndarray, beside: np.ndarray, a: np.ndarray, between: np.ndarray
+) -> Float[np.ndarray, " shortcuts"]:
+    """Errors of segments whose points step back when projected."""
+    for _ in range(_STEPS):
+        middle = 0.5 * (low + high)
+        half = np.sqrt(np.maximum(middle[:, None] ** 2 - beside, 0.0) / np.where(a > 0.0, a, 1.0)[:, None])
+        first = np.maximum.accumulate(np.where(between, along - half, 0.0), axis=1)
+        # Within the radius, and the earliest point in order is not beyond the last one allowed.
+        within = (~between | ((middle[:, None] ** 2 >= beside) & (np.maximum(first, 0.0) <= along + half))).all(axis=1)
+        within &= (~between | (along - half <= 1.0)).all(axis=1)
+        low, high = np.where(within, low, middle), np.where(within, middle, high)
+    return high

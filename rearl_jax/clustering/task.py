@@ -1,0 +1,75 @@
+"""The task `rearl cluster`: recordings in; clusters of tracks and scenes, and representative scenes out.
+
+Writes into the study folder `tracks.parquet` (one row per track), `centres.parquet` (one per vertex),
+`scene_clusters.parquet` (one per scene: label shares, cluster, t-SNE coordinates), `references.parquet` (one per
+representative, second and slot), `bo_trace.parquet` with a search, PNG figures, `summary.json` and `config.json`.
+"""
+
+import logging
+
+import numpy as np
+
+from rearl_jax.clustering import tables, terminal
+from rearl_jax.clustering.references import ReferenceBuilder
+from rearl_jax.clustering.search import TRACE
+from rearl_jax.config import ClusterTask
+from rearl_jax.data.recordings import count_recordings, is_generated, iterate_recordings
+from rearl_jax.data.scenes import build_scenes
+from rearl_jax.data.splits import split_scenes
+from rearl_jax.progress import progress_bar
+from rearl_jax.results import Study
+
+log = logging.getLogger(__name__)
+
+_STAGES = {"search": "search", "tracks": "clusters of tracks"}
+
+
+def run(config: ClusterTask) -> dict:
+    """The summary, as written to summary.json; see `tables.summary`.
+
+    Raises:
+        FileNotFoundError, ValueError: There are no recordings, one is bad, or too few tracks or scenes to cluster.
+    """
+    builder = ReferenceBuilder(config)
+    generated = is_generated(config.data)
+    study = Study(config.results.root, config.study, config, "cluster", builder.data_id, generated=generated)
+    study.write_config()
+    with progress_bar() as bar:
+        reading = bar.add_task("recordings", total=count_recordings(config.data))
+        scenes = build_scenes(
+            builder.passing(iterate_recordings(config.data)),
+            config.scenes,
+            config.speed,
+            config.tracks,
+            config.features,
+            config.spacing,
+            progress=lambda name, n_scenes: bar.advance(reading),
+        )
+        splits = split_scenes(scenes, config.split)
+        stages = {}
+
+        def show(stage: str, done: int, total: int) -> None:
+            if stage not in stages:
+                stages[stage] = bar.add_task(_STAGES[stage], total=total)
+            bar.update(stages[stage], completed=done, total=total)
+
+        references, clusters = builder.build(scenes, splits, study, show)
+    metadata = {"scenes_id": scenes.data_id, "seeds": tables.seeds(config)}
+    coordinates = tables.embedding(clusters.scenes.vectors, config.cluster.seed)
+    study.write_table("tracks", tables.track_table(clusters), **metadata)
+    study.write_table("centres", tables.centre_table(clusters), **metadata)
+    study.write_table("scene_clusters", tables.scene_table(scenes, splits, clusters, coordinates), **metadata)
+    study.write_table("references", tables.reference_table(scenes, clusters, references), **metadata)
+    if clusters.trace is not None and not (study.path / f"{TRACE}.parquet").exists():
+        study.write_table(TRACE, clusters.trace, **metadata)  # the clustering, and with it its trace, was on disk
+    summary = tables.summary(config, scenes, splits, clusters)
+    study.write_summary(summary)
+    terminal.print_table(config, scenes, splits, clusters)
+
+    # Only now, so that nobody waits for matplotlib to see the table.
+    from rearl_jax.clustering.figures import draw
+
+    for name, png in draw(config, scenes, splits, clusters, coordinates).items():
+        study.write_bytes(f"{name}.png", png)
+    log.info("%d references written to %s", len(np.asarray(references.speed)), study.path)
+    return summary

@@ -1,0 +1,162 @@
+"""Tracks of all recordings, collected while scenes are cut from them, and the curves they are compared by."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, Float32, Int, Int8, Shaped
+
+from rearl_jax.config.scenes import FeaturesConfig, ScenesConfig, SpacingConfig, TracksConfig
+from rearl_jax.data.records import Recording
+from rearl_jax.data.scene_set import SceneSet, scale_speed
+from rearl_jax.data.track_features import TrackFeatures, track_features
+
+FEATURES = ("speed", "position", "distance")
+"""The feature vector of a track's point. Source: Bi et al., F(P_i(t)) = (v, x, d)."""
+
+
+@dataclass(frozen=True)
+class TrackSet:
+    """Long tracks of all recordings, in the order of the recordings.
+
+    Attributes:
+        recording: Recording of the track.
+        track_id: Vehicle, unique in its recording.
+        n_frames: Length of the track in frames of its recording.
+        direction: Carriageway, 1 or 2.
+        speed: Recorded speed [m/s].
+        position: Centre along the own driving direction [m].
+        distance: Distance d of the feature vector [m].
+        n_short: Tracks left out because they are shorter than `tracks.min_frames`.
+        n_alone: Tracks left out because no other vehicle is ever recorded with them.
+    """
+
+    recording: Shaped[np.ndarray, " tracks"]
+    track_id: Int[np.ndarray, " tracks"]
+    n_frames: Int[np.ndarray, " tracks"]
+    direction: Int8[np.ndarray, " tracks"]
+    speed: Float32[np.ndarray, "tracks points"]
+    position: Float32[np.ndarray, "tracks points"]
+    distance: Float32[np.ndarray, "tracks points"]
+    n_short: int
+    n_alone: int
+
+    def __len__(self) -> int:
+        return len(self.track_id)
+
+    def features(self, scenes: SceneSet) -> Float32[np.ndarray, "features points tracks"]:
+        """Scaled speed [m/s], position [m] and distance [m] of every track, the tracks contiguous."""
+        curves = np.empty((len(FEATURES), self.speed.shape[1], len(self)), dtype=np.float32)
+        scaled = scale_speed(self.speed, scenes.speed_min, scenes.speed_max, scenes.speed_norm)
+        for feature, values in enumerate((scaled, self.position, self.distance)):
+            curves[feature] = values.T
+        return curves
+
+
+@dataclass
+class TrackCollector:
+    """Keeps the feature curves of recordings on their way to something else; of the rows nothing stays.
+
+    `build_scenes(collector.passing(recordings), ...)` reads every recording once for scenes and tracks.
+    """
+
+    scenes: ScenesConfig
+    tracks: TracksConfig
+    features: FeaturesConfig
+    spacing: SpacingConfig
+    parts: list[TrackFeatures] = field(default_factory=list)
+
+    def passing(self, recordings: Iterable[Recording]) -> Iterator[Recording]:
+        """The recordings, unchanged and one at a time."""
+        for recording in recordings:
+            self.parts.append(track_features(recording, self.scenes, self.tracks, self.features, self.spacing))
+            yield recording
+            # Not to be held while the next one is read.
+            del recording
+
+    def collected(self) -> TrackSet:
+        """All tracks so far; the parts are given up on the way, so that they are not held twice.
+
+        Raises:
+            ValueError: No track is long enough.
+        """
+        parts, self.parts = self.parts, []
+        n_short, n_alone = (sum(getattr(part, name) for part in parts) for name in ("n_short", "n_alone"))
+        counts = [len(part.track_id) for part in parts]
+        if not sum(counts):
+            raise ValueError(
+                f"no track can be clustered: {n_short} are shorter than tracks.min_frames = {self.tracks.min_frames} "
+                f"frames and {n_alone} are never in company. Lower tracks.min_frames or read more recordings"
+            )
+        joined = {}
+        for name in ("track_id", "n_frames", "direction", *FEATURES):
+            joined[name] = np.concatenate([getattr(part, name) for part in parts])
+        recording = np.repeat(np.array([part.recording for part in parts]), counts)
+        return TrackSet(recording=recording, **joined, n_short=n_short, n_alone=n_alone)
+
+
+@dataclass(frozen=True)
+class FeatureScale:
+    """Affine map from features to the unitless curves that are compared.
+
+    Attributes:
+        low: Least value over the training tracks, by feature.
+        high: Largest value.
+        weight: Weight after scaling to 0 to 1.
+    """
+
+    low: Float32[np.ndarray, " features"]
+    high: Float32[np.ndarray, " features"]
+    weight: Float32[np.ndarray, " features"]
+
+    @classmethod
+    def of(
+        cls, features: Float32[np.ndarray, "features points tracks"], weights: tuple[float, float, float]
+    ) -> "FeatureScale":
+        """The scale that takes these features to 0 to weight; a feature that never varies becomes 0."""
+        low, high = features.min(axis=(1, 2)), features.max(axis=(1, 2))
+        return cls(low, high, np.asarray(weights, dtype=np.float32))
+
+    def scaled(
+        self, features: Float32[np.ndarray, "features points tracks"]
+    ) -> Float32[np.ndarray, "features points tracks"]:
+        """Features as unitless curves."""
+        span = self.high - self.low
+        factor = np.where(span > 0, self.weight / np.where(span > 0, span, 1), 0).astype(np.float32)
+        return (features - self.low[:, None, None]) * factor[:, None, None]
+
+    def physical(self, centres: np.ndarray) -> np.ndarray:
+        """Unitless centres `[centres, features, vertices]` in units of the features."""
+        span = (self.high - self.low).astype(np.float64)
+        return self.low[:, None] + centres * (span / self.weight)[:, None]
+
+
+def seen_in(tracks: TrackSet, scenes: SceneSet, indices: Int[np.ndarray, " scenes"]) -> Bool[np.ndarray, " tracks"]:
+    """Which tracks are picked in any snapshot of some scenes."""
+    at = track_index(tracks, scenes, indices)
+    found = np.zeros(len(tracks), dtype=bool)
+    found[at[at >= 0]] = True
+    return found
+
+
+def track_index(
+    tracks: TrackSet, scenes: SceneSet, indices: Int[np.ndarray, " scenes"]
+) -> Int[np.ndarray, "scenes frames slots"]:
+    """Index of the track in every slot of some scenes; -1 where it was too short to be collected."""
+    result = np.full((len(indices), *scenes.track_id.shape[1:]), -1, dtype=np.int64)
+    bounds = recording_bounds(tracks.recording)
+    for place, scene in enumerate(indices):
+        start, stop = bounds.get(str(scenes.recording[scene]), (0, 0))
+        known = tracks.track_id[start:stop]  # rising in a recording
+        wanted = scenes.track_id[scene]
+        at = np.minimum(np.searchsorted(known, wanted), max(len(known) - 1, 0))
+        if len(known):
+            result[place] = np.where(known[at] == wanted, start + at, -1)
+    return result
+
+
+def recording_bounds(recording: Shaped[np.ndarray, " tracks"]) -> dict[str, tuple[int, int]]:
+    """First track of every recording, and the one after its last."""
+    starts = np.flatnonzero(np.concatenate([[True], recording[1:] != recording[:-1]]))
+    stops = np.append(starts[1:], len(recording))
+    return {str(recording[a]): (int(a), int(b)) for a, b in zip(starts, stops, strict=True)}

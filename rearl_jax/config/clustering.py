@@ -1,0 +1,162 @@
+"""Configuration of the clusterings: tracks by shape, scenes by the tracks in them, and the search for parameters.
+
+Defaults marked "REARL" are stated in the paper (Bi et al.); "own choice" resolves something it leaves open.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from rearl_jax.config._key import key
+
+
+class CurveDistance(Enum):
+    """How a track is compared with a centre."""
+
+    discrete_resampled = "discrete_resampled"
+    """Discrete Frechet distance, the centre's edges subdivided to `kl.centre_points` points."""
+    discrete_raw = "discrete_raw"
+    """Discrete Frechet distance to the centre's vertices alone."""
+    continuous = "continuous"
+    """Continuous Frechet distance; slow, for small data."""
+
+
+class KlInit(Enum):
+    """Where the first centres come from."""
+
+    pam = "pam"
+    """k-medoids of a sample: BUILD, then SWAP."""
+    gonzalez_pam = "gonzalez_pam"
+    """k-medoids of a sample: farthest-first, then SWAP."""
+    gonzalez = "gonzalez"
+    """Farthest-first over all tracks."""
+
+
+class KlUpdate(Enum):
+    """How a centre moves."""
+
+    fsa = "fsa"
+    """Every vertex to the centre of the smallest ball around the points aligned to it (Frechet centring)."""
+    mean = "mean"
+    """Every vertex to the mean of the points aligned to it."""
+    medoid = "medoid"
+    """To the simplified member with the smallest mean distance to a sample of the members."""
+
+
+class SceneVector(Enum):
+    """What a scene's label shares count."""
+
+    unique_tracks = "unique_tracks"
+    """Every labelled track seen in the scene once."""
+    slot_weighted = "slot_weighted"
+    """Every slot of every snapshot."""
+
+
+class Representative(Enum):
+    """What stands for a cluster of scenes."""
+
+    medoid = "medoid"
+    """The member nearest to the centroid."""
+    slot_mean = "slot_mean"
+    """The mean of all members, slot by slot."""
+
+
+class FitOn(Enum):
+    """Which scenes, and tracks in them, clusterings are fitted on."""
+
+    not_eval = "not_eval"
+    """None that is an evaluation or tuning scene, or shares traffic with one across a border of splits."""
+    all = "all"
+    """All."""
+
+
+@dataclass(unsafe_hash=True)
+class KlConfig:
+    """Clustering of tracks: k centres of at most l vertices under the Frechet distance"""
+
+    k: int = key(3, "clusters of tracks; REARL")
+    l: int = key(12, "vertices of a centre; own choice, REARL does not state it")  # noqa: E741 - the name in the field
+    iterations: int = key(3, "updates of the centres at most, fewer once the cost stops falling; REARL")
+    weights: tuple[float, float, float] = key(
+        (1.0, 1.0, 0.5), "weights of scaled speed, position and distance after min-max to 0 to 1; own choice"
+    )
+    distance: CurveDistance = key(
+        CurveDistance.discrete_resampled, "discrete_resampled, discrete_raw or continuous (small data); own choice"
+    )
+    centre_points: int = key(48, "points of a centre for kl.distance=discrete_resampled; own choice")
+    init: KlInit = key(KlInit.pam, "pam, gonzalez_pam or gonzalez (as in klcluster); own choice")
+    update: KlUpdate = key(KlUpdate.fsa, "fsa: Frechet centring (REARL), mean or medoid")
+    sample: int = key(300, "tracks among which the first centres are sought; own choice")
+    members: int = key(500, "members of a cluster that move its centre, sampled; own choice")
+    ball_steps: int = key(60, "steps of Badoiu and Clarkson's enclosing ball; own choice")
+    seed: int = key(0, "seed of the samples")
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its range."""
+        for name in ("k", "iterations", "ball_steps", "members"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+        if self.l < 2:
+            raise ValueError(f"l must be at least 2 (a centre has a start and an end), got {self.l}")
+        if self.centre_points < self.l:
+            raise ValueError(f"centre_points must be at least l = {self.l}, got {self.centre_points}")
+        if self.sample < self.k:
+            raise ValueError(f"sample must be at least k = {self.k}, got {self.sample}")
+        if not all(weight > 0 for weight in self.weights):
+            raise ValueError(f"weights must be > 0, got {', '.join(map(str, self.weights))}")
+        if self.seed < 0:
+            raise ValueError(f"seed must be >= 0, got {self.seed}")
+
+
+@dataclass(unsafe_hash=True)
+class ClusterConfig:
+    """Clustering of scenes and their representatives"""
+
+    n_clusters: int = key(15, "clusters of scenes, fewer where fewer scenes differ; REARL")
+    n_init: int = key(10, "restarts of k-means; own choice")
+    vector: SceneVector = key(SceneVector.unique_tracks, "shares of labels over unique_tracks or slot_weighted")
+    representative: Representative = key(Representative.medoid, "medoid: a recorded scene (own choice), or slot_mean")
+    fit_on: FitOn = key(
+        FitOn.not_eval, "not_eval: without evaluation and tuning scenes (own choice), all (REARL; not held out)"
+    )
+    seed: int = key(0, "seed of k-means and t-SNE")
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its range."""
+        for name in ("n_clusters", "n_init"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+        if not 0 <= self.seed < 2**32:
+            raise ValueError(f"seed must be within 0 and 2^32 - 1, got {self.seed}")
+
+
+@dataclass(unsafe_hash=True)
+class BoConfig:
+    """Bayesian optimisation of kl.k, kl.l and kl.iterations"""
+
+    enabled: bool = key(False, "search first and use the best; false takes kl.k, kl.l and kl.iterations as given")
+    n_calls: int = key(500, "evaluations at most; stops once the grid is exhausted; REARL")
+    n_initial: int = key(10, "of these drawn at random before the first fit; default of scikit-optimize's gp_minimize")
+    share: float = key(0.05, "share of the tracks every evaluation clusters; REARL")
+    k: tuple[int, ...] = key((2, 3, 4, 5, 6, 7, 8), "values of kl.k tried; own choice")
+    l: tuple[int, ...] = key(  # noqa: E741 - the name in the field
+        (4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24), "values of kl.l tried; own choice"
+    )
+    iterations: tuple[int, ...] = key((1, 2, 3, 4, 5, 6), "values of kl.iterations tried; own choice")
+    penalty: float = key(0.01, "taken from the silhouette for a centre of 24 vertices, in proportion; own choice")
+    seed: int = key(0, "seed of the sample of tracks and of the search")
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its range."""
+        for name, least in (("k", 2), ("l", 2), ("iterations", 1)):
+            values = getattr(self, name)
+            if not values or min(values) < least or len(set(values)) != len(values):
+                raise ValueError(f"{name} must be different values of at least {least}, got {values}")
+        for name in ("n_calls", "n_initial"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+        if not 0 < self.share <= 1:
+            raise ValueError(f"share must be above 0 and at most 1, got {self.share}")
+        if not self.penalty >= 0:
+            raise ValueError(f"penalty must be >= 0, got {self.penalty}")
+        if self.seed < 0:
+            raise ValueError(f"seed must be >= 0, got {self.seed}")

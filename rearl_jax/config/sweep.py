@@ -1,0 +1,28 @@
+"""Configuration of the sweep over detection thresholds."""
+
+from dataclasses import dataclass
+
+from rearl_jax.config._key import key
+
+
+@dataclass(unsafe_hash=True)
+class SweepConfig:
+    """Threshold pairs that are tried on the tuning scenes"""
+
+    h_pct: tuple[float, ...] = key(
+        (5.0, 10.0, 20.0, 30.0), "percentiles of the Hellinger distances of base that become thresholds [%]; REARL"
+    )
+    m_pct: tuple[float, ...] = key(
+        (5.0, 10.0, 20.0, 30.0), "percentiles of the spacing errors of base that become thresholds [%]; REARL"
+    )
+
+    def check(self) -> None:
+        """Raise ValueError for percentiles that are none, or given twice."""
+        for name in ("h_pct", "m_pct"):
+            values = getattr(self, name)
+            if not values:
+                raise ValueError(f"{name} must hold at least one percentile, got none")
+            if not all(0 <= value <= 100 for value in values):
+                raise ValueError(f"{name} must be within 0 and 100 %, got {values}")
+            if len(set(values)) != len(values):
+                raise ValueError(f"{name} holds a percentile twice: {values}")

@@ -1,0 +1,1 @@
+"""Decision: who needs one -> what they may do -> what a policy chooses -> what is executed."""

@@ -1,0 +1,168 @@
+"""Which actions a vehicle may be given."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from rearl_jax.config.decision import AdmissibleConfig, LaneGate
+from rearl_jax.core.affected import if_any
+from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.idm import approach_rate, free_acceleration, interaction
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.neighbours import (
+    View,
+    find_follower,
+    find_leader,
+    for_each_vehicle,
+    lane_bit,
+    lanes_under,
+    perceive,
+    row,
+)
+from rearl_jax.core.state import Controller, TrafficState, nearest_lane, nearest_level
+
+
+def admissible_actions(
+    state: TrafficState, drivers: Drivers, model: TrafficModel, options: AdmissibleConfig
+) -> Bool[Array, "actions vehicles scenarios"]:
+    """Whether each action is admissible for each vehicle, in the order of `MetaAction`; none for crashed vehicles.
+
+    FASTER and SLOWER need a speed level to go to. A lane action needs the lane, no change in progress, and what
+    `options.lane` asks for. With `options.longitudinal` the other three need room to the vehicle ahead. The state must
+    be sorted where the traffic is large (`sort_along_road`).
+    """
+    lane = nearest_lane(state.y, model)
+    drives = ~state.crashed & (state.controller != Controller.ABSENT)
+    may_turn = drives & (lane == state.target_lane)
+    has_left, has_right = may_turn & (lane > 0), may_turn & (lane < model.n_lanes - 1)
+    left, right = has_left, has_right
+    if options.lane is LaneGate.gap:
+        room_left, room_right = if_any(
+            may_turn, lambda: has_room_beside(state, lane, drivers, model, options), (has_left, has_right)
+        )
+        left, right = left & room_left, right & room_right
+    needs_view = options.lane is LaneGate.mobil_safe or options.longitudinal
+    view = perceive(state, model) if needs_view else None
+    if view is not None and options.lane is LaneGate.mobil_safe:
+        left = left & is_safe(state, view, lane - 1, left, drivers)
+        right = right & is_safe(state, view, lane + 1, right, drivers)
+    level = nearest_level(state.speed, model)
+    keep = drives
+    faster, slower = drives & (level < len(model.speed_levels) - 1), drives & (level > 0)
+    if view is not None and options.longitudinal:
+        pull = pull_of_leader(state, view, lane, drives, drivers)
+        keep = keep & (pull <= options.decel_keep)
+        faster, slower = faster & (pull <= options.decel_faster), slower & (pull <= options.decel_slower)
+    return jnp.stack([left, keep, right, faster, slower])
+
+
+class _Gaps(eqx.Module):
+    """Bumper-to-bumper gaps on one lane [m], inf where nobody is, and the speed of the vehicle behind [m/s]."""
+
+    ahead: Float[Array, "vehicles scenarios"]
+    behind: Float[Array, "vehicles scenarios"]
+    rear_speed: Float[Array, "vehicles scenarios"]
+
+
+def has_room_beside(
+    state: TrafficState,
+    lane: Int[Array, "vehicles scenarios"],
+    drivers: Drivers,
+    model: TrafficModel,
+    options: AdmissibleConfig,
+) -> tuple[Bool[Array, "vehicles scenarios"], Bool[Array, "vehicles scenarios"]]:
+    """Whether the gaps to the nearest vehicles ahead and behind suffice on the left and on the right lane.
+
+    A gap suffices above max(min_gap, min_time_gap * speed of the rear vehicle of that pair). One pass over the other
+    vehicles serves both lanes.
+    """
+    on_lanes = lanes_under(state, model)
+    length = jnp.broadcast_to(drivers.body.length, state.x.shape)
+    index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
+    bits = (lane_bit(lane - 1), lane_bit(lane + 1))
+
+    def look_at(other: Int[Array, ""], found: tuple[_Gaps, _Gaps]) -> tuple[_Gaps, _Gaps]:
+        distance = row(state.x, other) - state.x
+        gap = jnp.abs(distance) - (length + row(length, other)) / 2
+        is_ahead, speed = distance >= 0, row(state.speed, other)
+
+        def nearer(gaps: _Gaps, bit: Int[Array, "vehicles scenarios"]) -> _Gaps:
+            is_there = ((row(on_lanes, other) & bit) != 0) & (index != other)
+            is_next = is_there & ~is_ahead & (gap < gaps.behind)
+            return _Gaps(
+                ahead=jnp.where(is_there & is_ahead, jnp.minimum(gaps.ahead, gap), gaps.ahead),
+                behind=jnp.where(is_next, gap, gaps.behind),
+                rear_speed=jnp.where(is_next, speed, gaps.rear_speed),
+            )
+
+        return nearer(found[0], bits[0]), nearer(found[1], bits[1])
+
+    nobody = jnp.full_like(state.x, jnp.inf)
+    nothing = _Gaps(nobody, nobody, jnp.zeros_like(state.x))
+    left, right = for_each_vehicle(state.x.shape[0], look_at, (nothing, nothing))
+
+    def suffice(gaps: _Gaps) -> Bool[Array, "vehicles scenarios"]:
+        needed, needed_behind = (
+            jnp.maximum(options.min_time_gap * speed, options.min_gap) for speed in (state.speed, gaps.rear_speed)
+        )
+        return (gaps.ahead > needed) & (gaps.behind > needed_behind)
+
+    return suffice(left), suffice(right)
+
+
+def is_safe(
+    state: TrafficState,
+    view: View,
+    lane: Int[Array, "vehicles scenarios"],
+    is_needed: Bool[Array, "vehicles scenarios"],
+    drivers: Drivers,
+) -> Bool[Array, "vehicles scenarios"]:
+    """Whether neither the new follower nor the vehicle itself would brake harder than MOBIL's safe deceleration.
+
+    Source: Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86, safety criterion (of the new follower); the
+    same bound for the vehicle itself is ours, because nothing else keeps it from cutting in behind a slow leader.
+    """
+
+    def of_follower() -> Float[Array, "vehicles scenarios"]:
+        follower = find_follower(state, view, lane)
+        closing = approach_rate(
+            follower.speed_x,
+            follower.speed_y,
+            view.speed_x,
+            view.speed_y,
+            cos_heading=follower.cos_heading,
+            sin_heading=follower.sin_heading,
+        )
+        free = free_acceleration(speed_ratio=follower.speed_ratio, params=drivers.idm)
+        return free - interaction(distance=follower.distance, speed=follower.speed, dv=closing, params=drivers.idm)
+
+    bound = drivers.mobil.safe_decel
+    behind = if_any(is_needed, of_follower, jnp.zeros_like(state.x))
+    return (behind >= -bound) & (pull_of_leader(state, view, lane, is_needed, drivers) <= bound)
+
+
+def pull_of_leader(
+    state: TrafficState,
+    view: View,
+    lane: Int[Array, "vehicles scenarios"],
+    is_needed: Bool[Array, "vehicles scenarios"],
+    drivers: Drivers,
+) -> Float[Array, "vehicles scenarios"]:
+    """Deceleration [m/s^2], positive, that IDM asks for because of the leader on a lane; its free-road term is left
+    out.
+    """
+
+    def look() -> Float[Array, "vehicles scenarios"]:
+        leader = find_leader(state, view, lane)
+        closing = approach_rate(
+            view.speed_x,
+            view.speed_y,
+            leader.speed_x,
+            leader.speed_y,
+            cos_heading=view.cos_heading,
+            sin_heading=view.sin_heading,
+        )
+        return interaction(distance=leader.distance, speed=state.speed, dv=closing, params=drivers.idm)
+
+    return if_any(is_needed, look, jnp.zeros_like(state.x))

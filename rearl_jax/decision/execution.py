@@ -1,0 +1,130 @@
+"""From a policy's answers to what vehicles do: only admissible actions, for a while, then back to IDM and MOBIL."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from rearl_jax.config.decision import ExecConfig
+from rearl_jax.core.meta_actions import MetaAction, apply_meta_actions
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.state import Controller, TrafficState, nearest_lane
+from rearl_jax.decision.situation import N_ACTIONS, NO_ACTION
+from rearl_jax.metrics.measure import unrolled_sum
+
+LONG_AGO = 1_000_000
+"""Seconds since a lane change that was never seen."""
+
+
+class DecisionMemory(eqx.Module):
+    """What execution remembers from second to second.
+
+    Attributes:
+        own_speed: Desired speed of each driver before anybody interfered [m/s].
+        seconds_left: Seconds the present action is still to be followed [s]; 0 for none.
+        last_action: Action each vehicle was given for the last second, NO_ACTION for none.
+        lane: Lane at the end of the last second.
+        since_lane_change: Seconds since the lane last differed from that of the second before [s].
+    """
+
+    own_speed: Float[Array, "vehicles scenarios"]
+    seconds_left: Int[Array, "vehicles scenarios"]
+    last_action: Int[Array, "vehicles scenarios"]
+    lane: Int[Array, "vehicles scenarios"]
+    since_lane_change: Int[Array, "vehicles scenarios"]
+
+
+class Orders(eqx.Module):
+    """What is to be done in the coming second.
+
+    Attributes:
+        is_asked: Who needed a decision.
+        action: The action of those whose answer was accepted, NO_ACTION for everybody else.
+        n_inadmissible: Vehicles whose answer was an action they may not take.
+        n_invalid: Vehicles without a valid answer.
+    """
+
+    is_asked: Bool[Array, "vehicles scenarios"]
+    action: Int[Array, "vehicles scenarios"]
+    n_inadmissible: Int[Array, " scenarios"]
+    n_invalid: Int[Array, " scenarios"]
+
+
+def initial_decision_memory(state: TrafficState, model: TrafficModel) -> DecisionMemory:
+    """Memory before the first second: nobody has been told anything."""
+    nothing = jnp.zeros(state.x.shape, jnp.int32)
+    return DecisionMemory(
+        own_speed=state.desired_speed,
+        seconds_left=nothing,
+        last_action=nothing + NO_ACTION,
+        lane=nearest_lane(state.y, model),
+        since_lane_change=nothing + LONG_AGO,
+    )
+
+
+def no_orders(state: TrafficState) -> Orders:
+    """Orders for a second in which nobody is told anything."""
+    nobody = jnp.zeros(state.x.shape, bool)
+    none = jnp.zeros(state.x.shape[1:], jnp.int32)
+    return Orders(nobody, jnp.full(state.x.shape, NO_ACTION, jnp.int32), none, none)
+
+
+def count(mask: Bool[Array, "vehicles scenarios"]) -> Int[Array, " scenarios"]:
+    """Number of vehicles in each scenario for which something holds."""
+    return unrolled_sum(mask.astype(jnp.int32), 0)
+
+
+def accept(
+    actions: Int[Array, "vehicles scenarios"],
+    is_asked: Bool[Array, "vehicles scenarios"],
+    admissible: Bool[Array, "actions vehicles scenarios"],
+) -> Orders:
+    """Orders that are left of a policy's answers: those of vehicles that were asked, admissible ones only."""
+    is_action = (actions >= 0) & (actions < N_ACTIONS)
+    may = jnp.zeros_like(is_asked)
+    for action in range(N_ACTIONS):
+        may = may | ((actions == action) & admissible[action])
+    return Orders(
+        is_asked=is_asked,
+        action=jnp.where(is_asked & may, actions, NO_ACTION),
+        n_inadmissible=count(is_asked & is_action & ~may),
+        n_invalid=count(is_asked & ~is_action),
+    )
+
+
+def execute(
+    state: TrafficState, memory: DecisionMemory, orders: Orders, model: TrafficModel, options: ExecConfig
+) -> tuple[TrafficState, DecisionMemory]:
+    """State and memory at the start of the second in which the orders are followed.
+
+    Who gets an action drives by it for `options.hold` seconds; who was asked and gets none drives by IDM and MOBIL.
+    KEEP, LEFT and RIGHT keep the target speed of a vehicle that followed an action in the second before; otherwise the
+    target speed is the present speed, within the range of the speed levels. FASTER and SLOWER go to the level next to
+    that of the present speed.
+
+    Afterwards the target speed stays as desired speed (`options.persist_target`), or the driver's own one returns.
+
+    Source: highway-env 1.12.1, `MDPVehicle.act`; REARL (Bi et al.): one step, then back to IDM and MOBIL.
+    """
+    is_new = orders.action != NO_ACTION
+    was_driven = state.controller == Controller.META
+    after = jnp.where(is_new, options.hold, jnp.maximum(memory.seconds_left - 1, 0))
+    seconds_left = jnp.where(orders.is_asked & ~is_new, 0, after)
+    is_driven = (seconds_left > 0) & (state.controller != Controller.ABSENT)
+    controller = jnp.where(is_driven, int(Controller.META), int(Controller.IDM)).astype(jnp.int32)
+    controller = jnp.where(was_driven | is_driven, controller, state.controller)
+
+    present = jnp.clip(state.speed, model.speed_levels[0], model.speed_levels[-1])
+    desired = jnp.where(is_driven & ~was_driven, present, state.desired_speed)
+    if not options.persist_target:
+        desired = jnp.where(was_driven & ~is_driven, memory.own_speed, desired)
+    state = eqx.tree_at(lambda s: (s.controller, s.desired_speed), state, (controller, desired))
+    state = apply_meta_actions(state, jnp.where(is_new, orders.action, int(MetaAction.IDLE)), model)
+    memory = eqx.tree_at(lambda m: (m.seconds_left, m.last_action), memory, (seconds_left, orders.action))
+    return state, memory
+
+
+def watch_lanes(memory: DecisionMemory, state: TrafficState, model: TrafficModel) -> DecisionMemory:
+    """Memory after a second has been simulated: who has changed lanes."""
+    lane = nearest_lane(state.y, model)
+    since = jnp.where(lane != memory.lane, 0, jnp.minimum(memory.since_lane_change + 1, LONG_AGO))
+    return eqx.tree_at(lambda m: (m.lane, m.since_lane_change), memory, (lane, since))

@@ -1,0 +1,200 @@
+"""The closed loop: simulate a second, look, decide, carry on.
+
+`look` and `follow` are the two halves around a decision. `rollout_with_policy` runs them with a policy inside one
+compiled scan; a policy that has to leave the program (a language model) is called by the host between the same two.
+"""
+
+import dataclasses
+from typing import TypeAlias
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int, Key
+
+from rearl_jax.config.decision import AdmissibleConfig, ExecConfig
+from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.neighbours import is_large
+from rearl_jax.core.order import sort_along_road
+from rearl_jax.core.rollout import Frames, observe, simulate_second
+from rearl_jax.core.state import TrafficState
+from rearl_jax.decision.admissible import admissible_actions
+from rearl_jax.decision.execution import (
+    DecisionMemory,
+    Orders,
+    accept,
+    count,
+    execute,
+    initial_decision_memory,
+    no_orders,
+    watch_lanes,
+)
+from rearl_jax.decision.situation import N_ACTIONS, Policy, Situation
+from rearl_jax.detection.detector import DetectionOptions, DetectorMemory, Thresholds, detect, initial_memory
+from rearl_jax.detection.table import ReferenceTable
+
+
+@dataclasses.dataclass(frozen=True)
+class LoopOptions:
+    """Choices of the closed loop that change the program."""
+
+    detection: DetectionOptions = dataclasses.field(default_factory=DetectionOptions)
+    admissible: AdmissibleConfig = dataclasses.field(default_factory=AdmissibleConfig)
+    execution: ExecConfig = dataclasses.field(default_factory=ExecConfig)
+
+
+class Traffic(eqx.Module):
+    """What is carried from second to second.
+
+    Attributes:
+        state: The vehicles.
+        detector: What the detection remembers.
+        memory: What execution remembers.
+    """
+
+    state: TrafficState
+    detector: DetectorMemory
+    memory: DecisionMemory
+
+
+class Decisions(eqx.Module):
+    """What happened in each second; `[n_seconds, n_scenarios]`, one second has no seconds axis.
+
+    The detection is that of the frame at the end of the second, the decisions are those followed during it, so
+    the first second has none and the last detection has no consequence.
+
+    Attributes:
+        reference: The nearest reference.
+        hellinger: Hellinger distance of the window's speeds to it [-]; 0 before the first full window.
+        mape: Relative error of the mean spacing to it [-].
+        triggered: Whether the scenario needs decisions.
+        n_asked: Vehicles that needed a decision.
+        n_accepted: Vehicles that follow each action, in the order of `MetaAction`.
+        n_inadmissible: Vehicles whose answer was not admissible.
+        n_invalid: Vehicles without a valid answer.
+    """
+
+    reference: Int[Array, "*seconds scenarios"]
+    hellinger: Float[Array, "*seconds scenarios"]
+    mape: Float[Array, "*seconds scenarios"]
+    triggered: Bool[Array, "*seconds scenarios"]
+    n_asked: Int[Array, "*seconds scenarios"]
+    n_accepted: Int[Array, "*seconds actions scenarios"]
+    n_inadmissible: Int[Array, "*seconds scenarios"]
+    n_invalid: Int[Array, "*seconds scenarios"]
+
+
+def initial_traffic(state: TrafficState, table: ReferenceTable, model: TrafficModel, options: LoopOptions) -> Traffic:
+    """The traffic before the first second."""
+    return Traffic(
+        state=state,
+        detector=initial_memory(table, state.x.shape[-1], options.detection),
+        memory=initial_decision_memory(state, model),
+    )
+
+
+def follow(traffic: Traffic, orders: Orders, drivers: Drivers, model: TrafficModel, options: LoopOptions) -> Traffic:
+    """The traffic one second later, during which the orders were followed: the half after a decision."""
+    state, memory = execute(traffic.state, traffic.memory, orders, model, options.execution)
+    state = simulate_second(state, drivers, model)
+    return Traffic(state, traffic.detector, watch_lanes(memory, state, model))
+
+
+def look(
+    traffic: Traffic,
+    drivers: Drivers,
+    table: ReferenceTable,
+    thresholds: Thresholds,
+    model: TrafficModel,
+    options: LoopOptions,
+) -> tuple[Traffic, Situation]:
+    """The traffic with the detection's memory updated, and what a policy is shown: the half before a decision.
+
+    To be called once for every simulated second.
+    """
+    state, frame = traffic.state, observe(traffic.state, model)
+    detector, detection = detect(traffic.detector, frame, table, thresholds, options.detection)
+    if is_large(state.x.shape[0]):
+        state = eqx.tree_at(lambda s: s.order, state, sort_along_road(state.x, state.order))
+    situation = Situation(
+        second=traffic.detector.second,
+        frame=frame,
+        target_lane=state.target_lane,
+        detection=detection,
+        admissible=admissible_actions(state, drivers, model, options.admissible),
+        since_lane_change=traffic.memory.since_lane_change,
+        last_action=traffic.memory.last_action,
+    )
+    return eqx.tree_at(lambda t: t.detector, traffic, detector), situation
+
+
+def decisions_of(orders: Orders, situation: Situation) -> Decisions:
+    """Record of a second in which orders were followed and at whose end the situation was found."""
+    found = situation.detection
+    return Decisions(
+        reference=found.reference,
+        hellinger=found.hellinger,
+        mape=found.mape,
+        triggered=found.triggered,
+        n_asked=count(orders.is_asked),
+        n_accepted=jnp.stack([count(orders.action == action) for action in range(N_ACTIONS)]),
+        n_inadmissible=orders.n_inadmissible,
+        n_invalid=orders.n_invalid,
+    )
+
+
+_Carry: TypeAlias = tuple[Traffic, Orders]
+
+
+def rollout_with_policy(
+    state: TrafficState,
+    drivers: Drivers,
+    keys: Key[Array, " scenarios"],
+    table: ReferenceTable,
+    thresholds: Thresholds,
+    policy: Policy,
+    model: TrafficModel,
+    options: LoopOptions,
+    *,
+    n_seconds: int,
+) -> tuple[TrafficState, Frames, Decisions]:
+    """State after some seconds, a frame after each of them, and what was detected and decided.
+
+    Where nobody is ever asked the frames are those of `core.rollout.rollout`, bit for bit.
+
+    Args:
+        state: Initial state.
+        drivers: Parameters of all vehicles.
+        keys: Random keys of the policy, one per scenario; each second gets its own from them.
+        table: References.
+        thresholds: Of every scenario.
+        policy: Who decides.
+        model: Road, clock and stages.
+        options: Choices of the loop.
+        n_seconds: Seconds to simulate [s].
+
+    Raises:
+        ValueError: The references are shorter than the rollout.
+    """
+    if n_seconds > table.n_seconds:
+        raise ValueError(
+            f"n_seconds = {n_seconds} exceeds the {table.n_seconds} s of the references: there is nothing to compare "
+            "the later seconds with. Simulate fewer, or build references from longer scenes"
+        )
+    # As in `core.rollout.rollout`: nothing that is known of a fresh state may be folded into the loop.
+    state, drivers = lax.optimization_barrier((state, drivers))
+
+    def second(carry: _Carry, number: Int[Array, ""]) -> tuple[_Carry, tuple[Frames, Decisions]]:
+        traffic, orders = carry
+        traffic = follow(traffic, orders, drivers, model, options)
+        traffic, situation = look(traffic, drivers, table, thresholds, model, options)
+        own_keys = jax.vmap(lambda key: jax.random.fold_in(key, number))(keys)
+        answers = policy(situation, table, own_keys)
+        coming = accept(answers, situation.is_asked, situation.admissible)
+        return (traffic, coming), (situation.frame, decisions_of(orders, situation))
+
+    start = initial_traffic(state, table, model, options), no_orders(state)
+    (traffic, _), (frames, decisions) = lax.scan(second, start, jnp.arange(n_seconds, dtype=jnp.int32))
+    return traffic.state, frames, decisions

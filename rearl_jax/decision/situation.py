@@ -1,0 +1,59 @@
+"""What a policy is shown, and what it is: a function from that to actions."""
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import equinox as eqx
+from jaxtyping import Array, Bool, Float, Int, Key
+
+from rearl_jax.core.rollout import Frames
+from rearl_jax.detection.detector import Detection
+from rearl_jax.detection.table import ReferenceTable
+
+N_ACTIONS = 5
+"""Number of meta-actions."""
+
+NO_ACTION = -1
+"""What a policy returns for a vehicle it has no valid answer for; so is any other number that is no action."""
+
+
+class Situation(eqx.Module):
+    """The traffic at the end of a second, for whoever decides about the next one.
+
+    Attributes:
+        second: Number of the frame, which is the second of the references to imitate.
+        frame: The traffic.
+        target_lane: Lane each vehicle is steered to.
+        detection: What was found; its mask says who needs a decision.
+        admissible: Whether each action is admissible for each vehicle, in the order of `MetaAction`.
+        since_lane_change: Seconds since each vehicle was last seen to change lanes [s]; large where it never was.
+        last_action: What each vehicle was told in the second before, NO_ACTION for nothing.
+    """
+
+    second: Int[Array, ""]
+    frame: Frames
+    target_lane: Int[Array, "vehicles scenarios"]
+    detection: Detection
+    admissible: Bool[Array, "actions vehicles scenarios"]
+    since_lane_change: Int[Array, "vehicles scenarios"]
+    last_action: Int[Array, "vehicles scenarios"]
+
+    @property
+    def is_asked(self) -> Bool[Array, "vehicles scenarios"]:
+        """Who needs a decision."""
+        return self.detection.mask
+
+    @property
+    def spacing(self) -> Float[Array, "vehicles scenarios"]:
+        """Mean distance of each vehicle to the others [m]."""
+        return self.detection.spacing
+
+
+Policy: TypeAlias = Callable[
+    [Situation, ReferenceTable, Key[Array, " scenarios"]],
+    Int[Array, "vehicles scenarios"],
+]
+"""From the situation, the references and a random key per scenario of this second to an action for every vehicle.
+
+Only the actions of vehicles that need a decision count, and only where they are admissible; a policy need not care.
+"""

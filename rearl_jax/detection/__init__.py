@@ -1,0 +1,1 @@
+"""Detection: simulated traffic against representative scenes -> who needs a decision."""

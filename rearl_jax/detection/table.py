@@ -1,0 +1,135 @@
+"""Everything about the references that can be known before a rollout, by second.
+
+Time comes first, so that a second is one slice, and the references last, so that picking one for every scenario is one
+gather. What is picked has the scenario axis last, like the traffic it is compared with.
+"""
+
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from rearl_jax.config.metrics import HistConfig
+from rearl_jax.core.neighbours import for_each_vehicle, row
+from rearl_jax.detection.references import References
+from rearl_jax.metrics.histograms import cumulative_speed_counts
+from rearl_jax.metrics.measure import unrolled_sum
+
+
+class ReferenceTable(eqx.Module):
+    """The references, tabulated.
+
+    Attributes:
+        speed: Rescaled speed of each vehicle [m/s].
+        spacing: Mean distance of each vehicle to the others [m].
+        mean_spacing: Mean distance over all pairs [m].
+        action: What each vehicle did in the following second, a `MetaAction`.
+        speed_rank: `relative_rank` of the speeds [-].
+        spacing_rank: `relative_rank` of the spacings [-].
+        window_counts: Speeds per bin in the window that ends with the second, shorter at the beginning.
+        prefix_roots: Square roots of the shares of the bins in all speeds so far [-].
+    """
+
+    speed: Float[Array, "seconds slots refs"]
+    spacing: Float[Array, "seconds slots refs"]
+    mean_spacing: Float[Array, "seconds refs"]
+    action: Int[Array, "seconds slots refs"]
+    speed_rank: Float[Array, "seconds slots refs"]
+    spacing_rank: Float[Array, "seconds slots refs"]
+    window_counts: Int[Array, "seconds bins refs"]
+    prefix_roots: Float[Array, "seconds bins refs"]
+
+    @property
+    def n_seconds(self) -> int:
+        """Length of the references [s]."""
+        return self.speed.shape[0]
+
+    @property
+    def n_references(self) -> int:
+        """Number of references."""
+        return self.speed.shape[-1]
+
+
+class Snapshot(eqx.Module):
+    """One second of the reference of every scenario; fields as in `ReferenceTable`."""
+
+    speed: Float[Array, "slots scenarios"]
+    spacing: Float[Array, "slots scenarios"]
+    mean_spacing: Float[Array, " scenarios"]
+    action: Int[Array, "slots scenarios"]
+    speed_rank: Float[Array, "slots scenarios"]
+    spacing_rank: Float[Array, "slots scenarios"]
+
+
+def relative_rank(values: Float[Array, "n *scenarios"]) -> Float[Array, "n *scenarios"]:
+    """Place of each value among all, within (0, 1): (number of smaller ones + half the number of equal ones) / n.
+
+    Each value is one of its own equals, so the ranks of n different values are 0.5 / n, 1.5 / n, ...
+    """
+
+    def look_at(other: Int[Array, ""], twice: Array) -> Array:
+        value = row(values, other)
+        return twice + (value < values).astype(jnp.int32) + (value <= values).astype(jnp.int32)
+
+    twice = for_each_vehicle(values.shape[0], look_at, jnp.zeros(values.shape, jnp.int32))
+    return twice.astype(values.dtype) / (2 * values.shape[0])
+
+
+def root_shares(counts: Int[Array, "bins *n"], dtype: jnp.dtype) -> Float[Array, "bins *n"]:
+    """Square roots of the shares of the bins [-]; their distance over sqrt(2) is the Hellinger distance."""
+    total = unrolled_sum(counts, 0)[None]
+    return jnp.sqrt(counts.astype(dtype) / jnp.maximum(total, 1).astype(dtype))
+
+
+def tabulate(references: References, hist: HistConfig, dtype: jnp.dtype = jnp.float32) -> ReferenceTable:
+    """The references as the detection and the policies look them up.
+
+    Args:
+        references: Representative scenes.
+        hist: Bins and window of the speed histogram.
+        dtype: Floating type of the simulation.
+    """
+    speed, spacing = (
+        jnp.moveaxis(jnp.asarray(values, dtype), 0, -1) for values in (references.speed, references.spacing)
+    )
+    cumulative = cumulative_speed_counts(speed, hist)
+    starts = jnp.maximum(jnp.arange(1, speed.shape[0] + 1) - hist.window, 0)
+    ranks = jax.vmap(relative_rank)
+    return ReferenceTable(
+        speed=speed,
+        spacing=spacing,
+        mean_spacing=jnp.moveaxis(jnp.asarray(references.mean_spacing, dtype), 0, -1),
+        action=jnp.moveaxis(jnp.asarray(references.action, jnp.int32), 0, -1),
+        speed_rank=ranks(speed),
+        spacing_rank=ranks(spacing),
+        window_counts=cumulative[1:] - cumulative[starts],
+        prefix_roots=jax.vmap(partial(root_shares, dtype=speed.dtype))(cumulative[1:]),
+    )
+
+
+def at_second(values: Array, second: Int[Array, ""]) -> Array:
+    """One second of a tabulated quantity."""
+    return jax.lax.dynamic_index_in_dim(values, second, 0, keepdims=False)
+
+
+def of_reference(values: Array, reference: Int[Array, " scenarios"]) -> Array:
+    """For each scenario, what belongs to its reference: from `[..., n_references]` to `[..., n_scenarios]`."""
+    return jnp.take(values, reference, axis=-1, mode="clip")
+
+
+def snapshot(table: ReferenceTable, second: Int[Array, ""], reference: Int[Array, " scenarios"]) -> Snapshot:
+    """The second of each scenario's reference that policies imitate."""
+
+    def look_up(values: Array) -> Array:
+        return of_reference(at_second(values, second), reference)
+
+    return Snapshot(
+        speed=look_up(table.speed),
+        spacing=look_up(table.spacing),
+        mean_spacing=look_up(table.mean_spacing),
+        action=look_up(table.action),
+        speed_rank=look_up(table.speed_rank),
+        spacing_rank=look_up(table.spacing_rank),
+    )

@@ -1,0 +1,76 @@
+"""What was detected and decided, as tables and figures of the summary."""
+
+import jax
+import numpy as np
+import pandas as pd
+
+from rearl_jax.core.meta_actions import MetaAction
+from rearl_jax.evaluation.runner import DecisionLog
+
+ACTIONS = {
+    "left": MetaAction.LANE_LEFT,
+    "keep": MetaAction.IDLE,
+    "right": MetaAction.LANE_RIGHT,
+    "faster": MetaAction.FASTER,
+    "slower": MetaAction.SLOWER,
+}
+"""Column of each action."""
+
+
+def decision_table(scene_id: np.ndarray, log: DecisionLog, window: int) -> pd.DataFrame:
+    """One row per rollout and second: `scene_id`, `run`, `frame`; what was found at its end: `reference`, `h`,
+    `mape`, `triggered`; vehicles during it: `asked`, those that followed `left`, `keep`, `right`, `faster`,
+    `slower`, and `inadmissible`, `invalid`.
+
+    Args:
+        scene_id: Number of every scene.
+        log: What was detected and decided.
+        window: Length of the window of h [s]; h is missing before the first full one.
+    """
+    decisions = log.decisions
+    n_frames, n_rollouts = decisions.reference.shape
+    columns = {
+        "scene_id": scene_id[log.scene].astype(np.int32).repeat(n_frames),
+        "run": log.run.astype(np.int32).repeat(n_frames),
+        "frame": np.tile(np.arange(n_frames, dtype=np.int16), n_rollouts),
+        "reference": _long(decisions.reference).astype(np.int16),
+        "h": pd.arrays.FloatingArray(
+            _long(decisions.hellinger).astype(np.float32), np.tile(np.arange(n_frames) < window - 1, n_rollouts)
+        ),
+        "mape": _long(decisions.mape).astype(np.float32),
+        "triggered": _long(decisions.triggered),
+        "asked": _long(decisions.n_asked).astype(np.int16),
+    }
+    for name, action in ACTIONS.items():
+        columns[name] = _long(decisions.n_accepted[:, action]).astype(np.int16)
+    for name in ("inadmissible", "invalid"):
+        columns[name] = _long(getattr(decisions, f"n_{name}")).astype(np.int16)
+    return pd.DataFrame(columns)
+
+
+def _long(values: np.ndarray | jax.Array) -> np.ndarray:
+    """Values rollout by rollout, each with all its seconds."""
+    return np.asarray(values).T.reshape(-1)
+
+
+def intervention_figures(log: DecisionLog) -> dict[str, int | float]:
+    """Figures of a method that intervenes: `trigger_rate` (share of the seconds of all rollouts in which the
+    detection triggered), `decisions` (vehicles asked, summed), `inadmissible` and `invalid` (answers not followed).
+    """
+    decisions = log.decisions
+    return {
+        "trigger_rate": float(np.mean(decisions.triggered, dtype=np.float64)),
+        "decisions": int(np.sum(decisions.n_asked, dtype=np.int64)),
+        "inadmissible": int(np.sum(decisions.n_inadmissible, dtype=np.int64)),
+        "invalid": int(np.sum(decisions.n_invalid, dtype=np.int64)),
+    }
+
+
+def intervention_note(log: DecisionLog) -> str:
+    """One sentence about the interventions."""
+    figures = intervention_figures(log)
+    n_rollouts = log.decisions.reference.shape[1]
+    return (
+        f"triggered in {100 * figures['trigger_rate']:.0f} % of the seconds; {figures['decisions']} decisions in "
+        f"{n_rollouts} rollouts, {figures['inadmissible']} not admissible, {figures['invalid']} invalid"
+    )

@@ -1,0 +1,97 @@
+"""Detection thresholds as percentiles of what the method base reaches on the threshold scenes."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from rearl_jax.config import EvaluateTask
+from rearl_jax.config.detection import Cues
+from rearl_jax.config.evaluation import Method
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.runner import scored_rollouts
+from rearl_jax.evaluation.tables import frame_series
+
+
+@dataclass(frozen=True)
+class BaseValues:
+    """What the detection would see of the method base, pooled over scenes, runs and seconds.
+
+    Attributes:
+        h: Hellinger distances of all full windows [-].
+        mape: Spacing errors of all seconds under `mape.definition` [-].
+        scene: Indices of the scenes.
+        n_rollouts: Rollouts behind the values.
+    """
+
+    h: Float[np.ndarray, " windows"]
+    mape: Float[np.ndarray, " seconds"]
+    scene: Int[np.ndarray, " scenes"]
+    n_rollouts: int
+
+    def threshold_h(self, percentile: float) -> float:
+        """Threshold of the Hellinger distance at a percentile [%]."""
+        return float(np.percentile(self.h, percentile))
+
+    def threshold_m(self, percentile: float) -> float:
+        """Threshold of the spacing error at a percentile [%]."""
+        return float(np.percentile(self.mape, percentile))
+
+
+def base_values(
+    config: EvaluateTask,
+    scenes: SceneSet,
+    subset: np.ndarray,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> BaseValues:
+    """Values of base on the threshold scenes, `eval.n_runs` rollouts of each.
+
+    Args:
+        config: Road, initial states, runs, seeds and metrics; the method and the thresholds do not matter.
+        scenes: All scenes.
+        subset: Indices of the threshold scenes.
+        progress: Called with the number of rollouts done and their total.
+
+    Raises:
+        ValueError: There is no value to take a percentile of.
+
+    Source: REARL (Bi et al.): 150 scenes, 5 runs, 56 windows and 60 seconds, so 42,000 and 45,000 values.
+    """
+    config = replace(config, method=Method.base)
+    rollouts = Rollouts(config, scenes, subset)
+    row = scored_rollouts(config, rollouts, scenes, progress)
+    series = frame_series(row, config.hist.window)
+    h, mape = (series[name][np.isfinite(series[name])] for name in ("h", f"mape_{config.mape.definition.name.lower()}"))
+    if not len(h) or not len(mape):
+        raise ValueError("base gave no Hellinger distance or no spacing error to take percentiles of")
+    return BaseValues(h, mape, subset, row.n_rollouts)
+
+
+def detection_thresholds(
+    config: EvaluateTask,
+    scenes: SceneSet,
+    subset: np.ndarray,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> tuple[float, float]:
+    """Thresholds of the Hellinger distance and of the spacing error: given ones, else percentiles of base.
+
+    Infinite where the cue is not used; base is simulated only where a percentile is needed.
+
+    Args:
+        config: The task.
+        scenes: All scenes.
+        subset: Indices of the threshold scenes.
+        progress: Called with the number of rollouts done and their total.
+    """
+    detection = config.detection
+    uses_h, uses_m = detection.cues in (Cues.both, Cues.speed), detection.cues in (Cues.both, Cues.spacing)
+    h = detection.threshold_h if uses_h else math.inf
+    m = detection.threshold_m if uses_m else math.inf
+    if h is None or m is None:
+        base = base_values(config, scenes, subset, progress)
+        h = base.threshold_h(detection.h_pct) if h is None else h
+        m = base.threshold_m(detection.m_pct) if m is None else m
+    return h, m

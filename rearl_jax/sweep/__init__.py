@@ -1,0 +1,1 @@
+"""Sweeps: many cells of one study in one program."""

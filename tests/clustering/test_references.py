@@ -1,0 +1,167 @@
+"""References from recordings: nothing held out, the cache, and the order of labels."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rearl_jax.config.clustering import BoConfig, ClusterConfig, FitOn, KlConfig
+
+
+@pytest.fixture(scope="session")
+def built(task_config, traffic):
+    from rearl_jax.clustering.references import build_references
+
+    scenes, tracks, splits = traffic
+    return build_references(scenes, tracks, splits, task_config)
+
+
+def test_no_reference_is_an_evaluation_or_tuning_scene(task_config, traffic):
+    from rearl_jax.clustering.references import build_references
+    from rearl_jax.data.splits import split_scenes
+
+    scenes, tracks, _ = traffic
+    for seed in range(2):
+        splits = split_scenes(scenes, replace(task_config.split, seed=seed))
+        held_out = np.concatenate([splits.evaluation, splits.tuning])
+        references, clusters = build_references(scenes, tracks, splits, task_config)
+        assert len(held_out) >= 6
+        assert not np.isin(clusters.reference_scenes, scenes.scene_id[held_out]).any()
+        speed = scenes.scaled_speed[held_out].astype(np.float32)
+        for reference in np.asarray(references.speed):
+            assert not (speed == reference).all(axis=(1, 2)).any()
+
+
+def test_tracks_of_held_out_scenes_are_labelled_but_not_fitted_on(built, traffic):
+    from rearl_jax.clustering.tracks import seen_in
+
+    scenes, tracks, splits = traffic
+    found = built[1].tracks
+    held_out = np.concatenate([splits.evaluation, splits.tuning])
+    through = seen_in(tracks, scenes, held_out)
+    assert 10 < through.sum() < len(tracks)
+    names = {(scenes.recording[s], i) for s in held_out for i in np.unique(scenes.track_id[s])}
+    expected = [(r, i) in names for r, i in zip(tracks.recording, tracks.track_id, strict=True)]
+    np.testing.assert_array_equal(through, expected)
+    assert int(found.fitted) == (~through).sum()
+    assert len(found.labels) == len(tracks)
+
+
+def test_labels_are_ordered_by_speed_and_shares_sum_to_one(built, traffic):
+    scenes, tracks, _ = traffic
+    clusters = built[1]
+    speed = clusters.tracks.centres[:, 0].mean(axis=1)
+    assert (np.diff(speed) > 0).all()
+    assert np.bincount(clusters.tracks.labels, minlength=3).min() > 0
+    np.testing.assert_allclose(clusters.scenes.vectors.sum(axis=1), 1.0)
+    # One scene by hand.
+    label = dict(zip(zip(tracks.recording, tracks.track_id, strict=True), clusters.tracks.labels, strict=True))
+    seen = {(scenes.recording[7], i) for i in np.unique(scenes.track_id[7])}
+    labels = [label[name] for name in seen if name in label]
+    np.testing.assert_allclose(clusters.scenes.vectors[7], np.bincount(labels, minlength=3) / len(labels))
+
+
+def test_labels_are_those_of_the_nearest_centre(built, traffic, task_config):
+    from rearl_jax.clustering.kl import Curves
+    from rearl_jax.clustering.tracks import FeatureScale, seen_in
+
+    scenes, tracks, splits = traffic
+    training = ~seen_in(tracks, scenes, np.concatenate([splits.evaluation, splits.tuning]))
+    features = tracks.features(scenes)
+    assert features[0].min() >= 5.0
+    assert features[0].max() <= 32.0
+    scale = FeatureScale.of(features[:, :, training], task_config.kl.weights)
+    curves = scale.scaled(features)
+    np.testing.assert_allclose(curves[:, :, training].max(axis=(1, 2)), task_config.kl.weights, rtol=1e-6)
+    unitless = (built[1].tracks.centres - scale.low[:, None]) / (scale.high - scale.low)[:, None]
+    unitless = unitless * scale.weight[:, None]
+    distances = Curves(curves, task_config.kl).distances(unitless)
+    np.testing.assert_allclose(distances.min(axis=0), built[1].tracks.distances, atol=1e-5)
+
+
+def through_builder(config):
+    from rearl_jax.clustering.references import ReferenceBuilder
+    from rearl_jax.data.recordings import iterate_recordings
+    from rearl_jax.data.scenes import build_scenes
+    from rearl_jax.data.splits import split_scenes
+
+    builder = ReferenceBuilder(config)
+    was_finished = builder.is_finished
+    groups = (config.scenes, config.speed, config.tracks, config.features, config.spacing)
+    scenes = build_scenes(builder.passing(iterate_recordings(config.data)), *groups)
+    return was_finished, *builder.build(scenes, split_scenes(scenes, config.split))
+
+
+def equal(one, other):
+    from rearl_jax.clustering.references import _arrays
+
+    first, second = _arrays(one), _arrays(other)
+    return first.keys() == second.keys() and all(np.array_equal(first[name], second[name]) for name in first)
+
+
+def test_finished_clustering_is_found_again_and_a_damaged_one_made_anew(task_config, built, monkeypatch, caplog):
+    from rearl_jax.clustering import references as module
+    from rearl_jax.clustering.store import cluster_folder
+
+    was_finished, first, clusters = through_builder(task_config)
+    assert not was_finished
+    assert equal(clusters, built[1])  # the same as from tracks collected apart
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "cluster", lambda *_: pytest.fail("clustered again"))
+        patch.setattr("rearl_jax.clustering.tracks.track_features", lambda *_: pytest.fail("collected again"))
+        was_finished, second, again = through_builder(task_config)
+    assert was_finished
+    assert equal(clusters, again)
+    np.testing.assert_array_equal(first.speed, second.speed)
+    (path,) = cluster_folder().iterdir()
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    with caplog.at_level(logging.WARNING):
+        was_finished, _, repaired = through_builder(task_config)
+    assert not was_finished
+    assert "damaged" in caplog.text
+    assert equal(clusters, repaired)
+    assert [item.name for item in cluster_folder().iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"kl": KlConfig(k=2)}, {"cluster": ClusterConfig(fit_on=FitOn.all)}, {"bo": BoConfig(enabled=True, seed=1)}],
+    ids=["kl", "cluster", "bo"],
+)
+def test_other_configuration_other_cache_file(task_config, change):
+    from rearl_jax.clustering.references import ReferenceBuilder
+
+    assert ReferenceBuilder(task_config)._path != ReferenceBuilder(replace(task_config, **change))._path
+    assert ReferenceBuilder(task_config)._path == ReferenceBuilder(replace(task_config, study="other"))._path
+
+
+def test_leaks_are_said(task_config, traffic, caplog):
+    from rearl_jax.clustering.references import ReferenceBuilder
+
+    scenes, tracks, splits = traffic
+    config = replace(task_config, cluster=ClusterConfig(fit_on=FitOn.all))
+    builder = ReferenceBuilder(config)
+    builder._collector.collected = lambda: tracks
+    with caplog.at_level(logging.WARNING):
+        _, clusters = builder.build(scenes, splits)
+    held_out = np.concatenate([splits.evaluation, splits.tuning])
+    assert np.isin(clusters.scenes.representatives, held_out).any()
+    assert "not held out" in caplog.text
+
+
+def test_scenes_of_another_configuration_are_refused(task_config, traffic):
+    from rearl_jax.clustering.references import ReferenceBuilder
+
+    through_builder(task_config)
+    with pytest.raises(ValueError, match="build references from the scenes of the same configuration"):
+        ReferenceBuilder(task_config).build(traffic[0].select(np.arange(9)), traffic[2])
+
+
+def test_nothing_collected_is_an_error_with_a_remedy(task_config):
+    from rearl_jax.clustering.tracks import TrackCollector
+
+    collector = TrackCollector(task_config.scenes, task_config.tracks, task_config.features, task_config.spacing)
+    with pytest.raises(ValueError, match="Lower tracks.min_frames or read more recordings"):
+        collector.collected()

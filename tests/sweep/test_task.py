@@ -1,0 +1,47 @@
+"""`rearl sweep thresholds` on the shipped recordings: files, figures, what is said."""
+
+import json
+
+import pandas as pd
+import pytest
+
+from rearl_jax import cli
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    root = tmp_path_factory.mktemp("results")
+    code = cli.main(
+        ["sweep", "thresholds", f"results.root={root}", "eval.n_runs=2", "eval.resamples=500"]
+        + ["sweep.h_pct=[5,30]", "sweep.m_pct=[5,20]", "core.collisions=false"]
+    )
+    assert code == 0
+    return root / "sweep_thresholds"
+
+
+def test_every_pair_was_simulated_on_every_tuning_scene(study):
+    runs, table = pd.read_parquet(study / "runs.parquet"), pd.read_parquet(study / "table3.parquet")
+    assert len(table) == 4
+    per_pair = runs.groupby(["h_pct", "m_pct"]).size()
+    assert per_pair.tolist() == [2 * runs.scene_id.nunique()] * 4
+    assert table.threshold_h.nunique() == table.threshold_m.nunique() == 2
+    means = runs.groupby(["h_pct", "m_pct"], sort=True)[["h", "mape_a"]].mean()
+    assert means["h"].tolist() == pytest.approx(table.h.tolist(), abs=1e-6)
+    assert means["mape_a"].tolist() == pytest.approx(table.mape.tolist(), abs=1e-6)
+    assert runs.h.nunique() > runs.scene_id.nunique() * 2  # thresholds change the traffic
+
+
+def test_thresholds_are_percentiles_of_the_values_written(study):
+    values, table = pd.read_parquet(study / "base_values.parquet"), pd.read_parquet(study / "table3.parquet")
+    h = values.value[values.cue == "h"]
+    row = table[table.h_pct == 30].iloc[0]
+    assert row.threshold_h == pytest.approx(h.quantile(0.3), abs=1e-6)
+
+
+def test_summary_names_the_best_pair(study):
+    summary, table = json.loads((study / "summary.json").read_text()), pd.read_parquet(study / "table3.parquet")
+    best = table[table.is_best].iloc[0]
+    assert best.score == table.score.min()
+    assert (summary["best_h_pct"], summary["best_m_pct"]) == (best.h_pct, best.m_pct)
+    assert summary["lead_low"] <= summary["lead"] <= summary["lead_high"]
+    assert {"base_values.png", "pairs.png", "config.json"} <= {path.name for path in study.iterdir()}
