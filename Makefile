@@ -27,7 +27,7 @@ lint: $(VENV)/.installed-test
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 pytest: $(VENV)/.installed-test
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # The stamps are newer than what they were made from, or the packages are installed again.
 $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
