@@ -5,17 +5,26 @@ import json
 import pandas as pd
 import pytest
 
-from rearl_jax import cli
+from rearl_jax.config import ResultsConfig, SweepThresholdsTask
+from rearl_jax.config.core import CoreConfig
+from rearl_jax.config.data import DataConfig
+from rearl_jax.config.evaluation import EvaluationConfig
+from rearl_jax.config.sweep import SweepConfig
+from rearl_jax.sweep.task import run
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     root = tmp_path_factory.mktemp("results")
-    code = cli.main(
-        ["sweep", "thresholds", f"results.root={root}", "eval.n_runs=2", "eval.resamples=500"]
-        + ["sweep.h_pct=[5,30]", "sweep.m_pct=[5,20]", "core.collisions=false"]
+    config = SweepThresholdsTask(
+        results=ResultsConfig(root=str(root)),
+        data=DataConfig(),
+        eval=EvaluationConfig(n_runs=2, resamples=500),
+        sweep=SweepConfig(h_pct=(5.0, 30.0), m_pct=(5.0, 20.0)),
+        core=CoreConfig(collisions=False),
     )
-    assert code == 0
+    summary = run(config)
+    assert summary["n_pairs"] == 4
     return root / "sweep_thresholds"
 
 
