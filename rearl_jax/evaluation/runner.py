@@ -106,11 +106,8 @@ def evaluate(
         references: Representative scenes, for methods that intervene.
         thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene.
     """
-    metrics = MetricsConfig(config.hist, config.thw, config.safety, config.realism, config.spacing)
     rollouts = Rollouts(config, scenes, held_out, references, [thresholds])
-    n_pairs = config.eval.n_runs * len(held_out)
-    width = min(config.core.chunk, math.ceil(n_pairs / len(jax.local_devices())))
-    scorer = Scorer(scenes, metrics, width=width, dtype=np.dtype(config.core.dtype.name))
+    scorer, width = _scorer(config, scenes, config.eval.n_runs * len(held_out))
     example = example_scene(scenes, held_out, config.eval.example)
     # Beside the simulation's compilation, which is the longest part of a short job.
     with ThreadPoolExecutor(1) as beside:
@@ -164,11 +161,16 @@ def scored_rollouts(
         progress: Called with the number of rollouts done and their total.
     """
     begin = time.perf_counter()
-    width = min(config.core.chunk, math.ceil(len(rollouts) / len(jax.local_devices())))
-    metrics = MetricsConfig(config.hist, config.thw, config.safety, config.realism, config.spacing)
-    scorer = Scorer(scenes, metrics, width=width, dtype=np.dtype(config.core.dtype.name))
+    scorer, width = _scorer(config, scenes, len(rollouts))
     chunks = [chunk for _, chunk in scored_chunks(config, rollouts, scorer, rollouts.scene, width, progress)]
     return _joined(config, chunks, len(rollouts), time.perf_counter() - begin)
+
+
+def _scorer(config: EvaluateTask, scenes: SceneSet, n_pairs: int) -> tuple[Scorer, int]:
+    """The scorer of the configured metrics, and the number of pairs a device takes at a time."""
+    width = min(config.core.chunk, math.ceil(n_pairs / len(jax.local_devices())))
+    metrics = MetricsConfig(config.hist, config.thw, config.safety, config.realism, config.spacing)
+    return Scorer(scenes, metrics, width=width, dtype=np.dtype(config.core.dtype.name)), width
 
 
 @dataclass(frozen=True)
