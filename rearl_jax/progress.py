@@ -2,11 +2,17 @@
 
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+
+def shown(bar: Progress, title: str) -> Callable[[int, int], None]:
+    """A line of the bar, as a function of the steps done and their total."""
+    line = bar.add_task(title, total=None)
+    return lambda done, total: bar.update(line, completed=done, total=total)
 
 
 @contextmanager

@@ -9,6 +9,7 @@ import hashlib
 import json
 import math
 import os
+import re
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
@@ -21,6 +22,12 @@ from rearl_jax.config._schema import as_plain
 if TYPE_CHECKING:
     import pandas
 
+SAME = ("task", "config_hash", "code_hash", "data_id")
+"""Provenance that must agree for results to be taken for those of the same study."""
+
+PROVENANCE = ("task", "study", "config_hash", "code_version", "code_hash", "git_sha", "data_id", "generated")
+"""What every file of results says about where it comes from."""
+
 PREFIX = "rearl_jax."
 """Begins every key this package writes into the schema metadata of a Parquet file."""
 
@@ -28,7 +35,7 @@ PREFIX = "rearl_jax."
 class Study:
     """One folder of results, `root/name`.
 
-    The metadata of each table holds `task`, `study`, `config_hash`, `config` (JSON), `code_version`,
+    The metadata of each table holds `task`, `study`, `config_hash`, `config` (JSON), `code_version`, `code_hash`,
     `git_sha` (in a git checkout), `data_id` (where data were read), `generated` (`true` where the data are no
     measurements), and what the writer adds (seeds, definitions). `read_metadata` reads it back.
     """
@@ -58,15 +65,8 @@ class Study:
         """
         self.path = _inside(Path(root), name, "study")
         self._config = as_plain(config)
-        self._provenance = {
-            "task": task,
-            "study": name,
-            "config_hash": config_hash(config),
-            "code_version": __version__,
-            "git_sha": git_sha(),
-            "data_id": data_id,
-            "generated": generated,
-        }
+        values = (task, name, config_hash(config), __version__, code_hash(), git_sha(), data_id, generated)
+        self._provenance = dict(zip(PROVENANCE, values, strict=True))
         self.path.mkdir(parents=True, exist_ok=True)
 
     def write_table(self, name: str, frame: "pandas.DataFrame", **metadata: str) -> Path:
@@ -93,6 +93,42 @@ class Study:
             {**(table.schema.metadata or {}), **{PREFIX + key: text for key, text in texts.items()}}
         )
         return self._write(f"{name}.parquet", lambda path: parquet.write_table(table, path))
+
+    def owns(self, name: str) -> bool:
+        """Whether the table `name` is there, whole, and of the same task, configuration, data and code."""
+        path = _inside(self.path, f"{name}.parquet", "file")
+        try:
+            found = read_metadata(path)
+        except FileNotFoundError:
+            return False
+        except (OSError, ValueError):  # what pyarrow raises for a file that is no Parquet
+            return False
+        wanted = {key: self._provenance[key] for key in SAME if self._provenance[key] is not None}
+        return all(found.get(key) == _as_text(value) for key, value in wanted.items())
+
+    def finished_parts(self, name: str) -> set[int]:
+        """Numbers of the parts of a table that need not be made again; all other files of the table are removed.
+
+        Part 3 is written as the table `part_name(name, 3)`; together they are read as one table from the folder `name`.
+        """
+        kept = set()
+        for path in sorted(_inside(self.path, name, "table").glob("*")):
+            number = re.fullmatch(r"part-(\d+)", path.stem)
+            if number and path.suffix == ".parquet" and self.owns(f"{name}/{path.stem}"):
+                kept.add(int(number[1]))
+            else:
+                path.unlink()
+        return kept
+
+    def finished_summary(self) -> Any:
+        """The summary, which is written last, if it is of the same task, configuration, data and code; else None."""
+        try:
+            found = json.loads((self.path / "summary.json").read_text(encoding="utf-8"))
+        except (FileNotFoundError, ValueError):
+            return None
+        first = found[0] if isinstance(found, list) and found else found
+        is_same = isinstance(first, dict) and all(first.get(key) == self._provenance[key] for key in SAME)
+        return found if is_same else None
 
     def write_summary(self, summary: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> Path:
         """Path of `summary.json`: the provenance and the figures of the task under documented keys.
@@ -141,6 +177,11 @@ class Study:
         return path
 
 
+def part_name(table: str, number: int) -> str:
+    """Name of one part of a table that is written piece by piece."""
+    return f"{table}/part-{number:05d}"
+
+
 def read_metadata(path: str | Path) -> dict[str, str]:
     """The provenance stored in a Parquet file by `Study.write_table`, without the prefix of its keys."""
     from pyarrow import parquet
@@ -157,6 +198,16 @@ def config_hash(config: object) -> str:
         plain = {key: value for key, value in plain.items() if key not in ("study", "results")}
     text = json.dumps(plain, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@cache
+def code_hash() -> str:
+    """Sixteen hexadecimal digits of all sources of this package: equal results come from equal code."""
+    package = Path(__file__).resolve().parent
+    digest = hashlib.sha256()
+    for file in sorted(package.rglob("*.py")):
+        digest.update(file.relative_to(package).as_posix().encode() + file.read_bytes())
+    return digest.hexdigest()[:16]
 
 
 @cache

@@ -5,7 +5,7 @@ when the task runs.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,11 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Task:
-    """One task. `run` and `config` are addresses `module:name`; the function takes the record."""
+    """One task. `run`, `config` and `collect` are addresses `module:name`; the function takes the record.
+
+    `collect` puts the cells of a multirun together: it takes the record with what all cells share, and for each cell
+    the values of the swept keys. `implied` names overrides that keys of a group imply.
+    """
 
     words: str
     run: str
@@ -22,6 +26,8 @@ class Task:
     description: str
     examples: tuple[str, ...]
     x64: bool = False
+    collect: str | None = None
+    implied: dict[str, str] = field(default_factory=dict)
 
     @property
     def config_name(self) -> str:
@@ -40,6 +46,14 @@ class Task:
         """The function of the task; importing it imports JAX and whatever else the task needs."""
         return _load(self.run)
 
+    def load_collect(self) -> Callable[[Any, list[dict[str, str]]], None]:
+        """The function that puts cells together."""
+        assert self.collect is not None
+        return _load(self.collect)
+
+
+CLOSED_LOOP = ("detection", "reference", "decision", "matcher", "admissible", "exec")
+"""Groups of keys that mean something only where decisions are made."""
 
 TASKS = (
     Task(
@@ -89,7 +103,11 @@ TASKS = (
             "rearl evaluate",
             "rearl evaluate data=highd data.root=/data/highD study=highd_base",
             "rearl evaluate -m scenes.stride=60,30 study=overlap",
+            "rearl evaluate -m detection.h_pct=5,10,20,30 detection.m_pct=5,10,20,30 study=pairs",
+            "rearl evaluate --sweep cues",
         ),
+        collect="rearl_jax.sweep.cells:collect",
+        implied=dict.fromkeys(CLOSED_LOOP, "method=rearl"),
     ),
     Task(
         words="sweep thresholds",
@@ -133,6 +151,22 @@ TASKS = (
         ),
         examples=("rearl bench core", "rearl bench core study=laptop"),
     ),
+    Task(
+        words="bench loop",
+        run="rearl_jax.bench.loop:run",
+        config="rearl_jax.config:BenchLoopTask",
+        summary="measure what detection and decisions cost beside the traffic core",
+        description=(
+            "Measures, in turn within one run, the CPU time of Base rollouts, of the closed loop that is never "
+            "triggered and of the closed loop that always is, by vehicles and scenarios at a time; then the time of ten "
+            "consecutive decision steps. Reads no data: the references are synthetic. Prints a table, writes Parquet "
+            "and a figure."
+        ),
+        examples=(
+            "rearl bench loop",
+            "rearl bench loop loop.vehicles=[10] loop.batches=[256,1200] study=laptop",
+        ),
+    ),
 )
 
 
@@ -142,11 +176,24 @@ def conf_dir() -> Path:
     Raises:
         FileNotFoundError: Neither exists, the installation is incomplete.
     """
+    return _beside("conf")
+
+
+def sweeps_dir() -> Path:
+    """The folder of the sweep files, which lies where `conf_dir` does.
+
+    Raises:
+        FileNotFoundError: There is none, the installation is incomplete.
+    """
+    return _beside("sweeps")
+
+
+def _beside(name: str) -> Path:
     package = Path(__file__).resolve().parent
-    for folder in (package / "conf", package.parent / "conf"):
+    for folder in (package / name, package.parent / name):
         if folder.is_dir():
             return folder
-    raise FileNotFoundError(f"{package / 'conf'} is missing: incomplete installation, install again")
+    raise FileNotFoundError(f"{package / name} is missing: incomplete installation, install again")
 
 
 def _load(address: str) -> Any:

@@ -14,7 +14,7 @@ import pytest
 @pytest.fixture
 def cli(monkeypatch, tmp_path):
     """The module under test with the single task `drive far`, its conf/ folder, and what it was run with."""
-    from rearl_jax import cli, runtime
+    from rearl_jax import cli, runtime, tasks
     from rearl_jax.config._key import key
     from rearl_jax.tasks import Task
 
@@ -40,6 +40,7 @@ def cli(monkeypatch, tmp_path):
         """Where results go."""
 
         root: str = key("results", "folder of all studies")
+        resume: bool = key(False, "leave a finished study alone")
 
     @dataclass(unsafe_hash=True)
     class DriveTask:
@@ -59,8 +60,10 @@ def cli(monkeypatch, tmp_path):
         ran.append(config)
         return {}
 
+    collected = []
     module = ModuleType("drive_task")
     module.DriveTask, module.run = DriveTask, run
+    module.collect = lambda config, cells: collected.append((config, cells))
     monkeypatch.setitem(sys.modules, "drive_task", module)
     task = Task(
         words="drive far",
@@ -69,20 +72,27 @@ def cli(monkeypatch, tmp_path):
         summary="drive along",
         description="Drives along a road.",
         examples=("rearl drive far road.lanes=2",),
+        collect="drive_task:collect",
+        implied={"road": "limit=50"},
     )
     conf = tmp_path / "conf"
     (conf / "road").mkdir(parents=True)
     (conf / "drive_far.yaml").write_text("defaults: [schema, road: narrow, _self_]\n")
     (conf / "road" / "narrow.yaml").write_text("# one lane each way\nlanes: 2\n")
     (conf / "road" / "wide.yaml").write_text("lanes: 6\nlength: 900\n")
+    sweeps = tmp_path / "sweeps"
+    sweeps.mkdir()
+    (sweeps / "sides.yaml").write_text("# both sides\ntask: drive far\nkeys:\n  limit: 20\n  side: left,right\n")
+    (sweeps / "other.yaml").write_text("# of another task\ntask: fly\nkeys: {}\n")
     work = tmp_path / "work"
     work.mkdir()
     monkeypatch.chdir(work)
-    monkeypatch.setattr(cli, "TASKS", (task,))
-    monkeypatch.setattr(cli, "conf_dir", lambda: conf)
+    monkeypatch.setattr(tasks, "TASKS", (task,))
+    monkeypatch.setattr(tasks, "conf_dir", lambda: conf)
+    monkeypatch.setattr(tasks, "sweeps_dir", lambda: sweeps)
     started = []
     monkeypatch.setattr(runtime, "start", lambda x64: started.append(x64))
-    return SimpleNamespace(main=cli.main, ran=ran, task=module, Side=Side, work=work, started=started)
+    return SimpleNamespace(main=cli.main, ran=ran, task=module, Side=Side, work=work, started=started, collected=collected)
 
 
 def test_defaults_then_files_then_command_line(cli):
@@ -239,6 +249,60 @@ def test_multirun_refuses_a_wrong_key_before_the_first_job(cli, capsys):
     assert cli.ran == []
 
 
+def test_cells_are_put_together_also_after_a_failed_job(cli):
+    assert cli.main(["drive", "far", "-m", "road.lanes=0,3", "limit=20", "study=s"]) == 2
+    ((config, cells),) = cli.collected
+    assert cells == [{"road.lanes": "0"}, {"road.lanes": "3"}]
+    assert (config.study, config.limit) == ("s", 20)
+
+
+def test_jobs_resume_unless_told_otherwise(cli):
+    assert cli.main(["drive", "far", "-m", "side=left,right"]) == 0
+    assert cli.main(["drive", "far", "-m", "side=left,right", "results.resume=false"]) == 0
+    assert [config.results.resume for config in cli.ran] == [True, True, False, False]
+    assert cli.ran[-1].study == "drive/side=right"
+
+
+def test_a_sweep_file_is_a_multirun_written_down(cli, capsys, tmp_path):
+    assert cli.main(["drive", "far", "--sweep", "sides", "limit=30"]) == 0
+    assert [(config.side.name, config.limit) for config in cli.ran] == [("left", 30), ("right", 30)]
+    assert [config.study for config in cli.ran] == ["sides/side=left", "sides/side=right"]
+    mine = tmp_path / "mine" / "sweeps"
+    mine.mkdir(parents=True)
+    (mine / "lanes.yaml").write_text("task: drive far\nkeys: {road.lanes: '1,2', study: own}\n")
+    assert cli.main(["drive", "far", "--sweep", "lanes", "--config-dir", str(tmp_path / "mine")]) == 0
+    assert cli.ran[-1].study == "own/road.lanes=2"
+    assert cli.main(["drive", "far", "--help"]) == 0
+    assert "--sweep sides  both sides" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("content", "name", "said"),
+    [
+        (None, "sidez", "--sweep sidez: there is no such file; nearest: sides"),
+        (None, "other", "belongs to another task: rearl fly --sweep other"),
+        ("task: drive far\nkeys: {}\nmore: 1\n", "mine", "must hold `task: NAME` and `keys:`"),
+        ("task: [", "mine", "no readable YAML"),
+        ("task: drive far\nkeys: {sid: left}\n", "mine", "nearest: side"),
+    ],
+)
+def test_a_wrong_sweep_file(cli, capsys, tmp_path, content, name, said):
+    if content is not None:
+        (tmp_path / "sweeps" / "mine.yaml").write_text(content)
+    assert cli.main(["drive", "far", "--sweep", name]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert "Traceback" not in error
+    assert cli.ran == []
+
+
+def test_keys_of_a_group_imply_others_unless_they_are_given(cli):
+    assert cli.main(["drive", "far", "road.length=5"]) == 0
+    assert cli.main(["drive", "far", "road.length=5", "limit=30"]) == 0
+    assert cli.main(["drive", "far", "side=left"]) == 0
+    assert [config.limit for config in cli.ran] == [50, 30, None]
+
+
 def test_help_lists_every_key_with_type_default_and_meaning(cli, capsys):
     assert cli.main(["drive", "far", "--help"]) == 0
     text = capsys.readouterr().out
@@ -300,21 +364,22 @@ def test_wheel_holds_configuration_and_recordings(tmp_path):
     subprocess.run([*pip, "--wheel-dir", str(tmp_path), str(root)], check=True)
     (wheel,) = tmp_path.glob("*.whl")
     names = zipfile.ZipFile(wheel).namelist()
-    files = {f"rearl_jax/{file.relative_to(root).as_posix()}" for file in (root / "conf").rglob("*.yaml")}
-    assert "rearl_jax/conf/evaluate.yaml" in files
-    assert {name for name in names if name.startswith("rearl_jax/conf/")} == files
+    folders = [root / "conf", root / "sweeps"]
+    files = {f"rearl_jax/{file.relative_to(root).as_posix()}" for folder in folders for file in folder.rglob("*.yaml")}
+    assert {"rearl_jax/conf/evaluate.yaml", "rearl_jax/sweeps/cues.yaml"} <= files
+    assert {name for name in names if name.startswith(("rearl_jax/conf/", "rearl_jax/sweeps/"))} == files
     shipped = ("LICENSE", "ATTRIBUTION", "us101_lane_changers.parquet")
     assert {f"rearl_jax/data/us101/{name}" for name in shipped} <= set(names)
     assert not [name for name in names if name.startswith("tests/")]
 
 
 def test_every_task_composes(monkeypatch, tmp_path):
-    from rearl_jax import cli
+    from rearl_jax.cli.composition import compose_task
     from rearl_jax.tasks import TASKS
 
     monkeypatch.chdir(tmp_path)
     for task in TASKS:
-        config = cli._compose(task, ["study=mine"], None)
+        config = compose_task(task, ["study=mine"], None)
         assert type(config) is task.load_config()
         assert config.study == "mine"
 
@@ -330,10 +395,34 @@ def test_every_key_is_documented():
         assert all(key.help for group in groups for key in group.keys)
 
 
-def test_every_yaml_says_what_it_is():
-    from rearl_jax.tasks import conf_dir
+def test_every_shipped_sweep_is_a_multirun_of_its_task():
+    from hydra.core.override_parser.overrides_parser import OverridesParser
 
-    files = sorted(Path(conf_dir()).rglob("*.yaml"))
+    from rearl_jax.cli.composition import check_overrides, compose_task
+    from rearl_jax.cli.multirun import cells_of
+    from rearl_jax.cli.sweep_files import read_sweep, sweeps_of
+    from rearl_jax.tasks import TASKS
+
+    found = 0
+    for task in TASKS:
+        for name in sweeps_of(task):
+            overrides = read_sweep(name, task, None)
+            check_overrides(task, overrides, None)
+            parsed = OverridesParser.create().parse_overrides(overrides)
+            swept = {item.key_or_group for item in parsed if item.is_sweep_override()}
+            fixed = [text for text in overrides if text.partition("=")[0] not in swept]
+            cells = cells_of(parsed, swept)
+            assert len(cells) > 1
+            for cell in cells:
+                compose_task(task, [*fixed, *(f"{key}={value}" for key, value in cell.items())], None)
+            found += 1
+    assert found >= 12
+
+
+def test_every_yaml_says_what_it_is():
+    from rearl_jax.tasks import conf_dir, sweeps_dir
+
+    files = [file for folder in (conf_dir(), sweeps_dir()) for file in sorted(folder.rglob("*.yaml"))]
     assert files
     for file in files:
         assert file.read_text(encoding="utf-8").startswith("# "), f"{file} must begin with a comment line"

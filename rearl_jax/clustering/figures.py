@@ -1,29 +1,28 @@
-"""Figures of a clustering as PNG bytes: tracks with their centres, map of the scenes, the search.
-
-Drawn without a display and without global state of matplotlib.
-"""
-
-from io import BytesIO
+"""Figures of a clustering as PNG bytes: tracks with their centres, map of the scenes, the search."""
 
 import matplotlib
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
-from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from rearl_jax import drawing
 from rearl_jax.clustering.references import Clusters, TrackClusters
 from rearl_jax.config import ClusterTask
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.data.splits import Splits
 
-_DPI = 200
-_FONT = 9
-
-_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#999999")
-"""Colour-blind safe. Source: Okabe & Ito, Color Universal Design (2008)."""
+_COLOURS = (
+    drawing.BLUE,
+    drawing.ORANGE,
+    drawing.GREEN,
+    drawing.PURPLE,
+    drawing.SKY_BLUE,
+    drawing.VERMILION,
+    drawing.YELLOW,
+    drawing.GREY,
+)
 
 _FEATURES = ("scaled speed [m/s]", "position [m]", "mean distance to others [m]")
 
@@ -47,7 +46,7 @@ def draw(
 
 def track_figure(tracks: TrackClusters, *, generated: bool) -> bytes:
     """Some tracks coloured by cluster, and the centres: speed and distance over position. Bi et al., Fig. 3."""
-    figure, panels = _figure(9.0, 4.0, 2, generated=generated)
+    figure, panels = drawing.panels(9.0, 4.0, columns=2, generated=generated)
     curves, labels = tracks.drawn_curves, tracks.labels[tracks.drawn]
     for axes, feature in zip(panels, (0, 2), strict=True):
         lines = np.stack([curves[1], curves[feature]], axis=-1).swapaxes(0, 1)
@@ -61,16 +60,16 @@ def track_figure(tracks: TrackClusters, *, generated: bool) -> bytes:
             axes.plot(centre[1], centre[feature], "o-", color=colour, linewidth=2.2, markersize=4, zorder=4, label=name)
         axes.autoscale_view()
         axes.set(xlabel=_FEATURES[1], ylabel=_FEATURES[feature], ylim=(0, None))
-    panels[0].legend(frameon=False, fontsize=_FONT, loc="lower right")
-    _title(panels[0], f"{len(labels)} of {len(tracks.labels)} tracks and the centres")
-    return _png(figure)
+    panels[0].legend(frameon=False, fontsize=drawing.FONT_SIZE, loc="lower right")
+    drawing.set_title(panels[0], f"{len(labels)} of {len(tracks.labels)} tracks and the centres")
+    return drawing.png(figure)
 
 
 def scene_figure(
     splits: Splits, clusters: Clusters, coordinates: Float[np.ndarray, "scenes 2"], *, generated: bool
 ) -> bytes:
     """Scenes on a t-SNE map, coloured by cluster, the representatives marked. Bi et al., Fig. 8."""
-    figure, (axes,) = _figure(6.4, 5.2, 1, generated=generated)
+    figure, (axes,) = drawing.panels(6.4, 5.2, generated=generated)
     found = clusters.scenes
     colours = matplotlib.colormaps["tab20"](found.labels % 20)
     held_out = np.zeros(len(coordinates), dtype=bool)
@@ -84,22 +83,22 @@ def scene_figure(
         axes.annotate(str(reference), tuple(coordinates[scene]), xytext=(6, 5), textcoords="offset points", fontsize=8)
     marks = (("o", "scene"), ("x", "evaluation or tuning scene"), ("*", "representative"))
     handles = [Line2D([], [], marker=marker, linestyle="", color="black", label=text) for marker, text in marks]
-    figure.legend(handles=handles, frameon=False, fontsize=_FONT, ncols=3, loc="outside lower center")
+    figure.legend(handles=handles, frameon=False, fontsize=drawing.FONT_SIZE, ncols=3, loc="outside lower center")
     axes.set(xlabel="t-SNE 1 [-]", ylabel="t-SNE 2 [-]")
-    _title(axes, f"{len(coordinates)} scenes in {len(found.centres)} clusters")
-    return _png(figure)
+    drawing.set_title(axes, f"{len(coordinates)} scenes in {len(found.centres)} clusters")
+    return drawing.png(figure)
 
 
 def search_figure(config: ClusterTask, trace: pd.DataFrame, *, generated: bool) -> bytes:
     """Objective of every round with the best so far, and the best of every k and l."""
-    figure, (left, right) = _figure(9.0, 4.0, 2, generated=generated)
+    figure, (left, right) = drawing.panels(9.0, 4.0, columns=2, generated=generated)
     rounds, objective = trace["round"].to_numpy(), trace["objective"].to_numpy()
     left.plot(rounds, objective, "o", color=_COLOURS[-1], markersize=2.5, label="tried")
     left.step(rounds, np.maximum.accumulate(objective), where="post", color=_COLOURS[0], label="best so far")
     left.set(xlabel="round", ylabel="silhouette minus penalty [-]")
-    left.legend(frameon=False, fontsize=_FONT, loc="lower right")
+    left.legend(frameon=False, fontsize=drawing.FONT_SIZE, loc="lower right")
     best = trace.loc[objective.argmax()]
-    _title(left, f"best: k = {best['k']}, l = {best['l']}, iterations = {best['iterations']}")
+    drawing.set_title(left, f"best: k = {best['k']}, l = {best['l']}, iterations = {best['iterations']}")
     table = np.full((len(config.bo.l), len(config.bo.k)), np.nan)
     for k, l, value in zip(trace["k"], trace["l"], objective, strict=True):  # noqa: E741 - the name in the field
         at = config.bo.l.index(l), config.bo.k.index(k)
@@ -109,32 +108,7 @@ def search_figure(config: ClusterTask, trace: pd.DataFrame, *, generated: bool) 
     right.set_xticks(range(len(config.bo.k)), [str(k) for k in config.bo.k])
     right.set_yticks(range(len(config.bo.l)), [str(value) for value in config.bo.l])
     bar = figure.colorbar(image, ax=right, pad=0.02)
-    bar.set_label("best over iterations [-]", fontsize=_FONT)
+    bar.set_label("best over iterations [-]", fontsize=drawing.FONT_SIZE)
     bar.ax.tick_params(labelsize=8)
-    _title(right, "k and l tried; white: not tried")
-    return _png(figure)
-
-
-def _figure(width: float, height: float, columns: int, *, generated: bool) -> tuple[Figure, list[Axes]]:
-    """A figure [inch] with its panels; figures of generated data say so."""
-    figure = Figure(figsize=(width, height), layout="constrained")
-    panels = figure.subplots(1, columns, squeeze=False).ravel().tolist()
-    for axes in panels:
-        axes.tick_params(labelsize=8)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.xaxis.label.set_size(_FONT)
-        axes.yaxis.label.set_size(_FONT)
-    if generated:
-        figure.suptitle("GENERATED recordings, no measurements", color="#b00020", fontsize=9, fontweight="bold")
-    return figure, panels
-
-
-def _title(axes: Axes, text: str) -> None:
-    axes.set_title(text, loc="left", fontsize=_FONT)
-
-
-def _png(figure: Figure) -> bytes:
-    buffer = BytesIO()
-    # No date and no version inside: the same figure is the same file.
-    figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
-    return buffer.getvalue()
+    drawing.set_title(right, "k and l tried; white: not tried")
+    return drawing.png(figure)

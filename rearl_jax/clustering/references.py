@@ -17,10 +17,10 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, Float32, Int, Shaped
 
+from rearl_jax.cache import kept_path, read_arrays, write_arrays
 from rearl_jax.clustering.kl import Curves, cluster_curves
 from rearl_jax.clustering.scenes import SceneClusters, cluster_scenes, label_shares, may_be_fitted, references_of
 from rearl_jax.clustering.search import search
-from rearl_jax.clustering.store import cache_path, read_arrays, write_arrays
 from rearl_jax.clustering.tracks import FeatureScale, TrackCollector, TrackSet, seen_in, track_index
 from rearl_jax.config._schema import as_plain
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, FitOn, KlConfig
@@ -61,6 +61,9 @@ class ReferenceKeys(Protocol):
     cluster: ClusterConfig
     bo: BoConfig
 
+
+_SOURCES = ("clustering", "config", "data")
+"""Parts of the package whose code decides a clustering."""
 
 _GROUPS = ("tracks", "scenes", "speed", "features", "spacing", "split", "kl", "cluster", "bo")
 
@@ -120,24 +123,35 @@ class Clusters:
 
 
 class ReferenceBuilder:
-    """Collects tracks while scenes are cut, then builds the references; finished ones come from disk."""
+    """Collects tracks while scenes are cut, then builds the references; finished ones come from disk.
 
-    def __init__(self, config: ReferenceKeys) -> None:
-        self._config = config
+    Attributes:
+        data_id: Identity of the data.
+        tracks: Tracks of the data set; None as long as nobody needed them.
+    """
+
+    def __init__(self, config: ReferenceKeys, tracks: TrackSet | None = None) -> None:
+        """Looks for the finished clustering.
+
+        Args:
+            config: A task's configuration.
+            tracks: Tracks collected before, under the same configuration of data, tracks, scenes and features.
+        """
+        self._config, self.tracks = config, tracks
         keys = {group: as_plain(getattr(config, group)) for group in _GROUPS}
         self.data_id = data_id(config.data)
-        self._path = cache_path({**keys, "data": self.data_id})
+        self._path = kept_path("clusters", {**keys, "data": self.data_id}, _SOURCES, ".npz")
         self._found = _stored(self._path)
         self._collector = TrackCollector(config.scenes, config.tracks, config.features, config.spacing)
 
     @property
-    def is_finished(self) -> bool:
-        """Whether the clustering was found on disk."""
-        return self._found is not None
+    def needs_recordings(self) -> bool:
+        """Whether the recordings must be passed through: no finished clustering and no tracks are at hand."""
+        return self._found is None and self.tracks is None
 
     def passing(self, recordings: Iterable[Recording]) -> Iterator[Recording]:
-        """The recordings, unchanged; their tracks are kept unless the clustering is there already."""
-        return iter(recordings) if self.is_finished else self._collector.passing(recordings)
+        """The recordings, unchanged; their tracks are kept if they are needed."""
+        return self._collector.passing(recordings) if self.needs_recordings else iter(recordings)
 
     def build(
         self,
@@ -164,8 +178,8 @@ class ReferenceBuilder:
                 "from the scenes of the same configuration"
             )
         if found is None:
-            tracks = self._collector.collected()
-            found = cluster(self._config, scenes, tracks, splits, study, self.data_id, progress)
+            self.tracks = self._collector.collected() if self.tracks is None else self.tracks
+            found = cluster(self._config, scenes, self.tracks, splits, study, self.data_id, progress)
             write_arrays(self._path, _arrays(found))
         _warn_of_leaks(found, splits)
         return references_of(scenes, found.scenes, self._config.cluster), found

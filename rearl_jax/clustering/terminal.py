@@ -1,7 +1,5 @@
 """The tables in the terminal."""
 
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -9,6 +7,7 @@ from rearl_jax.clustering.references import Clusters
 from rearl_jax.clustering.tables import summary
 from rearl_jax.config import ClusterTask
 from rearl_jax.config.clustering import Representative
+from rearl_jax.console import print_notes, standard_output, titled_table
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.data.splits import Splits
 
@@ -17,27 +16,25 @@ _WIDTH = 100
 
 def print_table(config: ClusterTask, scenes: SceneSet, splits: Splits, clusters: Clusters) -> None:
     """Prints the clusters of tracks, the representative scenes, and what a reader must know."""
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_WIDTH)  # a file or a pipe has no width of its own
+    console = standard_output(_WIDTH)
     figures = summary(config, scenes, splits, clusters)
-    mark = " (GENERATED recordings)" if scenes.generated else ""
     sources = ", ".join(sorted({info.source for info in scenes.infos}))
-    tracks = _table(f"Tracks of {sources}{mark}", "label", "tracks", "share", "scaled speed [m/s]", "distance [m]")
+    columns = ("label", "tracks", "share", "scaled speed [m/s]", "distance [m]")
+    tracks = _table(f"Tracks of {sources}", *columns, generated=scenes.generated)
     for row in figures["tracks"]:
         speed, distance = f"{row['scaled_speed']:.1f}", f"{row['distance']:.0f}"
         tracks.add_row(str(row["label"]), str(row["n_tracks"]), f"{row['share']:.3f}", speed, distance)
     console.print(tracks)
     shares = [f"share {label}" for label in range(figures["k"])]
-    references = _table(f"Representative scenes{mark}", "reference", "scene", "recording", "members", *shares)
+    columns = ("reference", "scene", "recording", "members", *shares)
+    references = _table("Representative scenes", *columns, generated=scenes.generated)
     for row in figures["references"]:
         centre = [f"{row[f'share_{label}']:.3f}" for label in range(figures["k"])]
         references.add_row(
             str(row["reference"]), str(row["scene_id"]), row["recording"], str(row["n_members"]), *centre
         )
     console.print(references)
-    for note in _notes(config, figures):
-        console.print(note, highlight=False, markup=False)
+    print_notes(console, _notes(config, figures))
 
 
 def _notes(config: ClusterTask, figures: dict) -> list[str]:
@@ -68,8 +65,8 @@ def _notes(config: ClusterTask, figures: dict) -> list[str]:
     return notes
 
 
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+def _table(title: str, *columns: str, generated: bool) -> Table:
+    table = titled_table(title, generated=generated)
     for column in columns:
         table.add_column(escape(column), justify="right", no_wrap=True)
     return table

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rearl_jax.config._key import key
-from rearl_jax.config.bench import BenchConfig
+from rearl_jax.config.bench import BenchConfig, BenchLoopConfig
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, KlConfig
 from rearl_jax.config.core import CoreConfig, InitConfig
 from rearl_jax.config.data import DataConfig
@@ -34,6 +34,9 @@ class ResultsConfig:
     """Where results are written"""
 
     root: str = key("results", "folder of all studies; relative to the folder rearl is called from")
+    resume: bool = key(
+        False, "leave a finished study of the same configuration, data and code alone; jobs of a multirun always do"
+    )
 
 
 def _group(record: type) -> Any:
@@ -116,6 +119,7 @@ class SweepThresholdsTask(EvaluateTask):
     """Thresholds of the detection."""
 
     study: str = _study("sweep_thresholds")
+    method: Method = key(Method.rearl, "rearl: thresholds mean nothing to a method without interventions")
     sweep: SweepConfig = _group(SweepConfig)
 
 
@@ -135,3 +139,12 @@ class BenchCoreTask:
     study: str = _study("bench_core")
     results: ResultsConfig = _group(ResultsConfig)
     bench: BenchConfig = _group(BenchConfig)
+
+
+@dataclass(unsafe_hash=True)
+class BenchLoopTask:
+    """The cost of detection and decisions."""
+
+    study: str = _study("bench_loop")
+    results: ResultsConfig = _group(ResultsConfig)
+    loop: BenchLoopConfig = _group(BenchLoopConfig)

@@ -24,10 +24,24 @@ class SeedScope(Enum):
     """One rollout per run, scored against every scene."""
 
 
+class Subset(Enum):
+    """The scenes that are simulated."""
+
+    evaluation = "evaluation"
+    """Those held out for results."""
+    tuning = "tuning"
+    """Those that choose among parameters."""
+    threshold = "threshold"
+    """Those behind the detection thresholds."""
+
+
 @dataclass(unsafe_hash=True)
 class EvaluationConfig:
     """Rollouts per scene, random numbers and intervals"""
 
+    subset: Subset = key(
+        Subset.evaluation, "scenes that are simulated: evaluation (results), tuning (choice of parameters), threshold"
+    )
     n_runs: int = key(5, "runs: rollouts of every scene, each from another initial state; REARL")
     seed: int = key(0, "seed of initial states, resampling and noise floor; equal for every method")
     seed_scope: SeedScope = key(

@@ -65,6 +65,11 @@ class MapeConfig:
         "A |sim - real| / sim (REARL, Eq. 8), B the same / real, C mean_j |real_j - sim| / real",
     )
 
+    @property
+    def column(self) -> str:
+        """Name of this error among the metrics and in the tables: `mape_a`, `mape_b` or `mape_c`."""
+        return f"mape_{self.definition.name.lower()}"
+
 
 @dataclass(unsafe_hash=True)
 class ThwConfig:

@@ -9,9 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rearl_jax.config.evaluation import EvaluationConfig
+from rearl_jax.config.evaluation import EvaluationConfig, Method
 from rearl_jax.evaluation.scores import COMPARING, REAL, REAL_VS_REAL, TITLES, Scores
 from rearl_jax.metrics import METRICS
+
+BASE = Method.base.name
+"""Row of the method without interventions."""
 
 # Numbers of a block of resampling weights; bounds its memory to some 30 MB.
 _MAX_WEIGHTS = 4_000_000
@@ -31,6 +34,9 @@ class Estimate:
         difference: Value less that of the other row, over the scenes that both have.
         difference_low: Lower end of its paired bootstrap interval.
         difference_high: Upper end.
+        less_base: Value less that of the row base, for another method beside it.
+        less_base_low: Lower end of its paired bootstrap interval.
+        less_base_high: Upper end.
         n_scenes: Scenes with a figure.
     """
 
@@ -42,6 +48,9 @@ class Estimate:
     difference: float | None = None
     difference_low: float | None = None
     difference_high: float | None = None
+    less_base: float | None = None
+    less_base_low: float | None = None
+    less_base_high: float | None = None
     n_scenes: int = 0
 
 
@@ -66,9 +75,11 @@ def estimates(rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig) 
     others = {
         (row, name): (REAL_VS_REAL if name in COMPARING else REAL, name) for row, name in means if row not in TITLES
     }
-    differences = {key: means[key] - means[other] for key, other in others.items() if other in means}
-    ends = _intervals(means, eval)
-    ends_of_difference = _intervals(differences, eval)
+    differences = _differences(means, others)
+    less_base = _differences(
+        means, {(row, name): (BASE, name) for row, name in means if row not in TITLES and row != BASE}
+    )
+    ends, ends_of_difference, ends_less_base = (_intervals(c, eval) for c in (means, differences, less_base))
     found = {}
     for key, values in means.items():
         estimate = Estimate(
@@ -78,7 +89,7 @@ def estimates(rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig) 
             high=ends[key][1],
             n_scenes=int(np.isfinite(values).sum()),
         )
-        if key in differences and np.isfinite(differences[key]).any():
+        if key in differences:
             estimate = replace(
                 estimate,
                 compared_with=others[key][0],
@@ -86,8 +97,23 @@ def estimates(rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig) 
                 difference_low=ends_of_difference[key][0],
                 difference_high=ends_of_difference[key][1],
             )
+        if key in less_base:
+            estimate = replace(
+                estimate,
+                less_base=float(np.nanmean(less_base[key])),
+                less_base_low=ends_less_base[key][0],
+                less_base_high=ends_less_base[key][1],
+            )
         found[key] = estimate
     return found
+
+
+def _differences(
+    means: dict[tuple[str, str], np.ndarray], others: dict[tuple[str, str], tuple[str, str]]
+) -> dict[tuple[str, str], np.ndarray]:
+    """Figures less those they are compared with, scene by scene, where any scene has both."""
+    found = {key: means[key] - means[other] for key, other in others.items() if other in means}
+    return {key: values for key, values in found.items() if np.isfinite(values).any()}
 
 
 def _intervals(

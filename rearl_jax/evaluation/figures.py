@@ -1,30 +1,21 @@
-"""Figures of an evaluation as PNG bytes: speed histogram, errors over time, space-time diagram.
-
-Drawn without a display and without global state of matplotlib.
-"""
-
-from io import BytesIO
+"""Figures of an evaluation as PNG bytes: speed histogram, errors over time, space-time diagram."""
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from rearl_jax import drawing
 from rearl_jax.config import EvaluateTask
 from rearl_jax.evaluation.runner import Evaluation, speed_histogram_edges
 from rearl_jax.evaluation.scores import NOISE_FLOOR, REAL, REAL_VS_REAL, Scores
 from rearl_jax.evaluation.tables import frame_series
 from rearl_jax.metrics import METRICS
 
-_DPI = 200
+_REAL, _METHOD, _OTHER, _CHANCE = drawing.DARK_GREY, drawing.BLUE, drawing.VERMILION, drawing.GREY
 
-# Colour-blind safe; Okabe & Ito, Color Universal Design (2008).
-_REAL, _METHOD, _OTHER, _CHANCE = "#333333", "#0072B2", "#D55E00", "#999999"
-
-_FONT = 9
 _BAND = (10, 90)
 """Percentiles of the pairs between which a band lies."""
 
@@ -47,21 +38,21 @@ def speed_histogram(config: EvaluateTask, evaluation: Evaluation) -> bytes:
         "method": evaluation.sample.speed_counts,
     }
     density = {name: c / max(c.sum(), 1) / np.diff(edges) for name, c in counts.items()}
-    figure, (axes,) = _figure(evaluation, 6.4, 3.6)
+    figure, (axes,) = drawing.panels(6.4, 3.6, generated=evaluation.scenes.generated)
     for edge in edges[:: len(edges) // config.hist.n_bins]:
-        axes.axvline(edge, color="#e6e6e6", linewidth=0.8, zorder=0)
+        axes.axvline(edge, color=drawing.LIGHT_GREY, linewidth=0.8, zorder=0)
     axes.stairs(density["real"], edges, fill=True, color=_REAL, alpha=0.3, label="real, rescaled")
     axes.stairs(density["method"], edges, color=_METHOD, linewidth=1.6, label=config.method.name)
     axes.set(xlabel="speed [m/s]", ylabel="density [s/m]", xlim=(edges[0], edges[-1]), ylim=(0, None))
-    axes.legend(frameon=False, fontsize=_FONT)
-    _title(axes, "Speeds; grey lines: bins of the Hellinger distance")
-    return _png(figure)
+    axes.legend(frameon=False, fontsize=drawing.FONT_SIZE)
+    drawing.set_title(axes, "Speeds; grey lines: bins of the Hellinger distance")
+    return drawing.png(figure)
 
 
 def errors_over_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     """Hellinger distance, spacing error and mean spacing by second, with bands."""
     error = f"mape_{config.mape.definition.name.lower()}"
-    figure, axes = _figure(evaluation, 6.4, 7.2, rows=3)
+    figure, axes = drawing.panels(6.4, 7.2, rows=3, generated=evaluation.scenes.generated)
     method = evaluation.rows[0]
     compared = [(method, _METHOD), (evaluation.row(REAL_VS_REAL), _OTHER)]
     labels = {"h": "Hellinger distance [-]", error: f"{METRICS[error].title} [-]"}
@@ -76,19 +67,19 @@ def errors_over_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     axes[2].set(ylabel="mean spacing [m]", ylim=(0, None), xlabel="time [s]")
     for panel in axes:
         panel.set_xlim(0, evaluation.scenes.seconds - 1)
-        panel.legend(frameon=False, ncols=3, loc="upper right", fontsize=_FONT)
+        panel.legend(frameon=False, ncols=3, loc="upper right", fontsize=drawing.FONT_SIZE)
         low, high = panel.get_ylim()
         panel.set_ylim(low, 1.15 * high)  # room for the legend
     n_runs = config.eval.n_runs
-    _title(axes[0], f"Mean and {_BAND[0]} to {_BAND[1]} % band over scenes and {n_runs} runs")
-    return _png(figure)
+    drawing.set_title(axes[0], f"Mean and {_BAND[0]} to {_BAND[1]} % band over scenes and {n_runs} runs")
+    return drawing.png(figure)
 
 
 def space_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     """Vehicles of one scene in space and time, recorded and simulated, all lanes, coloured by speed."""
     scenes, index = evaluation.scenes, evaluation.sample.example
     frames = evaluation.sample.frames
-    figure, (left, right) = _figure(evaluation, 7.6, 4.4, columns=2)
+    figure, (left, right) = drawing.panels(7.6, 4.4, columns=2, generated=scenes.generated)
     norm = Normalize(config.hist.low, config.hist.high)
     recorded = _Paths(scenes.x[index], scenes.scaled_speed[index], scenes.lane[index], scenes.track_id[index])
     x, crashed = np.asarray(frames.x), np.asarray(frames.crashed)
@@ -100,17 +91,17 @@ def space_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
         axes.margins(y=0.02)
     left.set_ylabel("position along the road [m]")
     kind = "generated" if scenes.generated else "recorded"
-    _title(left, f"{kind}: {scenes.recording[index]}, scene {scenes.scene_id[index]}")
-    _title(right, f"simulated: {config.method.name}, run 0")
+    drawing.set_title(left, f"{kind}: {scenes.recording[index]}, scene {scenes.scene_id[index]}")
+    drawing.set_title(right, f"simulated: {config.method.name}, run 0")
     bar = figure.colorbar(ScalarMappable(norm, "viridis"), ax=[left, right], pad=0.02, aspect=30)
-    bar.set_label(f"speed, {kind} one rescaled [m/s]", fontsize=_FONT)
+    bar.set_label(f"speed, {kind} one rescaled [m/s]", fontsize=drawing.FONT_SIZE)
     bar.ax.tick_params(labelsize=8)
     marks = [Line2D([], [], marker="o", linestyle="", color="black", markersize=3, label="lane change")]
     if crashed.any():
         marks.append(Line2D([], [], marker="x", linestyle="", color="red", markersize=6, label="crash"))
         _mark_crashes(right, x, crashed)
-    right.legend(handles=marks, frameon=False, loc="upper left", fontsize=_FONT)
-    return _png(figure)
+    right.legend(handles=marks, frameon=False, loc="upper left", fontsize=drawing.FONT_SIZE)
+    return drawing.png(figure)
 
 
 class _Paths:
@@ -150,31 +141,3 @@ def _band(axes: Axes, row: Scores, name: str, colour: str, window: int) -> None:
     low, high = np.nanpercentile(values, _BAND, axis=1)
     axes.fill_between(seconds, low, high, color=colour, alpha=0.18, linewidth=0)
     axes.plot(seconds, np.nanmean(values, axis=1), color=colour, linewidth=1.6, label=row.title)
-
-
-def _figure(
-    evaluation: Evaluation, width: float, height: float, *, rows: int = 1, columns: int = 1
-) -> tuple[Figure, list[Axes]]:
-    """A figure [inch] with its panels; figures of generated data say so."""
-    figure = Figure(figsize=(width, height), layout="constrained")
-    panels = figure.subplots(rows, columns, sharex=rows > 1, squeeze=False).ravel().tolist()
-    for axes in panels:
-        axes.tick_params(labelsize=8)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.xaxis.label.set_size(9)
-        axes.yaxis.label.set_size(9)
-    if evaluation.scenes.generated:
-        text = "GENERATED recordings, no measurements"
-        figure.suptitle(text, color="#b00020", fontsize=9, fontweight="bold")
-    return figure, panels
-
-
-def _title(axes: Axes, text: str) -> None:
-    axes.set_title(text, loc="left", fontsize=_FONT)
-
-
-def _png(figure: Figure) -> bytes:
-    buffer = BytesIO()
-    # No date and no version inside: the same figure is the same file.
-    figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
-    return buffer.getvalue()

@@ -68,7 +68,7 @@ def render(
         rows=[row.title for row in evaluation.rows],
         difference=f"{config.method.name} less reference",
         metrics=[_metric(name, config, evaluation, estimates) for name in METRICS],
-        notes=table_notes(config, evaluation),
+        notes=table_notes(config, evaluation, estimates),
         figures=[
             {"alt": name.replace("_", " "), "content": b64encode(png).decode(), "caption": _CAPTIONS[name]}
             for name, png in figures.items()

@@ -62,9 +62,9 @@ def base_values(
     """
     config = replace(config, method=Method.base)
     rollouts = Rollouts(config, scenes, subset)
-    row = scored_rollouts(config, rollouts, scenes, progress)
+    row = scored_rollouts(config, rollouts, scenes, subset, progress)
     series = frame_series(row, config.hist.window)
-    h, mape = (series[name][np.isfinite(series[name])] for name in ("h", f"mape_{config.mape.definition.name.lower()}"))
+    h, mape = (series[name][np.isfinite(series[name])] for name in ("h", config.mape.column))
     if not len(h) or not len(mape):
         raise ValueError("base gave no Hellinger distance or no spacing error to take percentiles of")
     return BaseValues(h, mape, subset, row.n_rollouts)

@@ -6,6 +6,7 @@ same ones (common random numbers), so that differences between methods are not d
 
 import functools
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -195,6 +196,15 @@ class Rollouts:
 
     def __len__(self) -> int:
         return len(self.run)
+
+    def __getitem__(self, part: slice) -> "Rollouts":
+        """Some of them."""
+        some = copy(self)
+        some.run, some.scene, some.cell = self.run[part], self.scene[part], self.cell[part]
+        some._starts, some._state, some._thresholds = jax.tree.map(
+            lambda leaf: leaf[..., part], (self._starts, self._state, self._thresholds)
+        )
+        return some
 
     def chunks(self, width: int) -> Iterator[Simulated]:
         """Rollouts chunk by chunk, scenarios in the order of `run` and `scene`.

@@ -4,14 +4,14 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
 from jaxtyping import Float, Int
 
 from rearl_jax.config import EvaluateTask
-from rearl_jax.config.evaluation import SeedScope
+from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.config.metrics import HistConfig, MetricsConfig
 from rearl_jax.core.rollout import Frames
 from rearl_jax.data.scene_set import SceneSet
@@ -96,7 +96,9 @@ def evaluate(
     references: References | None = None,
     thresholds: tuple[float, float] = NEVER,
 ) -> Evaluation:
-    """The method and the reference rows, scored on the held-out scenes.
+    """The method and the rows it must be read against, scored on the held-out scenes.
+
+    A method that intervenes is followed by the method base from the same initial states.
 
     Args:
         config: The task.
@@ -113,7 +115,11 @@ def evaluate(
     with ThreadPoolExecutor(1) as beside:
         reference = beside.submit(reference_rows, config, scenes, held_out, scorer)
         method, sample, log = simulated_row(config, rollouts, scorer, held_out, width, example, progress)
-        rows = [method, *reference.result()]
+        rows = [method]
+        if config.method is not Method.base:
+            without = replace(config, method=Method.base)
+            rows.append(scored_rollouts(without, Rollouts(without, scenes, held_out), scenes, held_out, progress))
+        rows += reference.result()
     real = next(row for row in rows if row.row == REAL)
     return Evaluation(scenes, held_out, with_realism(rows, real, config.realism), sample, log)
 
@@ -150,19 +156,25 @@ def simulated_row(
 
 
 def scored_rollouts(
-    config: EvaluateTask, rollouts: Rollouts, scenes: SceneSet, progress: Callable[[int, int], None]
+    config: EvaluateTask,
+    rollouts: Rollouts,
+    scenes: SceneSet,
+    held_out: np.ndarray,
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Scores:
-    """Scores of rollouts that each belong to one scene, in their order.
+    """Scores of rollouts, in their order.
 
     Args:
-        config: The task, with eval.seed_scope=run_x_scene.
+        config: The task.
         rollouts: The rollouts.
         scenes: All scenes.
+        held_out: Indices of the scenes they are scored on, rising.
         progress: Called with the number of rollouts done and their total.
     """
     begin = time.perf_counter()
-    scorer, width = _scorer(config, scenes, len(rollouts))
-    chunks = [chunk for _, chunk in scored_chunks(config, rollouts, scorer, rollouts.scene, width, progress)]
+    n_pairs = config.eval.n_runs * len(held_out) if config.eval.seed_scope is SeedScope.run else len(rollouts)
+    scorer, width = _scorer(config, scenes, n_pairs)
+    chunks = [chunk for _, chunk in scored_chunks(config, rollouts, scorer, held_out, width, progress)]
     return _joined(config, chunks, len(rollouts), time.perf_counter() - begin)
 
 

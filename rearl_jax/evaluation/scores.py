@@ -1,18 +1,19 @@
 """What was measured for one row of the table: figures of every scored pair; how reference rows come about."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
 
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.metrics import HistConfig, OutOfBounds, RealismConfig
 from rearl_jax.data.scene_set import SceneSet, real_lane_change_rate
 from rearl_jax.metrics import METRICS
 from rearl_jax.metrics.histograms import legacy_scale, noise_floor, speed_edges
-from rearl_jax.metrics.realism import RealismCounts, realism_scores
+from rearl_jax.metrics.realism import Realism, RealismCounts, realism_scores
 from rearl_jax.metrics.scene import SceneMetrics, SceneSeries
 
 REAL, REAL_VS_REAL, NOISE_FLOOR = "real", "real_vs_real", "noise_floor"
@@ -147,10 +148,8 @@ def noise_floor_scores(scenes: SceneSet, held_out: np.ndarray, hist: HistConfig,
     A mean over `eval.noise_draws` pairs of samples per scene.
     """
     shares = np.stack([_speed_shares(scenes.scaled_speed[index], hist) for index in held_out])
-    draw = partial(noise_floor, n_samples=hist.window * scenes.n_slots, n_draws=eval.noise_draws)
-    fold = partial(jax.random.fold_in, jax.random.key(eval.seed))
     ids = scenes.scene_id[held_out].astype(np.int32)
-    draws = jax.jit(jax.vmap(lambda row, scene_id: draw(row, key=fold(scene_id))))(shares, ids)
+    draws = _floor_program(hist.window * scenes.n_slots, eval.noise_draws)(shares, ids, np.int32(eval.seed))
     h = np.asarray(draws, np.float64).mean(axis=1)
     counts = np.full(len(held_out), eval.noise_draws)
     return Scores(
@@ -160,6 +159,23 @@ def noise_floor_scores(scenes: SceneSet, held_out: np.ndarray, hist: HistConfig,
         {"h": h, "h_legacy": h * legacy_scale(hist)},
         {"h": counts, "h_legacy": counts},
     )
+
+
+@cache
+def _floor_program(n_samples: int, n_draws: int) -> Callable[..., Array]:
+    """Compiled once for all studies of a process: from speed shares, scene ids and the seed to distances."""
+
+    def of_scene(shares: Array, scene_id: Array, seed: Array) -> Array:
+        key = jax.random.fold_in(jax.random.key(seed), scene_id)
+        return noise_floor(shares, n_samples=n_samples, n_draws=n_draws, key=key)
+
+    return jax.jit(jax.vmap(of_scene, in_axes=(0, 0, None)))
+
+
+@cache
+def _realism_program(realism: RealismConfig) -> Callable[..., Realism]:
+    """Compiled once for all studies of a process: from bin counts to scores."""
+    return jax.jit(partial(realism_scores, realism=realism, dtype=np.dtype(np.float32)))
 
 
 def with_realism(rows: list[Scores], real: Scores, realism: RealismConfig) -> list[Scores]:
@@ -185,7 +201,7 @@ def with_realism(rows: list[Scores], real: Scores, realism: RealismConfig) -> li
         which += [at, np.arange(n_scenes)]
     counts = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *simulated)
     wanted = jax.tree.map(lambda leaf: leaf[..., np.concatenate(which)], real.realism)
-    found = jax.jit(partial(realism_scores, realism=realism, dtype=np.dtype(np.float32)))(counts, wanted).meta
+    found = _realism_program(realism)(counts, wanted).meta
     figures = np.where(np.asarray(found.count) > 0, np.asarray(found.value, np.float64), np.nan)
     parts = iter(np.split(figures, np.cumsum([len(at) for at in which])[:-1]))
     complete = {}

@@ -4,7 +4,7 @@ Where there is no figure a cell is missing (null), never a number that means not
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TypeAlias
 
 import numpy as np
@@ -36,6 +36,9 @@ HEADINGS = {
 
 _DIGITS = {"spacing": 1, "thw": 2, "thw_median": 2, "ttc_min": 1}
 _DIGITS |= {"lcr": 4, "lcr_observed": 4, "ttc_share": 4, "drac_share": 4, "critical_share": 4}
+
+
+_LESS_BASE = ("less_base", "less_base_low", "less_base_high")
 
 
 def run_table(evaluation: Evaluation) -> pd.DataFrame:
@@ -135,8 +138,8 @@ def summary_table(
             }
         )
     frame = pd.DataFrame(rows)
-    numbers = ("value", "sd", "low", "high", "difference", "difference_low", "difference_high")
-    for name in numbers:
+    ends = [f"{name}{end}" for name in ("difference", "less_base") for end in ("", "_low", "_high")]
+    for name in ("value", "sd", "low", "high", *ends):
         frame[name] = frame[name].astype("Float64")
     return frame
 
@@ -147,8 +150,8 @@ def summary_rows(
     """The objects of summary.json, one per row of the table, the method first.
 
     Keys: method, every metric by its name with `_sd` (over runs), `_low` and `_high` (bootstrap interval over
-    scenes), n_scenes, n_rollouts, seconds; for a method that intervenes also those of `intervention_figures`, None
-    in the other rows. None where there is no figure.
+    scenes), n_scenes, n_rollouts, seconds; for a method that intervenes also `_less_base`, `_less_base_low`,
+    `_less_base_high` and those of `intervention_figures`, None in the other rows. None where there is no figure.
     """
     acts = {} if evaluation.log is None else intervention_figures(evaluation.log)
     found = []
@@ -157,7 +160,7 @@ def summary_rows(
         for name in METRICS:
             estimate = estimates.get((row.row, name))
             figures[name] = None if estimate is None else estimate.value
-            for part in ("sd", "low", "high"):
+            for part in ("sd", "low", "high", *(_LESS_BASE if acts else ())):
                 figures[f"{name}_{part}"] = None if estimate is None else getattr(estimate, part)
         figures["n_scenes"] = len(np.unique(row.scene))
         figures["n_rollouts"] = row.n_rollouts
@@ -172,7 +175,9 @@ def written(value: float, name: str) -> str:
     return f"{value:.{_DIGITS.get(name, 3)}f}"
 
 
-def table_notes(config: EvaluateTask, evaluation: Evaluation) -> list[str]:
+def table_notes(
+    config: EvaluateTask, evaluation: Evaluation, estimates: Mapping[tuple[str, str], Estimate]
+) -> list[str]:
     """What must be read with the table."""
     scenes = evaluation.scenes
     percent = f"{100 * config.eval.confidence:g} %"
@@ -186,10 +191,24 @@ def table_notes(config: EvaluateTask, evaluation: Evaluation) -> list[str]:
         "row real, more is not better",
     ]
     if evaluation.log is not None:
-        notes.insert(1, intervention_note(evaluation.log))
+        notes[1:1] = [_less_base_note(config, estimates), intervention_note(evaluation.log)]
     if scenes.generated:
         notes.insert(0, "GENERATED recordings, no measurements: nothing here is about real traffic")
     return notes
+
+
+def _less_base_note(config: EvaluateTask, estimates: Mapping[tuple[str, str], Estimate]) -> str:
+    """What the interventions change, scene by scene."""
+    parts = []
+    for name in ("h", config.mape.column):
+        found = estimates.get((config.method.name, name))
+        if found is None or found.less_base is None:
+            continue
+        part = f"{HEADINGS[name]} {found.less_base:+.3f}"
+        if found.less_base_low is not None and found.less_base_high is not None:
+            part += f" ({found.less_base_low:+.3f} to {found.less_base_high:+.3f})"
+        parts.append(part)
+    return f"{config.method.name} less base, from the same initial states: {', '.join(parts) or 'no figure'}"
 
 
 def metadata(config: EvaluateTask, evaluation: Evaluation) -> dict[str, str]:

@@ -1,10 +1,7 @@
 """The table in the terminal."""
 
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
-
 from rearl_jax.config import EvaluateTask
+from rearl_jax.console import print_notes, standard_output, titled_table
 from rearl_jax.evaluation.estimates import Estimate
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.evaluation.tables import HEADINGS, SHOWN, source_names, table_notes, written
@@ -15,15 +12,10 @@ _WIDTH = 114
 
 def print_table(config: EvaluateTask, evaluation: Evaluation, estimates: dict[tuple[str, str], Estimate]) -> None:
     """Prints the table people read; in a narrow terminal without intervals."""
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_WIDTH)  # a file or a pipe has no width of its own
+    console = standard_output(_WIDTH)
     has_room = console.width >= _WIDTH
     title = f"{config.method.name} on {source_names(evaluation)}"
-    if evaluation.scenes.generated:
-        title += " (GENERATED recordings)"
-    style = {"title_justify": "left", "title_style": "bold", "box": SIMPLE_HEAD, "padding": (0, 1, 0, 0)}
-    table = Table(title=title, **style)
+    table = titled_table(title, generated=evaluation.scenes.generated)
     table.add_column("", no_wrap=True)
     for name in SHOWN:
         table.add_column(HEADINGS[name], justify="right", no_wrap=True)
@@ -31,8 +23,7 @@ def print_table(config: EvaluateTask, evaluation: Evaluation, estimates: dict[tu
         cells = (_cell(estimates.get((row.row, name)), name, has_room) for name in SHOWN)
         table.add_row(row.title, *cells)
     console.print(table)
-    for note in table_notes(config, evaluation):
-        console.print(note, highlight=False, markup=False)
+    print_notes(console, table_notes(config, evaluation, estimates))
     if not has_room:
         console.print(f"intervals: page.html, or a terminal of {_WIDTH} columns", highlight=False)
 

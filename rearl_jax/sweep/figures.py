@@ -1,20 +1,16 @@
 """Figures of the threshold sweep: where the thresholds lie among the values of base, and what each pair achieves."""
 
-from io import BytesIO
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from rearl_jax import drawing
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.evaluation.percentiles import BaseValues
 
-_DPI = 200
-
-# Colour-blind safe; Okabe & Ito, Color Universal Design (2008).
-_LINE, _MARK = "#0072B2", "#D55E00"
+_LINE, _MARK = drawing.BLUE, drawing.VERMILION
 
 HEAT_MAPS = {"h": "Hellinger distance", "mape": "spacing error", "score": "sum of both"}
 """Columns of the table that are drawn, and their titles."""
@@ -23,13 +19,13 @@ HEAT_MAPS = {"h": "Hellinger distance", "mape": "spacing error", "score": "sum o
 def cumulative(base: BaseValues, sweep: SweepConfig, title: str) -> bytes:
     """PNG of the cumulative distributions of base with the percentiles that became thresholds (Fig. 7 of REARL)."""
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
-    figure.suptitle(title, fontsize=9)
+    figure.suptitle(title, fontsize=drawing.FONT_SIZE)
     panels = (("Hellinger distance [-]", base.h, sweep.h_pct), ("spacing error [-]", base.mape, sweep.m_pct))
     for axes, (label, values, percentiles) in zip(figure.subplots(1, 2, sharey=True), panels, strict=True):
         _distribution(axes, values, percentiles)
         axes.set(xlabel=label, ylim=(0, 1))
     figure.axes[0].set_ylabel("share of the values below")
-    return _png(figure)
+    return drawing.png(figure)
 
 
 def _distribution(axes: Axes, values: np.ndarray, percentiles: tuple[float, ...]) -> None:
@@ -46,13 +42,13 @@ def _distribution(axes: Axes, values: np.ndarray, percentiles: tuple[float, ...]
             textcoords="offset points",
             fontsize=7,
         )
-    axes.grid(color="#e6e6e6", linewidth=0.6)
+    axes.grid(color=drawing.LIGHT_GREY, linewidth=0.6)
 
 
 def heat_maps(table: pd.DataFrame, title: str) -> bytes:
     """PNG with a map per figure: rows are percentiles of the Hellinger distance, columns of the spacing error."""
     figure = Figure(figsize=(10.0, 3.6), layout="constrained")
-    figure.suptitle(title, fontsize=9)
+    figure.suptitle(title, fontsize=drawing.FONT_SIZE)
     for axes, (name, label) in zip(figure.subplots(1, len(HEAT_MAPS)), HEAT_MAPS.items(), strict=True):
         grid = table.pivot(index="h_pct", columns="m_pct", values=name)
         axes.imshow(grid, cmap="cividis_r", aspect="auto")
@@ -65,17 +61,11 @@ def heat_maps(table: pd.DataFrame, title: str) -> bytes:
         best = table.loc[table["is_best"]].iloc[0]
         row, column = list(grid.index).index(best["h_pct"]), list(grid.columns).index(best["m_pct"])
         axes.add_patch(_frame(column, row))
-        axes.set_title(label, fontsize=9)
+        axes.set_title(label, fontsize=drawing.FONT_SIZE)
         axes.set_xlabel("percentile of the spacing error [%]", fontsize=8)
     figure.axes[0].set_ylabel("percentile of the Hellinger distance [%]", fontsize=8)
-    return _png(figure)
+    return drawing.png(figure)
 
 
 def _frame(column: int, row: int) -> Rectangle:
     return Rectangle((column - 0.5, row - 0.5), 1, 1, fill=False, edgecolor=_MARK, linewidth=2)
-
-
-def _png(figure: Figure) -> bytes:
-    buffer = BytesIO()
-    figure.savefig(buffer, dpi=_DPI, format="png")
-    return buffer.getvalue()

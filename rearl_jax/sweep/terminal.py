@@ -1,11 +1,9 @@
 """The table of the threshold pairs in the terminal."""
 
 import pandas as pd
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
 
 from rearl_jax.config import SweepThresholdsTask
+from rearl_jax.console import print_notes, standard_output, titled_table
 from rearl_jax.evaluation.percentiles import BaseValues
 from rearl_jax.sweep.pairs import Choice, Pair
 
@@ -22,17 +20,9 @@ def print_pairs(
     note: str,
 ) -> None:
     """Prints one row per pair and what the choice is worth."""
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_WIDTH)  # a file or a pipe has no width of its own
+    console = standard_output(_WIDTH)
     definition = config.mape.definition.name
-    shown = Table(
-        title=f"Threshold pairs on the tuning scenes{note}",
-        title_justify="left",
-        title_style="bold",
-        box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-    )
+    shown = titled_table(f"Threshold pairs on the tuning scenes{note}")
     for heading in ("H pct", "MAPE pct", "H >", f"MAPE {definition} >", "H", f"MAPE {definition}", "sum"):
         shown.add_column(heading, justify="right")
     for heading in ("THW, s", "LCR", "crashed", "best in"):
@@ -48,12 +38,12 @@ def print_pairs(
     console.print(shown)
     percent = f"{100 * config.eval.confidence:g} %"
     verdict = "can" if choice.is_distinguishable else "cannot"
-    for line in (
+    notes = (
         f"thresholds: percentiles of base on {len(base.scene)} scenes, {len(base.h)} Hellinger distances and"
         f" {len(base.mape)} spacing errors",
         f"best: {pairs[choice.best].name}, ahead of {pairs[choice.runner_up].name} by {choice.lead:.4f}"
         f" ({percent} bootstrap over scenes {choice.lead_low:.4f} to {choice.lead_high:.4f}):"
         f" these scenes {verdict} tell the two apart",
         "best in: share of the resamples of the scenes in which the pair has the least sum",
-    ):
-        console.print(line, highlight=False, markup=False)
+    )
+    print_notes(console, notes)

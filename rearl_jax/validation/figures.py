@@ -1,14 +1,13 @@
 """The difference of position against time, one panel per set."""
 
-import io
 import math
 
-import matplotlib
 import pandas as pd
 from matplotlib.figure import Figure
 
-COLOURS = {"float64": "#0072b2", "float32": "#d55e00"}
-"""Two colours of Okabe and Ito's palette, told apart with any colour vision."""
+from rearl_jax import drawing
+
+COLOURS = {"float64": drawing.BLUE, "float32": drawing.VERMILION}
 
 FLOOR = 1e-17
 """Difference [m] at which none at all is drawn; a logarithm has no zero."""
@@ -21,7 +20,6 @@ def error_over_time(errors: pd.DataFrame, tolerances: dict[str, float]) -> bytes
         errors: Columns set, precision, scope (`all` or `before_contact`), time [s], median [m], largest [m].
         tolerances: Tolerance of each precision [m].
     """
-    matplotlib.use("agg")
     names = list(errors["set"].drop_duplicates())
     n_columns = min(4, len(names))
     n_rows = math.ceil(len(names) / n_columns)
@@ -39,7 +37,7 @@ def error_over_time(errors: pd.DataFrame, tolerances: dict[str, float]) -> bytes
             label = f"{precision}, median"
             axis.plot(median["time"], median["median"].clip(FLOOR), color=colour, lw=0.7, alpha=0.45, label=label)
             axis.axhline(tolerances[precision], color=colour, lw=0.6, ls="--")
-        axis.set_title(name, fontsize=9)
+        axis.set_title(name, fontsize=drawing.FONT_SIZE)
         axis.set_yscale("log")
         axis.grid(alpha=0.25, lw=0.5)
     for axis in axes.flat[len(names) :]:
@@ -51,6 +49,4 @@ def error_over_time(errors: pd.DataFrame, tolerances: dict[str, float]) -> bytes
     handles, labels = axes.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8)
     figure.suptitle("The core against highway-env, tick by tick (dashed: tolerance)", fontsize=10)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=130, metadata={"Software": None})
-    return buffer.getvalue()
+    return drawing.png(figure, dpi=130)

@@ -1,25 +1,20 @@
 """The tables in the terminal."""
 
 import pandas as pd
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from rearl_jax.config.validation import ValidationConfig
+from rearl_jax.console import standard_output, titled_table
 from rearl_jax.validation.summary import PRECISIONS, where
 
 _WIDTH = 130
 """Width [characters] at which no column is cut off."""
 
-_STYLE = {"title_justify": "left", "title_style": "bold", "box": SIMPLE_HEAD, "padding": (0, 1, 0, 0)}
-
 
 def print_report(groups: pd.DataFrame, scenes: pd.DataFrame, summary: dict, config: ValidationConfig) -> None:
     """Prints one table per precision, the control, and every exception with its cause."""
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_WIDTH)  # a file or a pipe has no width of its own
+    console = standard_output(_WIDTH)
     for precision in PRECISIONS:
         console.print(_agreement_table(where(groups, precision=precision), precision, summary, config))
     console.print(_control_text(summary))
@@ -34,7 +29,7 @@ def _agreement_table(groups: pd.DataFrame, precision: str, summary: dict, config
     whole = precision == "float64"
     ending, scope = ("", "at all ticks") if whole else ("_before_contact", "before the first contact")
     tolerance = config.tolerance_f64 if whole else config.tolerance_f32
-    table = Table(title=f"{precision} against {summary['reference']}, largest differences {scope}", **_STYLE)
+    table = titled_table(f"{precision} against {summary['reference']}, largest differences {scope}")
     table.add_column("set")
     for heading in ("scenes", "lane\nchanges", "aborts", "crashed"):
         table.add_column(heading, justify="right")
@@ -70,7 +65,7 @@ def _control_text(summary: dict) -> str:
 
 
 def _exception_table(excepted: pd.DataFrame, precision: str) -> Table:
-    table = Table(title=f"Scenes that differ in {precision}", **_STYLE)
+    table = titled_table(f"Scenes that differ in {precision}")
     for heading in ("scene", "cause"):
         table.add_column(heading)
     for heading in (

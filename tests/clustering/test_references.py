@@ -87,7 +87,7 @@ def through_builder(config):
     from rearl_jax.data.splits import split_scenes
 
     builder = ReferenceBuilder(config)
-    was_finished = builder.is_finished
+    was_finished = not builder.needs_recordings
     groups = (config.scenes, config.speed, config.tracks, config.features, config.spacing)
     scenes = build_scenes(builder.passing(iterate_recordings(config.data)), *groups)
     return was_finished, *builder.build(scenes, split_scenes(scenes, config.split))
@@ -102,7 +102,7 @@ def equal(one, other):
 
 def test_finished_clustering_is_found_again_and_a_damaged_one_made_anew(task_config, built, monkeypatch, caplog):
     from rearl_jax.clustering import references as module
-    from rearl_jax.clustering.store import cluster_folder
+    from rearl_jax.cache import kept_folder
 
     was_finished, first, clusters = through_builder(task_config)
     assert not was_finished
@@ -114,7 +114,7 @@ def test_finished_clustering_is_found_again_and_a_damaged_one_made_anew(task_con
     assert was_finished
     assert equal(clusters, again)
     np.testing.assert_array_equal(first.speed, second.speed)
-    (path,) = cluster_folder().iterdir()
+    (path,) = kept_folder("clusters").iterdir()
     content = path.read_bytes()
     path.write_bytes(content[: len(content) // 2])
     with caplog.at_level(logging.WARNING):
@@ -122,7 +122,7 @@ def test_finished_clustering_is_found_again_and_a_damaged_one_made_anew(task_con
     assert not was_finished
     assert "damaged" in caplog.text
     assert equal(clusters, repaired)
-    assert [item.name for item in cluster_folder().iterdir()] == [path.name]
+    assert [item.name for item in kept_folder("clusters").iterdir()] == [path.name]
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,8 @@ def references(scenes):
     import jax.numpy as jnp
 
     speed, spacing, mean = (jnp.asarray(values[chosen], jnp.float32) for values in with_float32)
-    return References(speed, spacing, mean, jnp.asarray(scenes.action[chosen], jnp.int32))
+    action = jnp.asarray(scenes.action[chosen], jnp.int32)
+    return References(speed, spacing, mean, action, jnp.asarray([0.25, 0.75], jnp.float32))
 
 
 @pytest.fixture
@@ -29,6 +30,7 @@ def intervening(small):
 
 
 def test_decisions_are_counted_second_by_second(scenes, intervening, references):
+    from rearl_jax.evaluation.estimates import estimates
     from rearl_jax.evaluation.interventions import ACTIONS, decision_table
     from rearl_jax.evaluation.runner import evaluate
     from rearl_jax.evaluation.tables import table_notes
@@ -43,7 +45,29 @@ def test_decisions_are_counted_second_by_second(scenes, intervening, references)
     assert (table.asked[table.frame == 0] == 0).all()
     assert table.h[table.frame < 4].isna().all()
     assert table.h[table.frame >= 4].notna().all()
-    assert any(f"{table.asked.sum()} decisions in 6 rollouts" in note for note in table_notes(intervening, evaluation))
+    found = estimates(evaluation.rows, evaluation.held_out, intervening.eval)
+    notes = table_notes(intervening, evaluation, found)
+    assert any(f"{table.asked.sum()} decisions in 6 rollouts" in note for note in notes)
+
+
+def test_base_stands_beside_the_method_from_the_same_initial_states(scenes, intervening, references):
+    from rearl_jax.config.evaluation import Method
+    from rearl_jax.evaluation.estimates import estimates
+    from rearl_jax.evaluation.runner import evaluate
+
+    held_out = np.array([1, 4])
+    evaluation = evaluate(intervening, scenes, held_out, references=references, thresholds=(0.1, 0.05))
+    assert [row.row for row in evaluation.rows] == ["rearl", "base", "real_vs_real", "noise_floor", "real"]
+    alone = evaluate(replace(intervening, method=Method.base), scenes, held_out)
+    for name, values in evaluation.row("base").values.items():
+        np.testing.assert_array_equal(values, alone.rows[0].values[name])
+    rearl, base = (evaluation.row(name).values["h"] for name in ("rearl", "base"))
+    assert (rearl != base).any()
+    found = estimates(evaluation.rows, held_out, intervening.eval)
+    less = found["rearl", "h"]
+    assert less.less_base == pytest.approx((rearl - base).mean())
+    assert less.less_base_low <= less.less_base <= less.less_base_high
+    assert found["base", "h"].less_base is None
 
 
 def test_the_first_second_is_that_of_the_base_and_thresholds_do_not_recompile(scenes, intervening, references):

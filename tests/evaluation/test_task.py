@@ -159,14 +159,15 @@ def test_generated_data_are_marked_everywhere(done, capsys):
 
 
 def test_narrow_terminal_loses_intervals_and_nothing_else(done, monkeypatch, capsys):
-    from rearl_jax.evaluation import terminal
+    from rearl_jax import console
+    from rearl_jax.evaluation.terminal import print_table
 
-    class Narrow(terminal.Console):
+    class Narrow(console.Console):
         def __init__(self, **options):
             super().__init__(force_terminal=True, color_system=None, **({"width": 84} | options))
 
-    monkeypatch.setattr(terminal, "Console", Narrow)
-    terminal.print_table(done.config, done.evaluation, done.estimates)
+    monkeypatch.setattr(console, "Console", Narrow)
+    print_table(done.config, done.evaluation, done.estimates)
     printed = capsys.readouterr().out
     assert "…" not in printed
     assert "intervals: page.html" in printed

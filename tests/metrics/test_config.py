@@ -6,6 +6,7 @@ from rearl_jax.config.metrics import (
     FeatureConfig,
     HistConfig,
     MapeConfig,
+    MapeDefinition,
     MetricsConfig,
     RealismConfig,
     SafetyConfig,
@@ -56,3 +57,11 @@ def test_defaults_are_accepted_and_static(record):
 def test_unusable_values_are_refused(record, message):
     with pytest.raises(ValueError, match=f"^{message}"):
         record.check()
+
+
+def test_every_spacing_error_is_a_metric_under_its_column():
+    from rearl_jax.metrics import METRICS
+
+    columns = [MapeConfig(definition).column for definition in MapeDefinition]
+    assert columns == ["mape_a", "mape_b", "mape_c"]
+    assert set(columns) < set(METRICS)

@@ -29,7 +29,7 @@ def study(tmp_path_factory):
 
 
 def test_every_pair_was_simulated_on_every_tuning_scene(study):
-    runs, table = pd.read_parquet(study / "runs.parquet"), pd.read_parquet(study / "table3.parquet")
+    runs, table = pd.read_parquet(study / "runs"), pd.read_parquet(study / "table3.parquet")
     assert len(table) == 4
     per_pair = runs.groupby(["h_pct", "m_pct"]).size()
     assert per_pair.tolist() == [2 * runs.scene_id.nunique()] * 4

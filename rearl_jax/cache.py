@@ -1,4 +1,4 @@
-"""Finished clusterings on disk, so that the same data and configuration are clustered once per machine."""
+"""What is expensive to make, kept on disk: made once per machine for the same data, configuration and code."""
 
 import hashlib
 import json
@@ -18,15 +18,22 @@ from rearl_jax.runtime import cache_folder
 log = logging.getLogger(__name__)
 
 
-def cluster_folder() -> Path:
-    """The folder of finished clusterings, beside that of compiled programs."""
-    return cache_folder().parent / "clusters"
+def kept_folder(kind: str) -> Path:
+    """The folder of one kind of kept things, beside that of compiled programs."""
+    return cache_folder().parent / kind
 
 
-def cache_path(keys: Mapping[str, object]) -> Path:
-    """File of the clustering with these keys, made by this version of the code."""
-    text = json.dumps({**keys, "code": _code_version()}, sort_keys=True, allow_nan=False)
-    return cluster_folder() / f"{hashlib.sha256(text.encode()).hexdigest()[:24]}.npz"
+def kept_path(kind: str, keys: Mapping[str, object], packages: tuple[str, ...], ending: str) -> Path:
+    """File of the thing with these keys, made by this version of the code.
+
+    Args:
+        kind: Name of the folder.
+        keys: Everything the thing depends on besides the code.
+        packages: Parts of rearl_jax whose sources decide what comes out.
+        ending: Of the file's name.
+    """
+    text = json.dumps({**keys, "code": code_digest(packages)}, sort_keys=True, allow_nan=False)
+    return kept_folder(kind) / f"{hashlib.sha256(text.encode()).hexdigest()[:24]}{ending}"
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray] | None:
@@ -38,7 +45,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray] | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
-        log.warning("%s is damaged (%s): clustering again", path, error)
+        log.warning("%s is damaged (%s): made again", path, error)
         return None
 
 
@@ -51,17 +58,17 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
             np.savez(file, allow_pickle=False, **arrays)
         os.replace(unfinished, path)
     except OSError as error:
-        log.warning("the clustering is not kept: %s; set XDG_CACHE_HOME to another folder", error)
+        log.warning("not kept for the next run: %s; set XDG_CACHE_HOME to another folder", error)
     finally:
         unfinished.unlink(missing_ok=True)
 
 
 @cache
-def _code_version() -> str:
-    """Version of the package and a digest of the sources that decide a clustering, for checkouts in between."""
-    package = Path(__file__).resolve().parents[1]
+def code_digest(packages: tuple[str, ...]) -> str:
+    """Digest of the version and of the sources of some parts of the package, for checkouts between versions."""
+    package = Path(__file__).resolve().parent
     digest = hashlib.sha256(__version__.encode())
-    for folder in ("clustering", "config", "data"):
-        for file in sorted((package / folder).glob("*.py")):
+    for name in packages:
+        for file in sorted((package / name).glob("*.py")):
             digest.update(file.name.encode() + file.read_bytes())
     return digest.hexdigest()

@@ -1,0 +1,151 @@
+"""From the words of the command line and conf/ to the finished configuration record of a task.
+
+Mistakes are found before Hydra sees them where that gives a better sentence: one that names the nearest valid key.
+"""
+
+import logging
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rearl_jax import tasks
+from rearl_jax.config._schema import finished, groups_of, keys_of, nearest
+from rearl_jax.tasks import Task
+
+log = logging.getLogger(__name__)
+
+
+class UsageError(ValueError):
+    """The command line cannot be carried out; the message says what to write instead."""
+
+
+def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> Any:
+    """The finished record of a task: defaults, then conf/, then the command line."""
+    from hydra import compose, initialize_config_dir
+
+    overrides = with_implied(task, overrides)
+    check_overrides(task, overrides, config_dir)
+    if config_dir is not None:
+        overrides = [f"hydra.searchpath=[{search_path(config_dir)}]", *overrides]
+    register(task)
+    with hydra_errors(task, overrides), initialize_config_dir(str(tasks.conf_dir()), version_base="1.3"):
+        return record_of(compose(task.config_name, overrides))
+
+
+def with_implied(task: Task, overrides: list[str]) -> list[str]:
+    """The overrides, and before them what those of some groups imply unless it is said otherwise.
+
+    A threshold of the detection without `method=...` means `method=rearl`: the default method would ignore it.
+    """
+    said = [text.partition("=")[0] for text in overrides]
+    implied = {word for group, word in task.implied.items() if any(key.split(".")[0] == group for key in said)}
+    new = sorted(word for word in implied if word.partition("=")[0] not in said)
+    if new:
+        log.info("%s, because of the keys given", ", ".join(new))
+    return [*new, *overrides]
+
+
+def register(task: Task) -> None:
+    """Makes the task's record known to Hydra."""
+    from hydra.core.config_store import ConfigStore
+
+    ConfigStore.instance().store(name="schema", node=task.load_config())
+
+
+def record_of(config: Any) -> Any:
+    """The checked record of a composed configuration."""
+    from omegaconf import OmegaConf
+
+    return finished(OmegaConf.to_object(config))
+
+
+def search_path(config_dir: str) -> str:
+    """A folder as Hydra's search path writes it."""
+    folder = Path(config_dir).resolve()
+    if not folder.is_dir():
+        raise UsageError(f"--config-dir {config_dir}: there is no such folder")
+    return f"'file://{folder}'"
+
+
+def choices(task: Task, config_dir: str | None = None) -> dict[str, list[Path]]:
+    """Config groups of a task, e.g. `data`, and the files one of which is chosen by `data=NAME`."""
+    roots = [tasks.conf_dir()] if config_dir is None else [tasks.conf_dir(), Path(config_dir)]
+    fields = {group.name for group in groups_of(task.defaults())}
+    return {name: files for name in sorted(fields) if name and (files := _yaml_files(name, roots))}
+
+
+def _yaml_files(group: str, roots: Iterable[Path]) -> list[Path]:
+    return sorted(file for root in roots for file in (root / group).glob("*.yaml"))
+
+
+def check_overrides(task: Task, overrides: list[str], config_dir: str | None) -> None:
+    """Refuse unreadable words and unknown keys before Hydra sees them, naming the nearest valid key."""
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.errors import HydraException
+
+    keys = keys_of(task.defaults())
+    records = {name.rpartition(".")[0] for name in keys}
+    known_groups = choices(task, config_dir)
+    for text in overrides:
+        if "=" not in text:
+            raise UsageError(f"{text!r} is not key=value; nearest key: {nearest(text, keys)}")
+        try:
+            override = OverridesParser.create().parse_override(text)
+        except HydraException as error:
+            name, _, value = text.partition("=")
+            raise UsageError(
+                f"{name}: the value {value} cannot be read; quote it twice if it holds blanks, commas or "
+                f"brackets: '{name}=\"{value}\"'"
+            ) from error
+        name = override.key_or_group
+        if name.split(".")[0].split("/")[0] == "hydra":
+            continue
+        if text[0] in "+~":
+            raise UsageError(f"{text}: keys are neither added nor removed; write {text.lstrip('+~')}")
+        if name not in keys and name not in known_groups and name not in records:
+            raise UsageError(_no_such_key(task, name))
+
+
+@contextmanager
+def hydra_errors(task: Task, overrides: list[str]) -> Iterator[None]:
+    """Turn what Hydra and OmegaConf raise into one sentence with the full key and the nearest valid one."""
+    from hydra.errors import HydraException, MissingConfigException
+    from omegaconf.errors import OmegaConfBaseException
+
+    try:
+        yield
+    except MissingConfigException as error:
+        group, _, name = (error.missing_cfg_file or "").partition("/")
+        if not (name and error.options):
+            raise UsageError(str(error)) from error
+        raise UsageError(
+            f"{group}={name}: there is no such choice; nearest: {nearest(name, error.options)}; "
+            f"choices: {', '.join(sorted(error.options))}"
+        ) from error
+    except (HydraException, OmegaConfBaseException) as error:
+        raise UsageError(_sentence(task, overrides, error)) from error
+
+
+def _no_such_key(task: Task, name: str) -> str:
+    close = nearest(name, keys_of(task.defaults()))
+    return f"there is no key {name!r} in `rearl {task.words}`; nearest: {close}"
+
+
+def _sentence(task: Task, overrides: list[str], error: BaseException) -> str:
+    cause: BaseException | None = error
+    while cause is not None and getattr(cause, "full_key", None) is None:
+        cause = cause.__cause__ or cause.__context__
+    if cause is None:
+        return str(error)
+    keys = keys_of(task.defaults())
+    reason = str(cause).split("\n")[0]
+    name = str(getattr(cause, "full_key", "")).partition("[")[0]
+    file = re.match(r"In '(.+?)'", str(error))
+    where = f"{file[1]}.yaml: " if file else ""
+    if name in keys:
+        return f"{where}{name} must be {keys[name].type_name}: {reason}"
+    if name:
+        return where + _no_such_key(task, name)
+    return f"{where or ' '.join(overrides) + ': '}{reason}"

@@ -1,0 +1,112 @@
+"""Hydra multirun: one job for every combination of the swept values, each in a folder of its own.
+
+Finished jobs are not run again, so a killed multirun goes on where it was. At the end the task puts all cells
+together.
+"""
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rearl_jax import tasks
+from rearl_jax.cli.composition import check_overrides, compose_task, hydra_errors, record_of, register, with_implied
+from rearl_jax.cli.running import JobError, complain, is_for_user, run_task
+from rearl_jax.tasks import Task
+
+_OWN_FOLDER = ("study", "results.root", "results.resume")
+"""Keys that do not name the folder of a job."""
+
+
+def run_many(task: Task, overrides: list[str], config_dir: str | None) -> None:
+    """Runs all jobs, then puts the finished ones together.
+
+    Args:
+        task: The task of every job.
+        overrides: Words of the command line, swept values among them.
+        config_dir: Folder with configuration files of the user.
+
+    Raises:
+        JobError: A job failed; the others have run.
+    """
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    overrides = with_implied(task, overrides)
+    check_overrides(task, overrides, config_dir)
+    parsed = OverridesParser.create().parse_overrides(overrides)
+    swept = {item.key_or_group for item in parsed if item.is_sweep_override()}
+    fixed = [text for text, item in zip(overrides, parsed, strict=True) if item.key_or_group not in swept]
+    failed = None
+    try:
+        _launch(task, overrides, swept, config_dir)
+    except JobError as error:
+        failed = error
+    if task.collect is not None:
+        own = [text for text in fixed if not text.startswith("hydra")]
+        whole = compose_task(task, own, config_dir)
+        task.load_collect()(whole, cells_of(parsed, swept))
+        print(f"all cells: {Path(whole.results.root) / whole.study}")
+    if failed is not None:
+        raise failed
+
+
+def cells_of(overrides: Sequence[Any], swept: set[str]) -> list[dict[str, str]]:
+    """The values of the swept keys in every job, in the order of the jobs."""
+    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+
+    batch = BasicSweeper.split_arguments(list(overrides), None)[0]
+    jobs = [dict(text.split("=", 1) for text in job) for job in batch]
+    return [{key: value for key, value in job.items() if key in swept} for job in jobs]
+
+
+def _launch(task: Task, overrides: list[str], swept: set[str], config_dir: str | None) -> None:
+    """Hands the jobs to Hydra's sweeper and launcher."""
+    import hydra
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    keys = {item.key_or_group for item in OverridesParser.create().parse_overrides(overrides)}
+    unnamed = sorted({*_OWN_FOLDER, *(keys - swept)})
+    defaults = [
+        "hydra.output_subdir=null",
+        f"hydra.job.name={task.config_name}",
+        f"hydra.job.config.override_dirname.exclude_keys=[{','.join(unnamed)}]",
+        "hydra.job.config.override_dirname.item_sep='/'",
+        "hydra.sweep.dir=${results.root}/${study}",
+        "hydra.sweep.subdir=${hydra.job.override_dirname}",
+    ]
+    folder = [] if config_dir is None else [f"--config-dir={Path(config_dir).resolve()}"]
+    register(task)
+    command, environment = sys.argv, os.environ.get("HYDRA_FULL_ERROR")
+    # Hydra reads sys.argv, and prints and exits by itself unless it is asked for the whole error.
+    sys.argv = ["rearl", "--multirun", *folder, *defaults, *overrides]
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+    try:
+        with hydra_errors(task, overrides):
+            hydra.main(config_path=str(tasks.conf_dir()), config_name=task.config_name, version_base="1.3")(run_job)()
+    finally:
+        sys.argv = command
+        if environment is None:
+            del os.environ["HYDRA_FULL_ERROR"]
+        else:
+            os.environ["HYDRA_FULL_ERROR"] = environment
+
+
+def run_job(composed: Any) -> None:
+    """One job of a multirun; a launcher may call it in another process."""
+    from hydra.core.hydra_config import HydraConfig
+
+    hydra = HydraConfig.get()
+    task = next(task for task in tasks.TASKS if task.config_name == hydra.job.config_name)
+    name = hydra.job.override_dirname
+    try:
+        config = record_of(composed)
+        config.study = "/".join(part for part in (config.study, name) if part)
+        if not any(text.startswith("results.resume=") for text in hydra.overrides.task):
+            config.results.resume = True
+        run_task(task, config)
+    except Exception as error:
+        if not is_for_user(error):
+            raise
+        complain(f"{name}: {error}")
+        raise JobError(f"at least one job failed, the first at {name}: {error}") from error

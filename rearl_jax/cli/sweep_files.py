@@ -1,0 +1,59 @@
+"""Sweep files: a multirun written down, `sweeps/NAME.yaml`, and the words of the command line it stands for.
+
+# What triggers a decision
+task: evaluate
+keys:
+  method: rearl
+  detection.cues: both,speed,spacing
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from rearl_jax import tasks
+from rearl_jax.cli.composition import UsageError
+from rearl_jax.config._schema import as_written, nearest
+from rearl_jax.tasks import Task
+
+
+def sweep_files(config_dir: str | None = None) -> dict[str, Path]:
+    """Sweep files by name: the shipped ones, and those in the folder `sweeps` of an own configuration folder."""
+    folders = [tasks.sweeps_dir()] if config_dir is None else [tasks.sweeps_dir(), Path(config_dir) / "sweeps"]
+    return {file.stem: file for folder in folders for file in sorted(folder.glob("*.yaml"))}
+
+
+def read_sweep(name: str, task: Task, config_dir: str | None) -> list[str]:
+    """Overrides of a sweep file; the study is named after it.
+
+    Raises:
+        UsageError: There is no such file, it belongs to another task, or it is no mapping of `task` and `keys`.
+    """
+    files = sweep_files(config_dir)
+    if name not in files:
+        raise UsageError(f"--sweep {name}: there is no such file; nearest: {nearest(name, files)}; {_listed(files)}")
+    content = _content(files[name])
+    if content["task"] != task.words:
+        raise UsageError(f"--sweep {name} belongs to another task: rearl {content['task']} --sweep {name}")
+    return [f"study={name}", *(f"{key}={as_written(value)}" for key, value in content["keys"].items())]
+
+
+def sweeps_of(task: Task) -> dict[str, Path]:
+    """The shipped sweep files of a task."""
+    return {name: file for name, file in sweep_files().items() if _content(file)["task"] == task.words}
+
+
+def _content(file: Path) -> dict[str, Any]:
+    import yaml
+
+    try:
+        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except yaml.YAMLError as error:
+        raise UsageError(f"{file}: no readable YAML: {error}") from error
+    if not (isinstance(content, dict) and set(content) == {"task", "keys"} and isinstance(content["keys"], dict)):
+        raise UsageError(f"{file} must hold `task: NAME` and `keys:` with one `key: values` per line, nothing else")
+    return content
+
+
+def _listed(names: Iterable[str]) -> str:
+    return f"there are {', '.join(sorted(names))}"

@@ -1,0 +1,27 @@
+"""Tables on standard output: one look, and a width where standard output has none of its own."""
+
+from collections.abc import Iterable
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+
+def standard_output(width: int) -> Console:
+    """Standard output; a file or a pipe has no width of its own and gets `width` [columns]."""
+    console = Console()
+    return console if console.is_terminal else Console(width=width)
+
+
+def titled_table(title: str, *, generated: bool = False) -> Table:
+    """A table without columns yet; its title is plain text and says so where the data are generated."""
+    mark = " (GENERATED recordings)" if generated else ""
+    style = {"title_justify": "left", "title_style": "bold", "box": SIMPLE_HEAD, "padding": (0, 1, 0, 0)}
+    return Table(title=escape(title + mark), **style)
+
+
+def print_notes(console: Console, notes: Iterable[str]) -> None:
+    """Prints plain lines: numbers keep the colour of the text, brackets are no markup."""
+    for note in notes:
+        console.print(note, highlight=False, markup=False)

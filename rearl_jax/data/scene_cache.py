@@ -1,0 +1,72 @@
+"""Scenes kept on disk between runs: recordings are read once per machine for the same files and configuration."""
+
+import logging
+
+from rearl_jax.cache import kept_path
+from rearl_jax.config._schema import as_plain
+from rearl_jax.config.data import DataConfig
+from rearl_jax.config.scenes import FeaturesConfig, ScenesConfig, SpacingConfig, SpeedConfig, TracksConfig
+from rearl_jax.data.recordings import data_id, file_stamps, is_generated
+from rearl_jax.data.scene_files import load_scenes, save_scenes
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.results import Study
+
+log = logging.getLogger(__name__)
+
+_SOURCES = ("config", "data")
+"""Parts of the package whose code decides what scenes are cut."""
+
+
+class SceneCache:
+    """The place of the scenes of one data set under one configuration."""
+
+    def __init__(
+        self,
+        data: DataConfig,
+        scenes: ScenesConfig,
+        speed: SpeedConfig,
+        tracks: TracksConfig,
+        features: FeaturesConfig,
+        spacing: SpacingConfig,
+    ) -> None:
+        """Finds the place; files that were touched since, or other code, have another one.
+
+        Args:
+            data: The data set.
+            scenes: Windows, and which vehicles are picked.
+            speed: Rescaling of speeds.
+            tracks: Which tracks count as long.
+            features: Distance of the feature vector.
+            spacing: How the distance of two vehicles is measured.
+        """
+        groups = {"scenes": scenes, "speed": speed, "tracks": tracks, "features": features, "spacing": spacing}
+        self._data_id, self._generated = data_id(data), is_generated(data)
+        self._keys = {name: as_plain(record) for name, record in groups.items()}
+        stamps = [list(stamp) for stamp in file_stamps(data)]
+        keys = {**self._keys, "data": self._data_id, "files": stamps}
+        self.path = kept_path("scenes", keys, _SOURCES, ".parquet")
+
+    def read(self) -> SceneSet | None:
+        """The scenes; None where they were never kept or, with a warning, where the file is damaged."""
+        if not self.path.is_file():
+            return None
+        try:
+            return load_scenes(self.path)
+        except (OSError, ValueError, KeyError) as error:  # pyarrow's errors are among the first two
+            log.warning("%s is damaged (%s): cutting the scenes again", self.path, error)
+            return None
+
+    def write(self, scenes: SceneSet) -> None:
+        """Keeps the scenes; a folder that cannot be written to only costs the next run its time."""
+        try:
+            study = Study(
+                self.path.parent.parent,
+                self.path.parent.name,
+                self._keys,
+                "prepare",
+                self._data_id,
+                generated=self._generated,
+            )
+            save_scenes(scenes, study, self.path.stem)
+        except OSError as error:
+            log.warning("the scenes are not kept for the next run: %s; set XDG_CACHE_HOME to another folder", error)

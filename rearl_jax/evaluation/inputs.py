@@ -1,0 +1,110 @@
+"""Recordings in; what a study works on out: scenes, their splits, representative scenes.
+
+Scenes come from disk where they were cut before. Within a process the last data set is remembered, so that the jobs
+of one study read it once.
+"""
+
+import logging
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rich.progress import Progress
+
+from rearl_jax.config import EvaluateTask
+from rearl_jax.data.recordings import count_recordings, file_stamps, iterate_recordings
+from rearl_jax.data.scene_cache import SceneCache
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes import build_scenes
+from rearl_jax.data.splits import Splits, split_scenes
+from rearl_jax.detection.references import References
+from rearl_jax.results import Study
+
+if TYPE_CHECKING:
+    from rearl_jax.clustering.references import Clusters, ReferenceBuilder
+    from rearl_jax.clustering.tracks import TrackSet
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What a study works on.
+
+    Attributes:
+        scenes: All scenes.
+        splits: What each of them is for.
+        references: Representative scenes; None where nobody asked for them.
+        clusters: The clusterings behind them.
+    """
+
+    scenes: SceneSet
+    splits: Splits
+    references: References | None = None
+    clusters: "Clusters | None" = None
+
+
+def read_inputs(config: EvaluateTask, study: Study, bar: Progress, *, with_references: bool) -> Inputs:
+    """Scenes, splits and, where asked for, references.
+
+    Args:
+        config: The task.
+        study: Keeps the trace of a search for the clusters' parameters.
+        bar: Shows the recordings read.
+        with_references: Whether representative scenes are needed.
+
+    Raises:
+        FileNotFoundError, ValueError: There are no recordings, one is bad, or too few scenes can be cut from them.
+    """
+    builder = None
+    key = _key(config)
+    known = _LAST.get(key)
+    if with_references:
+        # Here, because the method base does without scikit-learn, which takes its time to import.
+        from rearl_jax.clustering.references import ReferenceBuilder
+
+        builder = ReferenceBuilder(config, None if known is None else known.tracks)
+    scenes = None if known is None else known.scenes
+    if scenes is None or (builder is not None and builder.needs_recordings):
+        scenes = _read(config, builder, bar)
+    splits = split_scenes(scenes, config.split)
+    log.info("splits: %s", ", ".join(f"{name} {size}" for name, size in splits.summary().items()))
+    inputs = Inputs(scenes, splits)
+    if builder is not None:
+        inputs = Inputs(scenes, splits, *builder.build(scenes, splits, study))
+    tracks = builder.tracks if builder is not None else known.tracks if known is not None else None
+    _LAST.clear()
+    _LAST[key] = _Read(scenes, tracks)
+    return inputs
+
+
+@dataclass(frozen=True)
+class _Read:
+    scenes: SceneSet
+    tracks: "TrackSet | None"
+
+
+_LAST: dict[tuple, _Read] = {}
+"""The last data set read, by files and configuration; one at most, as it may be large."""
+
+
+def _key(config: EvaluateTask) -> tuple:
+    groups = (config.data, config.scenes, config.speed, config.tracks, config.features, config.spacing)
+    return (*groups, *file_stamps(config.data))
+
+
+def _read(config: EvaluateTask, builder: "ReferenceBuilder | None", bar: Progress) -> SceneSet:
+    """Scenes from disk or, where they or the tracks are missing there, from the recordings."""
+    groups = (config.scenes, config.speed, config.tracks, config.features, config.spacing)
+    cache = SceneCache(config.data, *groups)
+    needs_recordings = builder is not None and builder.needs_recordings
+    scenes = None if needs_recordings else cache.read()
+    if scenes is not None:
+        log.info("%d scenes of %d windows, cut before", len(scenes), scenes.counts.windows)
+        return scenes
+    reading = bar.add_task("recordings", total=count_recordings(config.data))
+    recordings = iterate_recordings(config.data)
+    if builder is not None:
+        recordings = builder.passing(recordings)
+    scenes = build_scenes(recordings, *groups, progress=lambda name, n_scenes: bar.advance(reading))
+    cache.write(scenes)
+    return scenes

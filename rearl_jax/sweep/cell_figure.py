@@ -1,0 +1,74 @@
+"""The cells of a multirun as a figure: every cell a line, every metric a panel, beside the rows to read it against."""
+
+import pandas as pd
+from matplotlib.axes import Axes
+
+from rearl_jax.config import EvaluateTask
+from rearl_jax.drawing import BLUE, DARK_GREY, LIGHT_GREY, VERMILION, panels, png, set_title
+from rearl_jax.evaluation.estimates import BASE
+from rearl_jax.evaluation.scores import COMPARING, REAL, REAL_VS_REAL, TITLES
+from rearl_jax.evaluation.tables import HEADINGS
+
+METRICS_DRAWN = ("h", "mape", "thw", "lcr", "collisions")
+"""Metrics with a panel; `mape` stands for the definition all cells share."""
+
+_RECORDED = "recorded scenes (real against real for H and MAPE)"
+
+
+def draw_cells(config: EvaluateTask, names: list[str], table: pd.DataFrame, *, generated: bool) -> bytes:
+    """PNG of the cells' estimates with their intervals.
+
+    Args:
+        config: What all cells share.
+        names: Names of the cells, drawn from top to bottom.
+        table: `cells.parquet`.
+        generated: Whether the recordings are no measurements.
+    """
+    metrics = [config.mape.column if name == "mape" else name for name in METRICS_DRAWN]
+    height = 1.4 + 0.28 * len(names)
+    figure, axes = panels(11.0, max(height, 2.4), columns=len(metrics), generated=generated)
+    for panel, metric in zip(axes, metrics, strict=True):
+        other = REAL_VS_REAL if metric in COMPARING else REAL
+        _marks(panel, table, names, other, metric, _RECORDED, "|", DARK_GREY)
+        _marks(panel, table, names, BASE, metric, BASE, "D", VERMILION)
+        for method in (name for name in table["method"].unique() if name not in (BASE, *TITLES)):
+            _intervals(panel, table, names, method, metric)
+        panel.set_ylim(len(names) - 0.5, -0.5)
+        panel.set_yticks(range(len(names)), names if panel is axes[0] else [""] * len(names))
+        panel.set_xlabel(HEADINGS[metric])
+        panel.grid(axis="y", color=LIGHT_GREY, linewidth=0.6)
+        panel.set_axisbelow(True)
+    axes[-1].set_xlim(left=0)  # a share
+    set_title(axes[0], f"{config.study}; {config.eval.subset.name} scenes, {config.eval.n_runs} runs each")
+    handles = {}
+    for panel in axes:
+        handles |= {line.get_label(): line for line in panel.get_lines()}
+    figure.legend(handles.values(), handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=8)
+    return png(figure)
+
+
+def _marks(
+    panel: Axes, table: pd.DataFrame, names: list[str], row: str, metric: str, label: str, marker: str, colour: str
+) -> None:
+    """One mark per cell for a row to compare with."""
+    found = _figures(table, row, metric)
+    if not found.empty:
+        at = [names.index(cell) for cell in found.index]
+        size = 10 if marker == "|" else 4
+        panel.plot(found["value"], at, marker, color=colour, markersize=size, mfc="none", linestyle="", label=label)
+
+
+def _intervals(panel: Axes, table: pd.DataFrame, names: list[str], method: str, metric: str) -> None:
+    """One dot per cell for a method, with its interval."""
+    found = _figures(table, method, metric)
+    at = [names.index(cell) for cell in found.index]
+    panel.plot(found["value"], at, "o", color=BLUE, markersize=4, label=method)
+    known = found["low"].notna().to_numpy()
+    lines = [y for y, is_known in zip(at, known, strict=True) if is_known]
+    panel.hlines(lines, found["low"][known], found["high"][known], color=BLUE, linewidth=1.2)
+
+
+def _figures(table: pd.DataFrame, row: str, metric: str) -> pd.DataFrame:
+    """Estimates of one row and metric, by cell."""
+    found = table[(table["method"] == row) & (table["metric"] == metric)].set_index("cell")
+    return found.astype({name: float for name in ("value", "low", "high")})

@@ -1,0 +1,116 @@
+"""The cells of a multirun of `rearl evaluate` in; one table of all cells, one figure and a summary out.
+
+Writes into the study folder `cells.parquet` (one row per cell, row of the table and metric), `runs.parquet` (one row
+per cell and scored pair), `cells.png`, `config.json` and, last of all, `summary.json`.
+"""
+
+import json
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from rearl_jax.config import EvaluateTask
+from rearl_jax.results import PROVENANCE, Study
+from rearl_jax.sweep.cell_terminal import print_cells
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A finished job.
+
+    Attributes:
+        keys: Value of each swept key, as written on the command line.
+        folder: Its results.
+        estimates: Its `summary.parquet`.
+        figures: Its objects of `summary.json`, the method first.
+    """
+
+    keys: dict[str, str]
+    folder: Path
+    estimates: pd.DataFrame
+    figures: list[dict]
+
+    @property
+    def name(self) -> str:
+        """What people read: the values of the swept keys."""
+        return ", ".join(f"{key.rpartition('.')[2]}={value}" for key, value in self.keys.items())
+
+
+def collect(config: EvaluateTask, swept: list[dict[str, str]]) -> None:
+    """Puts the finished cells together.
+
+    Args:
+        config: What all cells share.
+        swept: The swept keys and their values, cell by cell.
+    """
+    root = Path(config.results.root) / config.study
+    cells = [cell for keys in swept if (cell := _read(root, keys)) is not None]
+    if len(cells) < len(swept):
+        log.warning("%d of %d cells are not finished and are left out", len(swept) - len(cells), len(swept))
+    if not cells:
+        return
+    sources = sorted({cell.figures[0]["data_id"] for cell in cells})
+    generated = any(cell.figures[0]["generated"] for cell in cells)
+    keys = {key: sorted({cell.keys[key] for cell in cells}) for key in cells[0].keys}
+    study = Study(
+        config.results.root,
+        config.study,
+        {"sweep": keys, "shared": config},
+        "evaluate --multirun",
+        ", ".join(sources),
+        generated=generated,
+    )
+    study.write_config()
+    seeds = {"seeds": f"eval.seed={config.eval.seed}, split.seed={config.split.seed}"}
+    table = cell_table(cells)
+    study.write_table("cells", table, **seeds)
+    study.write_table("runs", run_table(cells), **seeds)
+    names = [cell.name for cell in cells]
+    print_cells(config, names, table, generated=generated)
+
+    # Only now, so that nobody waits for matplotlib to see the table.
+    from rearl_jax.sweep.cell_figure import draw_cells
+
+    study.write_bytes("cells.png", draw_cells(config, names, table, generated=generated))
+    study.write_summary([{"cell": cell.name, **cell.keys, **_own(cell.figures[0])} for cell in cells])
+
+
+def _read(root: Path, keys: dict[str, str]) -> Cell | None:
+    """The cell with these values, if its job has finished."""
+    folder = root.joinpath(*sorted(f"{key}={value}" for key, value in keys.items()))
+    try:
+        figures = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    return Cell(keys, folder, pd.read_parquet(folder / "summary.parquet"), figures)
+
+
+def _own(figures: dict) -> dict:
+    """What a cell has measured, without the provenance that all files have."""
+    return {name: value for name, value in figures.items() if name not in PROVENANCE}
+
+
+def cell_table(cells: list[Cell]) -> pd.DataFrame:
+    """One row per cell, row of its table and metric: `cell`, the swept keys, then the columns of `summary.parquet`."""
+    return _long(cells, [cell.estimates for cell in cells])
+
+
+def run_table(cells: list[Cell]) -> pd.DataFrame:
+    """One row per cell and scored pair: `cell`, the swept keys, then the columns of the cells' `runs.parquet`."""
+    return _long(cells, [pd.read_parquet(cell.folder / "runs.parquet") for cell in cells])
+
+
+def _long(cells: list[Cell], frames: list[pd.DataFrame]) -> pd.DataFrame:
+    """The tables of the cells below each other."""
+    parts = []
+    for cell, frame in zip(cells, frames, strict=True):
+        named = {"cell": cell.name, **cell.keys}
+        columns = {name: pd.Categorical([value] * len(frame)) for name, value in named.items()}
+        parts.append(pd.concat([pd.DataFrame(columns), frame.astype({"method": str})], axis=1))
+    whole = pd.concat([part.astype({"cell": str, **dict.fromkeys(cells[0].keys, str)}) for part in parts])
+    texts = ["cell", "method", *cells[0].keys]
+    return whole.astype(dict.fromkeys(texts, "category")).reset_index(drop=True)

@@ -1,0 +1,69 @@
+"""Many rollouts in; one table on disk out, part by part: what a killed study had finished is not simulated again."""
+
+import logging
+import math
+from collections.abc import Callable
+from functools import partial
+
+import pandas as pd
+
+from rearl_jax.config import EvaluateTask
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.runner import scored_rollouts
+from rearl_jax.evaluation.scores import Scores
+from rearl_jax.results import Study, part_name
+
+log = logging.getLogger(__name__)
+
+PART = 16_384
+"""Rollouts of a part at most: seconds of work, and a file of a few megabytes."""
+
+RUNS = "runs"
+"""The table: a folder of parts, read as one Parquet table."""
+
+
+def write_runs(
+    config: EvaluateTask,
+    study: Study,
+    rollouts: Rollouts,
+    scenes: SceneSet,
+    table_of: Callable[[Rollouts, Scores], pd.DataFrame],
+    metadata: dict[str, str],
+    progress: Callable[[int, int], None],
+) -> None:
+    """Simulates and scores the rollouts and writes `runs/part-*.parquet`; parts that are there are left alone.
+
+    The parts do not depend on the machine, so a study may go on elsewhere.
+
+    Args:
+        config: The task, with eval.seed_scope=run_x_scene.
+        study: Where the table goes.
+        rollouts: All rollouts.
+        scenes: All scenes.
+        table_of: Rows of a part.
+        metadata: What the schema of every part says besides the provenance.
+        progress: Called with the number of rollouts done and their total.
+    """
+    parts = parts_of(len(rollouts))
+    finished = study.finished_parts(RUNS) & set(range(len(parts)))
+    if finished:
+        log.info("%d of %d parts were simulated before", len(finished), len(parts))
+    for number, part in enumerate(parts):
+        if number not in finished:
+            some = rollouts[part]
+            advance = partial(_advance, progress, part.start, len(rollouts))
+            scores = scored_rollouts(config, some, scenes, some.scene, advance)
+            study.write_table(part_name(RUNS, number), table_of(some, scores), **metadata)
+        progress(part.stop, len(rollouts))
+
+
+def parts_of(n_rollouts: int) -> list[slice]:
+    """Parts of almost equal size, so that the same program serves all."""
+    n_parts = math.ceil(n_rollouts / PART)
+    bounds = [number * n_rollouts // n_parts for number in range(n_parts + 1)]
+    return [slice(start, stop) for start, stop in zip(bounds[:-1], bounds[1:], strict=True)]
+
+
+def _advance(progress: Callable[[int, int], None], start: int, total: int, done: int, of_part: int) -> None:
+    progress(start + done, total)
