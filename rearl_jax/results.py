@@ -9,6 +9,7 @@ import hashlib
 import json
 import math
 import os
+import platform
 import re
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
@@ -68,6 +69,7 @@ class Study:
         values = (task, name, config_hash(config), __version__, code_hash(), git_sha(), data_id, generated)
         self._provenance = dict(zip(PROVENANCE, values, strict=True))
         self.path.mkdir(parents=True, exist_ok=True)
+        _remove_leftovers(self.path)
 
     def write_table(self, name: str, frame: "pandas.DataFrame", **metadata: str) -> Path:
         """Path of `name.parquet`, written with the provenance and `metadata` in its schema.
@@ -168,13 +170,31 @@ class Study:
         path = _inside(self.path, name, "file")
         path.parent.mkdir(parents=True, exist_ok=True)
         # In the same folder, since a rename is atomic only inside one file system.
-        unfinished = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
+        unfinished = path.with_name(f".{path.name}.{platform.node()}.{os.getpid()}.unfinished")
         try:
             write(unfinished)
             os.replace(unfinished, path)
         finally:
             unfinished.unlink(missing_ok=True)
         return path
+
+
+def _remove_leftovers(folder: Path) -> None:
+    """Removes what processes of this machine that are no more had not finished writing."""
+    for path in folder.rglob(f".*.{platform.node()}.*.unfinished"):
+        number = path.name.split(".")[-2]
+        if number.isdecimal() and not _is_alive(int(number)):
+            path.unlink(missing_ok=True)
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)  # no signal, only the question
+    except ProcessLookupError:
+        return False
+    except OSError:  # somebody else's process, or a system without such a question
+        return True
+    return True
 
 
 def part_name(table: str, number: int) -> str:

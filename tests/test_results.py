@@ -1,6 +1,10 @@
 """A study's folder: what is written, with which provenance, and that nothing is ever half there."""
 
 import json
+import os
+import platform
+import subprocess
+import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,7 +40,7 @@ def frame():
 
 def test_table_comes_back_with_its_provenance(study, frame):
     from rearl_jax import __version__
-    from rearl_jax.results import config_hash, read_metadata
+    from rearl_jax.results import code_hash, config_hash, read_metadata
 
     path = study.write_table("rows", frame, seeds="0,1", mape_definition="A")
     assert path == study.path / "rows.parquet"
@@ -50,6 +54,7 @@ def test_table_comes_back_with_its_provenance(study, frame):
         "study": "mine",
         "config_hash": config_hash(Config(inner=Inner())),
         "code_version": __version__,
+        "code_hash": code_hash(),
         "data_id": "us101-0123",
         "generated": "false",
         "seeds": "0,1",
@@ -174,3 +179,54 @@ def test_studies_of_a_multirun_lie_in_folders(tmp_path):
     from rearl_jax.results import Study
 
     assert Study(tmp_path, "sweep/seed=1", Config(), "evaluate").path == tmp_path / "sweep" / "seed=1"
+
+
+def test_what_a_killed_process_left_behind_is_removed(tmp_path):
+    from rearl_jax.results import Study
+
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()  # its number belongs to nobody now
+    folder = tmp_path / "study"
+    folder.mkdir()
+    dead = folder / f".runs.parquet.{platform.node()}.{process.pid}.unfinished"
+    alive = folder / f".runs.parquet.{platform.node()}.{os.getpid()}.unfinished"
+    elsewhere = folder / f".runs.parquet.another.{process.pid}.unfinished"
+    for path in (dead, alive, elsewhere):
+        path.touch()
+    Study(tmp_path, "study", None, "a task")
+    assert [path.exists() for path in (dead, alive, elsewhere)] == [False, True, True]
+
+
+def test_a_study_knows_what_is_its_own(tmp_path):
+    from rearl_jax.results import Study
+
+    frame = pd.DataFrame({"a": [1, 2]})
+    study = Study(tmp_path, "study", {"key": 1}, "a task", "data-1")
+    assert not study.owns("rows")
+    assert study.finished_summary() is None
+    study.write_table("rows", frame)
+    study.write_summary({"figure": 3})
+    assert study.owns("rows")
+    assert study.finished_summary()["figure"] == 3
+    for other in (({"key": 2}, "a task", "data-1"), ({"key": 1}, "b task", "data-1"), ({"key": 1}, "a task", "data-2")):
+        stranger = Study(tmp_path, "study", *other)
+        assert not stranger.owns("rows")
+        assert stranger.finished_summary() is None
+    content = (study.path / "rows.parquet").read_bytes()
+    (study.path / "rows.parquet").write_bytes(content[: len(content) // 2])
+    (study.path / "summary.json").write_text("[")
+    assert not study.owns("rows")
+    assert study.finished_summary() is None
+
+
+def test_parts_of_another_study_are_removed(tmp_path):
+    from rearl_jax.results import Study, part_name
+
+    frame = pd.DataFrame({"a": [1, 2]})
+    Study(tmp_path, "study", {"key": 1}, "a task").write_table(part_name("runs", 0), frame)
+    study = Study(tmp_path, "study", {"key": 2}, "a task")
+    study.write_table(part_name("runs", 1), frame)
+    (study.path / "runs" / "part-00002.parquet").write_bytes(b"half")
+    assert study.finished_parts("runs") == {1}
+    assert [path.name for path in (study.path / "runs").iterdir()] == ["part-00001.parquet"]
+    assert len(pd.read_parquet(study.path / "runs")) == 2

@@ -55,14 +55,18 @@ def _long(values: np.ndarray | jax.Array) -> np.ndarray:
 
 def intervention_figures(log: DecisionLog) -> dict[str, int | float]:
     """Figures of a method that intervenes: `trigger_rate` (share of the seconds of all rollouts in which the
-    detection triggered), `decisions` (vehicles asked, summed), `inadmissible` and `invalid` (answers not followed).
+    detection triggered), `decisions` (vehicles asked, summed), `inadmissible` and `invalid` (answers not followed),
+    `main_reference` (the reference most rollouts end at) and `main_reference_share` (how many do).
     """
     decisions = log.decisions
+    ends_at = np.bincount(np.asarray(decisions.reference)[-1])
     return {
         "trigger_rate": float(np.mean(decisions.triggered, dtype=np.float64)),
         "decisions": int(np.sum(decisions.n_asked, dtype=np.int64)),
         "inadmissible": int(np.sum(decisions.n_inadmissible, dtype=np.int64)),
         "invalid": int(np.sum(decisions.n_invalid, dtype=np.int64)),
+        "main_reference": int(ends_at.argmax()),
+        "main_reference_share": float(ends_at.max() / ends_at.sum()),
     }
 
 
@@ -72,5 +76,6 @@ def intervention_note(log: DecisionLog) -> str:
     n_rollouts = log.decisions.reference.shape[1]
     return (
         f"triggered in {100 * figures['trigger_rate']:.0f} % of the seconds; {figures['decisions']} decisions in "
-        f"{n_rollouts} rollouts, {figures['inadmissible']} not admissible, {figures['invalid']} invalid"
+        f"{n_rollouts} rollouts, {figures['inadmissible']} not admissible, {figures['invalid']} invalid; "
+        f"{100 * figures['main_reference_share']:.0f} % of the rollouts end at reference {figures['main_reference']}"
     )

@@ -15,13 +15,13 @@ from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.data.recordings import data_id, is_generated
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.percentiles import BaseValues, base_values
-from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rollouts import NEVER, Rollouts
 from rearl_jax.evaluation.scores import Scores
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 from rearl_jax.sweep import terminal
 from rearl_jax.sweep.pairs import Pair, choose, pair_table, scene_means, threshold_pairs
-from rearl_jax.sweep.parts import RUNS, write_runs
+from rearl_jax.sweep.parts import RUNS, run_columns, write_runs
 
 BASE_VALUES = "base_values"
 """The table of the values that percentiles are taken of."""
@@ -63,7 +63,8 @@ def run(config: SweepThresholdsTask) -> dict:
             study.write_table(BASE_VALUES, _base_table(base), **metadata)
         base = _stored_base(study, splits.threshold, config.eval.n_runs * len(splits.threshold))
         pairs = threshold_pairs(config.sweep, base)
-        thresholds = [(pair.threshold_h, pair.threshold_m) for pair in pairs]
+        # Base is the pair that is never passed: bit for bit, and in the same program.
+        thresholds = [*((pair.threshold_h, pair.threshold_m) for pair in pairs), NEVER]
         rollouts = Rollouts(config, scenes, splits.tuning, inputs.references, thresholds)
         table_of = partial(_run_table, pairs, scenes.scene_id)
         write_runs(config, study, rollouts, scenes, table_of, metadata, shown(bar, "threshold pairs"))
@@ -72,8 +73,10 @@ def run(config: SweepThresholdsTask) -> dict:
         name: scene_means(runs[column].to_numpy(np.float64), rollouts.cell, rollouts.scene, splits.tuning)
         for name, column in {**dict(zip(FIGURES, FIGURES, strict=True)), "mape": config.mape.column}.items()
     }
-    choice = choose(means["h"], means["mape"], config.eval)
-    table = pair_table(pairs, means, choice)
+    of_pairs, of_base = ({name: values[at] for name, values in means.items()} for at in (slice(-1), slice(-1, None)))
+    choice = choose(of_pairs["h"], of_pairs["mape"], config.eval)
+    table = pair_table(pairs, of_pairs, choice)
+    base_means = {name: float(np.nanmean(values)) for name, values in of_base.items()}
     study.write_table("table3", table, **metadata)
     best = pairs[choice.best]
     summary = {
@@ -86,6 +89,7 @@ def run(config: SweepThresholdsTask) -> dict:
         "best_threshold_h": best.threshold_h,
         "best_threshold_m": best.threshold_m,
         "best_score": float(choice.score[choice.best]),
+        "base_score": base_means["h"] + base_means["mape"],
         "best_win_share": float(choice.win_share[choice.best]),
         "lead": choice.lead,
         "lead_low": choice.lead_low,
@@ -93,7 +97,7 @@ def run(config: SweepThresholdsTask) -> dict:
         "is_distinguishable": choice.is_distinguishable,
     }
     note = " (GENERATED recordings)" if generated else ""
-    terminal.print_pairs(config, pairs, table, choice, base, note)
+    terminal.print_pairs(config, pairs, table, choice, base, base_means, note)
 
     # Only now, so that nobody waits for matplotlib to see the table.
     from rearl_jax.sweep.figures import cumulative, heat_maps
@@ -120,7 +124,10 @@ def _stored_base(study: Study, scene: np.ndarray, n_rollouts: int) -> BaseValues
 
 
 def _run_table(pairs: list[Pair], scene_id: np.ndarray, rollouts: Rollouts, scores: Scores) -> pd.DataFrame:
-    """One row per pair, scene and run: percentiles, thresholds, `scene_id`, `run`, every metric."""
-    columns = {name: np.array([getattr(pair, name) for pair in pairs])[rollouts.cell] for name in vars(pairs[0])}
-    columns |= {"scene_id": scene_id[rollouts.scene].astype(np.int32), "run": rollouts.run.astype(np.int32)}
-    return pd.DataFrame(columns | {name: figures.astype(np.float32) for name, figures in scores.values.items()})
+    """One row per pair, scene and run: percentiles, thresholds, `scene_id`, `run`, every metric.
+
+    The rows of base come last; its percentiles are missing.
+    """
+    base = Pair(np.nan, np.nan, *NEVER)
+    columns = {name: np.array([getattr(pair, name) for pair in [*pairs, base]])[rollouts.cell] for name in vars(base)}
+    return pd.DataFrame(columns | run_columns(scene_id, rollouts, scores))

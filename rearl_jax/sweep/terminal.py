@@ -1,5 +1,7 @@
 """The table of the threshold pairs in the terminal."""
 
+from collections.abc import Mapping
+
 import pandas as pd
 
 from rearl_jax.config import SweepThresholdsTask
@@ -17,6 +19,7 @@ def print_pairs(
     table: pd.DataFrame,
     choice: Choice,
     base: BaseValues,
+    base_means: dict[str, float],
     note: str,
 ) -> None:
     """Prints one row per pair and what the choice is worth."""
@@ -28,14 +31,14 @@ def print_pairs(
     for heading in ("THW, s", "LCR", "crashed", "best in"):
         shown.add_column(heading, justify="right")
     for number, row in enumerate(table.to_dict("records")):
-        cells = (
-            f"{row['h_pct']:g} %",
-            f"{row['m_pct']:g} %",
-            *(f"{row[name]:.4f}" for name in ("threshold_h", "threshold_m", "h", "mape", "score")),
-            *(f"{row['thw']:.2f}", f"{row['lcr']:.4f}", f"{row['collisions']:.3f}", f"{100 * row['win_share']:.0f} %"),
-        )
-        shown.add_row(*cells, style="bold" if number == choice.best else None)
+        thresholds = (f"{row[name]:.4f}" for name in ("threshold_h", "threshold_m"))
+        cells = (f"{row['h_pct']:g} %", f"{row['m_pct']:g} %", *thresholds, *_figures(row))
+        style = "bold" if number == choice.best else None
+        shown.add_row(*cells, f"{100 * row['win_share']:.0f} %", style=style)
+    shown.add_row("base", "", "", "", *_figures(base_means), "", style="dim")
     console.print(shown)
+    if base_means["h"] + base_means["mape"] < table["score"].min():
+        print_notes(console, ["no pair is closer to the recorded scenes than base"])
     percent = f"{100 * config.eval.confidence:g} %"
     verdict = "can" if choice.is_distinguishable else "cannot"
     notes = (
@@ -47,3 +50,9 @@ def print_pairs(
         "best in: share of the resamples of the scenes in which the pair has the least sum",
     )
     print_notes(console, notes)
+
+
+def _figures(row: Mapping[str, float]) -> tuple[str, ...]:
+    """Means of a pair or of base as text."""
+    errors = (f"{value:.4f}" for value in (row["h"], row["mape"], row["h"] + row["mape"]))
+    return (*errors, f"{row['thw']:.2f}", f"{row['lcr']:.4f}", f"{row['collisions']:.3f}")

@@ -30,6 +30,10 @@ def study(tmp_path_factory):
 
 def test_every_pair_was_simulated_on_every_tuning_scene(study):
     runs, table = pd.read_parquet(study / "runs"), pd.read_parquet(study / "table3.parquet")
+    base = runs[runs.h_pct.isna()]
+    assert len(base) == 2 * runs.scene_id.nunique()
+    assert not set(base.h) & set(runs.h[runs.h_pct.notna()])
+    runs = runs[runs.h_pct.notna()]
     assert len(table) == 4
     per_pair = runs.groupby(["h_pct", "m_pct"]).size()
     assert per_pair.tolist() == [2 * runs.scene_id.nunique()] * 4
