@@ -146,14 +146,15 @@ def references_of(scenes: SceneSet, clusters: SceneClusters, config: ClusterConf
     """What simulated traffic is held against: the representatives' snapshots.
 
     `slot_mean` takes the mean of each slot over the members of the cluster and their most frequent action, the lowest
-    of equally frequent ones.
+    of equally frequent ones. Each reference stands for the fitted scenes of its cluster.
     """
+    members = [clusters.members(cluster) for cluster in range(len(clusters.centres))]
+    sizes = np.array([len(at) for at in members])
     if config.representative is Representative.medoid:
         chosen = clusters.representatives
         speed, spacing = scenes.scaled_speed[chosen], scenes.spacing[chosen]
         mean_spacing, action = scenes.mean_spacing[chosen], scenes.action[chosen]
     else:
-        members = [clusters.members(cluster) for cluster in range(len(clusters.centres))]
         speed, spacing, mean_spacing = (
             np.stack([values[at].mean(axis=0) for at in members])
             for values in (scenes.scaled_speed, scenes.spacing, scenes.mean_spacing)
@@ -165,4 +166,5 @@ def references_of(scenes: SceneSet, clusters: SceneClusters, config: ClusterConf
         spacing=jnp.asarray(spacing, jnp.float32),
         mean_spacing=jnp.asarray(mean_spacing, jnp.float32),
         action=jnp.asarray(action, jnp.int32),
+        share=jnp.asarray(sizes / sizes.sum(), jnp.float32),
     )

@@ -34,12 +34,14 @@ class Scope(Enum):
 
 
 class ReferenceMode(Enum):
-    """What makes a representative scene the nearest one."""
+    """Which representative scene a rollout is held against."""
 
     spacing = "spacing"
-    """Error of the mean spacing, averaged over all frames so far."""
+    """The one of least error of the mean spacing, averaged over all frames so far."""
     spacing_speed = "spacing_speed"
-    """The same plus the Hellinger distance of all speeds so far."""
+    """The same with the Hellinger distance of all speeds so far added."""
+    drawn = "drawn"
+    """One for the whole rollout, drawn with the share of the fitted scenes that its cluster holds."""
 
 
 @dataclass(unsafe_hash=True)
@@ -77,7 +79,11 @@ class DetectionConfig:
 class ReferenceConfig:
     """Choice of the representative scene a rollout is held against"""
 
-    mode: ReferenceMode = key(ReferenceMode.spacing, "spacing, or spacing_speed; REARL describes both")
+    mode: ReferenceMode = key(
+        ReferenceMode.spacing,
+        "spacing (can lock on to a congested reference), spacing_speed: REARL describes both; "
+        "drawn: one per rollout, by the share of scenes (own choice)",
+    )
     weights: tuple[float, float] = key(
         (1.0, 1.0), "of spacing error and Hellinger distance in spacing_speed; own choice"
     )

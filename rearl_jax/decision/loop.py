@@ -66,7 +66,7 @@ class Decisions(eqx.Module):
     the first second has none and the last detection has no consequence.
 
     Attributes:
-        reference: The nearest reference.
+        reference: The reference the scenario is held against.
         hellinger: Hellinger distance of the window's speeds to it [-]; 0 before the first full window.
         mape: Relative error of the mean spacing to it [-].
         triggered: Whether the scenario needs decisions.
@@ -86,11 +86,25 @@ class Decisions(eqx.Module):
     n_invalid: Int[Array, "*seconds scenarios"]
 
 
-def initial_traffic(state: TrafficState, table: ReferenceTable, model: TrafficModel, options: LoopOptions) -> Traffic:
-    """The traffic before the first second."""
+def initial_traffic(
+    state: TrafficState,
+    keys: Key[Array, " scenarios"],
+    table: ReferenceTable,
+    model: TrafficModel,
+    options: LoopOptions,
+) -> Traffic:
+    """The traffic before the first second.
+
+    Args:
+        state: Initial state.
+        keys: Random keys of the rollouts, from which references are drawn in `ReferenceMode.drawn`.
+        table: References.
+        model: Road, clock and stages.
+        options: Choices of the loop.
+    """
     return Traffic(
         state=state,
-        detector=initial_memory(table, state.x.shape[-1], options.detection),
+        detector=initial_memory(table, keys, options.detection),
         memory=initial_decision_memory(state, model),
     )
 
@@ -167,7 +181,8 @@ def rollout_with_policy(
     Args:
         state: Initial state.
         drivers: Parameters of all vehicles.
-        keys: Random keys of the policy, one per scenario; each second gets its own from them.
+        keys: Random keys, one per scenario; the policy gets its own for each second, the detection draws references
+            from them in a stream of its own.
         table: References.
         thresholds: Of every scenario.
         policy: Who decides.
@@ -195,6 +210,6 @@ def rollout_with_policy(
         coming = accept(answers, situation.is_asked, situation.admissible)
         return (traffic, coming), (situation.frame, decisions_of(orders, situation))
 
-    start = initial_traffic(state, table, model, options), no_orders(state)
+    start = initial_traffic(state, keys, table, model, options), no_orders(state)
     (traffic, _), (frames, decisions) = lax.scan(second, start, jnp.arange(n_seconds, dtype=jnp.int32))
     return traffic.state, frames, decisions

@@ -1,8 +1,8 @@
 """Detection: once a second, who has drifted how far from which representative scene.
 
-Each scenario is held against the reference that has been nearest over all seconds so far. Two figures say how far it
-is: the Hellinger distance of the speeds of the last seconds, and the relative error of the present mean spacing. Where
-one of them passes its threshold, vehicles need a decision.
+Each scenario is held against the reference that has been nearest over all seconds so far, or against one that is drawn
+at the beginning. Two figures say how far it is: the Hellinger distance of the speeds of the last seconds, and the
+relative error of the present mean spacing. Where one of them passes its threshold, vehicles need a decision.
 
 Source: REARL (Bi et al.), detection section; the metrics are those of the evaluation.
 """
@@ -12,14 +12,14 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Key
 
 from rearl_jax.config.detection import Cues, DetectionConfig, ReferenceConfig, ReferenceMode, Scope
 from rearl_jax.config.metrics import HistConfig, MapeConfig, MapeDefinition
 from rearl_jax.config.scenes import SpacingConfig
 from rearl_jax.core.affected import if_any
 from rearl_jax.core.rollout import Frames
-from rearl_jax.detection.table import ReferenceTable, at_second, of_reference, root_shares
+from rearl_jax.detection.table import ReferenceTable, at_second, draw_references, of_reference, root_shares
 from rearl_jax.metrics.histograms import histogram_distances, speed_counts, speed_edges
 from rearl_jax.metrics.measure import unrolled_sum
 from rearl_jax.metrics.spacing import mean_spacing, spacing_errors, vehicle_spacing
@@ -33,8 +33,8 @@ class DetectionOptions:
         cues: What triggers.
         interval: Time between two detections [s].
         scope: Which vehicles of a triggered scenario need a decision.
-        mode: What makes a reference the nearest one.
-        weights: Of spacing error and Hellinger distance, where both count for that.
+        mode: Which reference a scenario is held against.
+        weights: Of spacing error and Hellinger distance, where both count for the choice.
         hist: Speed histogram and its window.
         definition: Relative error of the mean spacing.
         spacing: Distance between two vehicles.
@@ -86,19 +86,21 @@ class DetectorMemory(eqx.Module):
         counts: Speeds per bin in all of them.
         counts_before: The same before each of the last frames, frame t in row t modulo the window's length.
         error_sum: Sum over the frames of the relative error of the mean spacing against each reference.
+        drawn: Reference of each scenario for the whole rollout; None where the nearest one is looked for.
     """
 
     second: Int[Array, ""]
     counts: Int[Array, "bins scenarios"]
     counts_before: Int[Array, "window bins scenarios"]
     error_sum: Float[Array, "refs scenarios"]
+    drawn: Int[Array, " scenarios"] | None
 
 
 class Detection(eqx.Module):
     """What was found in one frame.
 
     Attributes:
-        reference: The nearest reference, k*.
+        reference: The reference the scenario is held against, k*.
         hellinger: Hellinger distance of the window's speeds to the reference's; 0 where there is none yet [-].
         mape: Relative error of the mean spacing to the reference's, in the configured definition [-].
         speed_exceeded: Whether the Hellinger distance is above its threshold.
@@ -120,14 +122,21 @@ class Detection(eqx.Module):
     mean_spacing: Float[Array, " scenarios"]
 
 
-def initial_memory(table: ReferenceTable, n_scenarios: int, options: DetectionOptions) -> DetectorMemory:
-    """Memory before the first frame."""
-    n_bins, window = options.hist.n_bins, options.hist.window
+def initial_memory(table: ReferenceTable, keys: Key[Array, " scenarios"], options: DetectionOptions) -> DetectorMemory:
+    """Memory before the first frame.
+
+    Args:
+        table: References.
+        keys: Random keys of the rollouts, which decide what is drawn.
+        options: Choices that change the program.
+    """
+    n_bins, window, n_scenarios = options.hist.n_bins, options.hist.window, keys.shape[0]
     return DetectorMemory(
         second=jnp.zeros((), jnp.int32),
         counts=jnp.zeros((n_bins, n_scenarios), jnp.int32),
         counts_before=jnp.zeros((window, n_bins, n_scenarios), jnp.int32),
         error_sum=jnp.zeros((table.n_references, n_scenarios), table.speed.dtype),
+        drawn=draw_references(table.share, keys) if options.mode is ReferenceMode.drawn else None,
     )
 
 
@@ -162,7 +171,10 @@ def detect(
     if options.mode is ReferenceMode.spacing_speed:
         spacing_weight, speed_weight = options.weights
         score = spacing_weight * score + speed_weight * prefix_distances(counts, table, second, score.dtype)
-    reference, mape = nearest(score, errors)
+    if memory.drawn is None:
+        reference, mape = nearest(score, errors)
+    else:
+        reference, mape = memory.drawn, jnp.take_along_axis(errors, memory.drawn[None], axis=0)[0]
 
     reference_counts = of_reference(at_second(table.window_counts, second), reference)
     distance = histogram_distances(window_counts, reference_counts, score.dtype)
@@ -185,7 +197,7 @@ def detect(
 
     # Without the branch XLA would compute the whole detection once more for every vehicle.
     mask = if_any(triggered, concerned, jnp.zeros(frame.crashed.shape, bool))
-    memory = DetectorMemory(second + 1, counts, counts_before, error_sum)
+    memory = DetectorMemory(second + 1, counts, counts_before, error_sum, memory.drawn)
     return memory, Detection(
         reference, hellinger, mape, speed_exceeded, spacing_exceeded, triggered, mask, spacing, mean
     )

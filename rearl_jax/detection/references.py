@@ -12,9 +12,11 @@ class References(eqx.Module):
         spacing: Mean distance of each vehicle to the others of the snapshot [m].
         mean_spacing: Mean distance over all pairs of the snapshot [m].
         action: What each vehicle did in the following second: 0 left, 1 keep, 2 right, 3 faster, 4 slower.
+        share: Share of the scenes that each one stands for [-]; sums to 1.
     """
 
     speed: Float[Array, "references seconds slots"]
     spacing: Float[Array, "references seconds slots"]
     mean_spacing: Float[Array, "references seconds"]
     action: Int[Array, "references seconds slots"]
+    share: Float[Array, " references"]

@@ -1,4 +1,4 @@
-"""Everything about the references that can be known before a rollout, by second.
+"""Everything about the references that can be known before a rollout, by second; and the drawing of one of them.
 
 Time comes first, so that a second is one slice, and the references last, so that picking one for every scenario is one
 gather. What is picked has the scenario axis last, like the traffic it is compared with.
@@ -9,13 +9,16 @@ from functools import partial
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, Key
 
 from rearl_jax.config.metrics import HistConfig
 from rearl_jax.core.neighbours import for_each_vehicle, row
 from rearl_jax.detection.references import References
 from rearl_jax.metrics.histograms import cumulative_speed_counts
 from rearl_jax.metrics.measure import unrolled_sum
+
+REFERENCE_STREAM = 2**31 - 1
+"""Separates the drawing of references from the seconds of a rollout, whose keys are folded from their numbers."""
 
 
 class ReferenceTable(eqx.Module):
@@ -30,6 +33,7 @@ class ReferenceTable(eqx.Module):
         spacing_rank: `relative_rank` of the spacings [-].
         window_counts: Speeds per bin in the window that ends with the second, shorter at the beginning.
         prefix_roots: Square roots of the shares of the bins in all speeds so far [-].
+        share: Share of the scenes that each reference stands for [-].
     """
 
     speed: Float[Array, "seconds slots refs"]
@@ -40,6 +44,7 @@ class ReferenceTable(eqx.Module):
     spacing_rank: Float[Array, "seconds slots refs"]
     window_counts: Int[Array, "seconds bins refs"]
     prefix_roots: Float[Array, "seconds bins refs"]
+    share: Float[Array, " refs"]
 
     @property
     def n_seconds(self) -> int:
@@ -106,7 +111,24 @@ def tabulate(references: References, hist: HistConfig, dtype: jnp.dtype = jnp.fl
         spacing_rank=ranks(spacing),
         window_counts=cumulative[1:] - cumulative[starts],
         prefix_roots=jax.vmap(partial(root_shares, dtype=speed.dtype))(cumulative[1:]),
+        share=jnp.asarray(references.share, jnp.float32),
     )
+
+
+def draw_references(share: Float[Array, " refs"], keys: Key[Array, " scenarios"]) -> Int[Array, " scenarios"]:
+    """One reference for every scenario, each as probable as its share.
+
+    Args:
+        share: Share of each reference; only their ratios count.
+        keys: Random keys of the rollouts. The draw is a random stream of its own: whoever uses the same keys second by
+            second gets numbers that know nothing of it.
+    """
+    # In one precision whatever that of the simulation, so that both are held against the same references.
+    bounds = jnp.cumsum(share.astype(jnp.float32))
+    bounds = bounds / bounds[-1]
+    own_keys = jax.vmap(lambda key: jax.random.fold_in(key, REFERENCE_STREAM))(keys)
+    drawn = jax.vmap(lambda key: jax.random.uniform(key, (), jnp.float32))(own_keys)
+    return (drawn[None] >= bounds[:, None]).sum(axis=0, dtype=jnp.int32)
 
 
 def at_second(values: Array, second: Int[Array, ""]) -> Array:

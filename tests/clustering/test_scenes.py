@@ -92,6 +92,21 @@ def test_references_are_the_recorded_scenes_or_their_means(traffic):
     np.testing.assert_array_equal(means.action[2, 3], votes)
 
 
+@pytest.mark.parametrize("representative", list(Representative))
+def test_references_stand_for_the_fitted_scenes_of_their_clusters(traffic, representative):
+    from rearl_jax.clustering.scenes import SceneClusters, references_of
+
+    scenes = traffic[0]
+    labels, fitted = np.full(len(scenes), -1), np.zeros(len(scenes), bool)
+    labels[:10] = [0, 0, 0, 0, 1, 1, 2, 2, 2, 2]
+    toy = SceneClusters(vectors(len(scenes)), fitted, labels, vectors(3), np.array([0, 4, 6]), len(scenes))
+    some = replace(toy, fitted=np.isin(np.arange(len(scenes)), [0, 1, 2, 4, 6]))  # 3, 1 and 1
+    config = ClusterConfig(representative=representative)
+    np.testing.assert_allclose(references_of(scenes, some, config).share, [0.6, 0.2, 0.2], rtol=1e-6)
+    every = replace(toy, fitted=labels >= 0)  # 4, 2 and 4
+    np.testing.assert_allclose(references_of(scenes, every, config).share, [0.4, 0.2, 0.4], rtol=1e-6)
+
+
 def test_scenes_that_may_be_fitted(traffic):
     from rearl_jax.clustering.scenes import may_be_fitted
     from rearl_jax.data.splits import Split

@@ -31,6 +31,7 @@ def table():
         spacing=jnp.asarray(spacing),
         mean_spacing=jnp.asarray(spacing.mean(axis=-1)),
         action=jnp.asarray(rng.choice(5, shape, p=[0.2, 0.2, 0.2, 0.2, 0.2])),
+        share=jnp.asarray([0.2, 0.3, 0.5]),
     )
     return tabulate(references, HistConfig())
 

@@ -31,7 +31,7 @@ def run(start, table, model, policy, *, h=0.2, m=0.1, order=None, execution=None
 
     order = np.arange(N_SCENARIOS) if order is None else order
     keys = jax.random.split(jax.random.key(9), N_SCENARIOS)[order]
-    thresholds = Thresholds(*(jnp.full(N_SCENARIOS, value, jnp.float32) for value in (h, m)))
+    thresholds = Thresholds(*(jnp.full(len(order), value, jnp.float32) for value in (h, m)))
     options = LoopOptions(DetectionOptions(**detection), execution=execution or ExecConfig())
     state, drivers = jax.tree.map(lambda leaf: leaf[..., order] if leaf.shape[-1] > 1 else leaf, start)
     _, frames, decisions = program(model, policy, options)(state, drivers, keys, table, thresholds)
@@ -93,6 +93,25 @@ def test_scenarios_do_not_depend_on_their_place_in_the_batch(start, table, model
     found = run(start, table, model, PolicyName.matcher, order=order)
     for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(matched), strict=True):
         np.testing.assert_array_equal(a, b[..., order])
+
+
+def test_a_drawn_reference_belongs_to_the_rollout_for_its_whole_time(start, table, lean, matched):
+    """Whatever the policy and whoever else is in the batch."""
+    from rearl_jax.config.decision import PolicyName
+    from rearl_jax.config.detection import ReferenceMode
+
+    frames, decisions = run(start, table, lean, PolicyName.matcher, mode=ReferenceMode.drawn)
+    drawn = decisions.reference[0]
+    assert (np.bincount(drawn, minlength=3) > 0).all()
+    assert (matched[1].reference != drawn).any()  # not the nearest ones by chance
+    np.testing.assert_array_equal(decisions.reference, np.broadcast_to(drawn, decisions.reference.shape))
+    order = np.array([5, 0, 17, 11, 2])
+    few_frames, few = run(start, table, lean, PolicyName.matcher, mode=ReferenceMode.drawn, order=order)
+    np.testing.assert_array_equal(few.reference, decisions.reference[:, order])
+    np.testing.assert_allclose(few_frames.x, frames.x[..., order], rtol=1e-6, atol=1e-4)
+    other_frames, other = run(start, table, lean, PolicyName.random_admissible, mode=ReferenceMode.drawn)
+    assert (np.abs(other_frames.x - frames.x) > 1.0).any()
+    np.testing.assert_array_equal(other.reference, decisions.reference)
 
 
 def test_random_actions_are_reproducible_and_interval_and_hold_are_kept(start, table, lean):
@@ -159,7 +178,7 @@ def test_the_two_halves_called_by_a_host_are_the_scan(start, table, model, match
         traffic = follow(traffic, orders, drivers, model, options)
         return look(traffic, drivers, table, thresholds, model, options)
 
-    traffic, orders = initial_traffic(state, table, model, options), no_orders(state)
+    traffic, orders = initial_traffic(state, keys, table, model, options), no_orders(state)
     for number in range(N_SECONDS):
         traffic, situation = second(traffic, orders)
         answers = np.asarray(policy(situation, table, keys))

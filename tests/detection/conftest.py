@@ -8,14 +8,21 @@ N_REFS, N_SECONDS, N_SLOTS, N_SCENARIOS = 4, 12, 10, 6
 
 @pytest.fixture(scope="session")
 def raw():
-    """Arrays of four references: speed, spacing, mean_spacing, action. The last is a copy of the second."""
+    """Arrays of four references: speed, spacing, mean_spacing, action, share. The last is a copy of the second."""
     rng = np.random.default_rng(5)
     centre = np.array([9.0, 16.0, 24.0, 16.0])[:, None, None]
     speed = np.clip(centre + rng.normal(0, 3, (N_REFS, N_SECONDS, N_SLOTS)), 5, 32)
     spacing = np.array([60.0, 140.0, 90.0, 140.0])[:, None, None] * rng.uniform(0.5, 1.5, speed.shape)
     speed[3], spacing[3] = speed[1], spacing[1]
     action = rng.integers(0, 5, speed.shape)
-    return {"speed": speed, "spacing": spacing, "mean_spacing": spacing.mean(axis=-1), "action": action}
+    share = np.array([0.5, 0.0, 0.3, 0.2])
+    return {
+        "speed": speed,
+        "spacing": spacing,
+        "mean_spacing": spacing.mean(axis=-1),
+        "action": action,
+        "share": share,
+    }
 
 
 @pytest.fixture(scope="session")

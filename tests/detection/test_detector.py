@@ -3,6 +3,7 @@
 import functools
 from dataclasses import replace
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +12,10 @@ import pytest
 N_REFS, N_SECONDS, N_SLOTS, N_SCENARIOS = 4, 12, 10, 6
 EDGES = np.linspace(5, 32, 9)
 LOW, HIGH = 0.25, 0.3
+
+
+def rollout_keys(n_scenarios):
+    return jax.random.split(jax.random.key(3), n_scenarios)
 
 
 @functools.cache
@@ -23,7 +28,7 @@ def program(options):
         def step(memory, frame):
             return detect(memory, frame, table, Thresholds(h, m), options)
 
-        return jax.lax.scan(step, initial_memory(table, frames.x.shape[-1], options), frames)[1]
+        return jax.lax.scan(step, initial_memory(table, rollout_keys(frames.x.shape[-1]), options), frames)[1]
 
     return scan
 
@@ -48,8 +53,8 @@ def hellinger(a, b):
     return np.sqrt(((np.sqrt(p) - np.sqrt(q)) ** 2).sum() / 2)
 
 
-def loop(frames, raw, definition="A", weights=(1.0, 0.0)):
-    """Nearest reference, Hellinger distance and error, one number at a time."""
+def loop(frames, raw, definition="A", weights=(1.0, 0.0), drawn=None):
+    """Reference (the nearest one unless drawn), Hellinger distance and error, one number at a time."""
     x, y, speed = (np.asarray(values) for values in (frames.x, frames.y, frames.speed))
     found = {name: np.zeros((N_SECONDS, N_SCENARIOS)) for name in ("reference", "hellinger", "mape")}
     for s in range(N_SCENARIOS):
@@ -68,7 +73,7 @@ def loop(frames, raw, definition="A", weights=(1.0, 0.0)):
             score = score + weights[1] * np.array(
                 [hellinger(speed[: t + 1, :, s], raw["speed"][k, : t + 1]) for k in range(N_REFS)]
             )
-            best = int(np.argmin(np.round(score, 12)))
+            best = int(np.argmin(np.round(score, 12))) if drawn is None else drawn[s]
             found["reference"][t, s], found["mape"][t, s] = best, errors[t, best]
             if t >= 4:
                 found["hellinger"][t, s] = hellinger(speed[t - 4 : t + 1, :, s], raw["speed"][best, t - 4 : t + 1])
@@ -90,6 +95,43 @@ def test_detection_is_that_of_a_loop_over_the_prefix(frames, raw, table, definit
     np.testing.assert_array_equal(found.reference, wanted["reference"])
     np.testing.assert_allclose(found.mape, wanted["mape"], atol=1e-12)
     np.testing.assert_allclose(found.hellinger, wanted["hellinger"], atol=1e-7)
+
+
+@pytest.mark.parametrize("definition", ["A", "B", "C"])
+def test_a_drawn_reference_is_kept_and_measured_against(frames, raw, table, definition):
+    from rearl_jax.config.detection import ReferenceMode
+    from rearl_jax.config.metrics import MapeDefinition
+    from rearl_jax.detection.table import draw_references
+
+    drawn = np.asarray(draw_references(table.share, rollout_keys(N_SCENARIOS)))
+    options = make_options(mode=ReferenceMode.drawn, definition=MapeDefinition[definition])
+    found = run(frames, table, options)
+    wanted = loop(frames, raw, definition, drawn=drawn)
+    assert len(np.unique(drawn)) > 1
+    assert (drawn != loop(frames, raw, definition)["reference"][-1]).any()  # not the nearest ones by chance
+    np.testing.assert_array_equal(found.reference, np.broadcast_to(drawn, (N_SECONDS, N_SCENARIOS)))
+    np.testing.assert_allclose(found.mape, wanted["mape"], atol=1e-12)
+    np.testing.assert_allclose(found.hellinger, wanted["hellinger"], atol=1e-7)
+    assert 0 < found.triggered.sum() < found.triggered.size
+    np.testing.assert_array_equal(found.triggered, (found.hellinger > LOW) | (found.mape > LOW))
+
+
+@pytest.mark.parametrize("mode", ["spacing", "spacing_speed"])
+def test_the_nearest_reference_does_not_depend_on_shares(frames, table, mode):
+    """No share is looked at and nothing is drawn or carried."""
+    from rearl_jax.config.detection import ReferenceMode
+    from rearl_jax.detection.detector import initial_memory
+
+    def start(options):
+        return jax.make_jaxpr(lambda keys: initial_memory(table, keys, options))(rollout_keys(2))
+
+    options = make_options(mode=ReferenceMode[mode])
+    usual = run(frames, table, options)
+    without = run(frames, eqx.tree_at(lambda t: t.share, table, jnp.full_like(table.share, jnp.nan)), options)
+    for a, b in zip(jax.tree.leaves(usual), jax.tree.leaves(without), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert "random" in str(start(make_options(mode=ReferenceMode.drawn)))
+    assert "random" not in str(start(options))
 
 
 def test_cues_and_thresholds(frames, table):

@@ -2,6 +2,71 @@
 
 import numpy as np
 
+N_ROLLOUTS = 20_000
+
+
+def rollout_keys():
+    """Keys as the evaluation makes them, folded from numbers of runs and scenes."""
+    import jax
+    import jax.numpy as jnp
+
+    def key(run, scene):
+        return jax.random.fold_in(jax.random.fold_in(jax.random.key(0), run), scene)
+
+    run, scene = jnp.divmod(jnp.arange(N_ROLLOUTS, dtype=jnp.int32), jnp.int32(200))
+    return jax.vmap(key)(run, scene)
+
+
+def agreement(found, share):
+    """Difference between the frequencies and the shares, in standard errors of the former."""
+    frequency = np.bincount(found, minlength=len(share)) / len(found)
+    return np.abs(frequency - share) / np.sqrt(np.maximum(share * (1 - share), 1e-9) / len(found))
+
+
+def test_references_are_drawn_by_their_shares(raw):
+    import jax.numpy as jnp
+
+    from rearl_jax.detection.table import draw_references
+
+    keys = rollout_keys()
+    for share in (raw["share"], np.array([0.02, 0.0, 0.98, 0.0]), np.full(15, 1 / 15)):
+        found = np.asarray(draw_references(jnp.asarray(share), keys))
+        assert (agreement(found, share) < 4).all()
+    # A test that could not tell these shares from others would prove nothing.
+    assert agreement(found, np.full(15, 1 / 14)).max() > 3
+    np.testing.assert_array_equal(draw_references(jnp.asarray(7 * share), keys), found)
+
+
+def test_draws_are_those_of_any_other_batch_and_precision(raw):
+    import jax.numpy as jnp
+
+    from rearl_jax.detection.table import draw_references
+
+    keys, share = rollout_keys(), jnp.asarray(raw["share"])
+    found = np.asarray(draw_references(share, keys))
+    assert set(np.unique(found)) == {0, 2, 3}
+    for at in (np.array([7]), np.arange(100, 350), np.arange(N_ROLLOUTS)[::-1]):
+        np.testing.assert_array_equal(draw_references(share, keys[at]), found[at])
+    np.testing.assert_array_equal(draw_references(share.astype(jnp.float32), keys), found)
+
+
+def test_draws_know_nothing_of_the_seconds_of_the_same_rollouts():
+    """What a policy draws from its key of a second agrees with the reference as often as chance has it."""
+    import jax
+    import jax.numpy as jnp
+
+    from rearl_jax.detection.table import draw_references
+
+    keys, n_references = rollout_keys(), 4
+    found = draw_references(jnp.full(n_references, 0.25), keys)
+    for second in (0, 1, 59):
+        own_keys = jax.vmap(lambda key, number=second: jax.random.fold_in(key, number))(keys)
+        drawn = jax.vmap(lambda key: jax.random.randint(key, (), 0, n_references, jnp.int32))(own_keys)
+        uniform = jax.vmap(lambda key: jax.random.uniform(key, (), jnp.float32))(own_keys)
+        for other in (drawn, jnp.floor(n_references * uniform)):
+            same = np.mean(np.asarray(found) == np.asarray(other))
+            assert abs(same - 0.25) < 4 * np.sqrt(0.25 * 0.75 / N_ROLLOUTS)
+
 
 def test_ranks_with_ties():
     import jax.numpy as jnp
