@@ -23,6 +23,9 @@ from rearl_jax.config._schema import as_plain
 if TYPE_CHECKING:
     import pandas
 
+UNHASHED = ("study", "results")
+"""Keys of a task that do not change its results."""
+
 SAME = ("task", "config_hash", "code_hash", "data_id")
 """Provenance that must agree for results to be taken for those of the same study."""
 
@@ -67,7 +70,7 @@ class Study:
         self.path = _inside(Path(root), name, "study")
         self._config = as_plain(config)
         values = (task, name, config_hash(config), __version__, code_hash(), git_sha(), data_id, generated)
-        self._provenance = dict(zip(PROVENANCE, values, strict=True))
+        self._provenance: dict[str, Any] = dict(zip(PROVENANCE, values, strict=True))
         self.path.mkdir(parents=True, exist_ok=True)
         _remove_leftovers(self.path)
 
@@ -215,7 +218,7 @@ def config_hash(config: object) -> str:
     """Sixteen hexadecimal digits that are equal where everything but `study` and `results` is equal."""
     plain = as_plain(config)
     if isinstance(plain, dict):
-        plain = {key: value for key, value in plain.items() if key not in ("study", "results")}
+        plain = {key: value for key, value in plain.items() if key not in UNHASHED}
     text = json.dumps(plain, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

@@ -105,9 +105,27 @@ TASKS = (
             "rearl evaluate -m scenes.stride=60,30 study=overlap",
             "rearl evaluate -m detection.h_pct=5,10,20,30 detection.m_pct=5,10,20,30 study=pairs",
             "rearl evaluate --sweep cues",
+            "rearl evaluate method=ppo",
         ),
         collect="rearl_jax.sweep.cells:collect",
-        implied=dict.fromkeys(CLOSED_LOOP, "method=rearl"),
+        implied=dict.fromkeys(CLOSED_LOOP, "method=rearl") | {"ppo": "method=ppo"},
+    ),
+    Task(
+        words="train ppo",
+        run="rearl_jax.baselines.task:run",
+        config="rearl_jax.config:TrainPpoTask",
+        summary="train the policy of method=ppo in the traffic model, without data",
+        description=(
+            "Trains one policy for all vehicles by proximal policy optimisation on highway-env's reward: speed, right "
+            "lanes, no crash. It sees the four nearest vehicles and takes an admissible action every second. A killed "
+            "training goes on where it was. Prints the learning curve, writes it as Parquet and figure, and the "
+            "weights."
+        ),
+        examples=(
+            "rearl train ppo",
+            "rearl train ppo ppo.seed=1 ppo.car_steps=5e6 study=long",
+            "rearl evaluate method=ppo ppo.weights=results/long/weights.eqx",
+        ),
     ),
     Task(
         words="sweep thresholds",
@@ -124,6 +142,23 @@ TASKS = (
             "rearl sweep thresholds",
             "rearl sweep thresholds data=highd data.root=/data/highD study=highd_thresholds",
             "rearl sweep thresholds sweep.h_pct=[10,30] sweep.m_pct=[5]",
+        ),
+    ),
+    Task(
+        words="sweep scale",
+        run="rearl_jax.sweep.scale:run",
+        config="rearl_jax.config:SweepScaleTask",
+        summary="stream very many rollouts in constant memory and say what they cost",
+        description=(
+            "Simulates and scores as many rollouts of the held-out scenes as asked for, every one from another initial "
+            "state, and writes them part by part; a killed study goes on where it was. Before that, measures the cost "
+            "of a rollout by the number simulated at a time. Reports rollouts and agent-substeps per second and memory "
+            "over time. Prints a table, writes Parquet and a figure."
+        ),
+        examples=(
+            "rearl sweep scale",
+            "rearl sweep scale n_rollouts=1e6 study=million",
+            "rearl sweep scale method=base n_rollouts=1e6",
         ),
     ),
     Task(
@@ -158,9 +193,9 @@ TASKS = (
         summary="measure what detection and decisions cost beside the traffic core",
         description=(
             "Measures, in turn within one run, the CPU time of Base rollouts, of the closed loop that is never "
-            "triggered and of the closed loop that always is, by vehicles and scenarios at a time; then the time of ten "
-            "consecutive decision steps. Reads no data: the references are synthetic. Prints a table, writes Parquet "
-            "and a figure."
+            "triggered and of the closed loop that always is, by vehicles and scenarios at a time; then the time of "
+            "ten consecutive decision steps. Reads no data: the references are synthetic. Prints tables, writes "
+            "Parquet and a figure."
         ),
         examples=(
             "rearl bench loop",

@@ -92,7 +92,8 @@ def cli(monkeypatch, tmp_path):
     monkeypatch.setattr(tasks, "sweeps_dir", lambda: sweeps)
     started = []
     monkeypatch.setattr(runtime, "start", lambda x64: started.append(x64))
-    return SimpleNamespace(main=cli.main, ran=ran, task=module, Side=Side, work=work, started=started, collected=collected)
+    seen = {"ran": ran, "started": started, "collected": collected}
+    return SimpleNamespace(main=cli.main, task=module, Side=Side, work=work, **seen)
 
 
 def test_defaults_then_files_then_command_line(cli):

@@ -6,7 +6,6 @@ a repetition, and the median over repetitions is the result.
 """
 
 import os
-from collections.abc import Callable
 
 from rearl_jax import runtime
 from rearl_jax.bench.figure import draw_costs
@@ -14,6 +13,7 @@ from rearl_jax.bench.measurement import Measurement
 from rearl_jax.bench.results import BenchResults, Series
 from rearl_jax.bench.sessions import OURS, Absent, Session, open_sessions, start_ours
 from rearl_jax.bench.terminal import print_results, progress_bar
+from rearl_jax.bench.turns import Report, take_turns, warm_up
 from rearl_jax.config import BenchCoreTask
 from rearl_jax.config.bench import BenchConfig
 from rearl_jax.results import Study
@@ -62,30 +62,21 @@ def measure_in_turn(
     sessions: dict[str, Session],
     n_vehicles: int,
     bench: BenchConfig,
-    report: Callable[[str, int], None],
+    report: Report,
 ) -> list[Series]:
     """One series per program.
 
     A first run of each warms it up and tells how many scenarios fill the time asked for.
     """
+    label = f"N = {n_vehicles}"
     n_scenarios = {}
-    for name, session in sessions.items():
-        report(f"N = {n_vehicles}: {name}, warming up", 0)
-        unit = int(session.facts["unit"])
-        first = session.measure(unit, bench.seed)
+    for name, first in warm_up(sessions, bench.seed, label, report).items():
+        unit = int(sessions[name].facts["unit"])
         n_scenarios[name] = unit * max(1, round(bench.repetition_cpu_s / first.cpu_s))
-        report(f"N = {n_vehicles}: {name}, warmed up", 1)
     if bench.scenarios is not None:
         n_scenarios[OURS] = bench.scenarios[bench.vehicles.index(n_vehicles)]
-    measured: dict[str, list[Measurement]] = {name: [] for name in sessions}
-    for repetition in range(bench.repetitions):
-        names = list(sessions) if repetition % 2 == 0 else list(sessions)[::-1]
-        for name in names:
-            report(f"N = {n_vehicles}: {name}, {repetition + 1} of {bench.repetitions}", 0)
-            seed = bench.seed + 1 + repetition
-            measured[name].append(sessions[name].measure(n_scenarios[name], seed))
-            report(f"N = {n_vehicles}: {name}, {repetition + 1} of {bench.repetitions}", 1)
-    return [Series(name, n_vehicles, tuple(measured[name]), dict(session.facts)) for name, session in sessions.items()]
+    measured = take_turns(sessions, n_scenarios, bench.repetitions, bench.seed, label, report)
+    return [Series(name, n_vehicles, measured[name], dict(session.facts)) for name, session in sessions.items()]
 
 
 def measure_memory(bench: BenchConfig) -> Measurement:

@@ -1,10 +1,9 @@
 """The figure of a benchmark: what a vehicle step costs, by the number of vehicles."""
 
-from io import BytesIO
-
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator, StrMethodFormatter
 
+from rearl_jax import drawing
 from rearl_jax.bench.results import BenchResults
 from rearl_jax.bench.sessions import C_ALL, OURS
 
@@ -15,9 +14,7 @@ LABELS = {
     "libsumo": "SUMO: IDM, LC2013",
 }
 
-# Colour-blind safe; Okabe & Ito, Color Universal Design (2008).
-_COLOURS = {OURS: "#0072B2", "c": "#333333", "highway_env": "#D55E00", "libsumo": "#009E73"}
-_DPI = 200
+_COLOURS = {OURS: drawing.BLUE, "c": drawing.DARK_GREY, "highway_env": drawing.VERMILION, "libsumo": drawing.GREEN}
 
 
 def draw_costs(results: BenchResults) -> bytes:
@@ -49,10 +46,8 @@ def draw_costs(results: BenchResults) -> bytes:
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:.0f}"))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.grid(axis="y", color="#e6e6e6", linewidth=0.8)
+    axes.grid(axis="y", color=drawing.LIGHT_GREY, linewidth=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
-    figure.legend(frameon=False, fontsize=9, loc="outside upper center", ncols=2)
-    content = BytesIO()
-    figure.savefig(content, format="png", dpi=_DPI)
-    return content.getvalue()
+    figure.legend(frameon=False, fontsize=drawing.FONT_SIZE, loc="outside upper center", ncols=2)
+    return drawing.png(figure)

@@ -1,6 +1,7 @@
 """What was measured, as a table, as flat figures, and with the figures' meanings."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from statistics import mean, median
 
@@ -72,12 +73,17 @@ class Series:
 
 
 @dataclass(frozen=True)
-class Ratio:
-    """Our speed by a peer's: median, least and greatest over the repetitions."""
+class Spread:
+    """A figure of every repetition: median, least and greatest."""
 
     median: float
     least: float
     greatest: float
+
+
+def spread_of(values: Sequence[float]) -> Spread:
+    """Spread of the values of the repetitions."""
+    return Spread(median(values), min(values), max(values))
 
 
 @dataclass(frozen=True)
@@ -105,7 +111,7 @@ class BenchResults:
         wanted = (program, n_vehicles)
         return next((item for item in self.series if (item.program, item.n_vehicles) == wanted), None)
 
-    def ratio(self, peer: str, n_vehicles: int) -> Ratio | None:
+    def ratio(self, peer: str, n_vehicles: int) -> Spread | None:
         """Our speed by the peer's, taken within each repetition; by elapsed time where both use all cores."""
         ours, other = self.find(OURS, n_vehicles), self.find(peer, n_vehicles)
         if ours is None or other is None:
@@ -113,7 +119,7 @@ class BenchResults:
         speed = "substeps_per_s" if peer == C_ALL else "substeps_per_cpu_s"
         pairs = zip(ours.measurements, other.measurements, strict=True)
         ratios = [getattr(mine, speed) / getattr(theirs, speed) for mine, theirs in pairs]
-        return Ratio(median(ratios), min(ratios), max(ratios))
+        return spread_of(ratios)
 
     def cost_growth(self) -> float | None:
         """Our CPU time per vehicle step at the largest by that at the smallest number of vehicles."""

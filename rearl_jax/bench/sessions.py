@@ -108,9 +108,9 @@ class WorkerSession:
         self._complaints.seek(0)
         last = "\n".join(self._complaints.read().splitlines()[-20:])
         self.close()
+        remedy = "; leave a peer out with bench.peers=[...]" if self._program in Peer.__members__ else ""
         raise RuntimeError(
-            f"the measured program {self._program} ended with code {code}; leave a peer out with"
-            f" bench.peers=[...]. Its last words:\n{last}"
+            f"the measured program {self._program} ended with code {code}{remedy}. Its last words:\n{last}"
         )
 
 

@@ -2,13 +2,12 @@
 
 import sys
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from rearl_jax.bench.results import BenchResults, Series
 from rearl_jax.bench.sessions import C_ALL, OURS
+from rearl_jax.console import print_notes, standard_output, titled_table
 
 _WIDTH = 110
 """Columns the whole table needs; a narrower terminal gets it without what happened in the traffic."""
@@ -27,12 +26,9 @@ def progress_bar() -> Progress:
 
 def print_results(results: BenchResults) -> None:
     """Prints speeds and ratios, then compile times, memory, the machine, and what was absent."""
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_WIDTH)  # a file or a pipe has no width of its own
+    console = standard_output(_WIDTH)
     has_room = console.width >= _WIDTH
-    style = {"title_justify": "left", "title_style": "bold", "box": SIMPLE_HEAD, "padding": (0, 1, 0, 0)}
-    table = Table(title="Millions of agent-substeps (one vehicle, 1/15 s)", **style)
+    table = titled_table("Millions of agent-substeps (one vehicle, 1/15 s)")
     table.add_column("N", justify="right", no_wrap=True)
     table.add_column("program", no_wrap=True)
     for heading in _SPEEDS + (_TRAFFIC if has_room else ()):
@@ -45,8 +41,7 @@ def print_results(results: BenchResults) -> None:
             title = _TITLES.get(item.program, item.program)
             table.add_row(first, title, *cells, end_section=item is items[-1])
     console.print(table)
-    for line in _notes(results):
-        console.print(line, highlight=False, markup=False)
+    print_notes(console, _notes(results))
 
 
 def _speed_cells(results: BenchResults, item: Series) -> list[str]:

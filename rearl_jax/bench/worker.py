@@ -27,6 +27,13 @@ def make_simulator(program: str, **arguments: Any) -> Simulator:
         from rearl_jax.bench.rollouts import Rollouts
 
         return Rollouts(**arguments)
+    if program in ("rollouts", "decision_steps"):
+        from rearl_jax import runtime
+
+        runtime.start(x64=False, cpu_devices=1)
+        from rearl_jax.bench import loop_subjects
+
+        return getattr(loop_subjects, program)(**arguments)
     if program == "highway_env":
         from rearl_jax.bench.highway import HighwayRoads
 
@@ -35,7 +42,8 @@ def make_simulator(program: str, **arguments: Any) -> Simulator:
         from rearl_jax.bench.sumo import SumoRoads
 
         return SumoRoads(**arguments)
-    raise ValueError(f"there is no program {program!r} to measure: rearl_jax, highway_env or libsumo")
+    known = "rearl_jax, rollouts, decision_steps, highway_env or libsumo"
+    raise ValueError(f"there is no program {program!r} to measure: {known}")
 
 
 def main() -> None:

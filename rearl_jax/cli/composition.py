@@ -117,7 +117,7 @@ def hydra_errors(task: Task, overrides: list[str]) -> Iterator[None]:
     try:
         yield
     except MissingConfigException as error:
-        group, _, name = (error.missing_cfg_file or "").partition("/")
+        group, _, name = (error.missing_cfg_file or "").rpartition("/")
         if not (name and error.options):
             raise UsageError(str(error)) from error
         raise UsageError(

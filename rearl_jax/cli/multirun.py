@@ -4,16 +4,21 @@ Finished jobs are not run again, so a killed multirun goes on where it was. At t
 together.
 """
 
+import logging
 import os
 import sys
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from rearl_jax import tasks
 from rearl_jax.cli.composition import check_overrides, compose_task, hydra_errors, record_of, register, with_implied
+from rearl_jax.cli.launchers import launcher_errors, settings
 from rearl_jax.cli.running import JobError, complain, is_for_user, run_task
 from rearl_jax.tasks import Task
+
+log = logging.getLogger(__name__)
 
 _OWN_FOLDER = ("study", "results.root", "results.resume")
 """Keys that do not name the folder of a job."""
@@ -43,7 +48,7 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> None:
     except JobError as error:
         failed = error
     if task.collect is not None:
-        own = [text for text in fixed if not text.startswith("hydra")]
+        own = [text for text in fixed if not text.lstrip("+~").startswith("hydra")]
         whole = compose_task(task, own, config_dir)
         task.load_collect()(whole, cells_of(parsed, swept))
         print(f"all cells: {Path(whole.results.root) / whole.study}")
@@ -64,9 +69,11 @@ def _launch(task: Task, overrides: list[str], swept: set[str], config_dir: str |
     """Hands the jobs to Hydra's sweeper and launcher."""
     import hydra
     from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.core.utils import env_override
 
-    keys = {item.key_or_group for item in OverridesParser.create().parse_overrides(overrides)}
-    unnamed = sorted({*_OWN_FOLDER, *(keys - swept)})
+    parsed = OverridesParser.create().parse_overrides(overrides)
+    said = {item.key_or_group: item.value() for item in parsed if item.key_or_group not in swept}
+    unnamed = sorted({*_OWN_FOLDER, *said})
     defaults = [
         "hydra.output_subdir=null",
         f"hydra.job.name={task.config_name}",
@@ -75,21 +82,17 @@ def _launch(task: Task, overrides: list[str], swept: set[str], config_dir: str |
         "hydra.sweep.dir=${results.root}/${study}",
         "hydra.sweep.subdir=${hydra.job.override_dirname}",
     ]
+    shares = settings(said, len(cells_of(parsed, swept)))
     folder = [] if config_dir is None else [f"--config-dir={Path(config_dir).resolve()}"]
     register(task)
-    command, environment = sys.argv, os.environ.get("HYDRA_FULL_ERROR")
-    # Hydra reads sys.argv, and prints and exits by itself unless it is asked for the whole error.
-    sys.argv = ["rearl", "--multirun", *folder, *defaults, *overrides]
-    os.environ["HYDRA_FULL_ERROR"] = "1"
+    # Hydra prints and exits by itself unless it is asked for the whole error; Ray reports its use unless told not to.
+    environment = {"HYDRA_FULL_ERROR": "1", "RAY_USAGE_STATS_ENABLED": os.environ.get("RAY_USAGE_STATS_ENABLED", "0")}
+    command, sys.argv = sys.argv, ["rearl", "--multirun", *folder, *defaults, *shares, *overrides]
     try:
-        with hydra_errors(task, overrides):
+        with env_override(environment), hydra_errors(task, overrides), launcher_errors(said):
             hydra.main(config_path=str(tasks.conf_dir()), config_name=task.config_name, version_base="1.3")(run_job)()
     finally:
         sys.argv = command
-        if environment is None:
-            del os.environ["HYDRA_FULL_ERROR"]
-        else:
-            os.environ["HYDRA_FULL_ERROR"] = environment
 
 
 def run_job(composed: Any) -> None:
@@ -106,7 +109,14 @@ def run_job(composed: Any) -> None:
             config.results.resume = True
         run_task(task, config)
     except Exception as error:
+        is_here = hydra.runtime.choices["hydra/launcher"] == "basic"
         if not is_for_user(error):
-            raise
-        complain(f"{name}: {error}")
+            if is_here:
+                raise
+            # The way back from another process loses the traceback, and not every error survives it.
+            raise RuntimeError(f"in the job {name}: {traceback.format_exc()}") from None
+        if is_here:
+            complain(f"{name}: {error}")
+        else:
+            log.error("%s: %s", name, error)
         raise JobError(f"at least one job failed, the first at {name}: {error}") from error

@@ -17,6 +17,7 @@ from rearl_jax.config.detection import DetectionConfig, ReferenceConfig
 from rearl_jax.config.evaluation import EvaluationConfig, Method
 from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
+from rearl_jax.config.ppo import PpoConfig, PpoPolicyConfig
 from rearl_jax.config.scenes import (
     FeaturesConfig,
     ScenesConfig,
@@ -86,7 +87,10 @@ class EvaluateTask:
     """Simulated against measured scenes."""
 
     study: str = _study("evaluate")
-    method: Method = key(Method.base, "what drives the vehicles; base: IDM and MOBIL alone, rearl: with interventions")
+    method: Method = key(
+        Method.base,
+        "what drives the vehicles; base: IDM and MOBIL alone, rearl: with interventions, ppo: a policy trained before",
+    )
     results: ResultsConfig = _group(ResultsConfig)
     data: DataConfig = _group(DataConfig)
     tracks: TracksConfig = _group(TracksConfig)
@@ -111,6 +115,7 @@ class EvaluateTask:
     matcher: MatcherConfig = _group(MatcherConfig)
     admissible: AdmissibleConfig = _group(AdmissibleConfig)
     exec: ExecConfig = _group(ExecConfig)
+    ppo: PpoPolicyConfig = _group(PpoPolicyConfig)
     eval: EvaluationConfig = _group(EvaluationConfig)
 
 
@@ -121,6 +126,37 @@ class SweepThresholdsTask(EvaluateTask):
     study: str = _study("sweep_thresholds")
     method: Method = key(Method.rearl, "rearl: thresholds mean nothing to a method without interventions")
     sweep: SweepConfig = _group(SweepConfig)
+
+
+@dataclass(unsafe_hash=True)
+class SweepScaleTask(EvaluateTask):
+    """Many rollouts in constant memory."""
+
+    study: str = _study("sweep_scale")
+    method: Method = key(
+        Method.rearl,
+        "what drives the vehicles; base: IDM and MOBIL alone, rearl: with interventions, ppo: a policy trained before",
+    )
+    # Not int, which OmegaConf refuses to read 1e6 as.
+    n_rollouts: float = key(
+        100_000.0, "rollouts of the scenes of eval.subset, every scene as often as needed; a whole number such as 1e6"
+    )
+
+    def check(self) -> None:
+        """Raise ValueError for what is no number of rollouts."""
+        if not (float(self.n_rollouts).is_integer() and 1 <= self.n_rollouts < 2**31):
+            raise ValueError(f"n_rollouts must be a whole number from 1 to {2**31 - 1:,}, got {self.n_rollouts:g}")
+
+
+@dataclass(unsafe_hash=True)
+class TrainPpoTask:
+    """The policy of the method ppo."""
+
+    study: str = _study("train_ppo")
+    results: ResultsConfig = _group(ResultsConfig)
+    ppo: PpoConfig = _group(PpoConfig)
+    admissible: AdmissibleConfig = _group(AdmissibleConfig)
+    core: CoreConfig = _group(CoreConfig)
 
 
 @dataclass(unsafe_hash=True)

@@ -38,17 +38,10 @@ class BenchConfig:
 
     def check(self) -> None:
         """Ranges."""
-        if not self.vehicles or list(self.vehicles) != sorted(set(self.vehicles)) or self.vehicles[0] < 1:
-            raise ValueError(f"vehicles must be positive, rising numbers, got {list(self.vehicles)}")
-        for name in ("seconds", "repetitions", "memory_vehicles"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
-        for name in ("density", "repetition_cpu_s", "peer_cpu_s"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
-        for name in ("seed", "memory_rollouts"):
-            if getattr(self, name) < 0:
-                raise ValueError(f"{name} must be at least 0, got {getattr(self, name)}")
+        _check_rising(self, "vehicles")
+        _check_least(self, 1, "seconds", "repetitions", "memory_vehicles")
+        _check_positive(self, "density", "repetition_cpu_s", "peer_cpu_s")
+        _check_least(self, 0, "seed", "memory_rollouts")
         if self.chunk is not None and self.chunk < 1:
             raise ValueError(f"chunk must be at least 1 or null, got {self.chunk}")
         if self.scenarios is not None and (len(self.scenarios) != len(self.vehicles) or min(self.scenarios) < 1):
@@ -58,3 +51,79 @@ class BenchConfig:
             )
         if len(set(self.peers)) != len(self.peers):
             raise ValueError(f"peers names a program twice: {[peer.name for peer in self.peers]}")
+
+
+class LoopPolicy(Enum):
+    """A policy whose closed loop is measured."""
+
+    rank = "rank"
+    """The matcher, by order of speed and spacing."""
+    raw = "raw"
+    """The matcher, by speed and spacing themselves."""
+    idle = "idle"
+    """Keeps lane and target speed."""
+
+
+@dataclass(unsafe_hash=True)
+class BenchLoopConfig:
+    """Detection and decisions beside the traffic core"""
+
+    vehicles: tuple[int, ...] = key((10, 30), "vehicles per scenario, each measured")
+    batches: tuple[int, ...] = key((1, 16, 256, 2048), "scenarios simulated at a time on one core, each measured")
+    policies: tuple[LoopPolicy, ...] = key(
+        (LoopPolicy.rank, LoopPolicy.raw, LoopPolicy.idle),
+        "policies of the measured closed loops: matcher by rank, matcher by raw values, idle",
+    )
+    seconds: int = key(60, "simulated time of a rollout [s]; REARL (Bi et al.)")
+    density: float = key(2.0, "vehicles_density of the initial scenes [-]; highway-env, REARL (Bi et al.)")
+    seed: int = key(0, "seed of initial scenes and references; every repetition draws new scenes")
+    repetitions: int = key(5, "measurements of every program, taken in turn")
+    repetition_cpu_s: float = key(0.5, "CPU time a measurement of Base aims at; the others simulate as many [s]")
+    rounds: int | None = key(None, "batches of a measurement; null: what fills the time")
+    n_references: int = key(15, "synthetic references the traffic is held against; REARL (Bi et al.)")
+    reference_seconds: int = key(60, "length of the references [s]; REARL (Bi et al.)")
+    reference_vehicles: int = key(10, "vehicles of a reference; REARL (Bi et al.)")
+    steps: int = key(10, "consecutive decision steps whose time is taken; REARL (Bi et al.)")
+    steps_vehicles: int = key(10, "vehicles per scenario of these steps; REARL (Bi et al.)")
+    steps_batches: tuple[int, ...] = key((1, 256), "scenarios at a time in these steps; empty leaves them out")
+    steps_repetitions: int = key(20, "measurements of these steps")
+
+    def check(self) -> None:
+        """Ranges."""
+        _check_rising(self, "vehicles", "batches")
+        if self.steps_batches:
+            _check_rising(self, "steps_batches")
+        _check_least(self, 1, "seconds", "repetitions", "n_references", "steps", "steps_repetitions")
+        _check_least(self, 2, "reference_vehicles", "steps_vehicles")
+        _check_positive(self, "density", "repetition_cpu_s")
+        _check_least(self, 0, "seed")
+        if self.vehicles[0] < 2:
+            raise ValueError(f"vehicles must be at least 2 each (a spacing needs two), got {list(self.vehicles)}")
+        if self.rounds is not None and self.rounds < 1:
+            raise ValueError(f"rounds must be at least 1 or null, got {self.rounds}")
+        if not self.policies or len(set(self.policies)) != len(self.policies):
+            raise ValueError(f"policies must name each policy once, got {[policy.name for policy in self.policies]}")
+        if self.reference_seconds < max(self.seconds, self.steps):
+            raise ValueError(
+                f"reference_seconds must be at least seconds and steps ({max(self.seconds, self.steps)}),"
+                f" got {self.reference_seconds}"
+            )
+
+
+def _check_rising(record: object, *names: str) -> None:
+    for name in names:
+        values = list(getattr(record, name))
+        if not values or values != sorted(set(values)) or values[0] < 1:
+            raise ValueError(f"{name} must be positive, rising numbers, got {values}")
+
+
+def _check_least(record: object, least: int, *names: str) -> None:
+    for name in names:
+        if getattr(record, name) < least:
+            raise ValueError(f"{name} must be at least {least}, got {getattr(record, name)}")
+
+
+def _check_positive(record: object, *names: str) -> None:
+    for name in names:
+        if not getattr(record, name) > 0:
+            raise ValueError(f"{name} must be > 0, got {getattr(record, name)}")

@@ -20,6 +20,15 @@ class PolicyName(Enum):
     """Any admissible action, all equally likely."""
     matcher_random_ref = "matcher_random_ref"
     """The matcher, shown a reference drawn at random."""
+    llm = "llm"
+    """A language model; answers are kept."""
+    replay = "replay"
+    """The kept answers of a language model, without a server; who has none is left to IDM and MOBIL."""
+
+    @property
+    def is_outside(self) -> bool:
+        """Whether the decisions are made outside the compiled program."""
+        return self in (PolicyName.llm, PolicyName.replay)
 
 
 class Longitudinal(Enum):
@@ -55,7 +64,11 @@ class MatchSpace(Enum):
 class DecisionConfig:
     """Who decides for the vehicles that need it"""
 
-    policy: PolicyName = key(PolicyName.matcher, "matcher, idle, random_admissible, matcher_random_ref; own choice")
+    policy: PolicyName = key(
+        PolicyName.matcher,
+        "matcher (own choice), llm, replay; controls: idle, random_admissible, matcher_random_ref",
+    )
+    server: str = key("local", "of the policy llm: local = a small model on this machine, or http://HOST:PORT/v1")
 
 
 @dataclass(unsafe_hash=True)

@@ -13,6 +13,13 @@ class Method(Enum):
     """IDM and MOBIL with highway-env's parameters, without intervention."""
     rearl = "rearl"
     """The same, and decisions of a policy where the traffic drifts from its reference."""
+    ppo = "ppo"
+    """All vehicles driven by a policy that was trained without recordings."""
+
+    @property
+    def needs_references(self) -> bool:
+        """Whether it holds the traffic to representative scenes, by thresholds."""
+        return self is Method.rearl
 
 
 class SeedScope(Enum):

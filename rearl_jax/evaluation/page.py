@@ -30,6 +30,10 @@ _CAPTIONS = {
         "Right: the simulated vehicles, followed to the end; the vertical scales differ. The scene is the "
         "held-out one of median mean speed unless eval.example names another."
     ),
+    "actions_by_speed": (
+        "What the policy that drives all vehicles does: above, how often each speed was driven; below, the share of "
+        "each action among those taken at that speed. Crashed vehicles take none."
+    ),
 }
 
 _STARTS = {

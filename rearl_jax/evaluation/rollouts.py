@@ -17,6 +17,9 @@ import numpy as np
 from jaxtyping import Array, Int, Key
 
 from rearl_jax._typing import PRNGKey
+from rearl_jax.baselines.driving import DrivingOptions, rollout_with_actor
+from rearl_jax.baselines.network import Perceptron
+from rearl_jax.baselines.weights import TrainedPolicy, load_policy
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import CoreConfig, InitialSource, InitialSpeed
 from rearl_jax.config.decision import Longitudinal, MatcherConfig, PolicyName
@@ -24,6 +27,7 @@ from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.core.batch import ScenarioMap
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.road import traffic_model
 from rearl_jax.core.rollout import Frames, rollout
 from rearl_jax.core.spawn import spawn
 from rearl_jax.core.state import TrafficState, make_state
@@ -57,10 +61,13 @@ SIMULATORS: dict[Method, Simulator] = {Method.base: simulate_base}
 
 
 class Simulated(eqx.Module):
-    """Rollouts: the traffic, and what was decided about it (None where nobody decides)."""
+    """Rollouts: the traffic, what was decided about it (None where nothing is detected), and the action every vehicle
+    followed in every second (None where no policy drives them all).
+    """
 
     frames: Frames
     decisions: Decisions | None
+    actions: Int[Array | np.ndarray, "seconds vehicles scenarios"] | None = None
 
 
 @dataclass(frozen=True)
@@ -74,22 +81,11 @@ class Interventions:
 
 def interventions(config: EvaluateTask) -> Interventions | None:
     """The interventions of the configured method, None for none."""
-    if config.method is Method.base:
+    if not config.method.needs_references:
         return None
     detection = detection_options(config.detection, config.reference, config.hist, config.mape, config.spacing)
     loop = LoopOptions(detection, config.admissible, config.exec)
     return Interventions(config.decision.policy, config.matcher, loop)
-
-
-def traffic_model(core: CoreConfig) -> TrafficModel:
-    """The simulated road."""
-    return TrafficModel(
-        n_lanes=core.n_lanes,
-        speed_limit=core.speed_limit,
-        ticks_per_second=core.ticks_per_second,
-        lane_changes=core.lane_changes,
-        collisions=core.collisions,
-    )
 
 
 def rollout_key(seed: Int[Array, ""], run: Int[Array, ""], scene_id: Int[Array, ""]) -> PRNGKey:
@@ -136,12 +132,9 @@ def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
 
 
 class Rollouts:
-    """The rollouts of an evaluation.
+    """The rollouts of an evaluation: numbers, so that a million of them take no memory; all else follows from them.
 
-    Attributes:
-        scene: Index of the scene of each rollout; with eval.seed_scope=run every rollout serves all scenes.
-        run: Run of each rollout.
-        cell: Index of the thresholds of each rollout.
+    They are ordered by thresholds, then by run, then by scene.
     """
 
     def __init__(
@@ -152,7 +145,7 @@ class Rollouts:
         references: References | None = None,
         thresholds: Sequence[tuple[float, float]] = (NEVER,),
     ) -> None:
-        """Lists the rollouts; nothing is simulated yet.
+        """Counts the rollouts; nothing is simulated yet.
 
         Args:
             config: Method, road, initial states, runs and seeds.
@@ -163,48 +156,66 @@ class Rollouts:
                 the same rollouts.
         """
         self._config, self._n_seconds = config, scenes.seconds
-        runs = np.arange(config.eval.n_runs, dtype=np.int32)
         is_shared = config.eval.seed_scope is SeedScope.run
-        served = held_out[:1] if is_shared else held_out
-        n = len(runs) * len(served)
-        self.cell = np.repeat(np.arange(len(thresholds)), n)
-        self.run = np.tile(np.repeat(runs, len(served)), len(thresholds))
-        self.scene = np.tile(served, len(runs) * len(thresholds))
-        scene_id = np.zeros_like(self.scene) if is_shared else scenes.scene_id[self.scene]
-        self._starts = {
-            "seed": np.full(len(self.run), config.eval.seed, np.int32),
-            "run": self.run,
-            "scene_id": scene_id.astype(np.int32),
-        }
+        self._served = held_out[:1] if is_shared else held_out
+        self._scene_id = np.zeros(1, np.int32) if is_shared else scenes.scene_id[held_out].astype(np.int32)
+        self._n_runs = config.eval.n_runs
+        self._numbers = range(len(thresholds) * self._n_runs * len(self._served))
         self._references = self._thresholds = None
-        if config.method is not Method.base:
+        self._policy: TrainedPolicy | None = None
+        if config.method is Method.ppo:
+            self._policy = load_policy(config.ppo.weights, config.core)
+        if config.method.needs_references:
             if references is None:
                 raise ValueError(f"method={config.method.name} needs references to hold the traffic against")
             # A last axis of length 1: the same for all scenarios.
             self._references = jax.tree.map(lambda leaf: np.asarray(leaf)[..., None], references)
-            kind = np.dtype(config.core.dtype.name)
-            self._thresholds = tuple(np.array(values, kind)[self.cell] for values in zip(*thresholds, strict=True))
+            self._thresholds = np.array(thresholds, config.core.dtype.name).T
         self._state = None
         if config.init.source is InitialSource.scene:
             if is_shared:
                 raise ValueError(
                     "init.source=scene starts every rollout from its own scene: set eval.seed_scope=run_x_scene"
                 )
-            state = measured_state(scenes.select(held_out), config.core)
-            columns = np.searchsorted(held_out, self.scene)
-            self._state = jax.tree.map(lambda leaf: np.asarray(leaf)[..., columns], state)
+            self._state = jax.tree.map(np.asarray, measured_state(scenes.select(held_out), config.core))
+
+    @property
+    def policy(self) -> TrainedPolicy | None:
+        """Who drives all vehicles, None for nobody."""
+        return self._policy
 
     def __len__(self) -> int:
-        return len(self.run)
+        return len(self._numbers)
 
     def __getitem__(self, part: slice) -> "Rollouts":
         """Some of them."""
         some = copy(self)
-        some.run, some.scene, some.cell = self.run[part], self.scene[part], self.cell[part]
-        some._starts, some._state, some._thresholds = jax.tree.map(
-            lambda leaf: leaf[..., part], (self._starts, self._state, self._thresholds)
-        )
+        some._numbers = self._numbers[part]
         return some
+
+    @property
+    def cell(self) -> Int[np.ndarray, " rollouts"]:
+        """Index of the thresholds of each rollout."""
+        return self._index // (self._n_runs * len(self._served))
+
+    @property
+    def run(self) -> Int[np.ndarray, " rollouts"]:
+        """Run of each rollout."""
+        return (self._index // len(self._served) % self._n_runs).astype(np.int32)
+
+    @property
+    def scene(self) -> Int[np.ndarray, " rollouts"]:
+        """Index of the scene of each rollout; with eval.seed_scope=run every rollout serves all scenes."""
+        return self._served[self._column]
+
+    @property
+    def _column(self) -> Int[np.ndarray, " rollouts"]:
+        """Place of each rollout's scene among those served."""
+        return self._index % len(self._served)
+
+    @property
+    def _index(self) -> Int[np.ndarray, " rollouts"]:
+        return np.arange(self._numbers.start, self._numbers.stop, self._numbers.step)
 
     def chunks(self, width: int) -> Iterator[Simulated]:
         """Rollouts chunk by chunk, scenarios in the order of `run` and `scene`.
@@ -213,25 +224,44 @@ class Rollouts:
             width: Scenarios a device takes at a time.
         """
         config = self._config
-        simulate = _program(
-            config.method, interventions(config), config.core, config.init.speed, self._n_seconds, width
-        )
-        return simulate.chunks((self._starts, self._state, self._references, self._thresholds))
+        policy = self._policy
+        acts = interventions(config) if policy is None else policy.options
+        simulate = _program(config.method, acts, config.core, config.init.speed, self._n_seconds, width)
+        column = self._column
+        starts = {
+            "seed": np.full(len(self), config.eval.seed, np.int32),
+            "run": self.run,
+            "scene_id": self._scene_id[column],
+        }
+        state = jax.tree.map(lambda leaf: leaf[..., column], self._state)
+        thresholds = None if self._thresholds is None else tuple(self._thresholds[:, self.cell])
+        # A last axis of length 1: the same for all scenarios.
+        actor = None if policy is None else jax.tree.map(lambda leaf: leaf[..., None], policy.network.actor)
+        return simulate.chunks((starts, state, self._references, thresholds, actor))
 
 
-_Batch: TypeAlias = tuple[dict[str, Array], TrafficState | None, References | None, tuple[Array, Array] | None]
-"""What a chunk of rollouts is computed from: seeds, measured states, references and thresholds, as far as used."""
+_Batch: TypeAlias = tuple[
+    dict[str, Array], TrafficState | None, References | None, tuple[Array, Array] | None, Perceptron | None
+]
+"""What a chunk of rollouts is computed from, as far as used: seeds, measured states, references, thresholds, and the
+network that drives.
+"""
 
 
 @functools.cache
 def _program(
-    method: Method, acts: Interventions | None, core: CoreConfig, speed: InitialSpeed, n_seconds: int, width: int
+    method: Method,
+    acts: Interventions | DrivingOptions | None,
+    core: CoreConfig,
+    speed: InitialSpeed,
+    n_seconds: int,
+    width: int,
 ) -> ScenarioMap:
     """Compiled once for all studies of a process: from seeds (and measured states) to rollouts."""
     model = traffic_model(core)
 
     def simulate(batch: _Batch) -> Simulated:
-        starts, measured, references, thresholds = batch
+        starts, measured, references, thresholds, actor = batch
         keys = jax.vmap(rollout_key)(starts["seed"], starts["run"], starts["scene_id"])
         state, drivers = spawn(
             keys,
@@ -242,6 +272,11 @@ def _program(
             dtype=jnp.dtype(core.dtype.name),
         )
         state = state if measured is None else measured
+        if isinstance(acts, DrivingOptions):
+            assert actor is not None  # loaded with its options
+            actor = jax.tree.map(lambda leaf: leaf[..., 0], actor)
+            frames, actions = rollout_with_actor(state, drivers, actor, model, acts, n_seconds=n_seconds)
+            return Simulated(frames, None, actions)
         if acts is None or references is None or thresholds is None:
             return Simulated(SIMULATORS[method](state, drivers, model, n_seconds), None)
         references = jax.tree.map(lambda leaf: leaf[..., 0], references)

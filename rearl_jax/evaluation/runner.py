@@ -10,6 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
+from rearl_jax.baselines.weights import TrainedPolicy
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.config.metrics import HistConfig, MetricsConfig
@@ -17,6 +18,7 @@ from rearl_jax.core.rollout import Frames
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.decision.loop import Decisions
 from rearl_jax.detection.references import References
+from rearl_jax.evaluation.driven import count_actions
 from rearl_jax.evaluation.rollouts import NEVER, Rollouts, Simulated
 from rearl_jax.evaluation.scores import (
     REAL,
@@ -43,11 +45,13 @@ class Sample:
         example: Index of the scene in the space-time diagram.
         frames: Its first rollout, `[n_steps, n_vehicles]`.
         speed_counts: Simulated speeds of all rollouts per bin of `speed_histogram_edges`.
+        action_counts: Actions of all rollouts per bin of the speed before them; None where no policy drives everybody.
     """
 
     example: int
     frames: Frames
     speed_counts: Int[np.ndarray, " bins"]
+    action_counts: Int[np.ndarray, "actions bins"] | None = None
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,8 @@ class Evaluation:
         held_out: Indices of the evaluation scenes, rising.
         rows: The method first, then the reference rows.
         sample: What the figures show of the method.
-        log: What was detected and decided; None where nobody decides.
+        log: What was detected and decided; None where nothing is detected.
+        policy: Who drives all vehicles; None where nobody does.
     """
 
     scenes: SceneSet
@@ -82,6 +87,7 @@ class Evaluation:
     rows: list[Scores]
     sample: Sample
     log: DecisionLog | None = None
+    policy: TrainedPolicy | None = None
 
     def row(self, name: str) -> Scores:
         """The row of that name."""
@@ -98,7 +104,7 @@ def evaluate(
 ) -> Evaluation:
     """The method and the rows it must be read against, scored on the held-out scenes.
 
-    A method that intervenes is followed by the method base from the same initial states.
+    Another method is followed by the method base from the same initial states.
 
     Args:
         config: The task.
@@ -109,7 +115,7 @@ def evaluate(
         thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene.
     """
     rollouts = Rollouts(config, scenes, held_out, references, [thresholds])
-    scorer, width = _scorer(config, scenes, config.eval.n_runs * len(held_out))
+    scorer, width = make_scorer(config, scenes, config.eval.n_runs * len(held_out))
     example = example_scene(scenes, held_out, config.eval.example)
     # Beside the simulation's compilation, which is the longest part of a short job.
     with ThreadPoolExecutor(1) as beside:
@@ -121,7 +127,8 @@ def evaluate(
             rows.append(scored_rollouts(without, Rollouts(without, scenes, held_out), scenes, held_out, progress))
         rows += reference.result()
     real = next(row for row in rows if row.row == REAL)
-    return Evaluation(scenes, held_out, with_realism(rows, real, config.realism), sample, log)
+    rows = with_realism(rows, real, config.realism)
+    return Evaluation(scenes, held_out, rows, sample, log, rollouts.policy)
 
 
 def simulated_row(
@@ -137,11 +144,13 @@ def simulated_row(
     begin = time.perf_counter()
     edges = speed_histogram_edges(config.hist)
     speed_counts = np.zeros(len(edges) - 1, np.int64)
-    chunks, decided, shown = [], [], None
+    chunks, decided, taken, shown = [], [], [], None
     for simulated, chunk in scored_chunks(config, rollouts, scorer, held_out, width, progress):
         frames = simulated.frames
         chunks.append(chunk)
         decided.append(simulated.decisions)
+        if simulated.actions is not None:
+            taken.append(count_actions(np.asarray(simulated.actions), np.asarray(frames.speed), edges))
         speed_counts += np.histogram(np.clip(frames.speed, edges[0], edges[-1]), edges)[0]
         if shown is None and example in chunk.scene:
             column = chunk.rollout[np.flatnonzero(chunk.scene == example)[0]]
@@ -152,7 +161,7 @@ def simulated_row(
     if decided[0] is not None:
         joined = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *decided)
         log = DecisionLog(rollouts.scene, rollouts.run, joined)
-    return row, Sample(example, shown, speed_counts), log
+    return row, Sample(example, shown, speed_counts, np.sum(taken, axis=0) if taken else None), log
 
 
 def scored_rollouts(
@@ -173,12 +182,12 @@ def scored_rollouts(
     """
     begin = time.perf_counter()
     n_pairs = config.eval.n_runs * len(held_out) if config.eval.seed_scope is SeedScope.run else len(rollouts)
-    scorer, width = _scorer(config, scenes, n_pairs)
+    scorer, width = make_scorer(config, scenes, n_pairs)
     chunks = [chunk for _, chunk in scored_chunks(config, rollouts, scorer, held_out, width, progress)]
     return _joined(config, chunks, len(rollouts), time.perf_counter() - begin)
 
 
-def _scorer(config: EvaluateTask, scenes: SceneSet, n_pairs: int) -> tuple[Scorer, int]:
+def make_scorer(config: EvaluateTask, scenes: SceneSet, n_pairs: int) -> tuple[Scorer, int]:
     """The scorer of the configured metrics, and the number of pairs a device takes at a time."""
     width = min(config.core.chunk, math.ceil(n_pairs / len(jax.local_devices())))
     metrics = MetricsConfig(config.hist, config.thw, config.safety, config.realism, config.spacing)
@@ -214,7 +223,8 @@ def scored_chunks(
     done = 0
     for simulated in rollouts.chunks(width):
         n = simulated.frames.x.shape[-1]
-        run, scene = rollouts.run[done : done + n], rollouts.scene[done : done + n]
+        part = rollouts[done : done + n]
+        run, scene = part.run, part.scene
         which = np.arange(n)
         if config.eval.seed_scope is SeedScope.run:
             which, scene = np.repeat(which, len(held_out)), np.tile(held_out, n)

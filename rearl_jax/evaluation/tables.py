@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config import EvaluateTask
-from rearl_jax.evaluation.estimates import Estimate
+from rearl_jax.evaluation.driven import driving_note
+from rearl_jax.evaluation.estimates import BASE, Estimate
 from rearl_jax.evaluation.interventions import intervention_figures, intervention_note
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.evaluation.scores import REAL, Scores
@@ -150,9 +151,11 @@ def summary_rows(
     """The objects of summary.json, one per row of the table, the method first.
 
     Keys: method, every metric by its name with `_sd` (over runs), `_low` and `_high` (bootstrap interval over
-    scenes), n_scenes, n_rollouts, seconds; for a method that intervenes also `_less_base`, `_less_base_low`,
-    `_less_base_high` and those of `intervention_figures`, None in the other rows. None where there is no figure.
+    scenes), n_scenes, n_rollouts, seconds; for a method beside base also `_less_base`, `_less_base_low`,
+    `_less_base_high`; for one that intervenes those of `intervention_figures`, None in the other rows. None where
+    there is no figure.
     """
+    compared = _LESS_BASE if _has_base_beside(evaluation) else ()
     acts = {} if evaluation.log is None else intervention_figures(evaluation.log)
     found = []
     for row in evaluation.rows:
@@ -160,7 +163,7 @@ def summary_rows(
         for name in METRICS:
             estimate = estimates.get((row.row, name))
             figures[name] = None if estimate is None else estimate.value
-            for part in ("sd", "low", "high", *(_LESS_BASE if acts else ())):
+            for part in ("sd", "low", "high", *compared):
                 figures[f"{name}_{part}"] = None if estimate is None else getattr(estimate, part)
         figures["n_scenes"] = len(np.unique(row.scene))
         figures["n_rollouts"] = row.n_rollouts
@@ -190,15 +193,24 @@ def table_notes(
         "THW time headway, LCR lane changes per vehicle and second: they describe traffic; compare with the "
         "row real, more is not better",
     ]
+    if _has_base_beside(evaluation):
+        notes.insert(1, _less_base_note(config, estimates))
     if evaluation.log is not None:
-        notes[1:1] = [_less_base_note(config, estimates), intervention_note(evaluation.log)]
+        notes.insert(2, intervention_note(evaluation.log))
+    if evaluation.policy is not None and evaluation.sample.action_counts is not None:
+        notes.insert(2, driving_note(evaluation.policy, evaluation.sample.action_counts))
     if scenes.generated:
         notes.insert(0, "GENERATED recordings, no measurements: nothing here is about real traffic")
     return notes
 
 
+def _has_base_beside(evaluation: Evaluation) -> bool:
+    """Whether the method is another one and base stands below it."""
+    return any(row.row == BASE for row in evaluation.rows[1:])
+
+
 def _less_base_note(config: EvaluateTask, estimates: Mapping[tuple[str, str], Estimate]) -> str:
-    """What the interventions change, scene by scene."""
+    """What the method changes, scene by scene."""
     parts = []
     for name in ("h", config.mape.column):
         found = estimates.get((config.method.name, name))

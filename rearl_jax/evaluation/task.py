@@ -2,7 +2,7 @@
 
 Writes into the study folder `runs.parquet` (one row per scored pair), `frames.parquet` (one per pair and
 frame), `summary.parquet` (one per method and metric), `decisions.parquet` (one per rollout and second, where a
-policy decides), three PNG figures, `page.html`, `config.json` and, last of all, `summary.json` (one object per row of
+policy intervenes), PNG figures, `page.html`, `config.json` and, last of all, `summary.json` (one object per row of
 the table).
 """
 
@@ -10,6 +10,7 @@ import logging
 
 import jax
 
+from rearl_jax.baselines.weights import load_policy
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import Precision
 from rearl_jax.config.evaluation import Method
@@ -47,7 +48,7 @@ def run(config: EvaluateTask) -> dict:
         config.study,
         config,
         "evaluate",
-        data_id(config.data),
+        inputs_id(config),
         generated=is_generated(config.data),
     )
     if config.results.resume and (stored := study.finished_summary()) is not None:
@@ -55,7 +56,7 @@ def run(config: EvaluateTask) -> dict:
         return {"rows": stored}
     study.write_config()
     with progress_bar() as bar:
-        acts = config.method is not Method.base
+        acts = config.method.needs_references
         inputs = read_inputs(config, study, bar, with_references=acts)
         scenes, splits, thresholds = inputs.scenes, inputs.splits, NEVER
         if acts:
@@ -84,3 +85,15 @@ def run(config: EvaluateTask) -> dict:
     rows = tables.summary_rows(evaluation, found)
     study.write_summary(rows)
     return {"rows": rows}
+
+
+def inputs_id(config: EvaluateTask) -> str:
+    """Identity of all that is read: the data, and weights where a trained policy drives.
+
+    Raises:
+        FileNotFoundError, ValueError: There are no such weights, or they do not fit the road.
+    """
+    identity = data_id(config.data)
+    if config.method is Method.ppo:
+        identity += f", weights-{load_policy(config.ppo.weights, config.core).digest}"
+    return identity

@@ -6,7 +6,7 @@ from rearl_jax.evaluation.estimates import Estimate
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.evaluation.tables import HEADINGS, SHOWN, source_names, table_notes, written
 
-_WIDTH = 114
+_WIDTH = 120
 """Columns the table with intervals needs."""
 
 

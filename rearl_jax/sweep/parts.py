@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable
 from functools import partial
 
+import numpy as np
 import pandas as pd
 
 from rearl_jax.config import EvaluateTask
@@ -31,6 +32,7 @@ def write_runs(
     table_of: Callable[[Rollouts, Scores], pd.DataFrame],
     metadata: dict[str, str],
     progress: Callable[[int, int], None],
+    on_part: Callable[[int, int], None] = lambda number, n_rollouts: None,
 ) -> None:
     """Simulates and scores the rollouts and writes `runs/part-*.parquet`; parts that are there are left alone.
 
@@ -44,9 +46,10 @@ def write_runs(
         table_of: Rows of a part.
         metadata: What the schema of every part says besides the provenance.
         progress: Called with the number of rollouts done and their total.
+        on_part: Called with the number of each part just written and its rollouts.
     """
     parts = parts_of(len(rollouts))
-    finished = study.finished_parts(RUNS) & set(range(len(parts)))
+    finished = finished_parts(study, len(rollouts))
     if finished:
         log.info("%d of %d parts were simulated before", len(finished), len(parts))
     for number, part in enumerate(parts):
@@ -55,6 +58,7 @@ def write_runs(
             advance = partial(_advance, progress, part.start, len(rollouts))
             scores = scored_rollouts(config, some, scenes, some.scene, advance)
             study.write_table(part_name(RUNS, number), table_of(some, scores), **metadata)
+            on_part(number, len(some))
         progress(part.stop, len(rollouts))
 
 
@@ -63,6 +67,18 @@ def parts_of(n_rollouts: int) -> list[slice]:
     n_parts = math.ceil(n_rollouts / PART)
     bounds = [number * n_rollouts // n_parts for number in range(n_parts + 1)]
     return [slice(start, stop) for start, stop in zip(bounds[:-1], bounds[1:], strict=True)]
+
+
+def finished_parts(study: Study, n_rollouts: int) -> dict[int, slice]:
+    """The parts that are on disk already, by number; what is there and no such part is removed."""
+    there = study.finished_parts(RUNS)
+    return {number: part for number, part in enumerate(parts_of(n_rollouts)) if number in there}
+
+
+def run_columns(scene_id: np.ndarray, rollouts: Rollouts, scores: Scores) -> dict[str, np.ndarray]:
+    """What every table of rollouts holds: `scene_id`, `run`, every metric."""
+    keys = {"scene_id": scene_id[rollouts.scene].astype(np.int32), "run": rollouts.run.astype(np.int32)}
+    return keys | {name: figures.astype(np.float32) for name, figures in scores.values.items()}
 
 
 def _advance(progress: Callable[[int, int], None], start: int, total: int, done: int, of_part: int) -> None:

@@ -5,12 +5,15 @@ per pair, scene and run), `table3.parquet` (one row per pair), two PNG figures, 
 `summary.json`. A killed study goes on where it was.
 """
 
+import logging
 from functools import partial
 
+import jax
 import numpy as np
 import pandas as pd
 
 from rearl_jax.config import SweepThresholdsTask
+from rearl_jax.config.core import Precision
 from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.data.recordings import data_id, is_generated
 from rearl_jax.evaluation.inputs import read_inputs
@@ -22,6 +25,8 @@ from rearl_jax.results import Study
 from rearl_jax.sweep import terminal
 from rearl_jax.sweep.pairs import Pair, choose, pair_table, scene_means, threshold_pairs
 from rearl_jax.sweep.parts import RUNS, run_columns, write_runs
+
+log = logging.getLogger(__name__)
 
 BASE_VALUES = "base_values"
 """The table of the values that percentiles are taken of."""
@@ -43,10 +48,15 @@ def run(config: SweepThresholdsTask) -> dict:
         raise ValueError("a sweep scores every rollout against its own scene: set eval.seed_scope=run_x_scene")
     if config.method is not Method.rearl:
         raise ValueError(f"method={config.method.name} has no thresholds: set method=rearl")
+    if config.core.dtype is Precision.float64:
+        jax.config.update("jax_enable_x64", True)
     generated = is_generated(config.data)
     study = Study(
         config.results.root, config.study, config, "sweep thresholds", data_id(config.data), generated=generated
     )
+    if config.results.resume and (stored := study.finished_summary()) is not None:
+        log.info("finished before: %s", study.path)
+        return stored
     study.write_config()
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=True)
@@ -119,7 +129,8 @@ def _base_table(base: BaseValues) -> pd.DataFrame:
 def _stored_base(study: Study, scene: np.ndarray, n_rollouts: int) -> BaseValues:
     """The values as they were written, so that a resumed study has the same thresholds."""
     frame = pd.read_parquet(study.path / f"{BASE_VALUES}.parquet")
-    h, mape = (frame["value"][frame["cue"] == cue].to_numpy() for cue in _CUES)
+    values, cues = frame["value"].to_numpy(), frame["cue"].to_numpy()
+    h, mape = (values[cues == cue] for cue in _CUES)
     return BaseValues(h, mape, scene, n_rollouts)
 
 

@@ -37,7 +37,7 @@ def print_pairs(
         shown.add_row(*cells, f"{100 * row['win_share']:.0f} %", style=style)
     shown.add_row("base", "", "", "", *_figures(base_means), "", style="dim")
     console.print(shown)
-    if base_means["h"] + base_means["mape"] < table["score"].min():
+    if base_means["h"] + base_means["mape"] < choice.score.min():
         print_notes(console, ["no pair is closer to the recorded scenes than base"])
     percent = f"{100 * config.eval.confidence:g} %"
     verdict = "can" if choice.is_distinguishable else "cannot"

@@ -101,8 +101,8 @@ def equal(one, other):
 
 
 def test_finished_clustering_is_found_again_and_a_damaged_one_made_anew(task_config, built, monkeypatch, caplog):
-    from rearl_jax.clustering import references as module
     from rearl_jax.cache import kept_folder
+    from rearl_jax.clustering import references as module
 
     was_finished, first, clusters = through_builder(task_config)
     assert not was_finished

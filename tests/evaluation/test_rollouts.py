@@ -30,6 +30,32 @@ def test_a_rollout_depends_on_seed_run_and_scene_alone(scenes, small):
     assert not np.isin(reseeded.x[0, 0], frames.x[0, 0]).any()
 
 
+def test_any_number_of_rollouts_is_counted_not_listed(scenes, small):
+    from rearl_jax.evaluation.rollouts import Rollouts
+
+    many = Rollouts(replace(small, eval=replace(small.eval, n_runs=10**9)), scenes, np.array([2, 5]))
+    assert len(many) == 2 * 10**9
+    last = many[len(many) - 3 :]
+    assert last.run.tolist() == [10**9 - 2, 10**9 - 1, 10**9 - 1]
+    assert last.scene.tolist() == [5, 2, 5]
+    assert last.cell.tolist() == [0, 0, 0]
+
+
+@pytest.mark.usefixtures("drifting")
+def test_parts_are_what_the_whole_is(scenes, small):
+    from rearl_jax.config.core import InitConfig, InitialSource
+    from rearl_jax.evaluation.rollouts import Rollouts
+
+    for source in InitialSource:
+        config = replace(small, init=InitConfig(source=source))
+        rollouts, frames = frames_of(config, scenes, np.array([1, 3, 4]))
+        part = Rollouts(config, scenes, np.array([1, 3, 4]))[2:7]
+        np.testing.assert_array_equal(part.scene, rollouts.scene[2:7])
+        np.testing.assert_array_equal(part.run, rollouts.run[2:7])
+        (simulated,) = part.chunks(64)
+        np.testing.assert_array_equal(simulated.frames.x, frames.x[..., 2:7])
+
+
 @pytest.mark.usefixtures("drifting")
 def test_common_random_numbers_of_different_models(scenes, small):
     # A method that drives differently starts from the same vehicles.

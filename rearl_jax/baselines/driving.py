@@ -1,0 +1,112 @@
+"""All vehicles driven by one policy: look, decide, simulate a second, again."""
+
+import dataclasses
+from typing import TypeAlias
+
+import equinox as eqx
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from rearl_jax.baselines.network import Perceptron, greedy_actions
+from rearl_jax.baselines.observation import observe_neighbours
+from rearl_jax.config.decision import AdmissibleConfig, ExecConfig, Longitudinal
+from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.neighbours import is_large
+from rearl_jax.core.order import sort_along_road
+from rearl_jax.core.rollout import Frames, observe, simulate_second
+from rearl_jax.core.state import Controller, TrafficState
+from rearl_jax.decision.admissible import admissible_actions
+from rearl_jax.decision.execution import DecisionMemory, accept, execute, initial_decision_memory
+
+ACTION_NAMES = ("left", "keep", "right", "faster", "slower")
+"""What tables call the actions, in the order of `MetaAction`."""
+
+
+@dataclasses.dataclass(frozen=True)
+class DrivingOptions:
+    """What of the driving changes the program: which actions are admissible, how target speeds are followed."""
+
+    admissible: AdmissibleConfig = dataclasses.field(default_factory=AdmissibleConfig)
+    longitudinal: Longitudinal = Longitudinal.mdp
+
+    def model(self, model: TrafficModel) -> TrafficModel:
+        """The road with the stages that vehicles under decisions need."""
+        return dataclasses.replace(model, meta_follows=self.longitudinal is Longitudinal.idm_capped)
+
+
+class Sight(eqx.Module):
+    """What is known of every vehicle before it decides.
+
+    Attributes:
+        observation: What it sees, see `observe_neighbours`.
+        admissible: Whether it may take each action; none where it has crashed.
+    """
+
+    observation: Float[Array, "features vehicles scenarios"]
+    admissible: Bool[Array, "actions vehicles scenarios"]
+
+
+Driven: TypeAlias = tuple[TrafficState, DecisionMemory]
+"""The vehicles, and what execution remembers of their decisions."""
+
+
+def begin(state: TrafficState, model: TrafficModel) -> Driven:
+    """Before the first decision."""
+    return state, initial_decision_memory(state, model)
+
+
+def look(state: TrafficState, drivers: Drivers, model: TrafficModel, options: DrivingOptions) -> Sight:
+    """What everybody sees and may do."""
+    if is_large(state.x.shape[0]):
+        state = eqx.tree_at(lambda s: s.order, state, sort_along_road(state.x, state.order))
+    return Sight(observe_neighbours(state), admissible_actions(state, drivers, model, options.admissible))
+
+
+def drive(
+    driven: Driven,
+    actions: Int[Array, "vehicles scenarios"],
+    sight: Sight,
+    drivers: Drivers,
+    model: TrafficModel,
+    options: DrivingOptions,
+) -> Driven:
+    """One second later, during which everybody has followed its action; who has none drives by IDM and MOBIL."""
+    state, memory = driven
+    is_there = state.controller != Controller.ABSENT
+    orders = accept(actions, is_there, sight.admissible)
+    execution = ExecConfig(longitudinal=options.longitudinal)
+    state, memory = execute(state, memory, orders, model, execution)
+    return simulate_second(state, drivers, model), memory
+
+
+def rollout_with_actor(
+    state: TrafficState,
+    drivers: Drivers,
+    actor: Perceptron,
+    model: TrafficModel,
+    options: DrivingOptions,
+    *,
+    n_seconds: int,
+) -> tuple[Frames, Int[Array, "seconds vehicles scenarios"]]:
+    """A frame after every second, and the actions followed during it; everybody takes its likeliest action.
+
+    Args:
+        state: Initial state.
+        drivers: Parameters of all vehicles.
+        actor: From observations to logits.
+        model: Road, clock and stages of the same traffic without decisions.
+        options: Admissible actions and execution.
+        n_seconds: Seconds to simulate [s].
+    """
+    model = options.model(model)
+    # As in `core.rollout.rollout`: nothing that is known of a fresh state may be folded into the loop.
+    state, drivers = lax.optimization_barrier((state, drivers))
+
+    def second(driven: Driven, _: None) -> tuple[Driven, tuple[Frames, Array]]:
+        sight = look(driven[0], drivers, model, options)
+        actions = greedy_actions(actor(sight.observation), sight.admissible)
+        driven = drive(driven, actions, sight, drivers, model, options)
+        return driven, (observe(driven[0], model), actions)
+
+    return lax.scan(second, begin(state, model), None, length=n_seconds)[1]

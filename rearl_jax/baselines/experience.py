@@ -1,0 +1,137 @@
+"""Driving to learn from: rollouts with drawn actions, their rewards, and how much better each was than expected."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from rearl_jax._typing import PRNGKey
+from rearl_jax.baselines.driving import Driven, DrivingOptions, Sight, begin, drive, look
+from rearl_jax.baselines.network import ActorCritic, drawn_actions, log_shares
+from rearl_jax.baselines.reward import reward
+from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.state import TrafficState
+from rearl_jax.decision.situation import N_ACTIONS
+
+
+class Drive(eqx.Module):
+    """Rollouts second by second.
+
+    Attributes:
+        sight: What was known before each second.
+        action: Action followed during it, NO_ACTION for none.
+        log_share: Logarithm of the probability it was drawn with.
+        value: What the critic expected before the second.
+        reward: Reward for the second.
+        speed: Speed at its end [m/s].
+        crashed: Whether the vehicle had crashed by its end.
+        last_value: What the critic expects after the last second.
+    """
+
+    sight: Sight
+    action: Int[Array, "seconds vehicles scenarios"]
+    log_share: Float[Array, "seconds vehicles scenarios"]
+    value: Float[Array, "seconds vehicles scenarios"]
+    reward: Float[Array, "seconds vehicles scenarios"]
+    speed: Float[Array, "seconds vehicles scenarios"]
+    crashed: Bool[Array, "seconds vehicles scenarios"]
+    last_value: Float[Array, "vehicles scenarios"]
+
+    @property
+    def decides(self) -> Bool[Array, "seconds vehicles scenarios"]:
+        """Where there was anything to decide: not after a crash."""
+        return jnp.any(self.sight.admissible, axis=1)
+
+    @property
+    def drives(self) -> Bool[Array, "seconds vehicles scenarios"]:
+        """Where a second begins without a crash before it."""
+        return jnp.concatenate([jnp.ones_like(self.crashed[:1]), ~self.crashed[:-1]])
+
+
+def collect(
+    state: TrafficState,
+    drivers: Drivers,
+    network: ActorCritic,
+    key: PRNGKey,
+    model: TrafficModel,
+    options: DrivingOptions,
+    *,
+    n_seconds: int,
+) -> Drive:
+    """Rollouts in which everybody draws its actions.
+
+    Args:
+        state: Initial state.
+        drivers: Parameters of all vehicles.
+        network: Decides and expects.
+        key: Random key of the actions.
+        model: Road, clock and stages of the same traffic without decisions.
+        options: Admissible actions and execution.
+        n_seconds: Seconds to simulate [s].
+    """
+    model = options.model(model)
+    # As in `core.rollout.rollout`: nothing that is known of a fresh state may be folded into the loop.
+    state, drivers = lax.optimization_barrier((state, drivers))
+
+    def second(driven: Driven, number: Int[Array, ""]) -> tuple[Driven, tuple[Sight, tuple[Array, ...]]]:
+        sight = look(driven[0], drivers, model, options)
+        logits = network.actor(sight.observation)
+        action = drawn_actions(jax.random.fold_in(key, number), logits, sight.admissible)
+        log_share = share_of_action(log_shares(logits, sight.admissible), action)
+        after = drive(driven, action, sight, drivers, model, options)
+        end = after[0]
+        gain, speed = reward(end, model).astype(jnp.float32), end.speed.astype(jnp.float32)
+        return after, (sight, (action, log_share, gain, speed, end.crashed))
+
+    seconds = jnp.arange(n_seconds, dtype=jnp.int32)
+    (end, _), (sight, rest) = lax.scan(second, begin(state, model), seconds)
+    action, log_share, gain, speed, crashed = rest
+    value = network.critic(jnp.moveaxis(sight.observation, 1, 0))[0]
+    last = network.critic(look(end, drivers, model, options).observation)[0]
+    return Drive(sight, action, log_share, value, gain, speed, crashed, last)
+
+
+def share_of_action(shares: Float[Array, "actions *batch"], action: Int[Array, "*batch"]) -> Float[Array, "*batch"]:
+    """The entry of each action; 0 for NO_ACTION."""
+    return sum(
+        (jnp.where(action == number, shares[number], 0.0) for number in range(N_ACTIONS)),
+        start=jnp.zeros(action.shape, shares.dtype),
+    )
+
+
+def advantages(
+    reward: Float[Array, "seconds *batch"],
+    value: Float[Array, "seconds *batch"],
+    last_value: Float[Array, "*batch"],
+    ends: Bool[Array, "seconds *batch"],
+    *,
+    gamma: float,
+    decay: float,
+) -> Float[Array, "seconds *batch"]:
+    """Generalised advantage estimate of every second.
+
+    A_t = d_t + gamma lambda (1 - end_t) A_{t+1} with d_t = r_t + gamma (1 - end_t) V_{t+1} - V_t. A crash ends a
+    vehicle's driving; the end of the rollout does not, there the value stands for what would have come.
+
+    Args:
+        reward: r_t.
+        value: V_t, expected before each second.
+        last_value: Expected after the last one.
+        ends: Whether nothing follows.
+        gamma: Discount of a second [-].
+        decay: lambda [-].
+
+    Source: Schulman et al., High-Dimensional Continuous Control Using Generalized Advantage Estimation (2016).
+    """
+    goes_on = 1 - ends.astype(reward.dtype)
+    next_value = jnp.concatenate([value[1:], last_value[None]])
+    surprise = reward + gamma * goes_on * next_value - value
+
+    def back(later: Array, second: tuple[Array, Array]) -> tuple[Array, Array]:
+        delta, weight = second
+        estimate = delta + gamma * decay * weight * later
+        return estimate, estimate
+
+    return lax.scan(back, jnp.zeros_like(last_value), (surprise, goes_on), reverse=True)[1]

@@ -1,0 +1,74 @@
+"""The task `rearl train ppo`: nothing but the traffic model in; weights and a learning curve out.
+
+Writes into the study folder `curve.parquet` (one row per update), `curve.png`, `weights.eqx` (which
+`rearl evaluate method=ppo ppo.weights=FILE` drives with), `config.json` and, last of all, `summary.json`. A killed
+training goes on from `checkpoint.eqx`.
+"""
+
+import logging
+
+import jax
+
+from rearl_jax.baselines.driving import ACTION_NAMES
+from rearl_jax.baselines.terminal import print_curve
+from rearl_jax.baselines.training import CHECKPOINT, Training, curve_table, train
+from rearl_jax.baselines.weights import weights_file
+from rearl_jax.config import TrainPpoTask
+from rearl_jax.config.core import Precision
+from rearl_jax.progress import progress_bar, shown
+from rearl_jax.results import Study
+
+log = logging.getLogger(__name__)
+
+WEIGHTS = "weights.eqx"
+"""The trained policy."""
+
+
+def run(config: TrainPpoTask) -> dict:
+    """The summary: what the last update saw, and how fast the training was.
+
+    Raises:
+        ValueError: The weights have become infinite.
+    """
+    if config.core.dtype is Precision.float64:
+        jax.config.update("jax_enable_x64", True)
+    study = Study(config.results.root, config.study, config, "train ppo")
+    if config.results.resume and (stored := study.finished_summary()) is not None:
+        log.info("finished before: %s", study.path)
+        return stored
+    study.write_config()
+    with progress_bar() as bar:
+        training = train(config, study, shown(bar, "updates"))
+    batch = config.ppo.batch(config.core.n_vehicles)
+    curve = curve_table(training, batch)
+    study.write_table("curve", curve, seeds=f"ppo.seed={config.ppo.seed}")
+    weights = study.write_bytes(WEIGHTS, weights_file(training.network, config))
+    print_curve(config, training, curve, weights)
+
+    # Only now, so that nobody waits for matplotlib to see the table.
+    from rearl_jax.baselines.figure import draw_curve
+
+    study.write_bytes("curve.png", draw_curve(curve))
+    summary = _summary(training, curve, batch)
+    study.write_summary(summary)
+    (study.path / CHECKPOINT).unlink(missing_ok=True)
+    return summary
+
+
+def _summary(training: Training, curve, batch: int) -> dict[str, int | float | None]:
+    """Flat keys: figures of the first and the last update, and the speed of this process."""
+    first, last = curve.iloc[0], curve.iloc[-1]
+    n_trained = len(curve) - training.n_before
+    return {
+        "updates": len(curve),
+        "car_steps": len(curve) * batch,
+        "return_first": float(first["return"]),
+        "return_last": float(last["return"]),
+        "crashed_first": float(first["crashed"]),
+        "crashed_last": float(last["crashed"]),
+        "speed_last": float(last["speed"]),
+        **{f"{name}_last": float(last[name]) for name in ACTION_NAMES},
+        "compile_s": round(training.compile_s, 3),
+        "seconds": round(training.seconds, 3),
+        "car_steps_per_s": n_trained * batch / training.seconds if n_trained else None,
+    }

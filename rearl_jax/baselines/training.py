@@ -1,0 +1,263 @@
+"""Training of the PPO policy: update by update, with a checkpoint every few from which a killed one goes on.
+
+All random numbers of an update follow from the seed and its number alone, so a resumed training equals an
+uninterrupted one bit for bit.
+"""
+
+import functools
+import io
+import json
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeAlias, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+import pandas as pd
+from jaxtyping import Array, Float, Int, Key
+
+from rearl_jax._typing import PRNGKey
+from rearl_jax.baselines.driving import ACTION_NAMES, DrivingOptions
+from rearl_jax.baselines.experience import Drive, collect
+from rearl_jax.baselines.learning import Learner, Losses, decisions_of, improve, make_optimiser
+from rearl_jax.baselines.network import ActorCritic, make_network
+from rearl_jax.config import TrainPpoTask
+from rearl_jax.config.core import CoreConfig
+from rearl_jax.config.decision import AdmissibleConfig
+from rearl_jax.config.ppo import PpoConfig
+from rearl_jax.core.road import traffic_model
+from rearl_jax.core.spawn import spawn
+from rearl_jax.results import Study, code_hash, config_hash
+
+log = logging.getLogger(__name__)
+
+CHECKPOINT = "checkpoint.eqx"
+"""What a training that is killed goes on from; removed when it is done."""
+
+FIRST_RUN = 2**31
+"""Training numbers its updates from here on where an evaluation numbers its runs from 0, so that no vehicle it learns
+with ever stands where one stands that it is tested with, whatever the seeds.
+"""
+
+NOISE = 2**31
+"""Separates the random numbers of actions and of the order of decisions from those of initial states."""
+
+WEIGHTS_RUN = 2**32 - 1
+"""Number of the run that stands for the initial weights."""
+
+Update: TypeAlias = Callable[[Learner, Int[Array, ""], Int[Array, ""]], tuple[Learner, "Point"]]
+"""From the learner, the seed and the number of an update to the learner after it and what was seen."""
+
+
+class Point(eqx.Module):
+    """What is seen of one update, or of all of them.
+
+    Attributes:
+        gain: Rewards of a vehicle until its crash or the end, summed; mean over vehicles.
+        crashed: Share of the vehicles that crash.
+        speed: Mean speed of those that drive [m/s].
+        actions: Share of each action in all decisions, in the order of `MetaAction`.
+        losses: Means over the gradient steps.
+    """
+
+    gain: Float[Array, "*updates"]
+    crashed: Float[Array, "*updates"]
+    speed: Float[Array, "*updates"]
+    actions: Float[Array, "*updates actions"]
+    losses: Losses
+
+
+@dataclass(frozen=True)
+class Training:
+    """A finished training.
+
+    Attributes:
+        network: What was learnt.
+        curve: All updates, `[n_updates]`.
+        n_before: Updates that an earlier process had made.
+        compile_s: Time of compiling [s].
+        seconds: Time of the updates of this process [s].
+    """
+
+    network: ActorCritic
+    curve: Point
+    n_before: int
+    compile_s: float
+    seconds: float
+
+
+def training_keys(
+    seed: Int[Array, ""], update: Int[Array, ""], n_scenarios: int
+) -> tuple[Key[Array, " scenarios"], PRNGKey]:
+    """Random keys of an update: of the initial traffic of its scenarios, and of its actions and order.
+
+    The former are made as those of an evaluation are, from seed, run and scene; but no evaluation has such runs.
+    """
+    run_key = jax.random.fold_in(jax.random.key(seed), jnp.uint32(FIRST_RUN) + update.astype(jnp.uint32))
+    keys = jax.vmap(lambda number: jax.random.fold_in(run_key, number))(jnp.arange(n_scenarios, dtype=jnp.uint32))
+    return keys, jax.random.fold_in(run_key, NOISE)
+
+
+def first_learner(config: TrainPpoTask) -> Learner:
+    """Before the first update."""
+    key = jax.random.fold_in(jax.random.key(config.ppo.seed), WEIGHTS_RUN)
+    network = jax.jit(functools.partial(make_network, width=config.ppo.width, layers=config.ppo.layers))(key)
+    return Learner(network, _optimiser(config.ppo, config.core).init(cast(optax.Params, network)))
+
+
+def make_update(ppo: PpoConfig, admissible: AdmissibleConfig, core: CoreConfig) -> Update:
+    """One update: drive with the learner, then let it learn from that."""
+    model = traffic_model(core)
+    options = DrivingOptions(admissible, ppo.longitudinal)
+    optimiser = _optimiser(ppo, core)
+
+    def update(learner: Learner, seed: Int[Array, ""], number: Int[Array, ""]) -> tuple[Learner, Point]:
+        keys, noise = training_keys(seed, number, ppo.scenarios)
+        action_key, order_key = jax.random.split(noise)
+        dtype = jnp.dtype(core.dtype.name)
+        state, drivers = spawn(keys, model, n_vehicles=core.n_vehicles, density=core.density, dtype=dtype)
+        seen = collect(state, drivers, learner.network, action_key, model, options, n_seconds=ppo.horizon)
+        learner, losses = improve(learner, decisions_of(seen, ppo), order_key, ppo, optimiser)
+        return learner, point_of(seen, jax.tree.map(jnp.mean, losses))
+
+    return update
+
+
+def _optimiser(ppo: PpoConfig, core: CoreConfig) -> optax.GradientTransformation:
+    return make_optimiser(ppo, ppo.n_updates(core.n_vehicles), ppo.batch(core.n_vehicles))
+
+
+@dataclass(frozen=True)
+class _Program:
+    """A compiled update, what its second result looks like, and how long compiling took [s]."""
+
+    update: Update
+    point: Point
+    seconds: float
+
+
+def _program(config: TrainPpoTask) -> _Program:
+    """Compiled once for all trainings of a process that differ in the seed alone."""
+    return _compiled(replace(config.ppo, seed=0), config.admissible, config.core)
+
+
+@functools.cache
+def _compiled(ppo: PpoConfig, admissible: AdmissibleConfig, core: CoreConfig) -> _Program:
+    function, zero = make_update(ppo, admissible, core), jnp.int32(0)
+    learner = first_learner(TrainPpoTask(ppo=ppo, admissible=admissible, core=core))
+    begin = time.perf_counter()
+    update = jax.jit(function).lower(learner, zero, zero).compile()
+    return _Program(update, jax.eval_shape(function, learner, zero, zero)[1], time.perf_counter() - begin)
+
+
+def point_of(seen: Drive, losses: Losses) -> Point:
+    """What is seen of the rollouts of one update."""
+    drives, decides = seen.drives, seen.decides
+    n_decisions = jnp.maximum(jnp.sum(decides, dtype=jnp.int32), 1).astype(jnp.float32)
+    shares = [jnp.sum(decides & (seen.action == number), dtype=jnp.int32) for number in range(len(ACTION_NAMES))]
+    n_drives = jnp.sum(drives, dtype=jnp.int32).astype(jnp.float32)
+    return Point(
+        gain=jnp.mean(jnp.sum(jnp.where(drives, seen.reward, 0.0), axis=0)),
+        crashed=jnp.mean(seen.crashed[-1].astype(jnp.float32)),
+        speed=jnp.sum(jnp.where(drives, seen.speed, 0.0)) / n_drives,
+        actions=jnp.stack(shares).astype(jnp.float32) / n_decisions,
+        losses=losses,
+    )
+
+
+def train(
+    config: TrainPpoTask, study: Study, progress: Callable[[int, int], None] = lambda done, total: None
+) -> Training:
+    """The trained network and what was seen on the way; goes on from the study's checkpoint where there is one.
+
+    Args:
+        config: The task.
+        study: Keeps the checkpoint.
+        progress: Called with the number of updates done and their total.
+
+    Raises:
+        ValueError: The weights have become infinite.
+    """
+    n_updates = config.ppo.n_updates(config.core.n_vehicles)
+    program, learner, seed = _program(config), first_learner(config), jnp.int32(config.ppo.seed)
+    curve = jax.tree.map(lambda leaf: np.full((n_updates, *leaf.shape), np.nan, leaf.dtype), program.point)
+    learner, curve, n_before = _restored(config, study, learner, curve)
+    progress(n_before, n_updates)
+    begin = time.perf_counter()
+    for number in range(n_before, n_updates):
+        learner, point = program.update(learner, seed, jnp.int32(number))
+        if not np.isfinite(point.losses.total):
+            raise ValueError(
+                f"the training has diverged in update {number + 1} of {n_updates}: lower ppo.learning_rate, which is "
+                f"{config.ppo.learning_rate:g}"
+            )
+        for values, value in zip(jax.tree.leaves(curve), jax.tree.leaves(point), strict=True):
+            values[number] = value
+        done = number + 1
+        if done % config.ppo.checkpoint_every == 0 or done == n_updates:
+            study.write_bytes(CHECKPOINT, _checkpoint(config, learner, curve, done))
+        progress(done, n_updates)
+    return Training(learner.network, curve, n_before, program.seconds, time.perf_counter() - begin)
+
+
+def _checkpoint(config: TrainPpoTask, learner: Learner, curve: Point, n_done: int) -> bytes:
+    """A line of JSON that says whose checkpoint this is, then all numbers."""
+    file = io.BytesIO()
+    file.write(json.dumps(_identity(config) | {"updates": n_done}).encode() + b"\n")
+    eqx.tree_serialise_leaves(file, (learner, curve))
+    return file.getvalue()
+
+
+def _restored(config: TrainPpoTask, study: Study, learner: Learner, curve: Point) -> tuple[Learner, Point, int]:
+    """Learner, curve and number of updates in the study's checkpoint; what was given, and 0, where there is none of
+    this configuration and code.
+    """
+    path = study.path / CHECKPOINT
+    if not path.exists():
+        return learner, curve, 0
+    with path.open("rb") as file:
+        found = json.loads(file.readline())
+        if {key: found[key] for key in _identity(config)} != _identity(config):
+            log.info("%s is of another configuration or code: the training begins anew", path)
+            return learner, curve, 0
+        learner, curve = eqx.tree_deserialise_leaves(file, (learner, curve))
+    log.info("the training goes on after update %d", found["updates"])
+    return learner, curve, found["updates"]
+
+
+def _identity(config: TrainPpoTask) -> dict[str, str]:
+    """What must agree for a checkpoint to be gone on from."""
+    return {"config_hash": config_hash(config), "code_hash": code_hash()}
+
+
+def curve_table(training: Training, batch: int) -> pd.DataFrame:
+    """One row per update: `update`, `car_steps` so far, `return`, `crashed`, `speed`, the share of each action in
+    `left`, `keep`, `right`, `faster`, `slower`, and `loss`, `policy_loss`, `value_loss`, `entropy`, `divergence`,
+    `clipped_share`.
+
+    Args:
+        training: The training.
+        batch: Vehicle-seconds of an update.
+    """
+    curve, number = training.curve, np.arange(1, len(training.curve.gain) + 1)
+    losses = curve.losses
+    columns = {
+        "update": number.astype(np.int32),
+        "car_steps": number * batch,
+        "return": curve.gain,
+        "crashed": curve.crashed,
+        "speed": curve.speed,
+        **{name: curve.actions[:, at] for at, name in enumerate(ACTION_NAMES)},
+        "loss": losses.total,
+        "policy_loss": losses.policy,
+        "value_loss": losses.value,
+        "entropy": losses.entropy,
+        "divergence": losses.divergence,
+        "clipped_share": losses.clipped_share,
+    }
+    return pd.DataFrame({name: np.asarray(values) for name, values in columns.items()})

@@ -1,0 +1,229 @@
+"""What `rearl bench loop` measures: Base, the closed loop in several states, and the parts of a decision step."""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Key
+
+from rearl_jax.bench.batches import Batches, Subject
+from rearl_jax.bench.loop_programs import (
+    BASE,
+    DECISION,
+    DETECTION,
+    LOOP,
+    NEVER,
+    PARTS,
+    STEPS_POLICY,
+    always,
+    policy_of,
+)
+from rearl_jax.bench.measurement import TICKS_PER_SECOND
+from rearl_jax.bench.synthetic_references import synthetic_references
+from rearl_jax.config.bench import LoopPolicy
+from rearl_jax.config.decision import ExecConfig, Longitudinal, MatcherConfig, MatchSpace, PolicyName
+from rearl_jax.config.detection import Cues
+from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.rollout import Frames, observe, rollout, simulate_second
+from rearl_jax.core.spawn import spawn
+from rearl_jax.core.state import TrafficState
+from rearl_jax.decision.execution import Orders, accept
+from rearl_jax.decision.loop import (
+    Decisions,
+    LoopOptions,
+    Traffic,
+    decisions_of,
+    initial_traffic,
+    look,
+    rollout_with_policy,
+)
+from rearl_jax.decision.policies import make_policy
+from rearl_jax.decision.situation import Policy
+from rearl_jax.detection.detector import Detection, DetectionOptions, DetectorMemory, Thresholds, detect, initial_memory
+from rearl_jax.detection.table import ReferenceTable, tabulate
+
+WARM_UP = 20
+"""Simulated time before decision steps are measured, so that vehicles have met [s]; own choice."""
+
+BASE_MODEL = TrafficModel(ticks_per_second=TICKS_PER_SECOND)
+
+LOOP_MODEL = dataclasses.replace(BASE_MODEL, meta_follows=ExecConfig().longitudinal is Longitudinal.idm_capped)
+"""The same road with the stages that a closed loop at its defaults adds to it."""
+
+
+class Batch(eqx.Module):
+    """What a program takes.
+
+    Attributes:
+        state: Initial traffic.
+        drivers: Its drivers.
+        keys: Random keys of the policy.
+        table: The references.
+        thresholds: Infinite: they are passed by nothing, where they count.
+        recorded: Traffic at the end of successive seconds, for programs that only look at it; else None.
+    """
+
+    state: TrafficState
+    drivers: Drivers
+    keys: Key[Array, " scenarios"]
+    table: ReferenceTable
+    thresholds: Thresholds
+    recorded: TrafficState | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Scenes:
+    """How batches are made.
+
+    Attributes:
+        n_vehicles: Vehicles per scenario.
+        density: highway-env's `vehicles_density` [-].
+        table: The references.
+    """
+
+    n_vehicles: int
+    density: float
+    table: ReferenceTable
+
+    def draw(self, keys: Key[Array, " scenarios"]) -> Batch:
+        """Traffic as highway-env places it, one scenario per key."""
+        state, drivers = spawn(keys, BASE_MODEL, n_vehicles=self.n_vehicles, density=self.density)
+        nothing = jnp.full(keys.shape, jnp.inf, state.x.dtype)
+        return Batch(state, drivers, keys, self.table, Thresholds(nothing, nothing))
+
+    def draw_recorded(self, keys: Key[Array, " scenarios"], n_seconds: int) -> Batch:
+        """The same some time later, and the seconds before."""
+        batch = self.draw(keys)
+
+        def second(state: TrafficState, _: None) -> tuple[TrafficState, TrafficState]:
+            state = simulate_second(state, batch.drivers, BASE_MODEL)
+            return state, state
+
+        state, seconds = lax.scan(second, batch.state, None, length=WARM_UP + n_seconds)
+        recorded = jax.tree.map(lambda leaf: leaf[WARM_UP:], seconds)
+        return dataclasses.replace(batch, state=state, recorded=recorded)
+
+
+def rollouts(
+    name: str, *, n_vehicles: int, density: float, seconds: int, batch: int, references: dict[str, int]
+) -> Batches:
+    """Rollouts of Base or of the closed loop, ready to be measured.
+
+    Args:
+        name: One of `loop_programs.programs_of`.
+        n_vehicles: Vehicles per scenario.
+        density: highway-env's `vehicles_density` [-].
+        seconds: Simulated time of a rollout [s].
+        batch: Scenarios at a time.
+        references: Arguments of `synthetic_references`.
+    """
+    scenes = Scenes(n_vehicles, density, tabulate(synthetic_references(**references), DetectionOptions().hist))
+    subject = _rollout_subject(name, scenes.draw, seconds)
+    return Batches(subject, batch=batch, n_vehicles=n_vehicles, seconds=seconds)
+
+
+def decision_steps(
+    name: str, *, n_vehicles: int, density: float, seconds: int, batch: int, references: dict[str, int]
+) -> Batches:
+    """Some consecutive decision steps or a part of them, ready to be measured.
+
+    Args:
+        name: One of `loop_programs.PARTS`.
+        n_vehicles: Vehicles per scenario.
+        density: highway-env's `vehicles_density` [-].
+        seconds: Number of steps, which is their simulated time [s].
+        batch: Scenarios at a time.
+        references: Arguments of `synthetic_references`.
+
+    Raises:
+        ValueError: There is no such part.
+    """
+    scenes = Scenes(n_vehicles, density, tabulate(synthetic_references(**references), DetectionOptions().hist))
+
+    def prepare(keys: Key[Array, " scenarios"]) -> Batch:
+        return scenes.draw_recorded(keys, seconds)
+
+    if name in (BASE, LOOP):
+        subject = _rollout_subject(BASE if name == BASE else always(STEPS_POLICY), prepare, seconds)
+    elif name in (DETECTION, DECISION):
+        run = look_for_drift if name == DETECTION else decide_on_recorded
+        subject = Subject(prepare, run, lambda batch, _: jax.vmap(_observe_base)(batch.recorded), lambda _: None)
+    else:
+        raise ValueError(f"there is no part {name!r} of a decision step: {', '.join(PARTS)}")
+    return Batches(subject, batch=batch, n_vehicles=n_vehicles, seconds=seconds)
+
+
+def _observe_base(state: TrafficState) -> Frames:
+    return observe(state, BASE_MODEL)
+
+
+def _rollout_subject(program: str, prepare: Any, seconds: int) -> Subject:
+    """Rollouts from prepared traffic.
+
+    Raises:
+        ValueError: There is no such program.
+    """
+    if program == BASE:
+
+        def run_base(batch: Batch) -> Frames:
+            return rollout(batch.state, batch.drivers, BASE_MODEL, n_seconds=seconds)[1]
+
+        return Subject(prepare, run_base, lambda _, frames: frames, lambda _: None)
+    if program == NEVER:
+        # Somebody must be named, but where nobody is asked the compiler leaves the policy out.
+        name, cues = LoopPolicy.idle, Cues.never
+    else:
+        name = policy_of(program)
+        cues = Cues.always if program == always(name) else Cues.both
+    policy, options = policy_named(name), LoopOptions(DetectionOptions(cues=cues))
+
+    def run_loop(batch: Batch) -> tuple[Frames, Decisions]:
+        _, frames, decisions = rollout_with_policy(
+            batch.state,
+            batch.drivers,
+            batch.keys,
+            batch.table,
+            batch.thresholds,
+            policy,
+            LOOP_MODEL,
+            options,
+            n_seconds=seconds,
+        )
+        return frames, decisions
+
+    return Subject(prepare, run_loop, lambda _, result: result[0], lambda result: result[1])
+
+
+def policy_named(name: LoopPolicy) -> Policy:
+    """The policy of a measured loop, its options at their defaults."""
+    if name is LoopPolicy.idle:
+        return make_policy(PolicyName.idle, MatcherConfig(), LOOP_MODEL)
+    return make_policy(PolicyName.matcher, MatcherConfig(space=MatchSpace[name.name]), LOOP_MODEL)
+
+
+def look_for_drift(batch: Batch) -> Detection:
+    """What the detection finds in each second of the recorded traffic."""
+    options = DetectionOptions(cues=Cues.always)
+
+    def second(memory: DetectorMemory, state: TrafficState) -> tuple[DetectorMemory, Detection]:
+        return detect(memory, observe(state, LOOP_MODEL), batch.table, batch.thresholds, options)
+
+    return lax.scan(second, initial_memory(batch.table, batch.keys, options), batch.recorded)[1]
+
+
+def decide_on_recorded(batch: Batch) -> tuple[Orders, Decisions]:
+    """What is found and decided in each second of the recorded traffic: everything between two of its seconds."""
+    policy, options = policy_named(STEPS_POLICY), LoopOptions(DetectionOptions(cues=Cues.always))
+
+    def second(traffic: Traffic, state: TrafficState) -> tuple[Traffic, tuple[Orders, Decisions]]:
+        traffic = dataclasses.replace(traffic, state=state)
+        traffic, situation = look(traffic, batch.drivers, batch.table, batch.thresholds, LOOP_MODEL, options)
+        orders = accept(policy(situation, batch.table, batch.keys), situation.is_asked, situation.admissible)
+        return traffic, (orders, decisions_of(orders, situation))
+
+    start = initial_traffic(batch.state, batch.keys, batch.table, LOOP_MODEL, options)
+    return lax.scan(second, start, batch.recorded)[1]

@@ -1,0 +1,153 @@
+"""Launchers that run the jobs of a multirun side by side: is the plugin there, how many cores has each job.
+
+Words of the command line in; what Hydra must be told besides out. Without a launcher the jobs run one after another
+in this process, and Hydra need not be told anything.
+"""
+
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Any
+
+from rearl_jax.cli.composition import UsageError
+from rearl_jax.cli.running import JobError, complain
+
+_EXTRAS = {
+    "joblib": ("joblib", "hydra-joblib-launcher"),
+    "ray": ("ray", "hydra-ray-launcher"),
+    "submitit_local": ("submitit", "hydra-submitit-launcher"),
+    "submitit_slurm": ("submitit", "hydra-submitit-launcher"),
+}
+"""By launcher: the extra of this package that brings it, and the plugin in that extra."""
+
+_RAY = {
+    "init.include_dashboard": "false",
+    # Lines of jobs side by side cannot be read; what they log is in their folders.
+    "init.log_to_driver": "false",
+    "init.logging_level": "warning",
+    "remote.num_gpus": "0",
+    # A job that was killed for its memory once would be killed again.
+    "remote.max_retries": "0",
+}
+"""What Ray is told unless the user says otherwise, under `hydra.launcher.ray`."""
+
+_LIMITS = ("JAX_NUM_CPU_DEVICES", "OMP_NUM_THREADS")
+"""Variables that keep a job to its cores: JAX's, and that of the numerical libraries below NumPy and scikit-learn."""
+
+_UNKNOWN = -1
+"""Cores of a job that only Slurm knows."""
+
+
+def settings(said: Mapping[str, Any], n_jobs: int) -> list[str]:
+    """Words for Hydra that give every job its share of the cores; what the user says comes after them and wins.
+
+    Args:
+        said: Keys and values of the command line that are the same in all jobs.
+        n_jobs: Jobs of the multirun.
+
+    Raises:
+        UsageError: The launcher is not installed, or cannot be used like this.
+    """
+    launcher = said.get("hydra/launcher")
+    if launcher not in _EXTRAS:
+        return []
+    _check(launcher, said)
+    keys: dict[str, Any] = {}
+    if launcher == "joblib":
+        keys, cores = _joblib(said, n_jobs)
+    elif launcher == "ray":
+        keys, cores = _ray(said, n_jobs)
+    else:
+        # Locally, submitit starts all jobs at once; Slurm confines each to what it was given.
+        share = _available_cores() // n_jobs if launcher == "submitit_local" else _UNKNOWN
+        cores = _number(said, "hydra.launcher.cpus_per_task", share)
+    if cores != _UNKNOWN:
+        keys |= {f"hydra.job.env_set.{name}": max(cores, 1) for name in _LIMITS if name not in os.environ}
+    return [f"++{key}={value}" for key, value in keys.items()]
+
+
+@contextmanager
+def launcher_errors(said: Mapping[str, Any]) -> Iterator[None]:
+    """Turn what a launcher raises about a job that was killed or refused into a fault the user can mend."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if said.get("hydra/launcher") == "submitit_slurm":
+            complain("jobs that Slurm has taken go on; `squeue --me` lists them, `scancel` ends them")
+        raise
+    except Exception as error:
+        if type(error).__module__.partition(".")[0] not in ("joblib", "ray", "submitit"):
+            raise
+        raise JobError(f"a job did not come to its end: {error}") from error
+
+
+def _joblib(said: Mapping[str, Any], n_jobs: int) -> tuple[dict[str, Any], int]:
+    """Keys for joblib, and the cores of a job; as in joblib, -1 job at a time stands for one per core, -2 for one less.
+
+    In batches, as joblib makes them, some cells would wait for others although cores are idle.
+    """
+    wanted = _number(said, "hydra.launcher.n_jobs", -1)
+    at_once = min(wanted if wanted > 0 else max(_available_cores() + 1 + wanted, 1), n_jobs)
+    return {"hydra.launcher.n_jobs": at_once, "hydra.launcher.batch_size": 1}, _available_cores() // at_once
+
+
+def _ray(said: Mapping[str, Any], n_jobs: int) -> tuple[dict[str, Any], int]:
+    """Keys for Ray, and the cores of a job: those of this machine shared out, or one each on a running cluster.
+
+    Without an address, Ray would take any cluster of this user that it finds. It is told how many cores it has, as
+    a job that asks for more than Ray has found would wait for ever. A running cluster refuses to be told its sizes.
+    """
+    keys: dict[str, Any] = {"init.address": _address(said), **_RAY}
+    if _is_elsewhere(said):
+        share = 1
+        keys |= {"init.num_cpus": "null", "init.object_store_memory": "null"}
+    else:
+        size = _number(said, "hydra.launcher.ray.init.num_cpus", _available_cores())
+        share = max(size // n_jobs, 1)
+        keys |= {"init.num_cpus": size}
+    cores = _number(said, "hydra.launcher.ray.remote.num_cpus", share)
+    keys |= {"remote.num_cpus": cores}
+    return {f"hydra.launcher.ray.{key}": value for key, value in keys.items()}, cores
+
+
+def _check(launcher: str, said: Mapping[str, Any]) -> None:
+    extra, plugin = _EXTRAS[launcher]
+    try:
+        distribution(plugin)
+    except PackageNotFoundError as error:
+        needed = f"hydra/launcher={launcher} needs the extra `{extra}`: pip install 'rearl_jax[{extra}]'"
+        raise UsageError(needed) from error
+    if launcher == "submitit_slurm" and shutil.which("srun") is None:
+        raise UsageError(f"hydra/launcher={launcher}: there is no Slurm here; call rearl where `srun` is found")
+    if _is_elsewhere(said) and not Path(str(said.get("results.root", ""))).is_absolute():
+        raise UsageError(
+            "hydra/launcher=ray: the workers of a running cluster do not know this folder; name one that all machines "
+            "see, results.root=/FOLDER, and data.root likewise"
+        )
+
+
+def _number(said: Mapping[str, Any], key: str, default: int) -> int:
+    value = said.get(key)
+    if value is not None and not isinstance(value, (int, float)):
+        raise UsageError(f"{key} must be a number, got {value}")
+    return default if value is None else int(value)
+
+
+def _address(said: Mapping[str, Any]) -> str:
+    """The running Ray cluster, or `local`: one of this machine for as long as the jobs run."""
+    return str(said.get("hydra.launcher.ray.init.address") or os.environ.get("RAY_ADDRESS") or "local")
+
+
+def _is_elsewhere(said: Mapping[str, Any]) -> bool:
+    """Whether the jobs run on a Ray cluster that was started from elsewhere."""
+    return said.get("hydra/launcher") == "ray" and _address(said) != "local"
+
+
+def _available_cores() -> int:
+    # Only now, so that a multirun in this process does not wait for JAX before it starts.
+    from rearl_jax.runtime import available_cores
+
+    return available_cores()

@@ -1,0 +1,15 @@
+"""The road a configuration describes."""
+
+from rearl_jax.config.core import CoreConfig
+from rearl_jax.core.model import TrafficModel
+
+
+def traffic_model(core: CoreConfig) -> TrafficModel:
+    """The simulated road."""
+    return TrafficModel(
+        n_lanes=core.n_lanes,
+        speed_limit=core.speed_limit,
+        ticks_per_second=core.ticks_per_second,
+        lane_changes=core.lane_changes,
+        collisions=core.collisions,
+    )

@@ -1,0 +1,183 @@
+"""The closed loop with a policy outside the compiled program: all scenarios in lockstep, in two halves.
+
+While the answers for one half are awaited, the other half simulates its second and asks. With an equal policy the
+result is that of `loop.rollout_with_policy`, bit for bit: both call the same `follow`, `look` and `accept`.
+"""
+
+import functools
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Int, Key
+
+from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.rollout import Frames
+from rearl_jax.core.state import TrafficState
+from rearl_jax.decision.execution import accept
+from rearl_jax.decision.loop import Decisions, LoopOptions, Traffic, decisions_of, follow, initial_traffic, look
+from rearl_jax.decision.situation import N_ACTIONS, NO_ACTION, Situation
+from rearl_jax.detection.detector import Thresholds
+from rearl_jax.detection.table import ReferenceTable
+
+
+@runtime_checkable
+class HostPolicy(Protocol):
+    """A policy that takes its time: it is asked, and answers later.
+
+    One serves one half of the scenarios for a whole rollout and is asked once per second, except after the last.
+    """
+
+    def ask(self, situation: Situation) -> Future[np.ndarray]:
+        """An action for every vehicle, `[vehicles, scenarios]` as a `Policy` gives them, at some time.
+
+        Args:
+            situation: The traffic at the end of a second; all leaves are NumPy arrays.
+        """
+        ...
+
+
+def rollout_in_lockstep(
+    state: TrafficState,
+    drivers: Drivers,
+    keys: Key[Array, " scenarios"],
+    table: ReferenceTable,
+    thresholds: Thresholds,
+    policies: tuple[HostPolicy, HostPolicy],
+    model: TrafficModel,
+    options: LoopOptions,
+    *,
+    n_seconds: int,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> tuple[Frames, Decisions]:
+    """A frame after each second, and what was detected and decided.
+
+    Args:
+        state: Initial state.
+        drivers: Parameters of all vehicles.
+        keys: Random keys, one per scenario, from which references are drawn where they are drawn.
+        table: References.
+        thresholds: Of every scenario.
+        policies: Who decides for the first half of the scenarios, and who for the second.
+        model: Road, clock and stages.
+        options: Choices of the loop.
+        n_seconds: Seconds to simulate [s].
+        progress: Called with the seconds done, both halves counted, and their total.
+
+    Raises:
+        ValueError: The references are shorter than the rollout.
+    """
+    if n_seconds > table.n_seconds:
+        raise ValueError(
+            f"n_seconds = {n_seconds} exceeds the {table.n_seconds} s of the references: simulate fewer, or build "
+            "references from longer scenes"
+        )
+    n_scenarios = state.x.shape[-1]
+    size = -(-n_scenarios // 2)
+    halves = []
+    for number, policy in enumerate(policies):
+        # The second half of an odd number is filled up with the last scenario, so that one program serves both.
+        columns = np.minimum(np.arange(number * size, (number + 1) * size), n_scenarios - 1)
+        some, their_drivers, limits = _columns((state, drivers, thresholds), columns, n_scenarios)
+        n_real = min(size, n_scenarios - number * size)
+        halves.append(_Half(some, their_drivers, limits, keys[columns], table, policy, model, options, n_real))
+    for second in range(n_seconds):
+        for number, half in enumerate(halves):
+            half.advance()
+            if second < n_seconds - 1 and half.n_real:
+                half.ask()
+            progress(2 * second + number + 1, 2 * n_seconds)
+    return _joined([half.frames for half in halves]), _joined([half.decisions for half in halves])
+
+
+@dataclass
+class _Half:
+    """Half of the scenarios on their way.
+
+    Attributes:
+        n_real: Scenarios that count; the others fill up.
+        pending: What the policy will say about the last second; None where it was not asked yet.
+        frames: The traffic after each second so far.
+        decisions: What was detected and decided in each.
+    """
+
+    state: TrafficState
+    drivers: Drivers
+    thresholds: Thresholds
+    keys: Key[Array, " scenarios"]
+    table: ReferenceTable
+    policy: HostPolicy
+    model: TrafficModel
+    options: LoopOptions
+    n_real: int
+    pending: "Future[np.ndarray] | None" = None
+    frames: list[Frames] = field(default_factory=list)
+    decisions: list[Decisions] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._begin, self._second = _programs(self.model, self.options)
+        self._traffic = self._begin(self.state, self.keys, self.table)
+        shape = self.state.x.shape
+        nobody = jnp.zeros(shape, bool)
+        self._asked, self._admissible = nobody, jnp.broadcast_to(nobody, (N_ACTIONS, *shape))
+        self._nothing = np.full(shape, NO_ACTION, np.int32)
+
+    def advance(self) -> None:
+        """Waits for the answers and simulates the second in which they are followed."""
+        answers = self._nothing.copy()
+        if self.pending is not None:
+            answers[:, : self.n_real] = self.pending.result()
+        self._traffic, self._situation, decisions = self._second(
+            self._traffic, answers, self._asked, self._admissible, self.drivers, self.table, self.thresholds
+        )
+        self._asked, self._admissible = self._situation.detection.mask, self._situation.admissible
+        self.frames.append(self._real(self._situation.frame))
+        self.decisions.append(self._real(decisions))
+
+    def ask(self) -> None:
+        """Shows the policy the end of the second."""
+        self.pending = self.policy.ask(self._real(self._situation))
+
+    def _real(self, values):
+        """The scenarios that count, as NumPy arrays; what has no scenario axis stays as it is."""
+        return jax.tree.map(
+            lambda leaf: np.asarray(leaf)[..., : self.n_real] if leaf.ndim else np.asarray(leaf), values
+        )
+
+
+@functools.cache
+def _programs(model: TrafficModel, options: LoopOptions) -> tuple[Callable[..., Traffic], Callable[..., tuple]]:
+    """The beginning and one second, compiled once for all rollouts of a process."""
+
+    def second(
+        traffic: Traffic,
+        answers: Int[Array, "vehicles scenarios"],
+        is_asked: Bool[Array, "vehicles scenarios"],
+        admissible: Bool[Array, "actions vehicles scenarios"],
+        drivers: Drivers,
+        table: ReferenceTable,
+        thresholds: Thresholds,
+    ) -> tuple[Traffic, Situation, Decisions]:
+        orders = accept(answers, is_asked, admissible)
+        traffic = follow(traffic, orders, drivers, model, options)
+        traffic, situation = look(traffic, drivers, table, thresholds, model, options)
+        return traffic, situation, decisions_of(orders, situation)
+
+    begin = functools.partial(initial_traffic, model=model, options=options)
+    return jax.jit(begin), jax.jit(second)
+
+
+def _columns(values, columns: np.ndarray, n_scenarios: int):
+    """Some scenarios' values; what is the same for all, a last axis of length 1, stays."""
+    return jax.tree.map(lambda leaf: leaf[..., columns] if leaf.shape[-1] == n_scenarios else leaf, values)
+
+
+def _joined(halves: Sequence[list]):
+    """Records of each second of both halves as one record with the seconds first."""
+    whole = [jax.tree.map(lambda *leaves: np.stack(leaves), *half) for half in halves]
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *whole)

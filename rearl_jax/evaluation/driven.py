@@ -1,0 +1,43 @@
+"""What a policy that drives all vehicles did: its actions by speed, as counts and as one sentence."""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from rearl_jax.baselines.driving import ACTION_NAMES
+from rearl_jax.baselines.weights import TrainedPolicy
+from rearl_jax.config.decision import Longitudinal
+
+_FOLLOWS = {
+    Longitudinal.mdp: "target speeds followed blind to the vehicle ahead, as highway-env's MDPVehicle does",
+    Longitudinal.idm_capped: "target speeds followed no faster than IDM allows",
+}
+
+
+def count_actions(
+    actions: Int[np.ndarray, "seconds vehicles scenarios"],
+    speed: Float[np.ndarray, "seconds vehicles scenarios"],
+    edges: Float[np.ndarray, " edges"],
+) -> Int[np.ndarray, "actions bins"]:
+    """How often each action was taken in each bin of the speed before it, in the order of `MetaAction`.
+
+    The first second is left out, as no frame shows the speed before it; what lies outside the edges counts in the
+    outermost bins.
+
+    Args:
+        actions: Actions followed during each second, NO_ACTION for none.
+        speed: Speed at the end of each second [m/s].
+        edges: Edges of the bins [m/s].
+    """
+    before = np.clip(speed[:-1], edges[0], edges[-1])
+    counts = [np.histogram(before[actions[1:] == number], edges)[0] for number in range(len(ACTION_NAMES))]
+    return np.stack(counts)
+
+
+def driving_note(policy: TrainedPolicy, counts: Int[np.ndarray, "actions bins"]) -> str:
+    """One sentence about the policy and what it did."""
+    shares = counts.sum(axis=1) / max(counts.sum(), 1)
+    done = ", ".join(f"{name} {100 * share:.1f} %" for name, share in zip(ACTION_NAMES, shares, strict=True))
+    return (
+        f"weights {policy.file} ({policy.digest}), trained on {policy.car_steps:,} vehicle-seconds without recordings; "
+        f"{_FOLLOWS[policy.options.longitudinal]}; actions: {done}"
+    )

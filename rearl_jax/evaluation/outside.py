@@ -1,0 +1,81 @@
+"""Rollouts whose decisions are made outside the compiled program: initial states in, frames and decisions out."""
+
+from collections.abc import Callable, Iterator
+from typing import TypeAlias
+
+import jax
+import numpy as np
+from jaxtyping import Key
+
+from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.rollout import Frames
+from rearl_jax.core.state import TrafficState
+from rearl_jax.decision.lockstep import HostPolicy, rollout_in_lockstep
+from rearl_jax.decision.loop import Decisions, LoopOptions
+from rearl_jax.detection.detector import Thresholds
+from rearl_jax.detection.table import ReferenceTable
+
+BURST = 2_048
+"""Scenarios in lockstep at most: all their questions of a second are asked at once."""
+
+MakePolicy: TypeAlias = Callable[[ReferenceTable, TrafficModel, LoopOptions, Thresholds], HostPolicy]
+"""Who decides for some scenarios during a rollout: from references, road, choices of the loop, and their thresholds."""
+
+
+def simulate_outside(
+    state: TrafficState,
+    drivers: Drivers,
+    keys: Key[jax.Array, " scenarios"],
+    table: ReferenceTable,
+    thresholds: Thresholds,
+    make_policy: MakePolicy,
+    model: TrafficModel,
+    options: LoopOptions,
+    *,
+    n_seconds: int,
+    progress: Callable[[int, int], None],
+) -> Iterator[tuple[Frames, Decisions]]:
+    """Frames and decisions, burst by burst.
+
+    Args:
+        state: Initial states of all scenarios.
+        drivers: Parameters of all vehicles.
+        keys: Random keys of the decisions, one per scenario.
+        table: References.
+        thresholds: Of every scenario.
+        make_policy: Makes the policies, two for every burst.
+        model: Road, clock and stages.
+        options: Choices of the loop.
+        n_seconds: Seconds to simulate [s].
+        progress: Called with the scenario-seconds done and their total.
+    """
+    n_scenarios = state.x.shape[-1]
+    for start in range(0, n_scenarios, BURST):
+        part = slice(start, min(start + BURST, n_scenarios))
+        size = part.stop - part.start
+
+        def own(leaf: jax.Array, part: slice = part) -> jax.Array:
+            return leaf[..., part] if leaf.shape[-1] == n_scenarios else leaf
+
+        some, their_drivers = jax.tree.map(own, (state, drivers))
+        limits = jax.tree.map(lambda leaf, part=part: np.asarray(leaf)[part], thresholds)
+        half = -(-size // 2)
+        policies = (
+            make_policy(table, model, options, Thresholds(limits.hellinger[:half], limits.mape[:half])),
+            make_policy(table, model, options, Thresholds(limits.hellinger[half:], limits.mape[half:])),
+        )
+        yield rollout_in_lockstep(
+            some,
+            their_drivers,
+            keys[part],
+            table,
+            limits,
+            policies,
+            model,
+            options,
+            n_seconds=n_seconds,
+            progress=lambda done, total, before=start, size=size: progress(
+                before * n_seconds + done * size // 2, n_scenarios * n_seconds
+            ),
+        )

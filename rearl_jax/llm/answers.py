@@ -1,0 +1,203 @@
+"""The answers of language models, kept in an SQLite file: what was once answered is never asked again.
+
+A file may be shared by several processes of one machine. The first answer to a request stays: who comes later is
+given that one, so every run that uses the file uses the same answers.
+"""
+
+import os
+import sqlite3
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from rearl_jax.cache import kept_folder
+from rearl_jax.config.llm import LlmConfig, Profile
+from rearl_jax.llm.records import Cause, Reply
+
+_FORMAT = 1
+"""Number of the table's form, in the file's user_version."""
+
+_APPLICATION = 0x5245414C
+"""Marks the file as one of these: REAL."""
+
+_PATIENCE = 60.0
+"""Longest wait for another process that is writing [s]."""
+
+_AT_ONCE = 500
+"""Requests looked up in one statement."""
+
+_FIELDS = ("text", "thinking", "finish", "prompt_tokens", "cached_tokens", "answer_tokens")
+
+_TABLE = """
+CREATE TABLE IF NOT EXISTS answers (
+    digest TEXT PRIMARY KEY, model TEXT NOT NULL, profile TEXT NOT NULL, text TEXT NOT NULL, thinking TEXT NOT NULL,
+    finish TEXT NOT NULL, prompt_tokens INTEGER, cached_tokens INTEGER, answer_tokens INTEGER
+) WITHOUT ROWID
+"""
+
+
+def answers_path(config: LlmConfig) -> Path:
+    """The file of the answers: `llm.cache`, or `answers.sqlite` in the cache folder."""
+    return Path(config.cache) if config.cache else kept_folder("llm") / "answers.sqlite"
+
+
+class Answers:
+    """The open file; used by one thread at a time."""
+
+    def __init__(self, path: Path, *, read_only: bool = False) -> None:
+        """Opens the file, or makes it.
+
+        Args:
+            path: The SQLite file.
+            read_only: Whether nothing will be kept: the file must be there.
+
+        Raises:
+            FileNotFoundError: There is no file to read.
+            ValueError: The file is damaged, or no file of answers, or cannot be written.
+        """
+        self._path = path
+        if read_only and not path.is_file():
+            raise FileNotFoundError(
+                f"there are no answers to replay at {path}: run with decision.policy=llm first, or name the file "
+                "with llm.cache"
+            )
+        try:
+            if not read_only:
+                path.parent.mkdir(parents=True, exist_ok=True)
+            self._database = sqlite3.connect(
+                _uri(path, read_only), uri=True, timeout=_PATIENCE, isolation_level=None, check_same_thread=False
+            )
+        except (OSError, sqlite3.Error) as error:
+            raise ValueError(f"answers cannot be kept at {path} ({error}): name another file with llm.cache") from None
+        try:
+            self._prepare(read_only)
+        except (sqlite3.Error, ValueError) as error:
+            self._database.close()
+            raise ValueError(self._complaint(error)) from None
+
+    def find(self, digests: Iterable[str]) -> dict[str, Reply]:
+        """The kept answers among those of some requests.
+
+        Raises:
+            ValueError: The file is damaged.
+        """
+        wanted = list(digests)
+        found: dict[str, Reply] = {}
+        try:
+            for start in range(0, len(wanted), _AT_ONCE):
+                part = wanted[start : start + _AT_ONCE]
+                marks = ",".join("?" * len(part))
+                rows = self._database.execute(
+                    f"SELECT digest, {', '.join(_FIELDS)} FROM answers WHERE digest IN ({marks})", part
+                )
+                for digest, *values in rows:
+                    kept = dict(zip(_FIELDS, values, strict=True))
+                    found[digest] = Reply(cause=Cause.answered, from_cache=True, **kept)
+        except sqlite3.Error as error:
+            raise ValueError(self._complaint(error)) from None
+        return found
+
+    def keep(self, replies: Mapping[str, Reply], model: str, profile: Profile) -> dict[str, Reply]:
+        """What is kept now for each of some requests: the given reply, or an earlier one of another process.
+
+        Args:
+            replies: Replies with a text, by the digest of the request.
+            model: Name of the model.
+            profile: Dialect of the requests.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        marks = ", ".join("?" * (3 + len(_FIELDS)))
+        rows = [
+            (digest, model, profile.name, *(getattr(reply, field) for field in _FIELDS))
+            for digest, reply in replies.items()
+        ]
+        before = self._database.total_changes
+        try:
+            self._database.execute("BEGIN IMMEDIATE")
+            try:
+                self._database.executemany(f"INSERT OR IGNORE INTO answers VALUES ({marks})", rows)
+            except BaseException:
+                self._database.rollback()
+                raise
+            self._database.execute("COMMIT")
+        except sqlite3.Error as error:
+            raise OSError(f"{self._path}: {error}") from None
+        if self._database.total_changes - before == len(rows):
+            return dict(replies)
+        kept = self.find(replies)
+        return {
+            digest: reply
+            if _same(reply, kept[digest])
+            else replace(kept[digest], latency=reply.latency, tries=reply.tries, status=reply.status)
+            for digest, reply in replies.items()
+        }
+
+    def sources(self) -> list[tuple[str, Profile]]:
+        """Models whose answers are kept, each with the dialect they were asked in.
+
+        Raises:
+            ValueError: The file is damaged.
+        """
+        try:
+            rows = self._database.execute("SELECT DISTINCT model, profile FROM answers ORDER BY model, profile")
+            return [(model, Profile[profile]) for model, profile in rows]
+        except (sqlite3.Error, KeyError) as error:
+            raise ValueError(self._complaint(error)) from None
+
+    def __len__(self) -> int:
+        return self._database.execute("SELECT count(*) FROM answers").fetchone()[0]
+
+    def close(self) -> None:
+        """Closes the file."""
+        self._database.close()
+
+    def _prepare(self, read_only: bool) -> None:
+        database = self._database
+        database.execute("BEGIN")  # one view of the file, which another process may be making
+        (application,) = database.execute("PRAGMA application_id").fetchone()
+        (form,) = database.execute("PRAGMA user_version").fetchone()
+        (tables,) = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
+        database.execute("COMMIT")
+        if tables and (application, form) != (_APPLICATION, _FORMAT):
+            raise ValueError("another program's, or another version's")
+        if read_only:
+            if not tables:
+                raise ValueError("empty")
+            return
+        _patiently(database, "PRAGMA journal_mode = WAL")
+        # Every answer survives the end of the process; the last ones may not survive that of the machine.
+        database.execute("PRAGMA synchronous = NORMAL")
+        database.execute("BEGIN IMMEDIATE")
+        database.execute(_TABLE)
+        database.execute(f"PRAGMA application_id = {_APPLICATION}")
+        database.execute(f"PRAGMA user_version = {_FORMAT}")
+        database.execute("COMMIT")
+
+    def _complaint(self, error: Exception) -> str:
+        return f"{self._path} is no readable file of answers ({error}): remove it, or name another one with llm.cache"
+
+
+def _uri(path: Path, read_only: bool) -> str:
+    # A folder that cannot be written to has no room for the files a reader shares with writers.
+    mode = "?mode=ro" + ("" if os.access(path.parent, os.W_OK) else "&immutable=1") if read_only else ""
+    return path.resolve().as_uri() + mode
+
+
+def _patiently(database: sqlite3.Connection, statement: str) -> None:
+    """Executes a statement for which SQLite does not wait by itself while another process holds the file."""
+    end = time.monotonic() + _PATIENCE
+    while True:
+        try:
+            database.execute(statement)
+            return
+        except sqlite3.OperationalError as error:
+            if "locked" not in str(error) or time.monotonic() > end:
+                raise
+            time.sleep(0.01)
+
+
+def _same(one: Reply, other: Reply) -> bool:
+    return all(getattr(one, field) == getattr(other, field) for field in _FIELDS)

@@ -1,0 +1,338 @@
+"""Questions -> answers of a language model behind an OpenAI-compatible server.
+
+The client asks each chat once, keeps every answer, and gives back an answer to every question whatever the server
+does: where there is none, the cause. It works in an event loop in a thread of its own, so a simulation can go on
+while its questions are on their way.
+"""
+
+import asyncio
+import threading
+from collections import Counter
+from collections.abc import Coroutine, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from rearl_jax.config.llm import LlmConfig
+from rearl_jax.llm.answers import Answers, answers_path
+from rearl_jax.llm.connection import Connection, read_key, server_address
+from rearl_jax.llm.keeping import Keeper
+from rearl_jax.llm.parsing import majority, understand
+from rearl_jax.llm.profiles import request_body, request_digest
+from rearl_jax.llm.records import KEEP_OUT, Answer, Cause, Question, Reply
+from rearl_jax.llm.requests_table import RequestRow, requests_frame
+from rearl_jax.llm.sending import Job, Sender
+from rearl_jax.llm.startup import Server, meet, replayed
+
+if TYPE_CHECKING:
+    import pandas
+
+_Result = TypeVar("_Result")
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How far a client is.
+
+    Attributes:
+        questions: Questions submitted so far.
+        answers: Those of them that have an answer or a cause.
+        causes: The same by cause.
+        kept: Chats whose answer was kept from earlier.
+        sent: Chats that were sent.
+        tries: Times a chat was sent.
+        waiting: Chats that are not sent yet.
+        in_flight: Chats on their way.
+    """
+
+    questions: int
+    answers: int
+    causes: Mapping[Cause, int]
+    kept: int
+    sent: int
+    tries: int
+    waiting: int
+    in_flight: int
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A question and the digests of its requests, one per vote."""
+
+    question: Question
+    digests: tuple[str, ...]
+
+
+class Client:
+    """Asks a language model; a context manager.
+
+    `with Client(config, "http://127.0.0.1:8000/v1") as client: client.submit(questions).result()`
+    """
+
+    def __init__(self, config: LlmConfig, base_url: str, *, replay: bool = False) -> None:
+        """Nothing is opened yet.
+
+        Args:
+            config: Model, sampling, time-outs, where answers are kept.
+            base_url: Address of the server, with or without `/v1` at its end; not used for a replay.
+            replay: Whether only kept answers are given, without a server.
+
+        Raises:
+            ValueError: The address is none, or a key of the configuration is out of range.
+        """
+        config.check()
+        self._config = config
+        self._replay = replay
+        self._address = "" if replay else server_address(base_url)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._thread: threading.Thread | None = None
+        self._connection: Connection | None = None
+        self._sender: Sender | None = None
+        self._answers: Answers | None = None
+        self._keeper: Keeper | None = None
+        self._server: Server | None = None
+        self._jobs: dict[str, Job] = {}
+        self._work: set[asyncio.Task[Any]] = set()
+        self._rows: list[RequestRow] = []
+        self._questions = 0
+        self._kept = 0
+        self._causes: Counter[Cause] = Counter()
+
+    def __enter__(self) -> "Client":
+        return self.open()
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"Client({self._address or 'replay'!r}, model={self.server.model if self._server else None!r})"
+
+    def open(self) -> "Client":
+        """This client, when the server is ready and the file of answers open.
+
+        Raises:
+            ConnectionError: There is no server, or it does not get ready.
+            ValueError: The server does not have the model or refuses us, or the file of answers cannot be used.
+            FileNotFoundError: There is nothing to replay.
+        """
+        if self._loop is not None:
+            raise RuntimeError("the client is open already")
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, name="rearl-llm", daemon=True)
+        self._thread.start()
+        try:
+            self._in_loop(self._open()).result()
+        except BaseException:  # an interruption as well
+            self.close()
+            raise
+        return self
+
+    def close(self) -> None:
+        """Stops what is on its way and closes everything; answers that have come are kept."""
+        loop, thread = self._loop, self._thread
+        if loop is None or thread is None:
+            return
+        self._in_loop(self._close()).result()
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        loop.close()
+        self._loop = self._thread = None
+
+    @property
+    def server(self) -> Server:
+        """Model and dialect that are asked.
+
+        Raises:
+            RuntimeError: The client is not open.
+        """
+        if self._server is None:
+            raise RuntimeError("the client is not open: use it in a with statement, or call open() first")
+        return self._server
+
+    def submit(self, questions: Sequence[Question], *, second: int | None = None) -> Future[list[Answer]]:
+        """Answers in the order of the questions, within the deadline of the configuration.
+
+        Equal questions are sent once, and in the order of the questions, so that equal beginnings meet.
+
+        Args:
+            questions: What is asked.
+            second: Second of the simulation, for the table of requests.
+
+        Raises:
+            RuntimeError: The client is not open.
+            ValueError: From the future: the file of answers is damaged.
+        """
+        config, server = self._config, self.server
+        bodies: dict[str, str] = {}
+        asked = []
+        for question in questions:
+            digests = []
+            for vote in range(config.votes):
+                body = request_body(
+                    question.messages,
+                    question.choices,
+                    model=server.model,
+                    dialect=server.dialect,
+                    config=config,
+                    seed=config.seed + vote,
+                )
+                digest = request_digest(body, server.dialect)
+                bodies.setdefault(digest, body)
+                digests.append(digest)
+            asked.append(_Asked(question, tuple(digests)))
+        return self._in_loop(self._answer(asked, bodies, second))
+
+    @property
+    def counts(self) -> Counts:
+        """How far the client is; cheap, from any thread."""
+        causes = dict(self._causes)
+        sender = self._sender
+        return Counts(
+            questions=self._questions,
+            answers=sum(causes.values()),
+            causes=causes,
+            kept=self._kept,
+            sent=sender.sent if sender else 0,
+            tries=sender.tries if sender else 0,
+            waiting=sender.waiting if sender else 0,
+            in_flight=sender.in_flight if sender else 0,
+        )
+
+    def requests_frame(self) -> "pandas.DataFrame":
+        """A row for every reply to every question so far; columns as in `requests_table.COLUMNS`."""
+        return requests_frame(list(self._rows))
+
+    def _in_loop(self, work: Coroutine[Any, Any, _Result]) -> Future[_Result]:
+        assert self._loop is not None
+        return asyncio.run_coroutine_threadsafe(work, self._loop)
+
+    async def _open(self) -> None:
+        config = self._config
+        self._enter()
+        self._answers = Answers(answers_path(config), read_only=self._replay)
+        if self._replay:
+            server = replayed(self._answers, config)
+        else:
+            self._connection = Connection(self._address, config, read_key(config.api_key_env))
+            server = await meet(self._connection, config)
+            self._sender = Sender(self._connection, config, self._finish)
+        self._keeper = Keeper(self._answers, server.model, server.dialect.profile)
+        self._server = server
+
+    async def _close(self) -> None:
+        self._server = None
+        for task in self._work:
+            task.cancel()
+        await asyncio.gather(*self._work, return_exceptions=True)
+        if self._sender is not None:
+            await self._sender.close()
+        if self._connection is not None:
+            await self._connection.close()
+        if self._keeper is not None:
+            await self._keeper.close()
+        if self._answers is not None:
+            self._answers.close()
+        await asyncio.get_running_loop().shutdown_asyncgens()
+
+    async def _answer(self, asked: list[_Asked], bodies: Mapping[str, str], second: int | None) -> list[Answer]:
+        """The answers of one burst of questions; what is not back at its deadline is late."""
+        self._enter()
+        self._questions += len(asked)
+        loop = asyncio.get_running_loop()
+        deadline = loop.time() + self._config.deadline
+        new = [Job(digest, body) for digest, body in bodies.items() if digest not in self._jobs]
+        # From here on another burst with the same chat waits for this job, also while it is looked up.
+        self._jobs |= {job.digest: job for job in new}
+        jobs = {digest: self._jobs[digest] for digest in bodies}
+        for job in jobs.values():
+            job.waiting += 1
+            job.deadline = max(job.deadline, deadline)
+        try:
+            if new:
+                # Not stopped with this burst: others may wait for the same chats already.
+                await asyncio.shield(asyncio.ensure_future(self._look_up(new)))
+            waiting = [job.done for job in jobs.values() if not job.done.done()]
+            if waiting:
+                await asyncio.wait(waiting, timeout=deadline - loop.time())
+            replies = {
+                digest: job.done.result() if job.done.done() else job.reply(Cause.late) for digest, job in jobs.items()
+            }
+        finally:
+            for job in jobs.values():
+                self._leave(job)
+        return self._conclude(asked, replies, {job.digest for job in new if job.tries}, second)
+
+    def _enter(self) -> None:
+        """Marks the running task as one that has to end before the client closes."""
+        task = asyncio.current_task()
+        assert task is not None
+        self._work.add(task)
+        task.add_done_callback(self._work.discard)
+
+    async def _look_up(self, jobs: list[Job]) -> None:
+        """Answers from the file, the others on their way."""
+        assert self._keeper is not None
+        self._enter()
+        problem, found = None, {}
+        try:
+            found = await self._keeper.find([job.digest for job in jobs])
+        except ValueError as error:
+            problem = error
+        self._kept += len(found)
+        missing = []
+        for job in jobs:
+            if job.done.done():  # abandoned meanwhile
+                continue
+            if problem is not None:
+                job.done.set_exception(problem)
+            elif job.digest in found:
+                job.done.set_result(found[job.digest])
+            elif self._sender is None:
+                job.done.set_result(job.reply(Cause.not_kept))
+            else:
+                missing.append(job)
+        if self._sender is not None:
+            self._sender.add(missing)
+
+    def _finish(self, job: Job, reply: Reply) -> None:
+        """Gives out a reply, when it is kept."""
+        if job.done.done():
+            return
+        if reply.cause is Cause.answered and self._keeper is not None:
+            self._keeper.keep(job.digest, reply, job.done)
+        else:
+            job.done.set_result(reply)
+
+    def _leave(self, job: Job) -> None:
+        """One burst does not wait for a job any more; the last one stops it."""
+        job.waiting -= 1
+        if job.waiting:
+            return
+        del self._jobs[job.digest]
+        if job.done.done():
+            job.done.exception()  # looked at: asyncio complains of those that nobody sees
+        elif self._sender is not None:
+            self._sender.abandon(job)
+
+    def _conclude(
+        self, asked: list[_Asked], replies: Mapping[str, Reply], sent: set[str], second: int | None
+    ) -> list[Answer]:
+        """What the replies mean for every question; a row for each."""
+        answers = []
+        for item in asked:
+            votes = []
+            for vote, digest in enumerate(item.digests):
+                reply = replies[digest]
+                action, cause = KEEP_OUT, reply.cause
+                if reply.text is not None:
+                    action, cause = understand(reply.text, item.question.choices, reply.finish)
+                votes.append((action, cause))
+                was_sent = digest in sent
+                sent.discard(digest)
+                self._rows.append(
+                    RequestRow(second, item.question, vote, digest, reply, action, cause, was_sent=was_sent)
+                )
+            action, cause = votes[0] if len(votes) == 1 else majority(votes)
+            self._causes[cause] += 1
+            answers.append(Answer(action, cause, tuple(replies[digest] for digest in item.digests), item.digests[0]))
+        return answers

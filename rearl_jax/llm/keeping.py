@@ -1,0 +1,84 @@
+"""Answers kept while others arrive: the file is read and written by a thread of its own, many answers at a time."""
+
+import asyncio
+import logging
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+from rearl_jax.config.llm import Profile
+from rearl_jax.llm.answers import Answers
+from rearl_jax.llm.records import Reply
+
+log = logging.getLogger(__name__)
+
+
+class Keeper:
+    """The kept answers of one model, for one event loop."""
+
+    def __init__(self, answers: Answers, model: str, profile: Profile) -> None:
+        """Nobody else may use the file meanwhile.
+
+        Args:
+            answers: The open file.
+            model: Name of the model.
+            profile: Dialect it is asked in.
+        """
+        self._answers = answers
+        self._model = model
+        self._profile = profile
+        self._thread = ThreadPoolExecutor(1, "rearl-answers")
+        self._waiting: dict[str, tuple[Reply, asyncio.Future[Reply]]] = {}
+        self._writer: asyncio.Task[None] | None = None
+        self._is_failing = False
+
+    async def find(self, digests: Sequence[str]) -> dict[str, Reply]:
+        """The kept answers among those of some requests.
+
+        Raises:
+            ValueError: The file is damaged.
+        """
+        return await asyncio.get_running_loop().run_in_executor(self._thread, self._answers.find, digests)
+
+    def keep(self, digest: str, reply: Reply, done: asyncio.Future[Reply]) -> None:
+        """Keeps a reply, then gives out what is kept: it, or another process's that was first.
+
+        Args:
+            digest: Hash of the request.
+            reply: The reply, with a text.
+            done: What it is given to.
+        """
+        self._waiting[digest] = reply, done
+        if self._writer is None or self._writer.done():
+            self._writer = asyncio.create_task(self._write())
+
+    async def close(self) -> None:
+        """Waits until everything is written; the file stays open."""
+        if self._writer is not None:
+            await self._writer
+        self._thread.shutdown()
+
+    async def _write(self) -> None:
+        loop = asyncio.get_running_loop()
+        while self._waiting:
+            batch, self._waiting = self._waiting, {}
+            replies = {digest: reply for digest, (reply, _) in batch.items()}
+            try:
+                kept = await loop.run_in_executor(self._thread, self._answers.keep, replies, self._model, self._profile)
+            except OSError as error:
+                kept = replies
+                self._complain(error)
+            except Exception as error:  # handed on to whoever asked, who would wait for ever
+                for _, done in batch.values():
+                    if not done.done():
+                        done.set_exception(error)
+                continue
+            for digest, (_, done) in batch.items():
+                if not done.done():
+                    done.set_result(kept[digest])
+
+    def _complain(self, error: OSError) -> None:
+        if not self._is_failing:
+            self._is_failing = True
+            log.error(
+                "answers cannot be kept any more (%s): they are used, but the next run will ask for them again", error
+            )

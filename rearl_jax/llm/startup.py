@@ -1,0 +1,241 @@
+"""The server's address and the configuration -> which model is asked, in which dialect; or one sentence to the user.
+
+Before the first question the server must be there, have loaded the model and know it by its name; and it is tried out
+whether it restricts answers to the choices, which many servers pass over in silence.
+"""
+
+import asyncio
+import logging
+from dataclasses import dataclass
+from typing import Any
+
+from rearl_jax.config.llm import LlmConfig, Profile
+from rearl_jax.llm.answers import Answers, answers_path
+from rearl_jax.llm.connection import Connection, Response
+from rearl_jax.llm.profiles import (
+    DIALECTS,
+    Dialect,
+    is_constrained,
+    read_completion,
+    read_error,
+    read_json,
+    request_body,
+)
+from rearl_jax.llm.records import Message
+
+log = logging.getLogger(__name__)
+
+_POLL = 1.0
+"""Pause before a server that is loading is asked again [s]."""
+
+_PATIENCE = 10.0
+"""Longest time without a byte of a request that needs no model [s]."""
+
+_CANARY = (Message("user", "What is the capital of France? Reply with its name only."),)
+_CANARY_CHOICES = (7, 8)
+"""No model says so of its own accord."""
+
+_MAKERS = {"vllm": Profile.vllm, "sglang": Profile.sglang, "llamacpp": Profile.llamacpp}
+"""Servers that name themselves as the owner of their models."""
+
+
+@dataclass(frozen=True)
+class Server:
+    """Whom the questions go to.
+
+    Attributes:
+        model: Name of the model, as the server knows it.
+        dialect: What the server understands.
+    """
+
+    model: str
+    dialect: Dialect
+
+
+async def meet(connection: Connection, config: LlmConfig) -> Server:
+    """Waits until the server is there and knows the model; warns where answers are not constrained.
+
+    Raises:
+        ConnectionError: There is no server, or it does not get ready.
+        ValueError: It does not have the model, or refuses what it is sent.
+    """
+    response = await _models(connection, config)
+    model = _choose_model(_names(response), config.model, connection.address)
+    profile = config.profile
+    if profile is Profile.auto:
+        profile = await _recognise(connection, response)
+        log.info("the server at %s is taken for llm.profile=%s", connection.address, profile.name)
+    server = Server(model, DIALECTS[profile])
+    await _try_constraint(connection, config, server)
+    return server
+
+
+def replayed(answers: Answers, config: LlmConfig) -> Server:
+    """Whose answers are replayed.
+
+    Raises:
+        ValueError: The configuration fits none of the kept models, or several.
+    """
+    kept = answers.sources()
+    fitting = [
+        (model, profile)
+        for model, profile in kept
+        if config.model in ("", model) and config.profile in (Profile.auto, profile)
+    ]
+    if len(fitting) != 1:
+        listed = ", ".join(f"llm.model={model} llm.profile={profile.name}" for model, profile in kept) or "nothing"
+        raise ValueError(
+            f"{len(fitting)} of the kept models fit llm.model={config.model} llm.profile={config.profile.name}: set "
+            f"them to one of those in {answers_path(config)} ({listed})"
+        )
+    ((model, profile),) = fitting
+    return Server(model, DIALECTS[profile])
+
+
+async def _models(connection: Connection, config: LlmConfig) -> Response:
+    """The response with the list of models."""
+    loop = asyncio.get_running_loop()
+    end = loop.time() + config.startup
+    tries, is_loading = 0, False
+    while True:
+        response = await connection.get("/models", _PATIENCE)
+        if response.status == 200 and _is_list(response):
+            return response
+        if response.status in (429, 503):
+            if loop.time() + _POLL > end:
+                raise ConnectionError(
+                    f"the server at {connection.address} is still loading after {config.startup:g} s: start rearl "
+                    "again when it is ready, or raise llm.startup"
+                )
+            if not is_loading:
+                log.info("the server at %s is loading: waiting up to %g s", connection.address, config.startup)
+            is_loading = True
+            await asyncio.sleep(_POLL)
+            continue
+        tries += 1
+        if tries >= config.tries or (response.status is not None and 300 <= response.status < 500):
+            raise _no_server(connection, config, response)
+        await asyncio.sleep(config.backoff * 2 ** (tries - 1))
+
+
+def _no_server(connection: Connection, config: LlmConfig, response: Response) -> Exception:
+    """What to say about a response to the question for models that is no list of models."""
+    address, said = connection.address, connection.without_key(read_error(response.content))
+    if response.status is None:
+        return ConnectionError(
+            f"no server answers at {address} ({response.error}): start one there, or set decision.server.base_url"
+        )
+    if response.status in (401, 403):
+        return ValueError(
+            f"the server at {address} does not let us in (HTTP {response.status}: {said}): put its key into the "
+            f"environment variable {config.api_key_env or 'that llm.api_key_env names'}"
+        )
+    if response.status >= 500:
+        return ConnectionError(f"the server at {address} is not well (HTTP {response.status}: {said}): restart it")
+    return ValueError(
+        f"what answers at {address} is no OpenAI-compatible server (HTTP {response.status} for /models): "
+        "check decision.server.base_url"
+    )
+
+
+def _entries(response: Response) -> list[dict[str, Any]]:
+    """The models of a list of models; ValueError where it is none."""
+    listed = read_json(response.content)
+    models = listed.get("data") if isinstance(listed, dict) else None
+    # Ollama without a model says null.
+    if models is None and isinstance(listed, dict) and listed.get("object") == "list":
+        return []
+    if not isinstance(models, list):
+        raise ValueError("no list of models")
+    return [model for model in models if isinstance(model, dict) and isinstance(model.get("id"), str)]
+
+
+def _is_list(response: Response) -> bool:
+    try:
+        _entries(response)
+    except ValueError:
+        return False
+    return True
+
+
+def _names(response: Response) -> list[str]:
+    return [model["id"] for model in _entries(response)]
+
+
+def _choose_model(names: list[str], wanted: str, address: str) -> str:
+    """The name the server knows the wanted model by; the empty name stands for its only one."""
+    listed = ", ".join(names) or "none"
+    if not wanted:
+        if len(names) == 1:
+            return names[0]
+        raise ValueError(f"the server at {address} has {len(names)} models: set llm.model to one of them ({listed})")
+    for name in (wanted, f"{wanted}:latest"):  # Ollama's name for a model without a tag
+        if name in names:
+            return name
+    raise ValueError(f"the server at {address} has no model {wanted!r}: set llm.model to one it has ({listed})")
+
+
+async def _recognise(connection: Connection, response: Response) -> Profile:
+    """The dialect of a server by what it says of itself."""
+    makers = {str(model.get("owned_by")) for model in _entries(response)}
+    for maker, profile in _MAKERS.items():
+        if maker in makers:
+            return profile
+    if response.server.lower().startswith("llama.cpp"):
+        return Profile.llamacpp
+    # Only Ollama tells its version there.
+    version = await connection.get("/../api/version", _PATIENCE)
+    try:
+        if version.status == 200 and isinstance(read_json(version.content)["version"], str):
+            return Profile.ollama
+    except (ValueError, KeyError, TypeError):
+        pass
+    log.warning(
+        "the server at %s does not say what it is: llm.profile=plain, without constraints and without switching the "
+        "reasoning off; set llm.profile if it is one of vllm, sglang, ollama, llamacpp",
+        connection.address,
+    )
+    return Profile.plain
+
+
+async def _try_constraint(connection: Connection, config: LlmConfig, server: Server) -> None:
+    """Asks something whose answer is none of the choices: a server that ignores constraints gives itself away."""
+    if not is_constrained(config, server.dialect):
+        return
+    body = request_body(
+        _CANARY, _CANARY_CHOICES, model=server.model, dialect=server.dialect, config=config, seed=config.seed
+    )
+    problem = ""
+    for number in range(config.tries):
+        if number:
+            await asyncio.sleep(config.backoff * 2 ** (number - 1))
+        response = await connection.post("/chat/completions", body.encode())
+        problem = response.error or f"HTTP {response.status}"
+        if response.status is not None and 300 <= response.status < 500 and response.status not in (408, 429):
+            said = connection.without_key(read_error(response.content))
+            raise ValueError(
+                f"the server at {connection.address} refuses what llm.profile={server.dialect.profile.name} sends "
+                f"(HTTP {response.status}: {said}): set llm.profile, llm.thinking=none or llm.constrained=false"
+            )
+        if response.status != 200:
+            continue
+        try:
+            text = read_completion(response.content).text
+        except ValueError as error:
+            problem = str(error)
+            continue
+        if text.strip().strip('"') not in {str(choice) for choice in _CANARY_CHOICES}:
+            log.warning(
+                "the server at %s ignores the constraint of llm.profile=%s: answers are not held to the admissible "
+                "actions (asked for %s it said %r)",
+                connection.address,
+                server.dialect.profile.name,
+                " or ".join(map(str, _CANARY_CHOICES)),
+                connection.without_key(text[:40]),
+            )
+        return
+    log.warning(
+        "whether the server at %s constrains answers could not be tried out: %s",
+        connection.address,
+        connection.without_key(problem),
+    )

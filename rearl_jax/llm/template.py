@@ -1,0 +1,157 @@
+"""A Jinja file of the prompts -> its blocks, rendered; whatever is wrong with the file becomes one sentence.
+
+The shipped file, `prompt.txt.j2`, says which blocks and variables there are.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+from jinja2 import (
+    BaseLoader,
+    Environment,
+    FileSystemLoader,
+    PackageLoader,
+    StrictUndefined,
+    Template,
+    TemplateSyntaxError,
+    UndefinedError,
+    meta,
+    nodes,
+)
+from jinja2.runtime import Context
+
+SHIPPED = "prompt.txt.j2"
+"""Name of the template that comes with the package."""
+
+_EVERYWHERE = frozenset({"options", "actions", "levels", "bins"})
+_ROAD = _EVERYWHERE | {"road"}
+_REFERENCE = _ROAD | {"reference"}
+_SCENE = _REFERENCE | {"scene"}
+_USER = _SCENE | {"car", "neighbours", "choices"}
+VARIABLES = {"system": _EVERYWHERE, "road": _ROAD, "reference": _REFERENCE, "scene": _SCENE, "user": _USER}
+"""What each block may use; blocks of other names may use what `user` may."""
+
+Rendered = Callable[[Context], Iterator[str]]
+"""A block that has been rendered before."""
+
+
+class PromptTemplate:
+    """The blocks of one file.
+
+    Attributes:
+        file: The file, as in messages.
+    """
+
+    def __init__(self, template: Template, file: str) -> None:
+        self.file = file
+        self._template = template
+
+    def has(self, block: str) -> bool:
+        """Whether the file has a block of that name."""
+        return block in self._template.blocks
+
+    def render(self, block: str, variables: Mapping[str, object], ready: Mapping[str, Rendered] | None = None) -> str:
+        """Text of a block.
+
+        Args:
+            block: Its name.
+            variables: What it may use.
+            ready: Blocks inside it that need not be rendered again, from `rendered`.
+
+        Raises:
+            ValueError: Something in the block does not work; the message names file and line.
+        """
+        context = self._template.new_context(dict(variables))
+        for name, text in (ready or {}).items():
+            context.blocks[name] = [text]
+        try:
+            return "".join(self._template.blocks[block](context))
+        except Exception as error:  # a template can raise anything; all of it is the fault of that file
+            raise ValueError(f"{self.file}, line {self._line(error)}: {_fault(error)}") from error
+
+    def _line(self, error: BaseException) -> int:
+        """Line of the file an error comes from."""
+        line, step = 0, error.__traceback__
+        while step is not None:
+            if step.tb_frame.f_code.co_filename == self._template.filename:
+                line = step.tb_lineno
+            step = step.tb_next
+        return self._template.get_corresponding_lineno(line)
+
+
+def rendered(text: str) -> Rendered:
+    """A block whose text is known."""
+
+    def block(context: Context) -> Iterator[str]:
+        yield text
+
+    return block
+
+
+def load_template(path: str) -> PromptTemplate:
+    """The template in a file.
+
+    Args:
+        path: The file; empty for the shipped one.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: It is no template, lacks a block or uses a variable that does not exist; the message names file and
+            line.
+    """
+    file, loader = (Path(path), FileSystemLoader(Path(path).parent)) if path else (Path(SHIPPED), _shipped())
+    if path and not file.is_file():
+        raise FileNotFoundError(
+            f"prompt.template: there is no file {file}. Name a Jinja file with the blocks system and user, or leave "
+            "the key empty for the shipped one"
+        )
+    environment = Environment(
+        loader=loader, undefined=StrictUndefined, finalize=_written, trim_blocks=True, lstrip_blocks=True
+    )
+    try:
+        source = loader.get_source(environment, file.name)[0]
+        tree = environment.parse(source, file.name, str(file))
+        template = environment.get_template(file.name)
+    except TemplateSyntaxError as error:
+        raise ValueError(f"{file}, line {error.lineno}: {error.message}") from error
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{file} is no text in UTF-8 (byte {error.start}): save it as UTF-8") from error
+    _check(environment, tree, file)
+    return PromptTemplate(template, str(file))
+
+
+def _shipped() -> BaseLoader:
+    return PackageLoader("rearl_jax.llm", "")
+
+
+def _written(value: object) -> object:
+    """How the value of an expression is written."""
+    if isinstance(value, float):
+        return f"{value:z.1f}"
+    return "none" if value is None else value
+
+
+def _check(environment: Environment, tree: nodes.Template, file: Path) -> None:
+    """Raise ValueError for a missing block or a variable that no block of that name can have."""
+    blocks = list(tree.find_all(nodes.Block))
+    missing = [name for name in ("system", "user") if name not in {block.name for block in blocks}]
+    if missing:
+        raise ValueError(
+            f"{file}: the block {missing[0]} is missing. Add {{% block {missing[0]} %}} ... {{% endblock %}}; the "
+            f"shipped {SHIPPED} says what the two blocks are"
+        )
+    for block in blocks:
+        allowed = VARIABLES.get(block.name, _USER)
+        alone = nodes.Template([block], lineno=1)
+        alone.set_environment(environment)
+        for name in sorted(meta.find_undeclared_variables(alone) - allowed):
+            line = next((used.lineno for used in block.find_all(nodes.Name) if used.name == name), block.lineno)
+            raise ValueError(
+                f"{file}, line {line}: the block {block.name} has no variable {name!r}. It may use "
+                f"{', '.join(sorted(allowed))}"
+            )
+
+
+def _fault(error: Exception) -> str:
+    """What went wrong, in words."""
+    return str(error) if isinstance(error, UndefinedError) else f"{type(error).__name__}: {error}"

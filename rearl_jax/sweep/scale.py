@@ -1,0 +1,124 @@
+"""The task `rearl sweep scale`: very many rollouts simulated and scored in constant memory, and what they cost.
+
+Writes into the study folder `cost.parquet` (one row per batch size), `runs/part-*.parquet` (one row per rollout),
+`progress.parquet` (one row per part), `scale.png`, `config.json` and, last of all, `summary.json`. A killed study goes
+on where it was.
+"""
+
+import json
+import logging
+import math
+import os
+from dataclasses import asdict, replace
+
+import jax
+import numpy as np
+import pandas as pd
+from rich.progress import Progress
+
+from rearl_jax import runtime
+from rearl_jax.config import SweepScaleTask
+from rearl_jax.config.core import Precision
+from rearl_jax.config.evaluation import SeedScope
+from rearl_jax.data.recordings import is_generated
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.splits import Split
+from rearl_jax.detection.references import References
+from rearl_jax.evaluation.inputs import read_inputs
+from rearl_jax.evaluation.percentiles import detection_thresholds
+from rearl_jax.evaluation.rollouts import NEVER, Rollouts
+from rearl_jax.evaluation.scores import Scores
+from rearl_jax.evaluation.task import inputs_id
+from rearl_jax.progress import progress_bar, shown
+from rearl_jax.results import Study
+from rearl_jax.sweep.parts import finished_parts, run_columns, write_runs
+from rearl_jax.sweep.scale_costs import batch_costs
+from rearl_jax.sweep.scale_progress import StreamLog, shown_with_rate
+from rearl_jax.sweep.scale_results import ScaleResults
+from rearl_jax.sweep.scale_terminal import print_scale
+
+log = logging.getLogger(__name__)
+
+
+def run(config: SweepScaleTask) -> dict:
+    """The summary: rates, memory, cost of a rollout by the number simulated at a time.
+
+    Raises:
+        FileNotFoundError, ValueError: There are no recordings, one is bad, too few scenes can be cut from them, or two
+            keys contradict each other.
+    """
+    config.check()
+    if config.eval.seed_scope is not SeedScope.run_x_scene:
+        raise ValueError("every rollout is scored against its own scene: set eval.seed_scope=run_x_scene")
+    if config.core.dtype is Precision.float64:
+        jax.config.update("jax_enable_x64", True)
+    generated = is_generated(config.data)
+    study = Study(config.results.root, config.study, config, "sweep scale", inputs_id(config), generated=generated)
+    if config.results.resume and (stored := study.finished_summary()) is not None:
+        log.info("finished before: %s", study.path)
+        return stored
+    study.write_config()
+    with progress_bar() as bar:
+        results = _measured(config, study, bar, generated=generated)
+    print_scale(results)
+
+    # Only now, so that nobody waits for matplotlib to see the table.
+    from rearl_jax.sweep.scale_figure import draw_scale
+
+    study.write_bytes("scale.png", draw_scale(results))
+    summary = results.summary()
+    study.write_summary(summary)
+    return summary
+
+
+def _measured(config: SweepScaleTask, study: Study, bar: Progress, *, generated: bool) -> ScaleResults:
+    """The batch sizes, then the stream; both are written."""
+    load_average = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    acts = config.method.needs_references
+    inputs = read_inputs(config, study, bar, with_references=acts)
+    scenes, splits, thresholds = inputs.scenes, inputs.splits, NEVER
+    if acts:
+        thresholds = detection_thresholds(config, scenes, splits.threshold, shown(bar, "thresholds"))
+    subset = splits.indices(Split[config.eval.subset.name.upper()])
+    rollouts = list_rollouts(config, scenes, subset, inputs.references, thresholds)
+    machine = runtime.describe_machine()
+    metadata = {
+        "seeds": f"eval.seed={config.eval.seed}, split.seed={config.split.seed}",
+        "scenes_id": scenes.data_id,
+        "thresholds": json.dumps([str(value) for value in thresholds]),
+    }
+    measured = metadata | {"machine": json.dumps(machine)}
+    costs = batch_costs(config, rollouts, scenes, shown(bar, "batch sizes"))
+    study.write_table("cost", pd.DataFrame(map(asdict, costs)), **measured)
+
+    def table_of(some: Rollouts, scores: Scores) -> pd.DataFrame:
+        return pd.DataFrame(run_columns(scenes.scene_id, some, scores))
+
+    before = list(finished_parts(study, len(rollouts)).values())
+    stream = StreamLog(study, sum(part.stop - part.start for part in before), measured)
+    progress = shown_with_rate(bar, "rollouts", before)
+    write_runs(config, study, rollouts, scenes, table_of, metadata, progress, stream.add)
+    return ScaleResults(
+        config, len(subset), scenes.seconds, thresholds, costs, stream, machine, load_average, generated
+    )
+
+
+def list_rollouts(
+    config: SweepScaleTask,
+    scenes: SceneSet,
+    subset: np.ndarray,
+    references: References | None,
+    thresholds: tuple[float, float],
+) -> Rollouts:
+    """Exactly `n_rollouts` rollouts: as many runs of every scene as that takes, the last one cut short.
+
+    Args:
+        config: The task.
+        scenes: All scenes.
+        subset: Indices of those to be simulated.
+        references: Representative scenes, for methods that intervene.
+        thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene.
+    """
+    n_rollouts = int(config.n_rollouts)
+    enough = replace(config, eval=replace(config.eval, n_runs=math.ceil(n_rollouts / len(subset))))
+    return Rollouts(enough, scenes, subset, references, [thresholds])[:n_rollouts]

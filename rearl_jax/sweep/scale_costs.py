@@ -1,0 +1,93 @@
+"""Rollouts in; what one of them costs out, by the number simulated at a time, simulation and scoring apart."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from rearl_jax.bench.measurement import Stopwatch
+from rearl_jax.config import EvaluateTask
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.runner import make_scorer
+from rearl_jax.evaluation.scoring import Scorer
+
+BATCHES = (1, 10, 100, 1_000, 10_000)
+"""Rollouts at a time, as far as there are so many."""
+
+LEAST_REPETITIONS, LEAST_S = 3, 1.0
+"""A batch is repeated so often, and for so long [s]."""
+
+
+@dataclass(frozen=True)
+class BatchCost:
+    """Cost of a rollout in a batch: medians over the repetitions, with everything compiled.
+
+    Attributes:
+        n_rollouts: Rollouts of the batch.
+        repetitions: How often it was measured.
+        first_s: Elapsed time of the first call, which compiles or loads the programs, the whole batch [s].
+        simulate_s: Elapsed time of the simulation per rollout [s].
+        simulate_cpu_s: CPU time of the simulation per rollout [s].
+        score_s: Elapsed time of the scoring per rollout [s].
+        score_cpu_s: CPU time of the scoring per rollout [s].
+    """
+
+    n_rollouts: int
+    repetitions: int
+    first_s: float
+    simulate_s: float
+    simulate_cpu_s: float
+    score_s: float
+    score_cpu_s: float
+
+
+def batch_costs(
+    config: EvaluateTask, rollouts: Rollouts, scenes: SceneSet, progress: Callable[[int, int], None]
+) -> list[BatchCost]:
+    """Cost of the first rollouts, one by one up to 10,000 at a time, or as many as there are.
+
+    Args:
+        config: The task.
+        rollouts: All rollouts.
+        scenes: All scenes.
+        progress: Called with the number of batch sizes done and their total.
+    """
+    sizes, costs = batch_sizes(len(rollouts)), []
+    for size in sizes:
+        progress(len(costs), len(sizes))
+        costs.append(_cost(config, rollouts[:size], scenes))
+    progress(len(sizes), len(sizes))
+    return costs
+
+
+def batch_sizes(n_rollouts: int) -> list[int]:
+    """Rollouts at a time that are measured; the last is all of them where they are few."""
+    return sorted({min(size, n_rollouts) for size in BATCHES})
+
+
+def _cost(config: EvaluateTask, rollouts: Rollouts, scenes: SceneSet) -> BatchCost:
+    scorer, width = make_scorer(config, scenes, len(rollouts))
+    simulating, scoring = _timed(rollouts, scorer, width)
+    first_s = simulating.wall_s + scoring.wall_s
+    passes, passed_s = [], 0.0
+    while len(passes) < LEAST_REPETITIONS or passed_s < LEAST_S:
+        simulating, scoring = _timed(rollouts, scorer, width)
+        passes.append((simulating.wall_s, simulating.cpu_s, scoring.wall_s, scoring.cpu_s))
+        passed_s += simulating.wall_s + scoring.wall_s
+    return BatchCost(len(rollouts), len(passes), first_s, *(np.median(passes, axis=0) / len(rollouts)).tolist())
+
+
+def _timed(rollouts: Rollouts, scorer: Scorer, width: int) -> tuple[Stopwatch, Stopwatch]:
+    """Time of simulating and of scoring all rollouts once, as the stream does it."""
+    simulating, scoring = Stopwatch(), Stopwatch()
+    chunks = rollouts.chunks(width)
+    done = 0
+    while done < len(rollouts):
+        with simulating:
+            frames = next(chunks).frames
+        n = frames.x.shape[-1]
+        with scoring:
+            scorer.simulated(frames, np.arange(n), rollouts[done : done + n].scene)
+        done += n
+    return simulating, scoring

@@ -1,0 +1,91 @@
+"""Files of weights: there and back, and every way in which one can be wrong."""
+
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def config(tiny):
+    from rearl_jax.config.decision import AdmissibleConfig, LaneGate, Longitudinal
+    from rearl_jax.config.ppo import PpoConfig
+
+    admissible = AdmissibleConfig(lane=LaneGate.mobil_safe, decel_keep=2.5)
+    return replace(tiny, ppo=PpoConfig(width=16, longitudinal=Longitudinal.idm_capped), admissible=admissible)
+
+
+@pytest.fixture
+def file(network, config, tmp_path):
+    from rearl_jax.baselines.weights import weights_file
+
+    path = tmp_path / "weights.eqx"
+    path.write_bytes(weights_file(network, config))
+    return path
+
+
+def test_there_and_back(network, config, file):
+    from rearl_jax.baselines.driving import DrivingOptions
+    from rearl_jax.baselines.weights import load_policy, weights_file
+    from rearl_jax.config.decision import Longitudinal
+
+    policy = load_policy(str(file), config.core)
+    for a, b in zip(*map(jax.tree.leaves, (network, policy.network)), strict=True):
+        assert a.dtype == b.dtype == np.float32
+        np.testing.assert_array_equal(a, b)
+    assert policy.options == DrivingOptions(config.admissible, Longitudinal.idm_capped)
+    assert (policy.n_lanes, policy.file) == (4, "weights.eqx")
+    assert policy.car_steps == config.ppo.n_updates(4) * 64 * 60 * 4
+    # The folder of the results leaves no trace in it.
+    moved = replace(config, study="elsewhere", results=replace(config.results, root="anywhere"))
+    assert weights_file(network, moved) == file.read_bytes()
+
+
+def test_wrong_files_are_named(config, file, tmp_path):
+    from rearl_jax.baselines.weights import load_policy
+
+    whole = file.read_bytes()
+    header, rest = whole.split(b"\n", 1)
+    for content, said in (
+        (b"", "is no file of PPO weights"),
+        (b'{"a": 1}\n' + rest, "is no file of PPO weights"),
+        (np.random.default_rng(0).bytes(300), "is no file of PPO weights"),
+        (header.replace(b'"width": 16', b'"width": 32') + b"\n" + rest, "the file is damaged"),
+        (header.replace(b'"layers": 2', b'"layers": 1') + b"\n" + rest, "the file is damaged"),
+        (whole[:-100], "the file is damaged"),
+        (whole + b"x", "holds more than"),
+        (header.replace(b'"decel_keep"', b'"decel_kept"') + b"\n" + rest, "written by another version"),
+    ):
+        file.write_bytes(content)
+        with pytest.raises(ValueError, match=said):
+            load_policy(str(file), config.core)
+    with pytest.raises(FileNotFoundError, match=r"ppo.weights=.*rearl train ppo"):
+        load_policy(str(tmp_path / "nothing.eqx"), config.core)
+    with pytest.raises(ValueError, match="is a folder"):
+        load_policy(str(tmp_path), config.core)
+
+
+def test_weights_of_another_road_are_refused(config, file):
+    from rearl_jax.baselines.weights import load_policy
+
+    with pytest.raises(ValueError, match=r"4 lanes, core.n_lanes is 3: set core.n_lanes=4, or train"):
+        load_policy(str(file), replace(config.core, n_lanes=3))
+
+
+def test_the_weights_of_the_package_are_those_of_the_defaults():
+    import json
+
+    from rearl_jax.baselines.weights import DEFAULT, FORMAT, load_policy
+    from rearl_jax.config import TrainPpoTask
+    from rearl_jax.config._schema import as_plain
+
+    assert DEFAULT.stat().st_size < 300_000
+    defaults = TrainPpoTask()
+    policy = load_policy(None, defaults.core)
+    assert policy.car_steps == 1_036_800
+    with DEFAULT.open("rb") as file:
+        description = json.loads(file.readline())
+    assert description["format"] == FORMAT
+    plain = as_plain(defaults)
+    assert description["config"] == {key: plain[key] for key in ("ppo", "core", "admissible")}

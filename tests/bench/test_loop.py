@@ -1,0 +1,213 @@
+"""Small closed loops, really measured; and the task on sessions that only pretend to."""
+
+import json
+from contextlib import contextmanager
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pandas as pd
+import pytest
+
+from rearl_jax import results
+from rearl_jax.bench import loop as module
+from rearl_jax.bench import loop_subjects
+from rearl_jax.bench.loop import count_steps, measure_rollouts, run
+from rearl_jax.bench.loop_programs import BASE, DECISION, DETECTION, LOOP, NEVER, PARTS, programs_of
+from rearl_jax.bench.loop_subjects import decision_steps, rollouts
+from rearl_jax.bench.measurement import Measurement
+from rearl_jax.bench.sessions import WorkerSession
+from rearl_jax.bench.synthetic_references import synthetic_references
+from rearl_jax.config import BenchLoopTask, ResultsConfig
+from rearl_jax.config.bench import BenchLoopConfig, LoopPolicy
+
+N_VEHICLES, SECONDS, BATCH = 4, 8, 4
+SCENE = {
+    "n_vehicles": N_VEHICLES,
+    "density": 2.0,
+    "seconds": SECONDS,
+    "batch": BATCH,
+    "references": {"seed": 0, "n_references": 15, "n_seconds": SECONDS, "n_vehicles": 10},
+}
+
+
+@pytest.fixture(scope="module")
+def programs():
+    return {name: rollouts(name, **SCENE) for name in (BASE, NEVER, "rank_quiet", "rank")}
+
+
+def traffic(run):
+    return run.n_scenarios, run.mean_speed, run.lane_changes, run.crashed
+
+
+def test_only_the_triggered_loop_changes_the_traffic_of_base(programs):
+    runs = {name: program.measure(20 * BATCH, 5) for name, program in programs.items()}
+    base = runs[BASE]
+    assert base.lane_changes > 5
+    assert base.n_substeps == 20 * BATCH * N_VEHICLES * SECONDS * 15
+    assert traffic(runs[NEVER]) == traffic(runs["rank_quiet"]) == traffic(base)
+    assert runs["rank"].mean_speed != base.mean_speed
+    assert all(run.cpu_s > 0 for run in runs.values())
+    assert traffic(programs[BASE].measure(20 * BATCH, 6)) != traffic(base)
+
+
+def test_asked_are_all_who_drive_or_nobody(programs):
+    shares = {name: program.facts["asked_share"] for name, program in programs.items()}
+    # The first second follows no decision.
+    assert shares["rank"] == pytest.approx((SECONDS - 1) / SECONDS, abs=0.1)
+    assert [shares[name] for name in (BASE, NEVER, "rank_quiet")] == [0, 0, 0]
+
+
+def test_the_compiler_leaves_out_the_policy_only_where_it_cannot_be_needed(programs):
+    operations = {name: program._run.cost_analysis()["flops"] for name, program in programs.items()}
+    assert operations[BASE] < operations[NEVER] < operations["rank_quiet"]
+    # Thresholds that nothing passes save at most a branch or two.
+    assert operations["rank_quiet"] > 0.9 * operations["rank"]
+
+
+def test_only_whole_batches_are_measured(programs):
+    with pytest.raises(ValueError, match=r"10 is no multiple of the batch of 4"):
+        programs[BASE].measure(10, 0)
+
+
+def test_unknown_programs_are_refused():
+    with pytest.raises(ValueError, match="no program 'nothing'"):
+        rollouts("nothing", **SCENE)
+    with pytest.raises(ValueError, match="no part 'nothing' of a decision step: base, loop, detection, decision"):
+        decision_steps("nothing", **SCENE)
+
+
+def test_parts_of_decision_steps_look_at_the_traffic_before_those_that_simulate(monkeypatch):
+    for name in ("BASE_MODEL", "LOOP_MODEL"):  # compile faster
+        monkeypatch.setattr(loop_subjects, name, replace(getattr(loop_subjects, name), collisions=False))
+    parts = {name: decision_steps(name, **SCENE) for name in (DETECTION, DECISION)}
+    looked = {name: part.measure(BATCH, 2) for name, part in parts.items()}
+    assert traffic(looked[DETECTION]) == traffic(looked[DECISION])
+    keys = jax.random.split(jax.random.key(2), (1, BATCH))[0]
+    batch = parts[DECISION]._prepare(keys)
+    assert batch.recorded.x.shape == (SECONDS, N_VEHICLES, BATCH)
+    np.testing.assert_array_equal(batch.recorded.x[-1], batch.state.x)  # the others go on from there
+    orders, decisions = jax.tree.map(np.asarray, parts[DECISION]._run(batch))
+    detection = jax.tree.map(np.asarray, parts[DETECTION]._run(batch))
+    np.testing.assert_array_equal(decisions.reference, detection.reference)
+    np.testing.assert_array_equal(orders.is_asked, detection.mask)
+    told = (orders.action >= 0).sum(axis=1) + orders.n_inadmissible + orders.n_invalid
+    np.testing.assert_array_equal(told, decisions.n_asked)
+    assert told.sum() > 0
+
+
+def test_references_have_the_shapes_of_a_study_and_follow_from_the_seed():
+    references = synthetic_references(0, 15, 60, 10)
+    assert references.speed.shape == references.spacing.shape == references.action.shape == (15, 60, 10)
+    speed = np.asarray(references.speed)
+    assert speed.min() >= 5
+    assert speed.max() <= 32
+    assert np.ptp(speed.mean(axis=(1, 2))) > 5  # they differ, or there would be nothing to choose
+    np.testing.assert_allclose(references.mean_spacing, np.asarray(references.spacing).mean(axis=-1), rtol=1e-6)
+    shares = np.bincount(np.asarray(references.action).ravel(), minlength=5) / references.action.size
+    assert (shares > 0).all()
+    assert shares[0] + shares[2] < 0.02
+    assert float(references.share.sum()) == pytest.approx(1)
+    again, other = synthetic_references(0, 15, 60, 10), synthetic_references(1, 15, 60, 10)
+    np.testing.assert_array_equal(again.speed, references.speed)
+    assert (np.asarray(other.speed) != speed).any()
+
+
+def test_worker_serves_a_program():
+    session = WorkerSession("decision_steps", name=DETECTION, **SCENE)
+    try:
+        run = session.measure(BATCH, 2)
+        assert session.facts["unit"] == BATCH
+        assert session.facts["compile_s"] > 0
+    finally:
+        session.close()
+    assert (run.n_scenarios, run.seconds) == (BATCH, SECONDS)
+
+
+class Fake:
+    """A program of constant speed that notes when it is asked."""
+
+    def __init__(self, name, scene, log):
+        self.name, self.scene, self.log = name, scene, log
+        self.facts = {"unit": scene["batch"], "compile_s": 2.0, "asked_share": 0.5}
+        self.cost = {BASE: 1.0, NEVER: 1.2, LOOP: 2.0, DETECTION: 0.1, DECISION: 0.3}.get(name, 1.5)
+
+    def measure(self, n_scenarios, seed):
+        self.log.append((self.name, n_scenarios, seed))
+        cpu_s = 1e-3 * n_scenarios * self.scene["seconds"] * self.cost
+        n_substeps = n_scenarios * self.scene["n_vehicles"] * self.scene["seconds"] * 15
+        figures = {"n_scenarios": n_scenarios, "seconds": self.scene["seconds"], "n_substeps": n_substeps}
+        return Measurement(**figures, cpu_s=cpu_s, wall_s=cpu_s, mean_speed=20.0, lane_changes=1, crashed=0)
+
+
+@pytest.fixture
+def log(monkeypatch):
+    """What sessions that only pretend were asked for."""
+    noted = []
+
+    @contextmanager
+    def pretend(kind, names, scene, label, report):
+        for name in names:
+            report(f"{name}, compiled", 1)
+        yield {name: Fake(name, scene, noted) for name in names}
+
+    monkeypatch.setattr(module, "open_sessions", pretend)
+    return noted
+
+
+def test_all_programs_simulate_the_same_scenes(log):
+    loop = BenchLoopConfig(policies=(LoopPolicy.raw,), repetitions=2, seconds=10, repetition_cpu_s=0.5, seed=3)
+    cell = measure_rollouts(loop, 10, 16, lambda doing, advance: None)
+    names = [BASE, NEVER, "raw_quiet", "raw"]
+    assert log[:4] == [(name, 16, 3) for name in names]
+    # Base takes 0.16 s for a batch, so three fill half a second.
+    assert log[4:] == [(name, 48, 4) for name in names] + [(name, 48, 5) for name in names[::-1]]
+    assert cell.detection.median == pytest.approx(0.2)
+    assert cell.policy(LoopPolicy.raw).median == pytest.approx(0.3)
+    assert cell.ratio("raw").median == pytest.approx(1.5)
+
+
+def test_task_writes_everything_and_its_bar_ends_full(log, tmp_path, capsys, monkeypatch):
+    advanced = []
+    loop = BenchLoopConfig(vehicles=(3, 5), batches=(1, 8), repetitions=2, rounds=2, steps_repetitions=3)
+    task = BenchLoopTask(study="tiny", results=ResultsConfig(root=str(tmp_path)), loop=loop)
+
+    @contextmanager
+    def bar():
+        yield Bar(advanced)
+
+    monkeypatch.setattr(module, "progress_bar", bar)
+    summary = run(task)
+    assert sum(advanced) == count_steps(loop)
+    folder = tmp_path / "tiny"
+    written = json.loads((folder / "summary.json").read_text())
+    assert summary.items() <= written.items()
+    assert written["detection_share_n3_b8"] == pytest.approx(0.2)
+    assert written["policy_share_idle_n5_b1_max"] == pytest.approx(0.3)
+    assert written["loop_ratio_rank_n5_b8"] == pytest.approx(1.5)
+    assert written["steps_ms_loop_n10_b256"] == pytest.approx(2 * 256 * 10)
+    assert written["paper_ms_rearl"] == 86_241
+    table = pd.read_parquet(folder / "bench_loop.parquet")
+    n_programs = len(programs_of(loop.policies))
+    assert (table["measured"] == "rollout").sum() == 4 * n_programs * 2
+    assert (table["measured"] == "steps").sum() == 2 * len(PARTS) * 3
+    assert not table.duplicated(["measured", "program", "n_vehicles", "batch", "repetition"]).any()
+    assert "synthetic" in results.read_metadata(folder / "bench_loop.parquet")["references"]
+    assert (folder / "cost.png").stat().st_size > 10_000
+    assert (folder / "config.json").exists()
+    said = capsys.readouterr().out
+    assert "goal at most 25%, kept everywhere" in said
+    assert "15 synthetic ones of 60 s with 10 vehicles from seed 0; no data were read" in said
+
+
+class Bar:
+    """A progress bar that adds up."""
+
+    def __init__(self, advanced):
+        self.advanced = advanced
+
+    def add_task(self, description, total):
+        return 0
+
+    def update(self, task, description, advance):
+        self.advanced.append(advance)

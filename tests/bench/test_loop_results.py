@@ -1,0 +1,131 @@
+import re
+
+import pytest
+from PIL import Image
+
+from rearl_jax.bench.loop_figure import draw_costs
+from rearl_jax.bench.loop_programs import BASE, DECISION, DETECTION, LOOP, NEVER, PARTS, policy_of, programs_of, quiet
+from rearl_jax.bench.loop_results import MEANINGS, PAPER_MS, Cell, LoopResults
+from rearl_jax.bench.loop_terminal import print_results
+from rearl_jax.bench.measurement import Measurement
+from rearl_jax.bench.results import Series
+from rearl_jax.config.bench import LoopPolicy
+
+MACHINE = {"cpu_model": "a processor", "cpu_cores": 2, "jax_version": "1"}
+POLICIES = (LoopPolicy.rank, LoopPolicy.idle)
+
+
+def series(program, n_vehicles, *costs):
+    """One scenario of one second: costs are CPU times [s]."""
+    figures = {"n_scenarios": 1, "seconds": 1, "n_substeps": 15 * n_vehicles, "mean_speed": 20.0, "crashed": 1}
+    runs = tuple(Measurement(cpu_s=cost, wall_s=2 * cost, **figures) for cost in costs)
+    return Series(program, n_vehicles, runs, {"unit": 1, "compile_s": 3.0, "asked_share": 0.0})
+
+
+def cell(n_vehicles, batch, **costs):
+    return Cell(n_vehicles, batch, {name: series(name, n_vehicles, *values) for name, values in costs.items()})
+
+
+@pytest.fixture
+def measured():
+    costs = {
+        BASE: (1.0, 2.0, 1.0),
+        NEVER: (1.1, 3.0, 1.2),
+        quiet(LoopPolicy.rank): (1.4, 4.0, 1.5),
+        quiet(LoopPolicy.idle): (1.1, 3.0, 1.2),
+        "rank": (2.0, 3.0, 4.0),
+        "idle": (0.5, 1.0, 0.5),
+    }
+    steps = {BASE: (4e-3,), LOOP: (9e-3,), DETECTION: (1e-3,), DECISION: (3e-3,)}
+    return LoopResults(
+        cells=tuple(cell(n, batch, **costs) for n in (10, 30) for batch in (1, 256)),
+        steps=(cell(10, 1, **steps),),
+        policies=POLICIES,
+        n_steps=10,
+        references="2 synthetic ones",
+        load_average=1.5,
+        machine=MACHINE,
+    )
+
+
+def test_names_lead_back_to_policies():
+    assert set(measured_programs := programs_of(POLICIES)) == {BASE, NEVER, "rank_quiet", "idle_quiet", "rank", "idle"}
+    assert [policy_of(name) for name in measured_programs[2:]] == [*POLICIES, *POLICIES]
+    with pytest.raises(ValueError, match="no program 'never'"):
+        policy_of(NEVER)
+
+
+def test_shares_and_ratios_are_taken_within_repetitions(measured):
+    first = measured.cells[0]
+    assert (first.detection.median, first.detection.least, first.detection.greatest) == pytest.approx((0.2, 0.1, 0.5))
+    added = first.policy(LoopPolicy.rank)
+    assert (added.median, added.least, added.greatest) == pytest.approx((0.3, 0.3, 0.5))
+    ratio = first.ratio("rank")
+    assert (ratio.median, ratio.least, ratio.greatest) == (2.0, 1.5, 4.0)
+    assert measured.largest_detection_share == pytest.approx(0.2)
+    assert measured.steps[0].steps_ms(LOOP).median == 18
+    assert measured.steps[0].steps_policy_ms() == pytest.approx(4)
+
+
+def test_cost_is_per_scenario_and_second():
+    figures = {"n_scenarios": 4, "seconds": 5, "n_substeps": 1, "mean_speed": 1.0}
+    run = Series(BASE, 10, (Measurement(cpu_s=2.0, wall_s=9.0, **figures),), {})
+    assert Cell(10, 2, {BASE: run}).costs(BASE) == [0.1]
+
+
+def test_every_figure_of_the_summary_is_documented(measured):
+    summary = measured.summary()
+    assert summary["detection_share_n30_b256_max"] == pytest.approx(0.5)
+    assert summary["cpu_us_idle_n10_b1"] == 5e5
+    assert summary["steps_cpu_ms_decision_n10_b1"] == 3
+    assert {key: summary[f"paper_ms_{key}"] for key in PAPER_MS} == PAPER_MS
+    fields = {
+        "N": r"\d+",
+        "B": r"\d+",
+        "program": f"({'|'.join(programs_of(tuple(LoopPolicy)))})",
+        "policy": f"({'|'.join(LoopPolicy.__members__)})",
+        "part": f"({'|'.join(PARTS)})",
+        "method": f"({'|'.join(PAPER_MS)})",
+    }
+    patterns = [re.sub(r"\{(\w+)\}", lambda found: fields[found[1]], name) for name in MEANINGS]
+    for name in summary.keys() - MACHINE.keys():
+        plain = re.sub("_(min|max)$", "", name)
+        assert any(re.fullmatch(pattern, plain) for pattern in patterns), f"{name} is not documented"
+    for pattern in patterns:
+        assert any(re.fullmatch(pattern, name) for name in summary), f"{pattern} is documented, but not there"
+
+
+def test_without_decision_steps(measured, capsys):
+    alone = LoopResults(measured.cells, (), POLICIES, 10, "none", None, MACHINE)
+    assert not any(name.startswith(("steps", "paper")) for name in alone.summary())
+    print_results(alone)
+    assert "decision steps" not in capsys.readouterr().out
+
+
+def test_terminal_shows_shares_ratios_and_the_paper(measured, capsys):
+    print_results(measured)
+    said = capsys.readouterr().out
+    assert "+20 % (+10 to +50)" in said
+    assert "2.00 (1.50-4.00)" in said
+    assert "kept everywhere" in said
+    (row,) = re.findall(r"^.*closed loop, rank.*$", said, re.MULTILINE)
+    assert "18.0" in row
+    for words, value in (("IDM.MOBIL", "0.461"), ("PPO", "15.898"), ("REARL", "86,241.0")):
+        assert re.search(rf"REARL \(Bi et al\.\): {words} +{value}", said)
+    assert "ambiguous" in said
+    assert "…" not in said
+
+
+def test_a_missed_goal_is_said(measured, capsys):
+    costs = {name: item.measurements[0].cpu_s for name, item in measured.cells[0].series.items()} | {NEVER: 1.3}
+    slow = cell(10, 1, **{name: (cost,) for name, cost in costs.items()})
+    print_results(LoopResults((slow,), (), POLICIES, 10, "none", None, MACHINE))
+    assert "goal at most 25%, missed in 1 of 1 rows" in capsys.readouterr().out
+
+
+def test_figure_is_drawn(measured, tmp_path):
+    file = tmp_path / "cost.png"
+    file.write_bytes(draw_costs(measured))
+    with Image.open(file) as image:
+        assert image.width > 1000
+        assert len(image.convert("RGB").getcolors(1 << 20)) > 10

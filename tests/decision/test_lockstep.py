@@ -1,0 +1,127 @@
+"""The closed loop driven from outside: the same as inside, asked at the right times, in halves."""
+
+import functools
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+N_SECONDS = 6
+
+
+class OnHost:
+    """The matcher, called from outside; keeps what it was shown."""
+
+    def __init__(self, table, model, pool=None):
+        from rearl_jax.config.decision import MatcherConfig, PolicyName
+        from rearl_jax.decision.policies import make_policy
+
+        self._decide = jax.jit(functools.partial(make_policy(PolicyName.matcher, MatcherConfig(), model), table=table))
+        self._pool, self.shown = pool, []
+
+    def ask(self, situation):
+        assert all(isinstance(leaf, np.ndarray) for leaf in jax.tree.leaves(situation))
+        self.shown.append(situation)
+        if self._pool is not None:
+            return self._pool.submit(self._answer, situation)
+        done = Future()
+        done.set_result(self._answer(situation))
+        return done
+
+    def _answer(self, situation):
+        keys = jax.random.split(jax.random.key(0), situation.detection.mask.shape[-1])
+        return np.asarray(self._decide(jax.tree.map(jnp.asarray, situation), keys=keys))
+
+
+@pytest.fixture(scope="module")
+def options():
+    from rearl_jax.decision.loop import LoopOptions
+
+    return LoopOptions()
+
+
+def parts(start, n_scenarios, h=0.2, m=0.1):
+    from rearl_jax.detection.detector import Thresholds
+
+    keys = jax.random.split(jax.random.key(9), n_scenarios)
+    thresholds = Thresholds(*(jnp.full(n_scenarios, value, jnp.float32) for value in (h, m)))
+    return *jax.tree.map(lambda leaf: leaf[..., :n_scenarios] if leaf.shape[-1] > 1 else leaf, start), keys, thresholds
+
+
+@pytest.fixture(scope="module", params=[24, 7, 1])
+def both(request, start, table, model, options):
+    """Frames and decisions from inside and from outside, and the policies of the halves."""
+    from rearl_jax.config.decision import MatcherConfig, PolicyName
+    from rearl_jax.decision.lockstep import rollout_in_lockstep
+    from rearl_jax.decision.loop import rollout_with_policy
+    from rearl_jax.decision.policies import make_policy
+
+    state, drivers, keys, thresholds = parts(start, request.param)
+    policy = make_policy(PolicyName.matcher, MatcherConfig(), model)
+    inside = jax.jit(
+        functools.partial(rollout_with_policy, policy=policy, model=model, options=options, n_seconds=N_SECONDS)
+    )(state, drivers, keys, table, thresholds)[1:]
+    seen = []
+    with ThreadPoolExecutor(2) as pool:
+        policies = OnHost(table, model, pool), OnHost(table, model, pool)
+        outside = rollout_in_lockstep(
+            *(state, drivers, keys, table, thresholds, policies, model, options),
+            n_seconds=N_SECONDS,
+            progress=lambda done, total: seen.append((done, total)),
+        )
+    return jax.tree.map(np.asarray, inside), outside, policies, seen
+
+
+def test_the_result_is_that_of_the_compiled_loop_bit_for_bit(both):
+    inside, outside, _, _ = both
+    assert inside[1].n_asked.sum() > 0
+    for a, b in zip(jax.tree.leaves(inside), jax.tree.leaves(outside), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_each_half_is_asked_once_per_second_but_not_after_the_last(both):
+    (frames, _), _, policies, seen = both
+    n_scenarios = frames.x.shape[-1]
+    for policy, size in zip(policies, (-(-n_scenarios // 2), n_scenarios // 2), strict=True):
+        assert [int(shown.second) for shown in policy.shown] == (list(range(N_SECONDS - 1)) if size else [])
+        assert all(shown.detection.mask.shape[-1] == size for shown in policy.shown)
+    assert seen[-1] == (2 * N_SECONDS, 2 * N_SECONDS)
+
+
+def test_one_half_computes_while_the_other_waits(start, table, model, options):
+    """The first half's answer comes only once the second half has been asked: in turn, nobody waits for ever."""
+    from rearl_jax.decision.lockstep import rollout_in_lockstep
+
+    class Waits(OnHost):
+        other = None
+
+        def ask(self, situation):
+            answer = Future()
+            self.shown.append(situation)
+            self.open = (answer, self._answer(situation))
+            if self.other is not None and len(self.other.shown) == len(self.shown):
+                for policy in (self.other, self):
+                    policy.open[0].set_result(policy.open[1])
+            return answer
+
+    first, second = Waits(table, model), Waits(table, model)
+    second.other = first
+    state, drivers, keys, thresholds = parts(start, 8)
+    frames, decisions = rollout_in_lockstep(
+        *(state, drivers, keys, table, thresholds, (first, second), model, options), n_seconds=N_SECONDS
+    )
+    assert decisions.n_asked.sum() > 0
+    assert np.isfinite(frames.x).all()
+
+
+def test_references_must_last(start, table, model, options):
+    from rearl_jax.decision.lockstep import rollout_in_lockstep
+
+    state, drivers, keys, thresholds = parts(start, 2)
+    with pytest.raises(ValueError, match="exceeds the 8 s of the references"):
+        rollout_in_lockstep(
+            *(state, drivers, keys, table, thresholds, (OnHost(table, model), OnHost(table, model)), model, options),
+            n_seconds=9,
+        )

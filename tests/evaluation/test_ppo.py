@@ -1,0 +1,99 @@
+"""The method ppo in the evaluation: the traffic of base at the start, its own row, note and figure."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def driven(small):
+    from rearl_jax.config.evaluation import Method
+
+    core = replace(small.core, collisions=False, lane_changes=False)
+    return replace(small, method=Method.ppo, core=core)
+
+
+def test_everybody_starts_as_under_base_and_drives_faster(scenes, driven, monkeypatch):
+    """The state handed to both simulations is the same, bit for bit."""
+    import jax
+
+    from rearl_jax.config.evaluation import Method
+    from rearl_jax.evaluation import rollouts
+
+    seen = {}
+
+    def keeping(name, function):
+        def simulate(state, *others, **keywords):
+            jax.debug.callback(lambda x, v, y: seen.setdefault(name, (x, v, y)), state.x, state.speed, state.y)
+            return function(state, *others, **keywords)
+
+        return simulate
+
+    monkeypatch.setitem(rollouts.SIMULATORS, Method.base, keeping("base", rollouts.simulate_base))
+    monkeypatch.setattr(rollouts, "rollout_with_actor", keeping("ppo", rollouts.rollout_with_actor))
+    rollouts._program.cache_clear()
+    frames = {}
+    for method in (Method.base, Method.ppo):
+        (part,) = rollouts.Rollouts(replace(driven, method=method), scenes, np.arange(6)).chunks(64)
+        frames[method.name] = part.frames
+        assert part.decisions is None
+        assert (part.actions is None) == (method is Method.base)
+    rollouts._program.cache_clear()
+    jax.effects_barrier()
+    assert set(seen) == {"base", "ppo"}
+    for base, ppo in zip(seen["base"], seen["ppo"], strict=True):
+        np.testing.assert_array_equal(base, ppo)
+    assert (frames["ppo"].speed[-1] > frames["base"].speed[-1]).mean() > 0.9
+
+
+def test_row_base_beside_it_note_and_figure(scenes, driven):
+    from rearl_jax.evaluation.estimates import estimates
+    from rearl_jax.evaluation.figures import draw
+    from rearl_jax.evaluation.page import render
+    from rearl_jax.evaluation.runner import evaluate
+    from rearl_jax.evaluation.tables import summary_rows, table_notes
+
+    held_out = np.array([1, 4])
+    evaluation = evaluate(driven, scenes, held_out)
+    assert [row.row for row in evaluation.rows] == ["ppo", "base", "real_vs_real", "noise_floor", "real"]
+    assert evaluation.log is None
+    counts = evaluation.sample.action_counts
+    assert counts.sum() == 6 * 4 * (scenes.seconds - 1)
+    found = estimates(evaluation.rows, held_out, driven.eval)
+    ppo, base = (evaluation.row(name).values["h"] for name in ("ppo", "base"))
+    assert found["ppo", "h"].less_base == pytest.approx((ppo - base).mean())
+    rows = summary_rows(evaluation, found)
+    assert rows[0]["h_less_base"] == pytest.approx((ppo - base).mean())
+    assert "trigger_rate" not in rows[0]
+    notes = table_notes(driven, evaluation, found)
+    assert any(note.startswith("weights ppo_default.eqx") and "faster" in note for note in notes)
+    assert any(note.startswith("ppo less base") for note in notes)
+    figures = draw(driven, evaluation)
+    assert figures["actions_by_speed"].startswith(b"\x89PNG")
+    assert "What the policy that drives all vehicles does" in render(driven, evaluation, found, figures)
+
+
+def test_actions_are_counted_by_the_speed_before_them():
+    from rearl_jax.evaluation.driven import count_actions
+
+    actions = np.array([[[3]], [[1]], [[4]], [[-1]]])
+    speed = np.array([[[6.0]], [[50.0]], [[20.0]], [[7.0]]])
+    counts = count_actions(actions, speed, np.array([5.0, 10.0, 20.5, 32.0]))
+    expected = np.zeros((5, 3), int)
+    expected[1, 0] = 1  # IDLE after 6 m/s
+    expected[4, 2] = 1  # SLOWER after 50 m/s, in the outermost bin
+    np.testing.assert_array_equal(counts, expected)
+
+
+def test_weights_are_part_of_what_was_read(driven, tmp_path):
+    from rearl_jax.config.evaluation import Method
+    from rearl_jax.config.ppo import PpoPolicyConfig
+    from rearl_jax.data.recordings import data_id
+    from rearl_jax.evaluation.task import inputs_id
+
+    assert inputs_id(replace(driven, method=Method.base)) == data_id(driven.data)
+    assert inputs_id(driven).startswith(data_id(driven.data) + ", weights-")
+    missing = replace(driven, ppo=PpoPolicyConfig(weights=str(tmp_path / "none.eqx")))
+    with pytest.raises(FileNotFoundError, match="rearl train ppo"):
+        inputs_id(missing)

@@ -1,0 +1,37 @@
+"""Questions and configurations for the tests of the client."""
+
+from pathlib import Path
+
+from rearl_jax.config.llm import LlmConfig, Profile
+from rearl_jax.llm.records import Answer, Message, Question
+
+SYSTEM = Message("system", "Steer the car. Reply with one identifier.")
+CHOICES = (0, 1, 3, 4)
+
+
+def make_questions(number: int, tag: str = "", first: int = 0) -> list[Question]:
+    """Different questions, ten per scenario."""
+    return [
+        Question(i // 10, i % 10, (SYSTEM, Message("user", f"{tag} scenario {i // 10} car {i % 10}")), CHOICES)
+        for i in range(first, first + number)
+    ]
+
+
+def make_config(folder: Path, **changes) -> LlmConfig:
+    """A configuration for the stub: quick to try again, answers kept in the folder, no constraint tried out."""
+    quick = {
+        "cache": str(folder / "answers.sqlite"),
+        "profile": Profile.vllm,
+        "constrained": False,
+        "backoff": 0.01,
+        "read_timeout": 20.0,
+        "deadline": 60.0,
+        "breaker_failures": 1000,
+        "api_key_env": "",
+    }
+    return LlmConfig(**(quick | changes))
+
+
+def outcomes(answers: list[Answer]) -> list[tuple[int, str, str]]:
+    """What must be the same in every run: action, cause, digest."""
+    return [(answer.action, answer.cause.name, answer.digest) for answer in answers]

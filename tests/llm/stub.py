@@ -1,0 +1,328 @@
+"""A server on the loopback interface that speaks chat completions, with faults on request.
+
+Its answers are a function of the chat alone, so runs can be compared. It writes down every request it sees.
+"""
+
+import argparse
+import asyncio
+import hashlib
+import json
+import re
+import socket
+import struct
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from email.utils import formatdate
+from enum import Enum, auto
+
+
+class Fault(Enum):
+    """What can go wrong with one request."""
+
+    too_many = auto()
+    """429."""
+    too_many_wait = auto()
+    """429 with Retry-After in seconds."""
+    too_many_date = auto()
+    """429 with Retry-After as a date."""
+    internal_error = auto()
+    unavailable = auto()
+    garbage = auto()
+    """Bytes that are no HTTP."""
+    half_body = auto()
+    """Fewer bytes than announced, then the end of the connection."""
+    closed = auto()
+    """The end of the connection without a byte."""
+    reset = auto()
+    """The connection is reset."""
+    late = auto()
+    """A good answer after `Stub.stall`."""
+    never = auto()
+    empty = auto()
+    """200 without a body."""
+    broken_json = auto()
+    wrong_json = auto()
+    """JSON of another shape."""
+    deep_json = auto()
+    """JSON nested more deeply than Python reads."""
+    html = auto()
+    no_choices = auto()
+    null_content = auto()
+    enormous = auto()
+    """A text of 6 MiB."""
+    endless = auto()
+    """A body without an end."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One request: what came, when, and the how many-th it was with this body."""
+
+    method: str
+    path: str
+    headers: dict[str, str]
+    body: dict
+    raw: bytes
+    number: int
+    time: float
+
+    @property
+    def is_canary(self) -> bool:
+        return "capital of France" in self.raw.decode()
+
+
+def chat_digest(body: dict) -> int:
+    """A number that depends on the chat and the seed."""
+    text = json.dumps([body["messages"], body.get("seed")], sort_keys=True)
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big")
+
+
+def allowed(body: dict) -> list[str] | None:
+    """The texts a constraint in any dialect allows; None without one."""
+    if "structured_outputs" in body:
+        return body["structured_outputs"]["choice"]
+    if "response_format" in body:
+        return [str(value) for value in body["response_format"]["json_schema"]["schema"]["enum"]]
+    constraint = body.get("regex", body.get("grammar"))
+    return re.findall(r"\d", constraint) if constraint else None
+
+
+def right_answer(body: dict, constrains: bool = True) -> str:
+    """The answer to a chat: one of the allowed texts, or an action."""
+    texts = (allowed(body) if constrains else None) or ["0", "1", "2", "3", "4"]
+    return texts[chat_digest(body) % len(texts)]
+
+
+class Stub:
+    """The server, in a thread of its own; a context manager. It can be stopped and started again on the same port."""
+
+    def __init__(
+        self,
+        *,
+        latency: float = 0.0,
+        slots: int = 1_000_000,
+        stall: float = 1.0,
+        retry_after: int = 0,
+        models: tuple[str, ...] = ("stub-model",),
+        owned_by: str = "vllm",
+        header: str = "stub",
+        constrains: bool = True,
+        key: str = "",
+        fault: Callable[[Seen], Fault | int | None] = lambda seen: None,
+        say: Callable[[dict], dict] | None = None,
+    ) -> None:
+        """Nothing runs yet.
+
+        Args:
+            latency: Time per request [s].
+            slots: Requests worked on at a time; the others wait.
+            stall: Time of a late answer [s].
+            retry_after: What the header asks for [s].
+            models: Names of the models.
+            owned_by: Their owner, by which servers can be told.
+            header: How the server calls itself in its headers.
+            constrains: Whether constraints are kept.
+            key: Key without which nothing is answered.
+            fault: What goes wrong with a request, or a status to answer with.
+            say: The whole response to a body, in place of the usual one.
+        """
+        self.latency, self.stall, self.retry_after = latency, stall, retry_after
+        self.models, self.owned_by, self.header = models, owned_by, header
+        self.constrains, self.key, self.fault, self.say = constrains, key, fault, say
+        self.loading = 0
+        self.log: list[Seen] = []
+        self.busiest = 0
+        self._slots = slots
+        self._busy = 0
+        self._numbers: Counter[bytes] = Counter()
+        self._socket: socket.socket | None = None
+        self._thread: threading.Thread | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._connections: set[asyncio.StreamWriter] = set()
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}/v1"
+
+    @property
+    def chats(self) -> list[Seen]:
+        """The chats it was asked, without those that try out the constraint."""
+        return [seen for seen in self.log if seen.method == "POST" and not seen.is_canary]
+
+    def __enter__(self) -> "Stub":
+        self.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.stop()
+
+    def start(self, port: int | None = None) -> None:
+        ready = threading.Event()
+        self.port = port or self.port
+        self._loop = loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=lambda: loop.run_until_complete(self._serve(ready)), daemon=True)
+        self._thread.start()
+        if not ready.wait(10.0):
+            raise RuntimeError("the stub does not start")
+
+    def stop(self) -> None:
+        """Ends at once: whoever waits sees its connection reset."""
+        if self._thread is None or self._loop is None:
+            return
+        self._loop.call_soon_threadsafe(self._end.set)
+        self._thread.join()
+        self._loop.close()
+        self._thread = None
+
+    async def _serve(self, ready: threading.Event) -> None:
+        self._end = asyncio.Event()
+        self._free = asyncio.Semaphore(self._slots)
+        server = await asyncio.start_server(self._talk, "127.0.0.1", self.port, backlog=1024, limit=2**22)
+        ready.set()
+        await self._end.wait()
+        server.close()
+        for writer in list(self._connections):
+            _reset(writer)
+        tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._connections.add(writer)
+        try:
+            while not writer.is_closing():
+                seen = await self._read(reader)
+                self.log.append(seen)
+                await self._respond(seen, writer)
+        except (asyncio.IncompleteReadError, ConnectionError, asyncio.CancelledError):
+            pass
+        finally:
+            self._connections.discard(writer)
+            writer.close()
+
+    async def _read(self, reader: asyncio.StreamReader) -> Seen:
+        head = (await reader.readuntil(b"\r\n\r\n")).decode("latin-1").split("\r\n")
+        method, path, _ = head[0].split(" ")
+        headers = {name.lower(): value.strip() for name, _, value in (line.partition(":") for line in head[1:] if line)}
+        raw = await reader.readexactly(int(headers.get("content-length", 0)))
+        self._numbers[raw] += 1
+        body = json.loads(raw) if raw else {}
+        return Seen(method, path, headers, body, raw, self._numbers[raw], time.monotonic())
+
+    async def _respond(self, seen: Seen, writer: asyncio.StreamWriter) -> None:
+        if self.key and seen.headers.get("authorization") != f"Bearer {self.key}":
+            self._write(writer, 401, {"error": {"message": f"wrong key {seen.headers.get('authorization')}"}})
+        elif self.loading > 0:
+            self.loading -= 1
+            self._write(writer, 503, {"error": {"message": "Loading model"}})
+        elif seen.path == "/v1/models":
+            listed = [{"id": model, "object": "model", "owned_by": self.owned_by} for model in self.models]
+            self._write(writer, 200, {"object": "list", "data": listed})
+        elif seen.path == "/api/version" and self.owned_by == "library":
+            self._write(writer, 200, {"version": "0.13.0"})
+        elif seen.path != "/v1/chat/completions":
+            self._write(writer, 404, {"error": {"message": "not found"}})
+        else:
+            async with self._free:
+                self._busy += 1
+                self.busiest = max(self.busiest, self._busy)
+                try:
+                    await asyncio.sleep(self.latency)
+                    await self._complete(seen, writer)
+                finally:
+                    self._busy -= 1
+        await writer.drain()
+
+    async def _complete(self, seen: Seen, writer: asyncio.StreamWriter) -> None:
+        fault = self.fault(seen)
+        if fault is None:
+            self._write(writer, 200, self._completion(seen.body))
+        elif isinstance(fault, int):
+            self._write(writer, fault, {"error": {"message": f"status {fault} was asked for"}})
+        elif fault is Fault.too_many or fault is Fault.too_many_wait or fault is Fault.too_many_date:
+            date = formatdate(time.time() + self.retry_after, usegmt=True)
+            waits = {Fault.too_many: {}, Fault.too_many_wait: {"retry-after": str(self.retry_after)}}
+            self._write(writer, 429, {"error": "busy"}, waits.get(fault, {"retry-after": date}))
+        elif fault is Fault.internal_error or fault is Fault.unavailable:
+            self._write(writer, 500 if fault is Fault.internal_error else 503, {"error": {"message": "not now"}})
+        elif fault is Fault.late or fault is Fault.never:
+            await asyncio.sleep(self.stall if fault is Fault.late else 3600.0)
+            self._write(writer, 200, self._completion(seen.body))
+        elif fault is Fault.reset:
+            _reset(writer)
+        elif fault is Fault.endless:
+            writer.write(b"HTTP/1.1 200 OK\r\ntransfer-encoding: chunked\r\n\r\n")
+            while not writer.is_closing():
+                writer.write(b"10000\r\n" + b"x" * 2**16 + b"\r\n")
+                await writer.drain()
+        else:
+            writer.write(self._broken(fault, seen.body))
+            if fault in (Fault.garbage, Fault.half_body, Fault.closed):
+                writer.close()
+
+    def _broken(self, fault: Fault, body: dict) -> bytes:
+        """The bytes of a broken response."""
+        whole = json.dumps(self._completion(body)).encode()
+        contents = {
+            Fault.empty: b"",
+            Fault.broken_json: whole[:-7],
+            Fault.wrong_json: b'{"choices": {"0": "1"}, "usage": []}',
+            Fault.deep_json: b"[" * 100_000,
+            Fault.html: b"<html><body><h1>It works!</h1></body></html>",
+            Fault.no_choices: b'{"choices": []}',
+            Fault.null_content: b'{"choices": [{"finish_reason": "stop", "message": {"content": null}}]}',
+            Fault.enormous: json.dumps({"choices": [{"message": {"content": "1 " * (3 * 2**20)}}]}).encode(),
+        }
+        if fault is Fault.garbage:
+            return b"\x16\x03\x01\xff" * 100
+        if fault is Fault.half_body:
+            return _response(200, whole)[: -len(whole) // 2]
+        if fault is Fault.closed:
+            return b""
+        return _response(200, contents[fault], {"content-type": "text/html" if fault is Fault.html else "x/json"})
+
+    def _completion(self, body: dict) -> dict:
+        if self.say is not None:
+            return self.say(body)
+        message = {"role": "assistant", "content": right_answer(body, self.constrains)}
+        usage = {"prompt_tokens": 700, "completion_tokens": 2, "prompt_tokens_details": {"cached_tokens": 500}}
+        return {"choices": [{"index": 0, "finish_reason": "stop", "message": message}], "usage": usage}
+
+    def _write(self, writer: asyncio.StreamWriter, status: int, said: dict, headers: dict | None = None) -> None:
+        writer.write(_response(status, json.dumps(said).encode(), {"server": self.header} | (headers or {})))
+
+
+def _response(status: int, content: bytes, headers: dict[str, str] | None = None) -> bytes:
+    lines = [f"HTTP/1.1 {status} X", f"content-length: {len(content)}"]
+    lines += [f"{name}: {value}" for name, value in (headers or {}).items()]
+    return "\r\n".join([*lines, "", ""]).encode() + content
+
+
+def _reset(writer: asyncio.StreamWriter) -> None:
+    """Ends a connection with a reset, as a killed process does."""
+    connected = writer.get_extra_info("socket")
+    connected.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    writer.transport.abort()
+
+
+def main() -> None:
+    """A stub in a process of its own, for measurements: serves until its input ends, prints its address first."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--latency", type=float, default=0.05)
+    parser.add_argument("--slots", type=int, default=32)
+    arguments = parser.parse_args()
+    with Stub(latency=arguments.latency, slots=arguments.slots) as stub:
+        print(stub.url, flush=True)
+        sys.stdin.read()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,214 @@
+import os
+import sqlite3
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+
+from rearl_jax.config.llm import LlmConfig, Profile
+from rearl_jax.llm.answers import Answers, answers_path
+from rearl_jax.llm.client import Client
+from rearl_jax.llm.records import Cause, Reply
+from tests.llm.asking import make_config, make_questions, outcomes
+from tests.llm.stub import Stub
+
+
+def reply(text: str, **fields) -> Reply:
+    return Reply(text=text, cause=Cause.answered, tries=1, latency=0.5, status=200, **fields)
+
+
+def fill(path, number: int) -> None:
+    answers = Answers(path)
+    answers.keep({f"{i:064x}": reply(f"text {i} " * 20) for i in range(number)}, "m", Profile.vllm)
+    answers.close()
+
+
+def test_what_is_kept_is_found(tmp_path):
+    given = {
+        "a": reply("3", finish="stop", prompt_tokens=700, cached_tokens=0, answer_tokens=1),
+        "b": reply("", thinking="hm \u00e9 \U0001f697 \x00 end", finish="length"),
+    }
+    answers = Answers(tmp_path / "deep" / "folder" / "a ?#%.sqlite")
+    assert answers.keep(given, "m", Profile.vllm) == given
+    answers.close()
+    answers = Answers(tmp_path / "deep" / "folder" / "a ?#%.sqlite")
+    found = answers.find(["b", "c", "a"])
+    expected = {
+        digest: replace(one, from_cache=True, tries=0, latency=0.0, status=None) for digest, one in given.items()
+    }
+    assert found == expected
+    assert answers.find([]) == {}
+    assert len(answers) == 2
+    answers.close()
+    assert [path.name for path in (tmp_path / "deep" / "folder").iterdir()] == ["a ?#%.sqlite"]
+
+
+def test_many_are_found_at_once(tmp_path):
+    fill(tmp_path / "a.sqlite", 2000)
+    answers = Answers(tmp_path / "a.sqlite")
+    found = answers.find([f"{i:064x}" for i in range(0, 4000, 2)])
+    answers.close()
+    assert len(found) == 1000
+    assert found[f"{1998:064x}"].text == "text 1998 " * 20
+
+
+def test_the_first_answer_stays(tmp_path):
+    one, other = Answers(tmp_path / "a.sqlite"), Answers(tmp_path / "a.sqlite")
+    one.keep({"a": reply("1"), "b": reply("2")}, "m", Profile.vllm)
+    used = other.keep({"b": reply("3"), "c": reply("4")}, "m", Profile.vllm)
+    assert (used["b"].text, used["b"].from_cache, used["b"].tries) == ("2", True, 1)
+    assert (used["c"].text, used["c"].from_cache) == ("4", False)
+    assert {digest: found.text for digest, found in one.find("abc").items()} == {"a": "1", "b": "2", "c": "4"}
+    one.close()
+    other.close()
+
+
+def test_sources(tmp_path):
+    answers = Answers(tmp_path / "a.sqlite")
+    assert answers.sources() == []
+    answers.keep({"a": reply("1"), "b": reply("2")}, "m", Profile.vllm)
+    answers.keep({"c": reply("1")}, "m", Profile.plain)
+    answers.keep({"d": reply("1")}, "k", Profile.ollama)
+    assert answers.sources() == [("k", Profile.ollama), ("m", Profile.plain), ("m", Profile.vllm)]
+    answers.close()
+
+
+@pytest.mark.parametrize("read_only", [False, True])
+@pytest.mark.parametrize("damage", ["noise", "cut", "text", "other program", "other version"])
+def test_a_file_that_cannot_be_used_is_one_sentence(tmp_path, damage, read_only):
+    path = tmp_path / "a.sqlite"
+    fill(path, 200)
+    whole = path.read_bytes()
+    if damage == "noise":
+        path.write_bytes(os.urandom(len(whole)))
+    elif damage == "cut":
+        path.write_bytes(whole[:50])
+    elif damage == "text":
+        path.write_text("digest,text\n" * 100)
+    else:
+        path.unlink()
+        database = sqlite3.connect(path)
+        database.execute("CREATE TABLE answers (digest TEXT)")
+        if damage == "other version":
+            database.execute("PRAGMA application_id = 0x5245414C")
+            database.execute("PRAGMA user_version = 99")
+        database.commit()
+        database.close()
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match=r"a\.sqlite is no readable file of answers .*remove it, or .*llm\.cache"):
+        Answers(path, read_only=read_only)
+    assert path.read_bytes() == before
+
+
+def damage_the_middle(path) -> None:
+    content = bytearray(path.read_bytes())
+    content[4096:] = b"\xa5" * (len(content) - 4096)
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize("replay", [False, True])
+def test_damage_found_later_is_one_sentence(tmp_path, replay):
+    """The beginning of the file is whole; a burst of questions meets the rest."""
+    config = make_config(tmp_path, model="stub-model")
+    questions = make_questions(200)
+    with Stub() as stub:
+        with Client(config, stub.url) as client:
+            client.submit(questions).result()
+        damage_the_middle(tmp_path / "answers.sqlite")
+        with pytest.raises(ValueError, match=r"no readable file of answers .*llm\.cache"):
+            with Client(config, stub.url, replay=replay) as client:
+                client.submit(questions).result()
+    assert len(stub.chats) == 200
+
+
+def test_a_place_that_cannot_be_written_is_one_sentence(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ValueError, match=r"answers cannot be kept at .*llm\.cache"):
+        Answers(tmp_path / "file" / "a.sqlite")
+    with pytest.raises(ValueError, match=r"answers cannot be kept at .*llm\.cache"):
+        Answers(tmp_path)
+
+
+def test_an_empty_file_is_nothing_to_replay(tmp_path):
+    (tmp_path / "a.sqlite").write_bytes(b"")
+    with pytest.raises(ValueError, match=r"a\.sqlite is no readable file of answers \(empty\)"):
+        Answers(tmp_path / "a.sqlite", read_only=True)
+    Answers(tmp_path / "a.sqlite").close()
+
+
+def test_replay_from_a_folder_that_cannot_be_written(tmp_path, monkeypatch):
+    fill(tmp_path / "a.sqlite", 5)
+    monkeypatch.setattr("os.access", lambda path, mode: False)
+    answers = Answers(tmp_path / "a.sqlite", read_only=True)
+    assert len(answers.find([f"{i:064x}" for i in range(5)])) == 5
+    with pytest.raises(OSError, match="readonly"):
+        answers.keep({"x": reply("1")}, "m", Profile.vllm)
+    answers.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["a.sqlite"]
+
+
+def test_a_full_disk_costs_only_the_next_run(tmp_path, monkeypatch, caplog):
+    """The answers are used all the same, and it is said once."""
+
+    def keep(self, *arguments):
+        raise OSError("answers.sqlite: database or disk is full")
+
+    questions = make_questions(30)
+    with Stub() as stub:
+        with Client(make_config(tmp_path), stub.url) as client:
+            with monkeypatch.context() as full:
+                full.setattr(Answers, "keep", keep)
+                first = outcomes(client.submit(questions).result())
+            assert outcomes(client.submit(questions).result()) == first
+        assert len(stub.chats) == 60
+    assert caplog.text.count("answers cannot be kept any more (answers.sqlite: database or disk is full)") == 1
+
+
+def test_default_place(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert answers_path(LlmConfig()) == tmp_path / "rearl_jax" / "llm" / "answers.sqlite"
+    assert str(answers_path(LlmConfig(cache="a/b"))) == "a/b"
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from rearl_jax.config.llm import Profile
+from rearl_jax.llm.answers import Answers
+from rearl_jax.llm.records import Cause, Reply
+name = sys.argv[2]
+print("ready", flush=True)
+sys.stdin.readline()
+for start in range(0, 400, 20):
+    answers = Answers(Path(sys.argv[1]))
+    replies = {f"{i}": Reply(text=name, cause=Cause.answered) for i in range(start, start + 20)}
+    used = answers.keep(replies, "m", Profile.vllm)
+    print(*(f"{digest}={reply.text}" for digest, reply in used.items()), sep="\\n")
+    answers.close()
+"""
+
+
+def test_processes_write_at_the_same_time(tmp_path):
+    """They make the file together, keep every answer once and use the same ones."""
+    path = tmp_path / "a.sqlite"
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    processes = [subprocess.Popen([sys.executable, "-c", WRITER, path, name], **pipes) for name in "xyz"]
+    for process in processes:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+    for process in processes:
+        assert process.stdin is not None
+        process.stdin.write("go\n")
+        process.stdin.flush()
+    said = []
+    for process in processes:
+        out, error = process.communicate(timeout=60)
+        assert process.returncode == 0, error
+        said.append(out)
+    assert said[0] == said[1] == said[2]
+    answers = Answers(path)
+    assert len(answers) == 400
+    writers = {found.text for found in answers.find(map(str, range(400))).values()}
+    answers.close()
+    assert len(writers) > 1, "one process wrote everything: the test shows nothing"

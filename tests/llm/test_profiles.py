@@ -1,0 +1,355 @@
+import json
+import logging
+import time
+from pathlib import Path
+
+import pytest
+from omegaconf import OmegaConf
+
+from rearl_jax.config.llm import LlmConfig, Profile, Thinking
+from rearl_jax.llm.client import Client
+from rearl_jax.llm.profiles import DIALECTS, Completion, read_completion, read_error, request_body, request_digest
+from rearl_jax.llm.records import Message
+from tests.llm.asking import make_config, make_questions
+from tests.llm.stub import Fault, Stub
+
+PRESETS = sorted((Path(__file__).resolve().parents[2] / "conf" / "llm").glob("*.yaml"))
+CHAT = (Message("system", "Steer."), Message("user", "ACTIONS 0 1 3"))
+CHOICES = (0, 1, 3)
+OFF = {"chat_template_kwargs": {"enable_thinking": False}}
+SCHEMA = {"type": "integer", "enum": [0, 1, 3]}
+CHOICE = {
+    Profile.vllm: {"structured_outputs": {"choice": ["0", "1", "3"]}},
+    Profile.sglang: {"regex": "(0|1|3)"},
+    Profile.ollama: {"response_format": {"type": "json_schema", "json_schema": {"name": "action", "schema": SCHEMA}}},
+    Profile.llamacpp: {"grammar": 'root ::= "0" | "1" | "3"'},
+    Profile.plain: {},
+}
+NO_THINKING = {
+    Profile.vllm: OFF,
+    Profile.sglang: OFF,
+    Profile.ollama: {"reasoning_effort": "none"},
+    Profile.llamacpp: OFF,
+    Profile.plain: {},
+}
+
+
+def body(profile=Profile.vllm, messages=CHAT, choices=CHOICES, model="m", seed=5, **config) -> str:
+    return request_body(
+        messages, choices, model=model, dialect=DIALECTS[profile], config=LlmConfig(**config), seed=seed
+    )
+
+
+@pytest.mark.parametrize("profile", CHOICE, ids=lambda profile: profile.name)
+def test_fields_of_each_server(profile):
+    plain = {
+        "model": "m",
+        "messages": [{"role": "system", "content": "Steer."}, {"role": "user", "content": "ACTIONS 0 1 3"}],
+        "temperature": 0.0,
+        "seed": 5,
+        "max_tokens": 8,
+    }
+    assert json.loads(body(profile)) == plain | CHOICE[profile] | NO_THINKING[profile]
+    assert json.loads(body(profile, constrained=False)) == plain | NO_THINKING[profile]
+    assert json.loads(body(profile, thinking=Thinking.none)) == plain | CHOICE[profile]
+    long = plain | {"max_tokens": 4096}
+    assert json.loads(body(profile, thinking=Thinking.on, max_tokens=4096)) == long
+    assert json.loads(body(profile, choices=())) == plain | NO_THINKING[profile]
+
+
+def test_every_profile_has_a_dialect():
+    assert {*DIALECTS, Profile.auto} == set(Profile)
+
+
+def test_body_is_canonical():
+    text = body(messages=(Message("user", 'a "quoted" \u00e9\n\ud800'),))
+    assert text == json.dumps(json.loads(text), sort_keys=True, separators=(",", ":"))
+    assert text.isascii()
+
+
+def test_digest_depends_on_everything_that_is_sent():
+    bodies = [
+        (Profile.vllm, body()),
+        (Profile.sglang, body()),
+        (Profile.vllm, body(model="n")),
+        (Profile.vllm, body(seed=6)),
+        (Profile.vllm, body(choices=(0, 1))),
+        (Profile.vllm, body(messages=CHAT[::-1])),
+        (Profile.vllm, body(messages=(CHAT[0], Message("user", "ACTIONS 0 1 4")))),
+        (Profile.vllm, body(messages=(CHAT[0], Message("assistant", CHAT[1].text)))),
+        (Profile.vllm, body(temperature=0.1)),
+        (Profile.vllm, body(max_tokens=9)),
+        (Profile.vllm, body(thinking=Thinking.none)),
+    ]
+    digests = [request_digest(text, DIALECTS[profile]) for profile, text in bodies]
+    assert len(set(digests)) == len(bodies)
+    assert all(len(digest) == 64 for digest in digests)
+    # What is not sent changes nothing.
+    unsent = body(api_key_env="OTHER", max_in_flight=1, tries=9, votes=3, cache="x", read_timeout=1.0)
+    assert request_digest(unsent, DIALECTS[Profile.vllm]) == digests[0]
+
+
+def test_digest_stays_what_it_is():
+    """Kept answers are found again by later versions; computed with sha256sum over the text below."""
+    text = body(model="m", messages=(Message("user", "hi"),), choices=(1,))
+    assert text == (
+        '{"chat_template_kwargs":{"enable_thinking":false},"max_tokens":8,"messages":[{"content":"hi","role":"user"}],'
+        '"model":"m","seed":5,"structured_outputs":{"choice":["1"]},"temperature":0.0}'
+    )
+    digest = request_digest(text, DIALECTS[Profile.vllm])
+    assert digest == "883b92dbfaef2a308cc689d9b538b662130dc3bdeb97f0a419fee5e9627c8687"
+
+
+def said(**message) -> dict:
+    return {"choices": [{"finish_reason": "stop", "message": message}]}
+
+
+@pytest.mark.parametrize(
+    ("response", "expected"),
+    [
+        (said(content="3"), Completion("3", "", "stop", None, None, None)),
+        (said(content="", reasoning="hm"), Completion("", "hm", "stop", None, None, None)),
+        (said(content="3", reasoning_content="hm", reasoning=None), Completion("3", "hm", "stop", None, None, None)),
+        (said(content=None, reasoning="3"), Completion("", "3", "stop", None, None, None)),
+        (
+            {"choices": [{"finish_reason": "length", "message": {"content": None}}]},
+            Completion("", "", "length", None, None, None),
+        ),
+        (
+            said(content="3")
+            | {"usage": {"prompt_tokens": 9, "completion_tokens": 2, "prompt_tokens_details": {"cached_tokens": 5}}},
+            Completion("3", "", "stop", 9, 5, 2),
+        ),
+        (
+            said(content="3") | {"usage": {"prompt_tokens": 9}, "timings": {"cache_n": 4}},
+            Completion("3", "", "stop", 9, 4, None),
+        ),
+        (
+            said(content="3") | {"usage": {"prompt_tokens_details": None, "prompt_tokens": 0}, "timings": None},
+            Completion("3", "", "stop", 0, None, None),
+        ),
+        # What makes no sense is left out.
+        (
+            said(content="3") | {"usage": {"prompt_tokens": -1, "completion_tokens": True}, "timings": [1]},
+            Completion("3", "", "stop", None, None, None),
+        ),
+        (
+            said(content="3") | {"usage": {"prompt_tokens": 10**30, "completion_tokens": "2"}},
+            Completion("3", "", "stop", None, None, None),
+        ),
+        ({"choices": [{"finish_reason": 3, "message": {"content": "3"}}]}, Completion("3", "", "", None, None, None)),
+        (said(content="half \ud83d"), Completion("half ?", "", "stop", None, None, None)),
+    ],
+)
+def test_completion(response, expected):
+    assert read_completion(json.dumps(response).encode()) == expected
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"<html></html>",
+        b"\xff\xfe",
+        b"null",
+        b"[]",
+        b"[" * 100_000,
+        b"{}",
+        b'{"choices": null}',
+        b'{"choices": []}',
+        b'{"choices": [null]}',
+        b'{"choices": [{"text": "3"}]}',
+        b'{"choices": [{"message": "3"}]}',
+        b'{"choices": [{"message": {}}]}',
+        b'{"choices": [{"message": {"content": 3}}]}',
+        b'{"choices": [{"message": {"content": ["3"]}}]}',
+        b'{"choices": [{"message": {"content": "3"}}]',
+        b'{"error": {"message": "no"}}',
+    ],
+)
+def test_no_completion(content):
+    with pytest.raises(ValueError, match=r"."):
+        read_completion(content)
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (b'{"error": {"message": "too\\nlong", "code": 400}}', "too long"),
+        (b'{"error": "no such model"}', "no such model"),
+        (b'{"object": "error", "message": "bad"}', "bad"),
+        (b'{"detail": [1]}', "{'detail': [1]}"),
+        (b"<h1>Bad\n Gateway</h1>", "<h1>Bad Gateway</h1>"),
+        (b"\xff", "?"),
+        (b"", ""),
+        (b"x" * 1000, "x" * 300 + " ..."),
+    ],
+)
+def test_error_of_a_server_on_one_line(content, line):
+    assert read_error(content).replace("\ufffd", "?") == line
+
+
+@pytest.mark.parametrize(
+    ("stub", "profile"),
+    [
+        (Stub(owned_by="vllm"), Profile.vllm),
+        (Stub(owned_by="sglang"), Profile.sglang),
+        (Stub(owned_by="llamacpp"), Profile.llamacpp),
+        (Stub(owned_by="me", header="llama.cpp"), Profile.llamacpp),
+        (Stub(owned_by="library"), Profile.ollama),
+        (Stub(owned_by="openai"), Profile.plain),
+    ],
+)
+def test_servers_are_recognised(tmp_path, caplog, stub, profile):
+    config = make_config(tmp_path, profile=Profile.auto, constrained=True)
+    with stub, Client(config, stub.url.removesuffix("/v1")) as client:
+        assert client.server.dialect.profile is profile
+        client.submit(make_questions(3)).result()
+    assert all(CHOICE[profile].keys() <= seen.body.keys() for seen in stub.chats)
+    assert ("does not say what it is" in caplog.text) == (profile is Profile.plain)
+    assert "ignores the constraint" not in caplog.text
+
+
+@pytest.mark.parametrize(
+    "profile", [profile for profile in CHOICE if CHOICE[profile]], ids=lambda profile: profile.name
+)
+def test_a_server_that_ignores_constraints_is_found_out(tmp_path, caplog, profile):
+    config = make_config(tmp_path, profile=profile, constrained=True)
+    with Stub(constrains=False) as stub, Client(config, stub.url) as client:
+        client.submit(make_questions(3)).result()
+    assert caplog.text.count("ignores the constraint") == 1
+    assert sum(seen.is_canary for seen in stub.log) == 1
+
+
+@pytest.mark.parametrize("changes", [{"constrained": False}, {"thinking": Thinking.on, "max_tokens": 4096}])
+def test_nothing_is_tried_out_without_constraints(tmp_path, changes):
+    with Stub() as stub, Client(make_config(tmp_path, **({"constrained": True} | changes)), stub.url) as client:
+        client.submit(make_questions(3)).result()
+    assert not any(seen.is_canary for seen in stub.log)
+
+
+def test_constraint_is_tried_out_in_spite_of_faults(tmp_path, caplog):
+    config = make_config(tmp_path, constrained=True)
+    with Stub(fault=lambda seen: Fault.unavailable if seen.number < 3 else None) as stub, Client(config, stub.url):
+        pass
+    assert caplog.text == ""
+    with Stub(fault=lambda seen: Fault.null_content) as stub, Client(config, stub.url):
+        pass
+    assert "could not be tried out: the message has no text" in caplog.text
+
+
+def test_a_server_that_refuses_the_dialect_is_said_at_the_start(tmp_path):
+    config = make_config(tmp_path, constrained=True, profile=Profile.sglang)
+    with (
+        Stub(fault=lambda seen: 400) as stub,
+        pytest.raises(ValueError, match=r"refuses what llm\.profile=sglang .*status 400 .*llm\.constrained=false"),
+        Client(config, stub.url),
+    ):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("models", "wanted", "used"),
+    [
+        (("one",), "", "one"),
+        (("one", "two"), "two", "two"),
+        (("one", "one:latest"), "one", "one"),
+        (("qwen3:32b", "one:latest"), "one", "one:latest"),
+    ],
+)
+def test_model_is_one_the_server_has(tmp_path, models, wanted, used):
+    with Stub(models=models) as stub, Client(make_config(tmp_path, model=wanted), stub.url) as client:
+        client.submit(make_questions(1)).result()
+    assert [seen.body["model"] for seen in stub.chats] == [used]
+
+
+@pytest.mark.parametrize(
+    ("models", "wanted", "sentence"),
+    [
+        (("one", "two"), "", r"has 2 models: set llm\.model to one of them \(one, two\)"),
+        ((), "", r"has 0 models: .*\(none\)"),
+        (("one", "two"), "three", r"has no model 'three': set llm\.model to one it has \(one, two\)"),
+    ],
+)
+def test_model_the_server_does_not_have(tmp_path, models, wanted, sentence):
+    with (
+        Stub(models=models) as stub,
+        pytest.raises(ValueError, match=sentence),
+        Client(make_config(tmp_path, model=wanted), stub.url),
+    ):
+        pass
+    assert stub.chats == []
+
+
+def test_a_server_that_loads_is_waited_for(tmp_path, caplog, monkeypatch):
+    monkeypatch.setattr("rearl_jax.llm.startup._POLL", 0.05)
+    caplog.set_level(logging.INFO)
+    with Stub() as stub:
+        stub.loading = 4
+        with Client(make_config(tmp_path), stub.url) as client:
+            assert client.server.model == "stub-model"
+        assert len(stub.log) == 5
+        assert caplog.text.count("is loading") == 1
+        stub.loading = 10_000
+        start = time.monotonic()
+        with pytest.raises(ConnectionError, match=r"still loading after 0\.5 s: .*llm\.startup"):
+            Client(make_config(tmp_path, startup=0.5), stub.url).open()
+        assert time.monotonic() - start < 5.0
+
+
+def test_no_server(tmp_path):
+    stub = Stub()
+    address = f"no server answers at http://127.0.0.1:{stub.port}/v1 .*decision.server.base_url"
+    with pytest.raises(ConnectionError, match=address), Client(make_config(tmp_path), stub.url):
+        pass
+    with stub, Client(make_config(tmp_path), stub.url) as client:
+        assert client.submit(make_questions(1)).result()
+
+
+def test_another_kind_of_server(tmp_path):
+    with Stub() as stub:
+        with pytest.raises(ValueError, match=r"is no OpenAI-compatible server \(HTTP 404 for /models\)"):
+            Client(make_config(tmp_path), f"{stub.url}/deeper/v1").open()
+        stub.models = None
+    with Stub(key="right key") as stub, pytest.raises(ValueError, match=r"does not let us in \(HTTP 401.*MY_KEY"):
+        Client(make_config(tmp_path, api_key_env="MY_KEY"), stub.url).open()
+
+
+def test_client_is_opened_before_it_is_used(tmp_path):
+    with Stub() as stub:
+        client = Client(make_config(tmp_path), stub.url)
+        with pytest.raises(RuntimeError, match="not open"):
+            client.submit(make_questions(1))
+        with client, pytest.raises(RuntimeError, match="open already"):
+            client.open()
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"votes": 2}, "votes must be 1 or 3"),
+        ({"tries": 0}, "tries must be at least 1"),
+        ({"deadline": 0.0}, "deadline must be > 0"),
+        ({"startup": -1.0}, "startup must be >= 0"),
+        ({"thinking": Thinking.on}, "thinking=on needs a larger max_tokens"),
+    ],
+)
+def test_configuration_out_of_range(changes, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        Client(LlmConfig(**changes), "http://127.0.0.1:1")
+
+
+@pytest.mark.parametrize("file", PRESETS, ids=lambda file: file.stem)
+def test_presets(file):
+    text = file.read_text(encoding="utf-8")
+    assert text.startswith("# ")
+    assert "not run here" in text.splitlines()[0]
+    config = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(LlmConfig), OmegaConf.load(file)))
+    assert isinstance(config, LlmConfig)
+    config.check()
+    assert config.model
+    assert config.profile is not Profile.auto
+
+
+def test_presets_are_there():
+    assert {"deepseek_r1_32b", "glm_4_7_flash", "qwen3_32b"} <= {file.stem for file in PRESETS}
