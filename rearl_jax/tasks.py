@@ -52,7 +52,7 @@ class Task:
         return _load(self.collect)
 
 
-CLOSED_LOOP = ("detection", "reference", "decision", "matcher", "admissible", "exec")
+CLOSED_LOOP = ("detection", "reference", "decision", "matcher", "llm", "prompt", "admissible", "exec")
 """Groups of keys that mean something only where decisions are made."""
 
 TASKS = (

@@ -16,6 +16,7 @@ from rearl_jax.config.decision import AdmissibleConfig, DecisionConfig, ExecConf
 from rearl_jax.config.detection import DetectionConfig, ReferenceConfig
 from rearl_jax.config.evaluation import EvaluationConfig, Method
 from rearl_jax.config.generator import GeneratorConfig
+from rearl_jax.config.llm import LlmConfig, PromptConfig
 from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
 from rearl_jax.config.ppo import PpoConfig, PpoPolicyConfig
 from rearl_jax.config.scenes import (
@@ -113,6 +114,8 @@ class EvaluateTask:
     reference: ReferenceConfig = _group(ReferenceConfig)
     decision: DecisionConfig = _group(DecisionConfig)
     matcher: MatcherConfig = _group(MatcherConfig)
+    llm: LlmConfig = _group(LlmConfig)
+    prompt: PromptConfig = _group(PromptConfig)
     admissible: AdmissibleConfig = _group(AdmissibleConfig)
     exec: ExecConfig = _group(ExecConfig)
     ppo: PpoPolicyConfig = _group(PpoPolicyConfig)

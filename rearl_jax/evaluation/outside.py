@@ -19,8 +19,10 @@ from rearl_jax.detection.table import ReferenceTable
 BURST = 2_048
 """Scenarios in lockstep at most: all their questions of a second are asked at once."""
 
-MakePolicy: TypeAlias = Callable[[ReferenceTable, TrafficModel, LoopOptions, Thresholds], HostPolicy]
-"""Who decides for some scenarios during a rollout: from references, road, choices of the loop, and their thresholds."""
+MakePolicy: TypeAlias = Callable[[ReferenceTable, TrafficModel, LoopOptions, Thresholds, int], HostPolicy]
+"""Who decides for some scenarios during a rollout: from references, road, choices of the loop, their thresholds and the
+number of the first of them.
+"""
 
 
 def simulate_outside(
@@ -34,7 +36,6 @@ def simulate_outside(
     options: LoopOptions,
     *,
     n_seconds: int,
-    progress: Callable[[int, int], None],
 ) -> Iterator[tuple[Frames, Decisions]]:
     """Frames and decisions, burst by burst.
 
@@ -48,7 +49,6 @@ def simulate_outside(
         model: Road, clock and stages.
         options: Choices of the loop.
         n_seconds: Seconds to simulate [s].
-        progress: Called with the scenario-seconds done and their total.
     """
     n_scenarios = state.x.shape[-1]
     for start in range(0, n_scenarios, BURST):
@@ -62,8 +62,8 @@ def simulate_outside(
         limits = jax.tree.map(lambda leaf, part=part: np.asarray(leaf)[part], thresholds)
         half = -(-size // 2)
         policies = (
-            make_policy(table, model, options, Thresholds(limits.hellinger[:half], limits.mape[:half])),
-            make_policy(table, model, options, Thresholds(limits.hellinger[half:], limits.mape[half:])),
+            make_policy(table, model, options, Thresholds(limits.hellinger[:half], limits.mape[:half]), start),
+            make_policy(table, model, options, Thresholds(limits.hellinger[half:], limits.mape[half:]), start + half),
         )
         yield rollout_in_lockstep(
             some,
@@ -75,7 +75,4 @@ def simulate_outside(
             model,
             options,
             n_seconds=n_seconds,
-            progress=lambda done, total, before=start, size=size: progress(
-                before * n_seconds + done * size // 2, n_scenarios * n_seconds
-            ),
         )

@@ -1,96 +1,31 @@
-"""Where rollouts begin and how they are simulated; what a method is.
+"""Which rollouts an evaluation has, where they begin, and their traffic chunk by chunk."""
 
-Initial states depend on the seed, the run and the scene alone: every method and every batch size sees the
-same ones (common random numbers), so that differences between methods are not differences of luck.
-"""
-
-import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
-from typing import TypeAlias
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Int, Key
+from jaxtyping import Int
 
-from rearl_jax._typing import PRNGKey
-from rearl_jax.baselines.driving import DrivingOptions, rollout_with_actor
-from rearl_jax.baselines.network import Perceptron
 from rearl_jax.baselines.weights import TrainedPolicy, load_policy
 from rearl_jax.config import EvaluateTask
-from rearl_jax.config.core import CoreConfig, InitialSource, InitialSpeed
-from rearl_jax.config.decision import Longitudinal, MatcherConfig, PolicyName
+from rearl_jax.config.core import CoreConfig, InitialSource
 from rearl_jax.config.evaluation import Method, SeedScope
-from rearl_jax.core.batch import ScenarioMap
-from rearl_jax.core.drivers import Drivers
-from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.road import traffic_model
-from rearl_jax.core.rollout import Frames, rollout
-from rearl_jax.core.spawn import spawn
 from rearl_jax.core.state import TrafficState, make_state
 from rearl_jax.data.scene_set import SceneSet
-from rearl_jax.decision.loop import Decisions, LoopOptions, rollout_with_policy
-from rearl_jax.decision.policies import make_policy
-from rearl_jax.detection.detector import Thresholds, detection_options
+from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.references import References
-from rearl_jax.detection.table import tabulate
-
-Simulator: TypeAlias = Callable[[TrafficState, Drivers, TrafficModel, int], Frames]
-"""From initial states, drivers, the road and a number of seconds to the frame after each second."""
-
-POLICY_STREAM = 1
-"""Separates the random numbers of a policy from those of the initial state."""
-
-NEVER = (float("inf"), float("inf"))
-"""Thresholds that nothing passes."""
-
-FIXED_SPEED = 25.0
-"""Speed of init.speed=fixed_25 [m/s]. Source: highway-env 1.12.1, `HighwayEnv._create_vehicles`."""
-
-
-def simulate_base(state: TrafficState, drivers: Drivers, model: TrafficModel, n_seconds: int) -> Frames:
-    """Frames of IDM and MOBIL traffic that nobody interferes with."""
-    return rollout(state, drivers, model, n_seconds=n_seconds)[1]
-
-
-SIMULATORS: dict[Method, Simulator] = {Method.base: simulate_base}
-"""How each method without interventions simulates a batch of scenarios."""
-
-
-class Simulated(eqx.Module):
-    """Rollouts: the traffic, what was decided about it (None where nothing is detected), and the action every vehicle
-    followed in every second (None where no policy drives them all).
-    """
-
-    frames: Frames
-    decisions: Decisions | None
-    actions: Int[Array | np.ndarray, "seconds vehicles scenarios"] | None = None
-
-
-@dataclass(frozen=True)
-class Interventions:
-    """What of the interventions changes the program: policy, detection, execution."""
-
-    policy: PolicyName
-    matcher: MatcherConfig
-    loop: LoopOptions
-
-
-def interventions(config: EvaluateTask) -> Interventions | None:
-    """The interventions of the configured method, None for none."""
-    if not config.method.needs_references:
-        return None
-    detection = detection_options(config.detection, config.reference, config.hist, config.mape, config.spacing)
-    loop = LoopOptions(detection, config.admissible, config.exec)
-    return Interventions(config.decision.policy, config.matcher, loop)
-
-
-def rollout_key(seed: Int[Array, ""], run: Int[Array, ""], scene_id: Int[Array, ""]) -> PRNGKey:
-    """Random key of a rollout: seed, run and scene folded into one."""
-    return jax.random.fold_in(jax.random.fold_in(jax.random.key(seed), run), scene_id)
+from rearl_jax.evaluation.outside import MakePolicy, simulate_outside
+from rearl_jax.evaluation.simulators import (
+    NEVER,
+    Interventions,
+    Simulated,
+    beginnings,
+    held_model,
+    interventions,
+    program,
+)
 
 
 def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
@@ -144,6 +79,7 @@ class Rollouts:
         held_out: np.ndarray,
         references: References | None = None,
         thresholds: Sequence[tuple[float, float]] = (NEVER,),
+        outside: MakePolicy | None = None,
     ) -> None:
         """Counts the rollouts; nothing is simulated yet.
 
@@ -154,8 +90,9 @@ class Rollouts:
             references: Representative scenes, for methods that intervene.
             thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene; every pair gets
                 the same rollouts.
+            outside: Makes the policies that decide outside the compiled program, for `PolicyName.is_outside`.
         """
-        self._config, self._n_seconds = config, scenes.seconds
+        self._config, self._n_seconds, self._outside = config, scenes.seconds, outside
         is_shared = config.eval.seed_scope is SeedScope.run
         self._served = held_out[:1] if is_shared else held_out
         self._scene_id = np.zeros(1, np.int32) if is_shared else scenes.scene_id[held_out].astype(np.int32)
@@ -168,8 +105,7 @@ class Rollouts:
         if config.method.needs_references:
             if references is None:
                 raise ValueError(f"method={config.method.name} needs references to hold the traffic against")
-            # A last axis of length 1: the same for all scenarios.
-            self._references = jax.tree.map(lambda leaf: np.asarray(leaf)[..., None], references)
+            self._references = references
             self._thresholds = np.array(thresholds, config.core.dtype.name).T
         self._state = None
         if config.init.source is InitialSource.scene:
@@ -226,92 +162,44 @@ class Rollouts:
         config = self._config
         policy = self._policy
         acts = interventions(config) if policy is None else policy.options
-        simulate = _program(config.method, acts, config.core, config.init.speed, self._n_seconds, width)
+        if isinstance(acts, Interventions) and acts.policy.is_outside:
+            return self._decided_outside(acts)
+        simulate = program(config.method, acts, config.core, config.init.speed, self._n_seconds, width)
+        thresholds = None if self._thresholds is None else tuple(self._thresholds[:, self.cell])
+        # A last axis of length 1: the same for all scenarios.
+        references, actor = jax.tree.map(
+            lambda leaf: np.asarray(leaf)[..., None],
+            (self._references, None if policy is None else policy.network.actor),
+        )
+        return simulate.chunks((*self._starts(), references, thresholds, actor))
+
+    def _starts(self) -> tuple[dict[str, np.ndarray], TrafficState | None]:
+        """Seeds, and initial states where they are measured."""
         column = self._column
         starts = {
-            "seed": np.full(len(self), config.eval.seed, np.int32),
+            "seed": np.full(len(self), self._config.eval.seed, np.int32),
             "run": self.run,
             "scene_id": self._scene_id[column],
         }
-        state = jax.tree.map(lambda leaf: leaf[..., column], self._state)
-        thresholds = None if self._thresholds is None else tuple(self._thresholds[:, self.cell])
-        # A last axis of length 1: the same for all scenarios.
-        actor = None if policy is None else jax.tree.map(lambda leaf: leaf[..., None], policy.network.actor)
-        return simulate.chunks((starts, state, self._references, thresholds, actor))
+        return starts, jax.tree.map(lambda leaf: leaf[..., column], self._state)
 
-
-_Batch: TypeAlias = tuple[
-    dict[str, Array], TrafficState | None, References | None, tuple[Array, Array] | None, Perceptron | None
-]
-"""What a chunk of rollouts is computed from, as far as used: seeds, measured states, references, thresholds, and the
-network that drives.
-"""
-
-
-@functools.cache
-def _program(
-    method: Method,
-    acts: Interventions | DrivingOptions | None,
-    core: CoreConfig,
-    speed: InitialSpeed,
-    n_seconds: int,
-    width: int,
-) -> ScenarioMap:
-    """Compiled once for all studies of a process: from seeds (and measured states) to rollouts."""
-    model = traffic_model(core)
-
-    def simulate(batch: _Batch) -> Simulated:
-        starts, measured, references, thresholds, actor = batch
-        keys = jax.vmap(rollout_key)(starts["seed"], starts["run"], starts["scene_id"])
-        state, drivers = spawn(
+    def _decided_outside(self, acts: Interventions) -> Iterator[Simulated]:
+        """The same, with the policy outside the compiled program."""
+        assert self._thresholds is not None  # the method needs them
+        if self._outside is None:
+            raise ValueError(f"decision.policy={acts.policy.name} decides outside the program: say who is to be asked")
+        config = self._config
+        start = beginnings(config.core, config.init.speed, acts.loop.detection)
+        state, drivers, keys, table = start(*self._starts(), self._references)
+        bursts = simulate_outside(
+            state,
+            drivers,
             keys,
-            model,
-            n_vehicles=core.n_vehicles,
-            density=core.density,
-            initial_speed=FIXED_SPEED if speed is InitialSpeed.fixed_25 else None,
-            dtype=jnp.dtype(core.dtype.name),
+            table,
+            Thresholds(*self._thresholds[:, self.cell]),
+            self._outside,
+            held_model(traffic_model(config.core), acts.loop),
+            acts.loop,
+            n_seconds=self._n_seconds,
         )
-        state = state if measured is None else measured
-        if isinstance(acts, DrivingOptions):
-            assert actor is not None  # loaded with its options
-            actor = jax.tree.map(lambda leaf: leaf[..., 0], actor)
-            frames, actions = rollout_with_actor(state, drivers, actor, model, acts, n_seconds=n_seconds)
-            return Simulated(frames, None, actions)
-        if acts is None or references is None or thresholds is None:
-            return Simulated(SIMULATORS[method](state, drivers, model, n_seconds), None)
-        references = jax.tree.map(lambda leaf: leaf[..., 0], references)
-        return simulate_rearl(state, drivers, keys, references, Thresholds(*thresholds), acts, model, n_seconds)
-
-    return ScenarioMap(simulate, chunk=width)
-
-
-def simulate_rearl(
-    state: TrafficState,
-    drivers: Drivers,
-    keys: Key[Array, " scenarios"],
-    references: References,
-    thresholds: Thresholds,
-    acts: Interventions,
-    model: TrafficModel,
-    n_seconds: int,
-) -> Simulated:
-    """Rollouts of IDM and MOBIL traffic with interventions.
-
-    Args:
-        state: Initial states.
-        drivers: Parameters of all vehicles.
-        keys: Random keys of the rollouts.
-        references: Representative scenes.
-        thresholds: Of every scenario.
-        acts: Policy, detection, execution.
-        model: Road, clock and stages of the same traffic without interventions.
-        n_seconds: Seconds to simulate [s].
-    """
-    model = replace(model, meta_follows=acts.loop.execution.longitudinal is Longitudinal.idm_capped)
-    policy_keys = jax.vmap(lambda key: jax.random.fold_in(key, POLICY_STREAM))(keys)
-    table = tabulate(references, acts.loop.detection.hist, state.x.dtype)
-    policy = make_policy(acts.policy, acts.matcher, model)
-    _, frames, decisions = rollout_with_policy(
-        state, drivers, policy_keys, table, thresholds, policy, model, acts.loop, n_seconds=n_seconds
-    )
-    return Simulated(frames, decisions)
+        return (Simulated(frames, decisions) for frames, decisions in bursts)

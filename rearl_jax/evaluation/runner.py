@@ -19,7 +19,8 @@ from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.decision.loop import Decisions
 from rearl_jax.detection.references import References
 from rearl_jax.evaluation.driven import count_actions
-from rearl_jax.evaluation.rollouts import NEVER, Rollouts, Simulated
+from rearl_jax.evaluation.outside import MakePolicy
+from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.scores import (
     REAL,
     REAL_VS_REAL,
@@ -31,6 +32,7 @@ from rearl_jax.evaluation.scores import (
     with_realism,
 )
 from rearl_jax.evaluation.scoring import Scorer, join
+from rearl_jax.evaluation.simulators import NEVER, Simulated
 from rearl_jax.metrics.scene import SceneMetrics
 
 BINS_DRAWN = 4
@@ -101,6 +103,7 @@ def evaluate(
     progress: Callable[[int, int], None] = lambda done, total: None,
     references: References | None = None,
     thresholds: tuple[float, float] = NEVER,
+    outside: MakePolicy | None = None,
 ) -> Evaluation:
     """The method and the rows it must be read against, scored on the held-out scenes.
 
@@ -113,8 +116,9 @@ def evaluate(
         progress: Called with the number of rollouts done and their total.
         references: Representative scenes, for methods that intervene.
         thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene.
+        outside: Makes the policies that decide outside the compiled program, where one does.
     """
-    rollouts = Rollouts(config, scenes, held_out, references, [thresholds])
+    rollouts = Rollouts(config, scenes, held_out, references, [thresholds], outside)
     scorer, width = make_scorer(config, scenes, config.eval.n_runs * len(held_out))
     example = example_scene(scenes, held_out, config.eval.example)
     # Beside the simulation's compilation, which is the longest part of a short job.

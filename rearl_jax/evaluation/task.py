@@ -2,8 +2,8 @@
 
 Writes into the study folder `runs.parquet` (one row per scored pair), `frames.parquet` (one per pair and
 frame), `summary.parquet` (one per method and metric), `decisions.parquet` (one per rollout and second, where a
-policy intervenes), PNG figures, `page.html`, `config.json` and, last of all, `summary.json` (one object per row of
-the table).
+policy intervenes), `requests.parquet` (one per question to a language model), PNG figures, `page.html`, `config.json`
+and, last of all, `summary.json` (one object per row of the table).
 """
 
 import logging
@@ -14,15 +14,17 @@ from rearl_jax.baselines.weights import load_policy
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import Precision
 from rearl_jax.config.evaluation import Method
+from rearl_jax.console import print_notes, standard_output
 from rearl_jax.data.recordings import data_id, is_generated
 from rearl_jax.data.splits import Split
 from rearl_jax.evaluation import tables, terminal
 from rearl_jax.evaluation.estimates import estimates
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.interventions import decision_table
+from rearl_jax.evaluation.language_model import language_model, request_figures, request_note
 from rearl_jax.evaluation.percentiles import detection_thresholds
-from rearl_jax.evaluation.rollouts import NEVER
 from rearl_jax.evaluation.runner import evaluate
+from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 
@@ -63,7 +65,17 @@ def run(config: EvaluateTask) -> dict:
             thresholds = detection_thresholds(config, scenes, splits.threshold, shown(bar, "thresholds"))
             log.info("thresholds: Hellinger distance %.4f, spacing error %.4f", *thresholds)
         held_out = splits.indices(Split[config.eval.subset.name.upper()])
-        evaluation = evaluate(config, scenes, held_out, shown(bar, "rollouts"), inputs.references, thresholds)
+        with language_model(config, bar) as asked:
+            evaluation = evaluate(
+                config,
+                scenes,
+                held_out,
+                shown(bar, "rollouts"),
+                inputs.references,
+                thresholds,
+                None if asked is None else asked.make_policy,
+            )
+            requests = None if asked is None else asked.requests()
     found = estimates(evaluation.rows, evaluation.held_out, config.eval)
     metadata = tables.metadata(config, evaluation)
     study.write_table("runs", tables.run_table(evaluation), **metadata)
@@ -72,7 +84,11 @@ def run(config: EvaluateTask) -> dict:
     if evaluation.log is not None:
         decisions = decision_table(scenes.scene_id, evaluation.log, config.hist.window)
         study.write_table("decisions", decisions, **metadata)
+    if requests is not None:
+        study.write_table("requests", requests, **metadata)
     terminal.print_table(config, evaluation, found)
+    if requests is not None:
+        print_notes(standard_output(114), [request_note(requests)])
 
     # Only now, so that nobody waits for matplotlib to see the table.
     from rearl_jax.evaluation.figures import draw
@@ -83,6 +99,8 @@ def run(config: EvaluateTask) -> dict:
         study.write_bytes(f"{name}.png", png)
     study.write_text("page.html", render(config, evaluation, found, figures))
     rows = tables.summary_rows(evaluation, found)
+    if requests is not None:
+        rows[0] |= request_figures(requests)
     study.write_summary(rows)
     return {"rows": rows}
 

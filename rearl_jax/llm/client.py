@@ -246,7 +246,7 @@ class Client:
         jobs = {digest: self._jobs[digest] for digest in bodies}
         for job in jobs.values():
             job.waiting += 1
-            job.deadline = max(job.deadline, deadline)
+            job.deadline = deadline  # that of the last burst is the latest
         try:
             if new:
                 # Not stopped with this burst: others may wait for the same chats already.

@@ -1,6 +1,8 @@
 """The language model as a policy: situations in, questions out, answers back as one array of actions."""
 
+from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Int
@@ -15,21 +17,33 @@ from rearl_jax.llm.records import Answer, Cause, Question
 class LanguageModelPolicy:
     """A `HostPolicy` that asks a language model about every vehicle that needs a decision, and about no other."""
 
-    def __init__(self, client: Client, prompter: Prompter, thresholds: Thresholds) -> None:
+    def __init__(
+        self,
+        client: Client,
+        prompter: Prompter,
+        thresholds: Thresholds,
+        first: int = 0,
+        watch: Callable[[int], None] = lambda second: None,
+    ) -> None:
         """One policy serves one half of a batch for a whole rollout.
 
         Args:
             client: Asks the server.
             prompter: Writes the questions of this half.
             thresholds: Of its scenarios.
+            first: Number of the first of them, for the table of requests.
+            watch: Called with the second whenever questions have been asked.
         """
         self._client, self._prompter, self._thresholds = client, prompter, thresholds
+        self._first, self._watch = first, watch
 
     def ask(self, situation: Situation) -> Future[np.ndarray]:
         """The actions understood and admissible, NO_ACTION for all other vehicles, once the answers are there."""
         questions = self._prompter.questions(situation, self._thresholds)
         n_vehicles, n_scenarios = situation.detection.mask.shape
-        answers = self._client.submit(questions, second=int(situation.second))
+        numbered = [replace(question, scenario=question.scenario + self._first) for question in questions]
+        answers = self._client.submit(numbered, second=int(situation.second))
+        self._watch(int(situation.second))
         actions: Future[np.ndarray] = Future()
 
         def finish(done: Future[list[Answer]]) -> None:

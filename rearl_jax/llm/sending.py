@@ -150,7 +150,7 @@ class Sender:
 
     async def _run(self, job: Job, *, is_probe: bool) -> None:
         try:
-            last = await self._ask(job, 1 if is_probe else self._config.tries)
+            last = await self._ask(job)
         except BaseException:
             self._breaker.given_up(is_probe)
             raise
@@ -161,8 +161,8 @@ class Sender:
             self._send_next()
         self._finish(job, job.reply(last.cause, last.completion))
 
-    async def _ask(self, job: Job, tries: int) -> _Try:
-        """What the last of at most so many tries came to."""
+    async def _ask(self, job: Job) -> _Try:
+        """What the last of at most so many tries came to; while the server counts as down there is no second one."""
         loop = asyncio.get_running_loop()
         job.started = loop.time()
         body = job.body.encode()
@@ -174,7 +174,7 @@ class Sender:
             last = self._judge(response)
             if last.completion is not None:
                 return last
-            if not last.again or job.tries >= tries:
+            if not last.again or job.tries >= self._config.tries:
                 break
             # Full jitter, so that those who failed together do not come back together.
             pause = random.uniform(0.0, self._config.backoff * 2.0 ** (job.tries - 1)) + (response.retry_after or 0.0)

@@ -77,7 +77,7 @@ def collect(config: EvaluateTask, swept: list[dict[str, str]]) -> None:
     from rearl_jax.sweep.cell_figure import draw_cells
 
     study.write_bytes("cells.png", draw_cells(config, names, table, generated=generated))
-    study.write_summary([{"cell": cell.name, **cell.keys, **_own(cell.figures[0])} for cell in cells])
+    study.write_summary([{"cell": cell.name, **_columns(cell), **_own(cell.figures[0])} for cell in cells])
 
 
 def _read(root: Path, keys: dict[str, str]) -> Cell | None:
@@ -105,13 +105,18 @@ def run_table(cells: list[Cell]) -> pd.DataFrame:
     return _long(cells, [pd.read_parquet(cell.folder / "runs.parquet") for cell in cells])
 
 
+def _columns(cell: Cell) -> dict[str, str]:
+    """The swept keys as columns: `method`, which is also what a row of the table is, becomes `cell_method`."""
+    return {"cell_method" if key == "method" else key: value for key, value in cell.keys.items()}
+
+
 def _long(cells: list[Cell], frames: list[pd.DataFrame]) -> pd.DataFrame:
     """The tables of the cells below each other."""
     parts = []
     for cell, frame in zip(cells, frames, strict=True):
-        named = {"cell": cell.name, **cell.keys}
+        named = {"cell": cell.name, **_columns(cell)}
         columns = {name: pd.Categorical([value] * len(frame)) for name, value in named.items()}
         parts.append(pd.concat([pd.DataFrame(columns), frame.astype({"method": str})], axis=1))
-    whole = pd.concat([part.astype({"cell": str, **dict.fromkeys(cells[0].keys, str)}) for part in parts])
-    texts = ["cell", "method", *cells[0].keys]
+    texts = ["cell", "method", *_columns(cells[0])]
+    whole = pd.concat([part.astype(dict.fromkeys(texts, str)) for part in parts])
     return whole.astype(dict.fromkeys(texts, "category")).reset_index(drop=True)

@@ -26,8 +26,9 @@ from rearl_jax.data.splits import Split
 from rearl_jax.detection.references import References
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.percentiles import detection_thresholds
-from rearl_jax.evaluation.rollouts import NEVER, Rollouts
+from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.scores import Scores
+from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.evaluation.task import inputs_id
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study

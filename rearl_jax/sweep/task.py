@@ -18,8 +18,9 @@ from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.data.recordings import data_id, is_generated
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.percentiles import BaseValues, base_values
-from rearl_jax.evaluation.rollouts import NEVER, Rollouts
+from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.scores import Scores
+from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 from rearl_jax.sweep import terminal

@@ -104,7 +104,7 @@ def test_training_never_sees_the_traffic_of_an_evaluation():
     from rearl_jax.baselines.training import training_keys
     from rearl_jax.core.model import TrafficModel
     from rearl_jax.core.spawn import spawn
-    from rearl_jax.evaluation.rollouts import rollout_key
+    from rearl_jax.evaluation.simulators import rollout_key
 
     seed = jnp.int32(0)
     updates = jnp.arange(30, dtype=jnp.int32)

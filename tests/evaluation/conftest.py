@@ -116,7 +116,7 @@ def drifting(monkeypatch):
     from rearl_jax.config.evaluation import Method
     from rearl_jax.core.rollout import Frames
     from rearl_jax.core.state import nearest_lane
-    from rearl_jax.evaluation import rollouts
+    from rearl_jax.evaluation import simulators
 
     def simulate(state, drivers, model, n_seconds):
         second = jnp.arange(1, n_seconds + 1)[:, None, None]
@@ -133,10 +133,10 @@ def drifting(monkeypatch):
             crashed=first & (second > 8) & (same == 0),
         )
 
-    monkeypatch.setitem(rollouts.SIMULATORS, Method.base, simulate)
-    rollouts._program.cache_clear()
+    monkeypatch.setitem(simulators.SIMULATORS, Method.base, simulate)
+    simulators.program.cache_clear()
     yield
-    rollouts._program.cache_clear()
+    simulators.program.cache_clear()
 
 
 @pytest.fixture

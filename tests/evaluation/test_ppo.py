@@ -19,7 +19,8 @@ def test_everybody_starts_as_under_base_and_drives_faster(scenes, driven, monkey
     import jax
 
     from rearl_jax.config.evaluation import Method
-    from rearl_jax.evaluation import rollouts
+    from rearl_jax.evaluation import simulators
+    from rearl_jax.evaluation.rollouts import Rollouts
 
     seen = {}
 
@@ -30,16 +31,16 @@ def test_everybody_starts_as_under_base_and_drives_faster(scenes, driven, monkey
 
         return simulate
 
-    monkeypatch.setitem(rollouts.SIMULATORS, Method.base, keeping("base", rollouts.simulate_base))
-    monkeypatch.setattr(rollouts, "rollout_with_actor", keeping("ppo", rollouts.rollout_with_actor))
-    rollouts._program.cache_clear()
+    monkeypatch.setitem(simulators.SIMULATORS, Method.base, keeping("base", simulators.simulate_base))
+    monkeypatch.setattr(simulators, "rollout_with_actor", keeping("ppo", simulators.rollout_with_actor))
+    simulators.program.cache_clear()
     frames = {}
     for method in (Method.base, Method.ppo):
-        (part,) = rollouts.Rollouts(replace(driven, method=method), scenes, np.arange(6)).chunks(64)
+        (part,) = Rollouts(replace(driven, method=method), scenes, np.arange(6)).chunks(64)
         frames[method.name] = part.frames
         assert part.decisions is None
         assert (part.actions is None) == (method is Method.base)
-    rollouts._program.cache_clear()
+    simulators.program.cache_clear()
     jax.effects_barrier()
     assert set(seen) == {"base", "ppo"}
     for base, ppo in zip(seen["base"], seen["ppo"], strict=True):

@@ -72,7 +72,8 @@ def test_base_stands_beside_the_method_from_the_same_initial_states(scenes, inte
 
 def test_the_first_second_is_that_of_the_base_and_thresholds_do_not_recompile(scenes, intervening, references):
     from rearl_jax.config.evaluation import Method
-    from rearl_jax.evaluation.rollouts import Rollouts, _program
+    from rearl_jax.evaluation.rollouts import Rollouts
+    from rearl_jax.evaluation.simulators import program
 
     def simulated(config, *interventions):
         (part,) = Rollouts(config, scenes, np.arange(6), *interventions).chunks(64)
@@ -83,15 +84,16 @@ def test_the_first_second_is_that_of_the_base_and_thresholds_do_not_recompile(sc
     assert base.decisions is None
     np.testing.assert_array_equal(acting.frames.x[0], base.frames.x[0])
     assert (acting.frames.x[-1] != base.frames.x[-1]).any()
-    compiled = _program.cache_info().misses
+    compiled = program.cache_info().misses
     resting = simulated(intervening, references, [(1.0, 1e9)])
-    assert _program.cache_info().misses == compiled
+    assert program.cache_info().misses == compiled
     np.testing.assert_array_equal(resting.frames.x, base.frames.x)
 
 
 def test_every_pair_of_thresholds_gets_the_same_rollouts(scenes, intervening, references):
     """All pairs as one batch are what they are one by one."""
-    from rearl_jax.evaluation.rollouts import NEVER, Rollouts
+    from rearl_jax.evaluation.rollouts import Rollouts
+    from rearl_jax.evaluation.simulators import NEVER
 
     pairs = [NEVER, (0.1, 0.05), (2.0, 0.5)]
     together = Rollouts(intervening, scenes, np.arange(3), references, pairs)

@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 
 from rearl_jax.config.llm import Profile, Thinking
+from rearl_jax.llm.answers import Answers
 from rearl_jax.llm.breaker import Breaker
 from rearl_jax.llm.client import Client
 from rearl_jax.llm.connection import proxy_of, server_address
@@ -215,8 +216,10 @@ def test_empty_burst(tmp_path):
         assert client.submit([]).result() == []
 
 
-def test_a_burst_that_is_cancelled_does_not_take_the_others_along(tmp_path):
+def test_a_burst_that_is_cancelled_does_not_take_the_others_along(tmp_path, monkeypatch):
     questions = make_questions(20)
+    find = Answers.find
+    monkeypatch.setattr(Answers, "find", lambda self, digests: time.sleep(0.03) or find(self, digests))
     with Stub(latency=0.1) as stub, Client(make_config(tmp_path), stub.url) as client:
         for number in range(5):  # cancelled at whatever point it has come to
             futures = [client.submit(make_questions(20, f"{number}")) for _ in range(2)]

@@ -246,6 +246,18 @@ def test_breaker_lets_one_probe_through(tmp_path, now):
     assert stub.busiest > 2
 
 
+def test_nobody_waits_for_another_try_at_a_server_that_is_down(tmp_path):
+    def fault(seen):
+        return Fault.too_many_wait if "car 0" in seen.raw.decode() else Fault.internal_error
+
+    config = make_config(tmp_path, tries=2, breaker_failures=3)
+    with Stub(fault=fault, retry_after=20) as stub, Client(config, stub.url) as client:
+        start = time.monotonic()
+        answers = client.submit(make_questions(10)).result()
+    assert time.monotonic() - start < 10.0
+    assert (answers[0].cause, answers[0].replies[0].tries) == (Cause.failed, 1)
+
+
 def test_a_busy_server_is_not_down(tmp_path):
     config = make_config(tmp_path, tries=1, breaker_failures=2)
     with Stub(fault=lambda seen: Fault.too_many) as stub, Client(config, stub.url) as client:
@@ -255,23 +267,22 @@ def test_a_busy_server_is_not_down(tmp_path):
 
 
 def test_deadline(tmp_path, tmp_path_factory):
-    """What is back counts, the rest is late and its requests are ended; the server is free for the next burst."""
-    stuck = {f" scenario 0 car {car}" for car in range(4)}
+    """What is back counts, the rest is late and its requests are ended: the next burst has the connections."""
+    stuck = {f"some scenario 1 car {car}" for car in range(1, 5)}
 
     def fault(seen):
-        return Fault.never if seen.body["messages"][1]["content"].removeprefix("some") in stuck else None
+        return Fault.never if seen.body["messages"][1]["content"] in stuck else None
 
-    config = make_config(tmp_path, deadline=2.0, max_in_flight=6)
-    with Stub(fault=fault, slots=6) as stub, Client(config, stub.url) as client:
+    config = make_config(tmp_path, deadline=2.0, max_in_flight=4)
+    with Stub(fault=fault) as stub, Client(config, stub.url) as client:
         start = time.monotonic()
         answers = client.submit(make_questions(15, "some")).result()
         took = time.monotonic() - start
         again = client.submit(make_questions(15, "other")).result()
     assert 1.9 < took < 10.0
-    assert [answer.cause for answer in answers[:4]] == [Cause.late] * 4
-    assert all(reply.latency > 1.0 and reply.tries == 1 for answer in answers[:4] for reply in answer.replies)
-    wanted = healthy(tmp_path_factory, make_questions(15, "some"))
-    assert outcomes(answers)[4:] == wanted[4:]
+    assert [answer.cause for answer in answers[11:]] == [Cause.late] * 4
+    assert all(reply.latency > 0.5 and reply.tries == 1 for answer in answers[11:] for reply in answer.replies)
+    assert outcomes(answers)[:11] == healthy(tmp_path_factory, make_questions(15, "some"))[:11]
     assert outcomes(again) == healthy(tmp_path_factory, make_questions(15, "other"))
 
 

@@ -1,0 +1,122 @@
+"""The language model of a study: opened before the rollouts, asked during them, accounted for afterwards."""
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+import numpy as np
+import pandas as pd
+from rich.progress import Progress, TaskID
+
+from rearl_jax.config import EvaluateTask
+from rearl_jax.config.decision import PolicyName
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.decision.loop import LoopOptions
+from rearl_jax.detection.detector import Thresholds
+from rearl_jax.detection.table import ReferenceTable
+from rearl_jax.llm.client import Client
+from rearl_jax.llm.local_server import local_server
+from rearl_jax.llm.policy import LanguageModelPolicy
+from rearl_jax.llm.prompts import Prompter
+from rearl_jax.llm.records import Cause
+from rearl_jax.llm.template import load_template
+
+LOCAL = "local"
+"""decision.server for the model that comes with the extra `llm`."""
+
+
+class LanguageModel:
+    """A language model that is ready to be asked."""
+
+    def __init__(self, config: EvaluateTask, client: Client, bar: Progress) -> None:
+        self._config, self._client, self._bar = config, client, bar
+        self._template = load_template(config.prompt.template)
+        self._line: TaskID = bar.add_task("decisions", total=None)
+        self._begin = time.perf_counter()
+
+    def make_policy(
+        self, table: ReferenceTable, model: TrafficModel, options: LoopOptions, thresholds: Thresholds, first: int
+    ) -> LanguageModelPolicy:
+        """Who decides for some scenarios during a rollout; see `outside.MakePolicy`."""
+        prompter = Prompter(table, model, self._config.prompt, options.detection, self._template)
+        return LanguageModelPolicy(
+            self._client, prompter, thresholds, first, lambda second: self._show(second, table.n_seconds)
+        )
+
+    def requests(self) -> pd.DataFrame:
+        """One row per question and vote."""
+        return self._client.requests_frame()
+
+    def _show(self, second: int, n_seconds: int) -> None:
+        """What has been asked so far, on the bar; every answer counts, from the server or kept."""
+        counts, elapsed = self._client.counts, time.perf_counter() - self._begin
+        answered = counts.causes.get(Cause.answered, 0)
+        left = elapsed * (n_seconds - 1 - second) / max(second, 1)
+        text = (
+            f"second {second} of {n_seconds}: {counts.answers} decisions, {counts.answers / elapsed:.1f}/s, "
+            f"{counts.kept} kept, {counts.answers - answered} left to IDM and MOBIL, {left:.0f} s left"
+        )
+        self._bar.update(self._line, description=text)
+
+
+@contextmanager
+def language_model(config: EvaluateTask, bar: Progress) -> Iterator[LanguageModel | None]:
+    """The language model of the configured policy as long as it is needed; None for policies inside the program.
+
+    Raises:
+        ImportError: decision.server=local, and the server or its model is not installed.
+        OSError: There is no server, or it does not get ready.
+        ValueError: The server does not have the model or refuses us, or the answers kept cannot be read.
+    """
+    policy = config.decision.policy
+    if not (config.method.needs_references and policy.is_outside):
+        yield None
+        return
+    replays = policy is PolicyName.replay
+    with ExitStack() as stack:
+        address = config.decision.server
+        if address == LOCAL and not replays:
+            address = stack.enter_context(local_server())
+        client = stack.enter_context(Client(config.llm, address, replay=replays))
+        yield LanguageModel(config, client, bar)
+
+
+def request_figures(requests: pd.DataFrame) -> dict[str, int | float | None]:
+    """Figures of the questions asked, None where there is none.
+
+    `questions`; `requests` (sent to the server); `kept` (answers from the cache); `left_out` (vehicles left to IDM and
+    MOBIL) and `cause_...` for every cause; of what was sent `latency_median` and `latency_p95` [s], `prompt_tokens`,
+    `cached_tokens`, `answer_tokens`.
+    """
+    from_cache, was_sent = (requests[name].to_numpy(bool) for name in ("from_cache", "was_sent"))
+    is_sent = was_sent & ~from_cache & (requests["tries"].to_numpy() > 0)
+    causes = requests["cause"].to_numpy(str)
+    figures: dict[str, int | float | None] = {
+        "questions": len(requests),
+        "requests": int(is_sent.sum()),
+        "kept": int(from_cache.sum()),
+        "left_out": int((causes != Cause.answered.name).sum()),
+    }
+    figures |= {f"cause_{cause.name}": int((causes == cause.name).sum()) for cause in Cause}
+    latency = requests["latency"].to_numpy()[is_sent]
+    for name, percentile in (("latency_median", 50), ("latency_p95", 95)):
+        figures[name] = float(np.percentile(latency, percentile)) if len(latency) else None
+    for name in ("prompt_tokens", "cached_tokens", "answer_tokens"):
+        tokens = requests[name].to_numpy(np.float64, na_value=np.nan)[is_sent]
+        figures[name] = int(np.nansum(tokens)) if np.isfinite(tokens).any() else None
+    return figures
+
+
+def request_note(requests: pd.DataFrame) -> str:
+    """One sentence about the questions."""
+    figures = request_figures(requests)
+    causes = [f"{cause.name} {figures[f'cause_{cause.name}']}" for cause in Cause if cause is not Cause.answered]
+    left = ", ".join(text for text in causes if not text.endswith(" 0")) or "none"
+    note = (
+        f"language model: {figures['questions']} questions, {figures['requests']} requests sent, {figures['kept']} "
+        f"answers kept from before; vehicles left to IDM and MOBIL: {left}"
+    )
+    prompt, cached = figures["prompt_tokens"], figures["cached_tokens"]
+    if prompt and cached is not None:
+        note += f"; {100 * cached / prompt:.0f} % of {prompt} prompt tokens from the server's prefix cache"
+    return note

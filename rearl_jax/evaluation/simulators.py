@@ -1,0 +1,205 @@
+"""How rollouts are simulated; what a method is.
+
+Initial states depend on the seed, the run and the scene alone: every method and every batch size sees the
+same ones (common random numbers), so that differences between methods are not differences of luck.
+"""
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Int, Key
+
+from rearl_jax._typing import PRNGKey
+from rearl_jax.baselines.driving import DrivingOptions, rollout_with_actor
+from rearl_jax.baselines.network import Perceptron
+from rearl_jax.config import EvaluateTask
+from rearl_jax.config.core import CoreConfig, InitialSpeed
+from rearl_jax.config.decision import Longitudinal, MatcherConfig, PolicyName
+from rearl_jax.config.evaluation import Method
+from rearl_jax.core.batch import ScenarioMap
+from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.road import traffic_model
+from rearl_jax.core.rollout import Frames, rollout
+from rearl_jax.core.spawn import spawn
+from rearl_jax.core.state import TrafficState
+from rearl_jax.decision.loop import Decisions, LoopOptions, rollout_with_policy
+from rearl_jax.decision.policies import make_policy
+from rearl_jax.detection.detector import DetectionOptions, Thresholds, detection_options
+from rearl_jax.detection.references import References
+from rearl_jax.detection.table import tabulate
+
+Simulator: TypeAlias = Callable[[TrafficState, Drivers, TrafficModel, int], Frames]
+"""From initial states, drivers, the road and a number of seconds to the frame after each second."""
+
+POLICY_STREAM = 1
+"""Separates the random numbers of a policy from those of the initial state."""
+
+NEVER = (float("inf"), float("inf"))
+"""Thresholds that nothing passes."""
+
+FIXED_SPEED = 25.0
+"""Speed of init.speed=fixed_25 [m/s]. Source: highway-env 1.12.1, `HighwayEnv._create_vehicles`."""
+
+
+def simulate_base(state: TrafficState, drivers: Drivers, model: TrafficModel, n_seconds: int) -> Frames:
+    """Frames of IDM and MOBIL traffic that nobody interferes with."""
+    return rollout(state, drivers, model, n_seconds=n_seconds)[1]
+
+
+SIMULATORS: dict[Method, Simulator] = {Method.base: simulate_base}
+"""How each method without interventions simulates a batch of scenarios."""
+
+
+class Simulated(eqx.Module):
+    """Rollouts: the traffic, what was decided about it (None where nothing is detected), and the action every vehicle
+    followed in every second (None where no policy drives them all).
+    """
+
+    frames: Frames
+    decisions: Decisions | None
+    actions: Int[Array | np.ndarray, "seconds vehicles scenarios"] | None = None
+
+
+@dataclass(frozen=True)
+class Interventions:
+    """What of the interventions changes the program: policy, detection, execution."""
+
+    policy: PolicyName
+    matcher: MatcherConfig
+    loop: LoopOptions
+
+
+def interventions(config: EvaluateTask) -> Interventions | None:
+    """The interventions of the configured method, None for none."""
+    if not config.method.needs_references:
+        return None
+    detection = detection_options(config.detection, config.reference, config.hist, config.mape, config.spacing)
+    loop = LoopOptions(detection, config.admissible, config.exec)
+    return Interventions(config.decision.policy, config.matcher, loop)
+
+
+def rollout_key(seed: Int[Array, ""], run: Int[Array, ""], scene_id: Int[Array, ""]) -> PRNGKey:
+    """Random key of a rollout: seed, run and scene folded into one."""
+    return jax.random.fold_in(jax.random.fold_in(jax.random.key(seed), run), scene_id)
+
+
+Batch: TypeAlias = tuple[
+    dict[str, Array], TrafficState | None, References | None, tuple[Array, Array] | None, Perceptron | None
+]
+"""What a chunk of rollouts is computed from, as far as used: seeds, measured states, references, thresholds, and the
+network that drives.
+"""
+
+
+def begin(
+    starts: dict[str, Array], measured: TrafficState | None, core: CoreConfig, speed: InitialSpeed
+) -> tuple[TrafficState, Drivers, Key[Array, " scenarios"]]:
+    """Initial states, drivers and random keys of rollouts.
+
+    Args:
+        starts: `seed`, `run` and `scene_id` of each.
+        measured: Initial states that are not drawn.
+        core: The road and its vehicles.
+        speed: How initial speeds are drawn.
+    """
+    keys = jax.vmap(rollout_key)(starts["seed"], starts["run"], starts["scene_id"])
+    state, drivers = spawn(
+        keys,
+        traffic_model(core),
+        n_vehicles=core.n_vehicles,
+        density=core.density,
+        initial_speed=FIXED_SPEED if speed is InitialSpeed.fixed_25 else None,
+        dtype=jnp.dtype(core.dtype.name),
+    )
+    return state if measured is None else measured, drivers, keys
+
+
+@functools.cache
+def program(
+    method: Method,
+    acts: Interventions | DrivingOptions | None,
+    core: CoreConfig,
+    speed: InitialSpeed,
+    n_seconds: int,
+    width: int,
+) -> ScenarioMap:
+    """Compiled once for all studies of a process: from seeds (and measured states) to rollouts."""
+    model = traffic_model(core)
+
+    def simulate(batch: Batch) -> Simulated:
+        starts, measured, references, thresholds, actor = batch
+        state, drivers, keys = begin(starts, measured, core, speed)
+        if isinstance(acts, DrivingOptions):
+            assert actor is not None  # loaded with its options
+            actor = jax.tree.map(lambda leaf: leaf[..., 0], actor)
+            frames, actions = rollout_with_actor(state, drivers, actor, model, acts, n_seconds=n_seconds)
+            return Simulated(frames, None, actions)
+        if acts is None or references is None or thresholds is None:
+            return Simulated(SIMULATORS[method](state, drivers, model, n_seconds), None)
+        references = jax.tree.map(lambda leaf: leaf[..., 0], references)
+        return simulate_rearl(state, drivers, keys, references, Thresholds(*thresholds), acts, model, n_seconds)
+
+    return ScenarioMap(simulate, chunk=width)
+
+
+def simulate_rearl(
+    state: TrafficState,
+    drivers: Drivers,
+    keys: Key[Array, " scenarios"],
+    references: References,
+    thresholds: Thresholds,
+    acts: Interventions,
+    model: TrafficModel,
+    n_seconds: int,
+) -> Simulated:
+    """Rollouts of IDM and MOBIL traffic with interventions.
+
+    Args:
+        state: Initial states.
+        drivers: Parameters of all vehicles.
+        keys: Random keys of the rollouts.
+        references: Representative scenes.
+        thresholds: Of every scenario.
+        acts: Policy, detection, execution.
+        model: Road, clock and stages of the same traffic without interventions.
+        n_seconds: Seconds to simulate [s].
+    """
+    model = held_model(model, acts.loop)
+    table = tabulate(references, acts.loop.detection.hist, state.x.dtype)
+    policy = make_policy(acts.policy, acts.matcher, model)
+    _, frames, decisions = rollout_with_policy(
+        state, drivers, decision_keys(keys), table, thresholds, policy, model, acts.loop, n_seconds=n_seconds
+    )
+    return Simulated(frames, decisions)
+
+
+def held_model(model: TrafficModel, options: LoopOptions) -> TrafficModel:
+    """The road of traffic that is interfered with: vehicles under a decision keep their distance, or do not."""
+    return replace(model, meta_follows=options.execution.longitudinal is Longitudinal.idm_capped)
+
+
+def decision_keys(keys: Key[Array, " scenarios"]) -> Key[Array, " scenarios"]:
+    """Random keys of the decisions, from those of the rollouts."""
+    return jax.vmap(lambda key: jax.random.fold_in(key, POLICY_STREAM))(keys)
+
+
+@functools.cache
+def beginnings(core: CoreConfig, speed: InitialSpeed, detection: DetectionOptions) -> Callable[..., tuple]:
+    """Compiled once for all studies of a process: what rollouts need that are decided about outside the program.
+
+    From seeds, measured states and references to initial states, drivers, keys of the decisions and the references'
+    table.
+    """
+
+    def start(starts: dict[str, Array], measured: TrafficState | None, references: References) -> tuple:
+        state, drivers, keys = begin(starts, measured, core, speed)
+        return state, drivers, decision_keys(keys), tabulate(references, detection.hist, state.x.dtype)
+
+    return jax.jit(start)
