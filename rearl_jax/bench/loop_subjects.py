@@ -31,7 +31,7 @@ from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import Frames, observe, rollout, simulate_second
 from rearl_jax.core.spawn import spawn
 from rearl_jax.core.state import TrafficState
-from rearl_jax.decision.execution import Orders, accept
+from rearl_jax.decision.execution import Orders, accept, count, no_orders
 from rearl_jax.decision.loop import (
     Decisions,
     LoopOptions,
@@ -43,7 +43,7 @@ from rearl_jax.decision.loop import (
 )
 from rearl_jax.decision.policies import make_policy
 from rearl_jax.decision.situation import Policy
-from rearl_jax.detection.detector import Detection, DetectionOptions, DetectorMemory, Thresholds, detect, initial_memory
+from rearl_jax.detection.detector import DetectionOptions, DetectorMemory, Thresholds, detect, initial_memory
 from rearl_jax.detection.table import ReferenceTable, tabulate
 
 WARM_UP = 20
@@ -205,25 +205,33 @@ def policy_named(name: LoopPolicy) -> Policy:
     return make_policy(PolicyName.matcher, MatcherConfig(space=MatchSpace[name.name]), LOOP_MODEL)
 
 
-def look_for_drift(batch: Batch) -> Detection:
-    """What the detection finds in each second of the recorded traffic."""
+def look_for_drift(batch: Batch) -> tuple[Array, ...]:
+    """What the detection finds in each second of the recorded traffic, as far as a rollout hands it over."""
     options = DetectionOptions(cues=Cues.always)
 
-    def second(memory: DetectorMemory, state: TrafficState) -> tuple[DetectorMemory, Detection]:
-        return detect(memory, observe(state, LOOP_MODEL), batch.table, batch.thresholds, options)
+    def second(memory: DetectorMemory, state: TrafficState) -> tuple[DetectorMemory, tuple[Array, ...]]:
+        memory, found = detect(memory, observe(state, LOOP_MODEL), batch.table, batch.thresholds, options)
+        return memory, (found.reference, found.hellinger, found.mape, found.triggered, count(found.mask))
 
     return lax.scan(second, initial_memory(batch.table, batch.keys, options), batch.recorded)[1]
 
 
 def decide_on_recorded(batch: Batch) -> tuple[Orders, Decisions]:
-    """What is found and decided in each second of the recorded traffic: everything between two of its seconds."""
+    """What is found and decided in each second of the recorded traffic: everything between two of its seconds.
+
+    As in a rollout the orders of a second are carried to the next one. Handed over at once they would be computed by
+    another program: XLA on a CPU weaves what is written to a result into the writing, and gives up its vectors.
+    """
     policy, options = policy_named(STEPS_POLICY), LoopOptions(DetectionOptions(cues=Cues.always))
 
-    def second(traffic: Traffic, state: TrafficState) -> tuple[Traffic, tuple[Orders, Decisions]]:
+    def second(carry: tuple[Traffic, Orders], state: TrafficState) -> tuple[tuple[Traffic, Orders], Decisions]:
+        traffic, orders = carry
         traffic = dataclasses.replace(traffic, state=state)
         traffic, situation = look(traffic, batch.drivers, batch.table, batch.thresholds, LOOP_MODEL, options)
-        orders = accept(policy(situation, batch.table, batch.keys), situation.is_asked, situation.admissible)
-        return traffic, (orders, decisions_of(orders, situation))
+        answers = policy(situation, batch.table, batch.keys)
+        coming = accept(answers, situation.is_asked, situation.admissible)
+        return (traffic, coming), decisions_of(orders, situation)
 
-    start = initial_traffic(batch.state, batch.keys, batch.table, LOOP_MODEL, options)
-    return lax.scan(second, start, batch.recorded)[1]
+    start = initial_traffic(batch.state, batch.keys, batch.table, LOOP_MODEL, options), no_orders(batch.state)
+    (_, orders), decisions = lax.scan(second, start, batch.recorded)
+    return orders, decisions

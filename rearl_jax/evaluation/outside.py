@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 from typing import TypeAlias
 
 import jax
-import numpy as np
 from jaxtyping import Key
 
 from rearl_jax.core.drivers import Drivers
@@ -59,7 +58,7 @@ def simulate_outside(
             return leaf[..., part] if leaf.shape[-1] == n_scenarios else leaf
 
         some, their_drivers = jax.tree.map(own, (state, drivers))
-        limits = jax.tree.map(lambda leaf, part=part: np.asarray(leaf)[part], thresholds)
+        limits = jax.tree.map(lambda leaf, part=part: leaf[part], thresholds)
         half = -(-size // 2)
         policies = (
             make_policy(table, model, options, Thresholds(limits.hellinger[:half], limits.mape[:half]), start),

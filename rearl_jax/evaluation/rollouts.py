@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Int
 
@@ -196,7 +197,7 @@ class Rollouts:
             drivers,
             keys,
             table,
-            Thresholds(*self._thresholds[:, self.cell]),
+            Thresholds(*map(jnp.asarray, self._thresholds[:, self.cell])),
             self._outside,
             held_model(traffic_model(config.core), acts.loop),
             acts.loop,

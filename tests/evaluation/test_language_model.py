@@ -1,0 +1,157 @@
+"""The whole loop with a language model behind a stub server: only what must be asked is asked, and nothing is lost."""
+
+from collections import Counter
+from concurrent.futures import Future
+from dataclasses import replace
+from zlib import crc32
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.llm.asking import make_config
+from tests.llm.stub import Fault, Stub
+
+HELD_OUT = np.array([1, 4])
+THRESHOLDS = (0.3, 0.2)
+
+
+@pytest.fixture
+def references(scenes):
+    from rearl_jax.detection.references import References
+
+    chosen = [0, 3]
+    arrays = (scenes.scaled_speed, scenes.spacing, scenes.mean_spacing)
+    speed, spacing, mean = (jnp.asarray(values[chosen], jnp.float32) for values in arrays)
+    action = jnp.asarray(scenes.action[chosen], jnp.int32)
+    return References(speed, spacing, mean, action, jnp.full(2, 0.5, jnp.float32))
+
+
+@pytest.fixture
+def task(small):
+    from rearl_jax.config.evaluation import Method
+
+    return replace(small, method=Method.rearl, core=replace(small.core, collisions=False))
+
+
+def asking(task, tmp_path, server, policy="llm", **llm):
+    from rearl_jax.config.decision import DecisionConfig, PolicyName
+
+    decision = DecisionConfig(policy=PolicyName[policy], server=server)
+    return replace(task, decision=decision, llm=make_config(tmp_path, **({"constrained": True} | llm)))
+
+
+def run(config, scenes, references):
+    """Values of the method's row, what was decided, the table of requests."""
+    from rearl_jax.evaluation.language_model import language_model
+    from rearl_jax.evaluation.runner import evaluate
+    from rearl_jax.progress import progress_bar
+
+    with progress_bar() as bar, language_model(config, bar) as asked:
+        evaluation = evaluate(
+            config, scenes, HELD_OUT, references=references, thresholds=THRESHOLDS, outside=asked.make_policy
+        )
+        return evaluation.rows[0].values, evaluation.log.decisions, asked.requests()
+
+
+def assert_same(one, other):
+    for name, values in one.items():
+        np.testing.assert_array_equal(values, other[name], err_msg=name)
+
+
+def test_the_matcher_asked_from_outside_gives_the_rows_of_the_matcher_inside(scenes, task, references):
+    from rearl_jax.config.decision import DecisionConfig, PolicyName
+    from rearl_jax.decision.policies import make_policy
+    from rearl_jax.evaluation.runner import evaluate
+
+    class Matcher:
+        def __init__(self, table, model):
+            self._decide = jax.jit(make_policy(PolicyName.matcher, task.matcher, model))
+            self._table = table
+
+        def ask(self, situation):
+            keys = jax.random.split(jax.random.key(0), situation.detection.mask.shape[-1])
+            answer = Future()
+            answer.set_result(np.asarray(self._decide(jax.tree.map(jnp.asarray, situation), self._table, keys)))
+            return answer
+
+    outside = replace(task, decision=DecisionConfig(policy=PolicyName.llm))
+    found = evaluate(
+        outside,
+        scenes,
+        HELD_OUT,
+        references=references,
+        thresholds=THRESHOLDS,
+        outside=lambda table, model, options, thresholds, first: Matcher(table, model),
+    )
+    inside = evaluate(task, scenes, HELD_OUT, references=references, thresholds=THRESHOLDS)
+    assert inside.log.decisions.n_accepted.sum() > 0
+    assert_same(inside.rows[0].values, found.rows[0].values)
+    for one, other in zip(jax.tree.leaves(inside.log.decisions), jax.tree.leaves(found.log.decisions), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_who_is_asked_outside_must_be_said(scenes, task, references):
+    from rearl_jax.config.decision import DecisionConfig, PolicyName
+    from rearl_jax.evaluation.runner import evaluate
+
+    config = replace(task, decision=DecisionConfig(policy=PolicyName.llm))
+    with pytest.raises(ValueError, match="decides outside the program"):
+        evaluate(config, scenes, HELD_OUT, references=references, thresholds=THRESHOLDS)
+
+
+def test_requests_are_the_distinct_questions_and_a_second_run_sends_none(scenes, task, references, tmp_path):
+    from rearl_jax.evaluation.language_model import request_figures
+
+    with Stub() as stub:
+        values, decisions, requests = run(asking(task, tmp_path, stub.url), scenes, references)
+        assert len(requests) > 50
+        assert len(stub.chats) == requests["digest"].nunique() == request_figures(requests)["requests"]
+        # Of the last second nobody is asked, as nothing follows it; all others that were asked follow or are counted.
+        assert decisions.n_accepted.sum() == (requests["cause"] == "answered").sum() > 0
+        assert decisions.n_asked.sum() == len(requests)
+        again, _, second = run(asking(task, tmp_path, stub.url), scenes, references)
+        assert len(stub.chats) == requests["digest"].nunique()
+    assert second["from_cache"].all()
+    assert_same(values, again)
+    replayed, _, third = run(asking(task, tmp_path, "nowhere", "replay"), scenes, references)
+    assert_same(values, replayed)
+    assert request_figures(third)["requests"] == 0
+
+
+def test_a_server_that_fails_a_third_of_the_time_changes_nothing(scenes, task, references, tmp_path):
+    """Every kind of fault, each time the first try at a chat; what arrives at the second is what a good server says."""
+    kinds = [kind for kind in Fault if kind not in (Fault.never, Fault.endless)]
+
+    def fault(seen):
+        number = crc32(seen.raw) % 1000
+        return kinds[number % len(kinds)] if number < 330 and seen.number == 1 else None
+
+    with Stub() as stub:
+        (tmp_path / "good").mkdir()
+        values, _, _ = run(asking(task, tmp_path / "good", stub.url), scenes, references)
+    with Stub(fault=fault, stall=0.1) as stub:
+        found, _, requests = run(asking(task, tmp_path, stub.url), scenes, references)
+        struck = Counter(fault(seen) for seen in stub.chats)
+    assert sum(struck.values()) - struck[None] > 10
+    assert (requests["cause"] == "answered").all()
+    assert_same(values, found)
+
+
+def test_vehicles_without_an_answer_are_counted_by_cause_and_no_run_is_lost(scenes, task, references, tmp_path):
+    from rearl_jax.evaluation.language_model import request_figures, request_note
+
+    def fault(seen):
+        return None if seen.is_canary else [None, Fault.html, None, 400][crc32(seen.raw) % 4]
+
+    with Stub(fault=fault) as stub:
+        values, decisions, requests = run(asking(task, tmp_path, stub.url, tries=2), scenes, references)
+    assert np.isfinite(values["h"]).all()
+    assert len(values["h"]) == 3 * len(HELD_OUT)
+    figures = request_figures(requests)
+    assert figures["cause_failed"] > 0
+    assert figures["cause_refused"] > 0
+    assert figures["left_out"] == figures["cause_failed"] + figures["cause_refused"]
+    assert decisions.n_invalid.sum() == figures["left_out"]
+    assert f"failed {figures['cause_failed']}" in request_note(requests)
