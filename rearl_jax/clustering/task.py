@@ -6,6 +6,7 @@ representative, second and slot), `bo_trace.parquet` with a search, PNG figures,
 """
 
 import logging
+import time
 
 import numpy as np
 
@@ -34,6 +35,7 @@ def run(config: ClusterTask) -> dict:
     generated = is_generated(config.data)
     study = Study(config.results.root, config.study, config, "cluster", builder.data_id, generated=generated)
     study.write_config()
+    begin = time.perf_counter()
     with progress_bar() as bar:
         reading = bar.add_task("recordings", total=count_recordings(config.data))
         scenes = build_scenes(
@@ -46,7 +48,7 @@ def run(config: ClusterTask) -> dict:
             progress=lambda name, n_scenes: bar.advance(reading),
         )
         splits = split_scenes(scenes, config.split)
-        stages = {}
+        was_read, stages = time.perf_counter(), {}
 
         def show(stage: str, done: int, total: int) -> None:
             if stage not in stages:
@@ -54,6 +56,7 @@ def run(config: ClusterTask) -> dict:
             bar.update(stages[stage], completed=done, total=total)
 
         references, clusters = builder.build(scenes, splits, study, show)
+    seconds = {"seconds_reading": was_read - begin, "seconds_clustering": time.perf_counter() - was_read}
     metadata = {"scenes_id": scenes.data_id, "seeds": tables.seeds(config)}
     coordinates = tables.embedding(clusters.scenes.vectors, config.cluster.seed)
     study.write_table("tracks", tables.track_table(clusters), **metadata)
@@ -62,7 +65,7 @@ def run(config: ClusterTask) -> dict:
     study.write_table("references", tables.reference_table(scenes, clusters, references), **metadata)
     if clusters.trace is not None and not (study.path / f"{TRACE}.parquet").exists():
         study.write_table(TRACE, clusters.trace, **metadata)  # the clustering, and with it its trace, was on disk
-    summary = tables.summary(config, scenes, splits, clusters)
+    summary = tables.summary(config, scenes, splits, clusters) | seconds
     study.write_summary(summary)
     terminal.print_table(config, scenes, splits, clusters)
 
@@ -72,4 +75,5 @@ def run(config: ClusterTask) -> dict:
     for name, png in draw(config, scenes, splits, clusters, coordinates).items():
         study.write_bytes(f"{name}.png", png)
     log.info("%d references written to %s", len(np.asarray(references.speed)), study.path)
+    log.info("read in %.1f s, clustered in %.1f s", *seconds.values())
     return summary

@@ -66,7 +66,7 @@ class LlmConfig:
     backoff: float = key(0.5, "pause before the second try, doubled each time, with jitter [s]; own choice")
     breaker_failures: int = key(8, "failed requests in a row after which the server counts as down; own choice")
     breaker_pause: float = key(10.0, "pause before a server that is down is tried again [s]; own choice")
-    cache: str = key("", "SQLite file of the answers; empty = answers.sqlite in the cache folder")
+    cache: str = key("", "SQLite file of the answers, on a local disk; empty = answers.sqlite in the cache folder")
 
     def check(self) -> None:
         """Raise ValueError for a value outside its range."""

@@ -20,7 +20,7 @@ from rearl_jax.llm.keeping import Keeper
 from rearl_jax.llm.parsing import majority, understand
 from rearl_jax.llm.profiles import request_body, request_digest
 from rearl_jax.llm.records import KEEP_OUT, Answer, Cause, Question, Reply
-from rearl_jax.llm.requests_table import RequestRow, requests_frame
+from rearl_jax.llm.requests_table import Counts, RequestRow, request_row, requests_frame
 from rearl_jax.llm.sending import Job, Sender
 from rearl_jax.llm.startup import Server, meet, replayed
 
@@ -28,31 +28,6 @@ if TYPE_CHECKING:
     import pandas
 
 _Result = TypeVar("_Result")
-
-
-@dataclass(frozen=True)
-class Counts:
-    """How far a client is.
-
-    Attributes:
-        questions: Questions submitted so far.
-        answers: Those of them that have an answer or a cause.
-        causes: The same by cause.
-        kept: Chats whose answer was kept from earlier.
-        sent: Chats that were sent.
-        tries: Times a chat was sent.
-        waiting: Chats that are not sent yet.
-        in_flight: Chats on their way.
-    """
-
-    questions: int
-    answers: int
-    causes: Mapping[Cause, int]
-    kept: int
-    sent: int
-    tries: int
-    waiting: int
-    in_flight: int
 
 
 @dataclass(frozen=True)
@@ -330,7 +305,16 @@ class Client:
                 was_sent = digest in sent
                 sent.discard(digest)
                 self._rows.append(
-                    RequestRow(second, item.question, vote, digest, reply, action, cause, was_sent=was_sent)
+                    request_row(
+                        item.question,
+                        reply,
+                        digest=digest,
+                        second=second,
+                        vote=vote,
+                        action=action,
+                        cause=cause,
+                        was_sent=was_sent,
+                    )
                 )
             action, cause = votes[0] if len(votes) == 1 else majority(votes)
             self._causes[cause] += 1

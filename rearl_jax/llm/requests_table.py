@@ -1,7 +1,11 @@
-"""Questions and what they came to -> one row per request, as a table."""
+"""Questions and what they came to -> one row per request, as a table, and the counts so far.
 
+A row holds what the table shows and nothing else: a study has a hundred thousand questions of some thousand characters.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rearl_jax.llm.records import Cause, Question, Reply
 
@@ -28,41 +32,106 @@ COLUMNS = {
     "from_cache": "bool",
     "was_sent": "bool",
 }
-"""Columns of the table: those of `Question` and `Reply`, `second` of the simulation, `vote` counted from 0,
-`thinking_length` in characters, `action` and `cause` of this reply alone, and `was_sent`: false where an equal
-question had been sent already. `latency` and tokens summed over the rows with `was_sent` are those of the server."""
+"""Columns of the table, as in `RequestRow`, and their types in pandas."""
 
 
-@dataclass(frozen=True, slots=True)
-class RequestRow:
-    """One reply to one question."""
+@dataclass(frozen=True)
+class Counts:
+    """How far a client is.
 
-    second: int | None
-    question: Question
-    vote: int
+    Attributes:
+        questions: Questions submitted so far.
+        answers: Those of them that have an answer or a cause.
+        causes: The same by cause.
+        kept: Chats whose answer was kept from earlier.
+        sent: Chats that were sent.
+        tries: Times a chat was sent.
+        waiting: Chats that are not sent yet.
+        in_flight: Chats on their way.
+    """
+
+    questions: int
+    answers: int
+    causes: Mapping[Cause, int]
+    kept: int
+    sent: int
+    tries: int
+    waiting: int
+    in_flight: int
+
+
+class RequestRow(NamedTuple):
+    """One reply to one question; fields not named here are those of `Question` and `Reply`.
+
+    `latency` and tokens summed over the rows with `was_sent` are those of the server.
+
+    Attributes:
+        second: Second of the simulation; None where it was not given.
+        vote: Number of the vote, from 0.
+        thinking_length: Length of the reasoning [characters].
+        action: The action understood in this reply alone.
+        cause: What became of this reply alone.
+        was_sent: Whether this question was sent; false where the answer was kept or an equal question was sent.
+    """
+
     digest: str
-    reply: Reply
+    second: int | None
+    scenario: int
+    vehicle: int
+    vote: int
+    text: str | None
+    thinking_length: int
+    finish: str
     action: int
-    cause: Cause
+    cause: str
+    latency: float
+    tries: int
+    status: int | None
+    prompt_tokens: int | None
+    cached_tokens: int | None
+    answer_tokens: int | None
+    from_cache: bool
     was_sent: bool
+
+
+def request_row(
+    question: Question,
+    reply: Reply,
+    *,
+    digest: str,
+    second: int | None,
+    vote: int,
+    action: int,
+    cause: Cause,
+    was_sent: bool,
+) -> RequestRow:
+    """The row of one reply; arguments as in `RequestRow`."""
+    return RequestRow(
+        digest=digest,
+        second=second,
+        scenario=question.scenario,
+        vehicle=question.vehicle,
+        vote=vote,
+        text=reply.text,
+        thinking_length=len(reply.thinking),
+        finish=reply.finish,
+        action=action,
+        cause=cause.name,
+        latency=reply.latency,
+        tries=reply.tries,
+        status=reply.status,
+        prompt_tokens=reply.prompt_tokens,
+        cached_tokens=reply.cached_tokens,
+        answer_tokens=reply.answer_tokens,
+        from_cache=reply.from_cache,
+        was_sent=was_sent,
+    )
 
 
 def requests_frame(rows: list[RequestRow]) -> "pandas.DataFrame":
     """The table of some rows, in their order, with the columns and types of COLUMNS."""
     import pandas
 
-    replies = [row.reply for row in rows]
-    values = {
-        "digest": [row.digest for row in rows],
-        "second": [row.second for row in rows],
-        "scenario": [row.question.scenario for row in rows],
-        "vehicle": [row.question.vehicle for row in rows],
-        "vote": [row.vote for row in rows],
-        "thinking_length": [len(reply.thinking) for reply in replies],
-        "action": [row.action for row in rows],
-        "cause": [row.cause.name for row in rows],
-        "was_sent": [row.was_sent for row in rows],
-    }
-    of_replies = COLUMNS.keys() - values.keys()
-    values |= {name: [getattr(reply, name) for reply in replies] for name in of_replies}
-    return pandas.DataFrame({name: pandas.Series(values[name], dtype=dtype) for name, dtype in COLUMNS.items()})
+    return pandas.DataFrame(
+        {name: pandas.Series([getattr(row, name) for row in rows], dtype=dtype) for name, dtype in COLUMNS.items()}
+    )

@@ -13,7 +13,10 @@ from rearl_jax.llm.records import Message
 from tests.llm.asking import make_config, make_questions
 from tests.llm.stub import Fault, Stub
 
-PRESETS = sorted((Path(__file__).resolve().parents[2] / "conf" / "llm").glob("*.yaml"))
+PRESETS = [
+    Path(__file__).resolve().parents[2] / "conf" / "llm" / f"{name}.yaml"
+    for name in ("deepseek_r1_32b", "glm_4_7_flash", "qwen3_32b")
+]
 CHAT = (Message("system", "Steer."), Message("user", "ACTIONS 0 1 3"))
 CHOICES = (0, 1, 3)
 OFF = {"chat_template_kwargs": {"enable_thinking": False}}
@@ -349,7 +352,3 @@ def test_presets(file):
     config.check()
     assert config.model
     assert config.profile is not Profile.auto
-
-
-def test_presets_are_there():
-    assert {"deepseek_r1_32b", "glm_4_7_flash", "qwen3_32b"} <= {file.stem for file in PRESETS}
