@@ -97,6 +97,18 @@ def test_cells_are_one_table(cells):
     assert {"cells.png", "config.json"} <= {path.name for path in folder.iterdir()}
 
 
+def test_a_swept_method_is_a_column_of_its_own(tmp_path):
+    from rearl_jax.sweep.cells import Cell, cell_table
+
+    def cell(name):
+        rows = pd.DataFrame({"method": [name, "real"], "metric": "h", "value": [0.5, 0.1]})
+        return Cell({"method": name}, tmp_path, rows, [])
+
+    table = cell_table([cell("base"), cell("ppo")])
+    assert table["method"].tolist() == ["base", "real", "ppo", "real"]
+    assert table["cell_method"].tolist() == ["base", "base", "ppo", "ppo"]
+
+
 def test_a_finished_job_is_left_alone_and_a_changed_one_is_not(cells, monkeypatch):
     from rearl_jax.config.detection import DetectionConfig
     from rearl_jax.evaluation import task
