@@ -1,7 +1,7 @@
 """The figure of the closed loop's cost: what a simulated second costs, and what the parts add, by size of batch."""
 
 from matplotlib.axes import Axes
-from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator, StrMethodFormatter
+from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 
 from rearl_jax import drawing
 from rearl_jax.bench.loop_programs import BASE, NEVER, always
@@ -10,9 +10,12 @@ from rearl_jax.config.bench import LoopPolicy
 
 _COLOURS = {LoopPolicy.rank: drawing.VERMILION, LoopPolicy.raw: drawing.PURPLE, LoopPolicy.idle: drawing.GREEN}
 
+_BAR = 0.36
+"""Width of a bar, where batches are 1 apart."""
+
 
 def draw_costs(results: LoopResults) -> bytes:
-    """PNG with a column per number of vehicles: CPU time of a simulated second above, stacked shares of Base below."""
+    """PNG with a column per number of vehicles: CPU time of a simulated second above, what the parts add below."""
     numbers = results.numbers
     width = 0.6 + 3.6 * len(numbers)
     figure, axes = drawing.panels(width, 6.2, rows=2, columns=len(numbers), generated=False)
@@ -22,11 +25,11 @@ def draw_costs(results: LoopResults) -> bytes:
         top, bottom = axes[column], axes[len(numbers) + column]
         drawing.set_title(top, f"{n_vehicles} vehicles")
         _draw_lines(top, cells, results.policies)
-        _draw_stack(bottom, cells, policy)
+        _draw_added(bottom, cells, policy)
         bottom.set_xlabel("scenarios at a time")
         if column == 0:
             top.set_ylabel("CPU time per simulated second [us]")
-            bottom.set_ylabel("CPU time by that of Base [-]")
+            bottom.set_ylabel("added CPU time, by that of Base [%]")
             top.legend(frameon=False, fontsize=8)
             bottom.legend(frameon=False, fontsize=8)
     figure.suptitle("synthetic references, no data", fontsize=8, color=drawing.GREY)
@@ -54,26 +57,26 @@ def _draw_lines(axes: Axes, cells: list[Cell], policies: tuple[LoopPolicy, ...])
             capsize=2,
         )
     axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
     _frame(axes, cells)
 
 
-def _draw_stack(axes: Axes, cells: list[Cell], policy: LoopPolicy) -> None:
-    """What Base, detection and policy cost on the same traffic; the loop whose traffic follows the orders as a mark."""
-    detection = [cell.detection.median for cell in cells]
+def _draw_added(axes: Axes, cells: list[Cell], policy: LoopPolicy) -> None:
+    """What detection and policy add to Base on the same traffic; less than nothing is noise."""
     parts = (
-        ("Base", [1.0] * len(cells), drawing.GREY),
-        ("+ detection", detection, drawing.BLUE),
-        (f"+ policy {policy.name}, nobody asked", [cell.policy(policy).median for cell in cells], _COLOURS[policy]),
+        ("detection", [cell.detection for cell in cells], drawing.BLUE),
+        (f"policy {policy.name}", [cell.policy(policy) for cell in cells], _COLOURS[policy]),
     )
-    bottom = [0.0] * len(cells)
-    for label, heights, colour in parts:
-        axes.bar(range(len(cells)), heights, 0.6, bottom=bottom, label=label, color=colour)
-        bottom = [below + height for below, height in zip(bottom, heights, strict=True)]
-    ratios = [cell.ratio(always(policy)).median for cell in cells]
-    axes.plot(range(len(cells)), ratios, "D", color=drawing.DARK_GREY, markersize=5, label=f"triggered, {policy.name}")
-    axes.axhline(1 + GOAL, color=drawing.DARK_GREY, linewidth=0.8, linestyle="--")
+    for number, (label, spreads, colour) in enumerate(parts):
+        heights = [100 * spread.median for spread in spreads]
+        below = [height - 100 * spread.least for height, spread in zip(heights, spreads, strict=True)]
+        above = [100 * spread.greatest - height for height, spread in zip(heights, spreads, strict=True)]
+        places = [place + (number - 0.5) * _BAR for place in range(len(cells))]
+        axes.bar(places, heights, _BAR, yerr=[below, above], label=label, color=colour, capsize=2)
+    axes.axhline(0, color=drawing.DARK_GREY, linewidth=0.8)
+    axes.axhline(100 * GOAL, color=drawing.DARK_GREY, linewidth=0.8, linestyle="--", label="goal of the detection")
     _frame(axes, cells)
 
 

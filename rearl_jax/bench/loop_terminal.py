@@ -5,16 +5,16 @@ from statistics import mean
 from rich.table import Table
 
 from rearl_jax.bench.loop_programs import BASE, DECISION, DETECTION, LOOP, NEVER, STEPS_POLICY, always
-from rearl_jax.bench.loop_results import GOAL, PAPER_MS, Cell, LoopResults
+from rearl_jax.bench.loop_results import GOAL, PAPER_MS, LoopResults
 from rearl_jax.bench.results import Spread
 from rearl_jax.console import print_notes, standard_output, titled_table
 
-_WIDTH = 110
+_WIDTH = 118
 """Columns the whole table needs; a narrower terminal gets it without least and greatest ratios."""
 
 _PARTS = {
-    BASE: "Base: a second of IDM and MOBIL each",
-    LOOP: f"closed loop, {STEPS_POLICY.name}: the same, detection, decision",
+    BASE: "Base, simulating",
+    LOOP: f"closed loop with {STEPS_POLICY.name}, simulating",
     DETECTION: "detection alone",
     DECISION: f"detection and decision, {STEPS_POLICY.name}",
 }
@@ -26,16 +26,16 @@ def print_results(results: LoopResults) -> None:
     """Prints shares and ratios, times of decision steps, what they mean, and the machine."""
     console = standard_output(_WIDTH)
     console.print(_rollout_table(results, has_room=console.width >= _WIDTH))
-    for cell in results.steps:
-        console.print(_step_table(results, cell))
+    if results.steps:
+        console.print(_step_table(results))
     print_notes(console, _notes(results))
 
 
 def _rollout_table(results: LoopResults, *, has_room: bool) -> Table:
-    table = titled_table("Closed loop beside Base: CPU time, medians (least to greatest of the repetitions)")
+    table = titled_table("Closed loop beside Base: CPU time, medians and range over the repetitions")
     for heading in (
-        *("N", "at a time", "Base us", "detection"),
-        *(f"+ {policy.name}" for policy in results.policies),
+        *("N", "batch", "Base us", "detection %"),
+        *(f"+{policy.name} %" for policy in results.policies),
         *(f"{policy.name} / Base" for policy in results.policies),
     ):
         table.add_column(heading, justify="right", no_wrap=True)
@@ -43,35 +43,40 @@ def _rollout_table(results: LoopResults, *, has_room: bool) -> Table:
         cells = [cell for cell in results.cells if cell.n_vehicles == n_vehicles]
         for cell in cells:
             first = f"{n_vehicles}" if cell is cells[0] else ""
-            added = [f"{100 * cell.policy(policy).median:+.0f} %" for policy in results.policies]
+            added = [f"{100 * cell.policy(policy).median:+.0f}" for policy in results.policies]
             ratios = [_ratio(cell.ratio(always(policy)), has_room) for policy in results.policies]
             known = [first, f"{cell.batch:,}", f"{1e6 * cell.cost(BASE):#.3g}", _share(cell.detection)]
             table.add_row(*known, *added, *ratios, end_section=cell is cells[-1])
     return table
 
 
-def _step_table(results: LoopResults, cell: Cell) -> Table:
-    title = f"{results.n_steps} consecutive decision steps, N = {cell.n_vehicles}, {cell.batch} at a time: elapsed ms"
-    table = titled_table(title)
+def _step_table(results: LoopResults) -> Table:
+    n_vehicles = results.steps[0].n_vehicles
+    table = titled_table(f"{results.n_steps} consecutive decision steps, N = {n_vehicles}: elapsed ms, by batch")
     table.add_column("", no_wrap=True)
-    for heading in ("median", "least", "greatest", "compile s"):
+    for heading in (*(f"{cell.batch:,}" for cell in results.steps), "compile s", "published"):
         table.add_column(heading, justify="right", no_wrap=True)
     for part, words in _PARTS.items():
-        spread = cell.steps_ms(part)
-        times = [f"{value:#.3g}" for value in (spread.median, spread.least, spread.greatest)]
-        table.add_row(words, *times, f"{cell.series[part].facts['compile_s']:.1f}")
-    table.add_row("the decision in it (difference)", f"{cell.steps_policy_ms():#.3g}", end_section=True)
+        times = [_milliseconds(cell.steps_ms(part)) for cell in results.steps]
+        compiled = " ".join(f"{cell.series[part].facts['compile_s']:.1f}" for cell in results.steps)
+        table.add_row(words, *times, compiled)
+    differences = [f"{cell.steps_policy_ms():#.3g}" for cell in results.steps]
+    table.add_row("decision alone (difference)", *differences, end_section=True)
     for method, words in _PAPER.items():
-        table.add_row(f"REARL (Bi et al.): {words}", f"{PAPER_MS[method]:,}")
+        table.add_row(f"REARL (Bi et al.): {words}", *[""] * (len(results.steps) + 1), f"{PAPER_MS[method]:,}")
     return table
 
 
 def _share(spread: Spread) -> str:
-    return f"{100 * spread.median:+.0f} % ({100 * spread.least:+.0f} to {100 * spread.greatest:+.0f})"
+    return f"{100 * spread.median:+.0f} ({100 * spread.least:+.0f} to {100 * spread.greatest:+.0f})"
 
 
 def _ratio(spread: Spread, has_room: bool) -> str:
-    return f"{spread.median:.2f}" + (f" ({spread.least:.2f}-{spread.greatest:.2f})" if has_room else "")
+    return f"{spread.median:.2f}" + (f" {spread.least:.2f}-{spread.greatest:.2f}" if has_room else "")
+
+
+def _milliseconds(spread: Spread) -> str:
+    return f"{spread.median:#.3g} ({spread.least:#.3g} to {spread.greatest:#.3g})"
 
 
 def _notes(results: LoopResults) -> list[str]:
@@ -84,18 +89,17 @@ def _notes(results: LoopResults) -> list[str]:
     lines = [
         f"references: {results.references}; no data were read,",
         "so this traffic shows what the work costs, and nothing about realism",
-        "Base us: per simulated second of a scenario, on one core; all else by Base within a repetition",
+        "batch: scenarios at a time on one core; Base us: per simulated second of a scenario; all else by Base",
         f"detection: the loop that is never triggered less Base; goal at most {GOAL:.0%}, {met}",
-        "+ policy: admissible actions, policy and orders where no threshold is passed; the traffic is that of Base",
+        "+policy: admissible actions, policy and orders where no threshold is passed; the traffic is that of Base",
         "policy / Base: triggered every second, which also changes the traffic: vehicles under orders weigh no lanes",
         f"vehicles crashed by the end: {crashed}",
         f"mean compile time without cache [s]: {compiled}",
     ]
     if results.steps:
         lines += [
-            "decision steps: after a warm-up, one call each; detection and decision look at recorded traffic",
-            "REARL's figures are of other machines, and their unit is ambiguous (per step or per 10 steps):",
-            "they stand beside ours, not against them",
+            "decision steps: one call after a warm-up; detection and decision look at recorded traffic",
+            "published: on other machines, and of an ambiguous unit (per step or per 10 steps); no ratio can be taken",
         ]
     load = "" if results.load_average is None else f", load {results.load_average:.1f} at the start"
     lines.append(f"{machine['cpu_model']}, {machine['cpu_cores']} cores, jax {machine['jax_version']}{load}")

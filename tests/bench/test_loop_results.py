@@ -12,7 +12,7 @@ from rearl_jax.bench.results import Series
 from rearl_jax.config.bench import LoopPolicy
 
 MACHINE = {"cpu_model": "a processor", "cpu_cores": 2, "jax_version": "1"}
-POLICIES = (LoopPolicy.rank, LoopPolicy.idle)
+POLICIES = tuple(LoopPolicy)
 
 
 def series(program, n_vehicles, *costs):
@@ -32,14 +32,16 @@ def measured():
         BASE: (1.0, 2.0, 1.0),
         NEVER: (1.1, 3.0, 1.2),
         quiet(LoopPolicy.rank): (1.4, 4.0, 1.5),
+        quiet(LoopPolicy.raw): (1.4, 4.0, 1.5),
         quiet(LoopPolicy.idle): (1.1, 3.0, 1.2),
         "rank": (2.0, 3.0, 4.0),
+        "raw": (2.0, 3.0, 4.0),
         "idle": (0.5, 1.0, 0.5),
     }
     steps = {BASE: (4e-3,), LOOP: (9e-3,), DETECTION: (1e-3,), DECISION: (3e-3,)}
     return LoopResults(
-        cells=tuple(cell(n, batch, **costs) for n in (10, 30) for batch in (1, 256)),
-        steps=(cell(10, 1, **steps),),
+        cells=tuple(cell(n, batch, **costs) for n in (10, 30) for batch in (1, 2048)),
+        steps=(cell(10, 1, **steps), cell(10, 256, **steps)),
         policies=POLICIES,
         n_steps=10,
         references="2 synthetic ones",
@@ -49,8 +51,9 @@ def measured():
 
 
 def test_names_lead_back_to_policies():
-    assert set(measured_programs := programs_of(POLICIES)) == {BASE, NEVER, "rank_quiet", "idle_quiet", "rank", "idle"}
-    assert [policy_of(name) for name in measured_programs[2:]] == [*POLICIES, *POLICIES]
+    programs = programs_of((LoopPolicy.raw, LoopPolicy.idle))
+    assert programs == (BASE, NEVER, "raw_quiet", "idle_quiet", "raw", "idle")
+    assert [policy_of(name) for name in programs[2:]] == [LoopPolicy.raw, LoopPolicy.idle] * 2
     with pytest.raises(ValueError, match="no program 'never'"):
         policy_of(NEVER)
 
@@ -75,7 +78,7 @@ def test_cost_is_per_scenario_and_second():
 
 def test_every_figure_of_the_summary_is_documented(measured):
     summary = measured.summary()
-    assert summary["detection_share_n30_b256_max"] == pytest.approx(0.5)
+    assert summary["detection_share_n30_b2048_max"] == pytest.approx(0.5)
     assert summary["cpu_us_idle_n10_b1"] == 5e5
     assert summary["steps_cpu_ms_decision_n10_b1"] == 3
     assert {key: summary[f"paper_ms_{key}"] for key in PAPER_MS} == PAPER_MS
@@ -105,10 +108,10 @@ def test_without_decision_steps(measured, capsys):
 def test_terminal_shows_shares_ratios_and_the_paper(measured, capsys):
     print_results(measured)
     said = capsys.readouterr().out
-    assert "+20 % (+10 to +50)" in said
-    assert "2.00 (1.50-4.00)" in said
+    assert "+20 (+10 to +50)" in said
+    assert "2.00 1.50-4.00" in said
     assert "kept everywhere" in said
-    (row,) = re.findall(r"^.*closed loop, rank.*$", said, re.MULTILINE)
+    (row,) = re.findall(r"^.*closed loop with rank.*$", said, re.MULTILINE)
     assert "18.0" in row
     for words, value in (("IDM.MOBIL", "0.461"), ("PPO", "15.898"), ("REARL", "86,241.0")):
         assert re.search(rf"REARL \(Bi et al\.\): {words} +{value}", said)
