@@ -7,6 +7,7 @@ so that it never outlives the process that started it.
 import os
 import signal
 import sys
+from importlib import import_module
 from types import FrameType
 
 CONTEXT = 2048
@@ -20,10 +21,10 @@ def _leave(number: int, frame: FrameType | None) -> None:
 
 def main() -> None:
     """Serves until the end."""
-    import xllamacpp
-
+    # By name, as it is compiled code without types, and only there with the extra `llm`.
+    xllamacpp = import_module("xllamacpp")
     model, slots, threads = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
-    params = xllamacpp.CommonParams()  # pyright: ignore[reportAttributeAccessIssue]
+    params = xllamacpp.CommonParams()
     params.model.path = model
     params.model_alias = {os.path.basename(model).removesuffix(".gguf")}
     params.hostnames, params.port = ["127.0.0.1"], 0
@@ -31,7 +32,7 @@ def main() -> None:
     params.cpuparams.n_threads = params.cpuparams_batch.n_threads = threads
     params.cache_prompt = True
     params.offline, params.ui, params.fit_params, params.verbosity = True, False, False, 0
-    server = xllamacpp.Server(params)  # pyright: ignore[reportAttributeAccessIssue]
+    server = xllamacpp.Server(params)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _leave)
     print(f"READY {server.listening_address}", flush=True)
