@@ -56,7 +56,8 @@ def run(config: ClusterTask) -> dict:
             bar.update(stages[stage], completed=done, total=total)
 
         references, clusters = builder.build(scenes, splits, study, show)
-    seconds = {"seconds_reading": was_read - begin, "seconds_clustering": time.perf_counter() - was_read}
+    # Said, but not in the summary: a second run ends with the same files.
+    log.info("read in %.1f s, clustered in %.1f s", was_read - begin, time.perf_counter() - was_read)
     metadata = {"scenes_id": scenes.data_id, "seeds": tables.seeds(config)}
     coordinates = tables.embedding(clusters.scenes.vectors, config.cluster.seed)
     study.write_table("tracks", tables.track_table(clusters), **metadata)
@@ -65,7 +66,7 @@ def run(config: ClusterTask) -> dict:
     study.write_table("references", tables.reference_table(scenes, clusters, references), **metadata)
     if clusters.trace is not None and not (study.path / f"{TRACE}.parquet").exists():
         study.write_table(TRACE, clusters.trace, **metadata)  # the clustering, and with it its trace, was on disk
-    summary = tables.summary(config, scenes, splits, clusters) | seconds
+    summary = tables.summary(config, scenes, splits, clusters)
     study.write_summary(summary)
     terminal.print_table(config, scenes, splits, clusters)
 
@@ -75,5 +76,4 @@ def run(config: ClusterTask) -> dict:
     for name, png in draw(config, scenes, splits, clusters, coordinates).items():
         study.write_bytes(f"{name}.png", png)
     log.info("%d references written to %s", len(np.asarray(references.speed)), study.path)
-    log.info("read in %.1f s, clustered in %.1f s", *seconds.values())
     return summary
