@@ -9,7 +9,7 @@ NEVER = "never"
 """The closed loop that is never triggered: detection.cues=never, so nothing but the detection is left of it."""
 
 LOOP, DETECTION, DECISION = "loop", "detection", "decision"
-"""Decision steps: whole ones; on recorded traffic the detection alone, and all between two seconds of traffic."""
+"""Decision steps: whole ones; on recorded traffic the detection alone, and all that follows from it alone."""
 
 PARTS = (BASE, LOOP, DETECTION, DECISION)
 """Programs of the decision steps."""

@@ -6,7 +6,7 @@ from statistics import median
 
 import pandas as pd
 
-from rearl_jax.bench.loop_programs import BASE, DECISION, DETECTION, NEVER, always, quiet
+from rearl_jax.bench.loop_programs import BASE, NEVER, always, quiet
 from rearl_jax.bench.results import Series, Spread, spread_of
 from rearl_jax.config.bench import LoopPolicy
 
@@ -30,7 +30,7 @@ MEANINGS = {
     "detection_share_largest": "largest detection_share of all numbers of vehicles and batches",
     "n_steps": "consecutive decision steps behind steps_ms",
     "steps_ms_{part}_n{N}_b{B}": "elapsed time of these steps, median [ms]: base, loop, and on recorded traffic"
-    " detection alone and decision (detection, admissible actions, policy); also _min, _max",
+    " detection alone and decision alone (admissible actions, policy, orders); also _min, _max",
     "steps_cpu_ms_{part}_n{N}_b{B}": "the same in CPU time [ms]",
     "steps_compile_s_{part}_n{N}_b{B}": "elapsed time of compiling them, without cache [s]",
     "paper_ms_{method}": "REARL (Bi et al.), inference time of 10 decisions [ms]; per step or for all ten is ambiguous",
@@ -81,11 +81,6 @@ class Cell:
     def steps_ms(self, part: str) -> Spread:
         """Elapsed time of one call [ms]."""
         return spread_of([1e3 * run.wall_s for run in self.series[part].measurements])
-
-    def steps_policy_ms(self) -> float:
-        """Elapsed time of a decision less that of its detection, taken within each repetition, median [ms]."""
-        runs = zip(self.series[DECISION].measurements, self.series[DETECTION].measurements, strict=True)
-        return median(1e3 * (decision.wall_s - detection.wall_s) for decision, detection in runs)
 
 
 @dataclass(frozen=True)

@@ -28,9 +28,11 @@ from rearl_jax.config.decision import ExecConfig, Longitudinal, MatcherConfig, M
 from rearl_jax.config.detection import Cues
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.order import sort_along_road
 from rearl_jax.core.rollout import Frames, observe, rollout, simulate_second
 from rearl_jax.core.spawn import spawn
 from rearl_jax.core.state import TrafficState
+from rearl_jax.decision.admissible import admissible_actions
 from rearl_jax.decision.execution import Orders, accept, count, no_orders
 from rearl_jax.decision.loop import (
     Decisions,
@@ -42,7 +44,7 @@ from rearl_jax.decision.loop import (
     rollout_with_policy,
 )
 from rearl_jax.decision.policies import make_policy
-from rearl_jax.decision.situation import Policy
+from rearl_jax.decision.situation import Policy, Situation
 from rearl_jax.detection.detector import DetectionOptions, DetectorMemory, Thresholds, detect, initial_memory
 from rearl_jax.detection.table import ReferenceTable, tabulate
 
@@ -53,6 +55,9 @@ BASE_MODEL = TrafficModel(ticks_per_second=TICKS_PER_SECOND)
 
 LOOP_MODEL = dataclasses.replace(BASE_MODEL, meta_follows=ExecConfig().longitudinal is Longitudinal.idm_capped)
 """The same road with the stages that a closed loop at its defaults adds to it."""
+
+ALWAYS = LoopOptions(DetectionOptions(cues=Cues.always))
+"""The closed loop at its defaults, triggered every second."""
 
 
 class Batch(eqx.Module):
@@ -65,6 +70,7 @@ class Batch(eqx.Module):
         table: The references.
         thresholds: Infinite: they are passed by nothing, where they count.
         recorded: Traffic at the end of successive seconds, for programs that only look at it; else None.
+        shown: What a policy is shown of it, for programs that only decide; else None.
     """
 
     state: TrafficState
@@ -73,6 +79,7 @@ class Batch(eqx.Module):
     table: ReferenceTable
     thresholds: Thresholds
     recorded: TrafficState | None = None
+    shown: Situation | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,6 +113,20 @@ class Scenes:
         state, seconds = lax.scan(second, batch.state, None, length=WARM_UP + n_seconds)
         recorded = jax.tree.map(lambda leaf: leaf[WARM_UP:], seconds)
         return dataclasses.replace(batch, state=state, recorded=recorded)
+
+    def draw_shown(self, keys: Key[Array, " scenarios"], n_seconds: int) -> Batch:
+        """The same, and what a policy that is always asked is shown of the seconds before."""
+        batch = self.draw_recorded(keys, n_seconds)
+
+        def second(traffic: Traffic, state: TrafficState) -> tuple[Traffic, tuple[TrafficState, Situation]]:
+            state = eqx.tree_at(lambda s: s.order, state, sort_along_road(state.x, state.order))
+            traffic = dataclasses.replace(traffic, state=state)
+            traffic, situation = look(traffic, batch.drivers, batch.table, batch.thresholds, LOOP_MODEL, ALWAYS)
+            return traffic, (state, situation)
+
+        start = initial_traffic(batch.state, batch.keys, batch.table, LOOP_MODEL, ALWAYS)
+        recorded, shown = lax.scan(second, start, batch.recorded)[1]
+        return dataclasses.replace(batch, recorded=recorded, shown=shown)
 
 
 def rollouts(
@@ -145,12 +166,15 @@ def decision_steps(
     scenes = Scenes(n_vehicles, density, tabulate(synthetic_references(**references), DetectionOptions().hist))
 
     def prepare(keys: Key[Array, " scenarios"]) -> Batch:
-        return scenes.draw_recorded(keys, seconds)
+        if name == DECISION:
+            return scenes.draw_shown(keys, seconds)
+        batch = scenes.draw_recorded(keys, seconds)
+        return batch if name == DETECTION else dataclasses.replace(batch, recorded=None)
 
     if name in (BASE, LOOP):
         subject = _rollout_subject(BASE if name == BASE else always(STEPS_POLICY), prepare, seconds)
     elif name in (DETECTION, DECISION):
-        run = look_for_drift if name == DETECTION else decide_on_recorded
+        run = look_for_drift if name == DETECTION else decide_on_shown
         subject = Subject(prepare, run, lambda batch, _: jax.vmap(_observe_base)(batch.recorded), lambda _: None)
     else:
         raise ValueError(f"there is no part {name!r} of a decision step: {', '.join(PARTS)}")
@@ -207,33 +231,32 @@ def policy_named(name: LoopPolicy) -> Policy:
 
 def look_for_drift(batch: Batch) -> tuple[Array, ...]:
     """What the detection finds in each second of the recorded traffic, as far as a rollout hands it over."""
-    options = DetectionOptions(cues=Cues.always)
 
     def second(memory: DetectorMemory, state: TrafficState) -> tuple[DetectorMemory, tuple[Array, ...]]:
         # In a rollout the state is there; here it is a slice, which XLA would cut anew for every use.
         frame = observe(lax.optimization_barrier(state), LOOP_MODEL)
-        memory, found = detect(memory, frame, batch.table, batch.thresholds, options)
+        memory, found = detect(memory, frame, batch.table, batch.thresholds, ALWAYS.detection)
         return memory, (found.reference, found.hellinger, found.mape, found.triggered, count(found.mask))
 
-    return lax.scan(second, initial_memory(batch.table, batch.keys, options), batch.recorded)[1]
+    return lax.scan(second, initial_memory(batch.table, batch.keys, ALWAYS.detection), batch.recorded)[1]
 
 
-def decide_on_recorded(batch: Batch) -> tuple[Orders, Decisions]:
-    """What is found and decided in each second of the recorded traffic: everything between two of its seconds.
+def decide_on_shown(batch: Batch) -> tuple[Orders, Decisions]:
+    """What is decided in each second of the recorded traffic: admissible actions, policy, orders.
 
     As in a rollout the orders of a second are carried to the next one: measured on a CPU, XLA computes what is handed
     over at once by another program, which takes 1.7 times as long.
     """
-    policy, options = policy_named(STEPS_POLICY), LoopOptions(DetectionOptions(cues=Cues.always))
+    policy = policy_named(STEPS_POLICY)
+    # Prepared by `draw_shown`.
+    assert batch.recorded is not None
+    assert batch.shown is not None
 
-    def second(carry: tuple[Traffic, Orders], state: TrafficState) -> tuple[tuple[Traffic, Orders], Decisions]:
-        traffic, orders = carry
-        traffic = dataclasses.replace(traffic, state=lax.optimization_barrier(state))
-        traffic, situation = look(traffic, batch.drivers, batch.table, batch.thresholds, LOOP_MODEL, options)
-        answers = policy(situation, batch.table, batch.keys)
-        coming = accept(answers, situation.is_asked, situation.admissible)
-        return (traffic, coming), decisions_of(orders, situation)
+    def second(orders: Orders, seen: tuple[TrafficState, Situation]) -> tuple[Orders, Decisions]:
+        state, situation = lax.optimization_barrier(seen)
+        admissible = admissible_actions(state, batch.drivers, LOOP_MODEL, ALWAYS.admissible)
+        situation = dataclasses.replace(situation, admissible=admissible)
+        coming = accept(policy(situation, batch.table, batch.keys), situation.is_asked, admissible)
+        return coming, decisions_of(orders, situation)
 
-    start = initial_traffic(batch.state, batch.keys, batch.table, LOOP_MODEL, options), no_orders(batch.state)
-    (_, orders), decisions = lax.scan(second, start, batch.recorded)
-    return orders, decisions
+    return lax.scan(second, no_orders(batch.state), (batch.recorded, batch.shown))

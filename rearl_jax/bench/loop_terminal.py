@@ -16,7 +16,7 @@ _PARTS = {
     BASE: "Base, simulating",
     LOOP: f"closed loop with {STEPS_POLICY.name}, simulating",
     DETECTION: "detection alone",
-    DECISION: f"detection and decision, {STEPS_POLICY.name}",
+    DECISION: f"decision alone, {STEPS_POLICY.name}",
 }
 
 _PAPER = {"idm_mobil": "IDM+MOBIL", "ppo": "PPO", "rearl": "REARL"}
@@ -59,9 +59,7 @@ def _step_table(results: LoopResults) -> Table:
     for part, words in _PARTS.items():
         times = [_milliseconds(cell.steps_ms(part)) for cell in results.steps]
         compiled = " ".join(f"{cell.series[part].facts['compile_s']:.1f}" for cell in results.steps)
-        table.add_row(words, *times, compiled)
-    differences = [f"{cell.steps_policy_ms():#.3g}" for cell in results.steps]
-    table.add_row("decision alone (difference)", *differences, end_section=True)
+        table.add_row(words, *times, compiled, end_section=part == DECISION)
     for method, words in _PAPER.items():
         table.add_row(f"REARL (Bi et al.): {words}", *[""] * (len(results.steps) + 1), f"{PAPER_MS[method]:,}")
     return table
@@ -98,7 +96,7 @@ def _notes(results: LoopResults) -> list[str]:
     ]
     if results.steps:
         lines += [
-            "decision steps: one call after a warm-up; detection and decision look at recorded traffic",
+            "decision steps: one call after a warm-up; detection alone and decision alone look at recorded traffic",
             "published: on other machines, and of an ambiguous unit (per step or per 10 steps); no ratio can be taken",
         ]
     load = "" if results.load_average is None else f", load {results.load_average:.1f} at the start"

@@ -67,7 +67,6 @@ def test_shares_and_ratios_are_taken_within_repetitions(measured):
     assert (ratio.median, ratio.least, ratio.greatest) == (2.0, 1.5, 4.0)
     assert measured.largest_detection_share == pytest.approx(0.2)
     assert measured.steps[0].steps_ms(LOOP).median == 18
-    assert measured.steps[0].steps_policy_ms() == pytest.approx(4)
 
 
 def test_cost_is_per_scenario_and_second():
