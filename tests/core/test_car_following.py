@@ -164,6 +164,7 @@ def free_road_error(ticks_per_second):
     return abs(float(after.x[0]) - place), abs(float(after.speed[0]) - speed)
 
 
+@pytest.mark.slow
 def test_integrator_is_of_first_order():
     """The logarithm of the error falls with that of the tick, slope 1: explicit Euler."""
     rates = np.array([4, 8, 16, 32])

@@ -113,6 +113,7 @@ def test_gradients_are_finite_with_crashes_and_at_standstill(gradient):
         assert abs(gradient[1][name][CRASH]) > 0
 
 
+@pytest.mark.slow
 def test_gradients_in_single_precision(gradient):
     reverse, _ = programs(np.float32)
     _, single = reverse(parameters(np.float32))

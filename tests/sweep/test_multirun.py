@@ -125,6 +125,7 @@ def test_a_finished_job_is_left_alone_and_a_changed_one_is_not(cells, monkeypatc
         task.run(replace(config, eval=replace(config.eval, seed=1)))
 
 
+@pytest.mark.slow
 def test_a_killed_multirun_goes_on_where_it_was(tmp_path):
     """The whole command, killed as soon as its first job is done."""
     keys = ["eval.n_runs=1", "core.collisions=false", "eval.subset=tuning", "eval.seed=0,1,2"]

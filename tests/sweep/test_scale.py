@@ -268,6 +268,7 @@ def test_the_bar_shows_the_rate_of_what_is_simulated_now(monkeypatch):
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no kill -9 on this system")
+@pytest.mark.slow
 def test_a_killed_process_leaves_a_study_that_ends_like_any_other(tmp_path):
     killed, whole = tmp_path / "killed", tmp_path / "whole"
     assert stream_elsewhere(killed, 78, 16, end="die") == -signal.SIGKILL
