@@ -3,17 +3,17 @@
 import hashlib
 import json
 import logging
-import os
 import zipfile
 import zlib
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from rearl_jax import __version__
+from rearl_jax.code_version import code_hash
 from rearl_jax.runtime import cache_folder
+from rearl_jax.whole_files import replacing
 
 log = logging.getLogger(__name__)
 
@@ -32,7 +32,7 @@ def kept_path(kind: str, keys: Mapping[str, object], packages: tuple[str, ...], 
         packages: Parts of rearl_jax whose sources decide what comes out.
         ending: Of the file's name.
     """
-    text = json.dumps({**keys, "code": code_digest(packages)}, sort_keys=True, allow_nan=False)
+    text = json.dumps({**keys, "code": f"{__version__} {code_hash(packages)}"}, sort_keys=True, allow_nan=False)
     return kept_folder(kind) / f"{hashlib.sha256(text.encode()).hexdigest()[:24]}{ending}"
 
 
@@ -51,24 +51,8 @@ def read_arrays(path: Path) -> dict[str, np.ndarray] | None:
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """Stores the arrays whole or not at all; a folder that cannot be written to only costs the next run its time."""
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with unfinished.open("wb") as file:
+        with replacing(path) as unfinished, unfinished.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)
-        os.replace(unfinished, path)
     except OSError as error:
         log.warning("not kept for the next run: %s; set XDG_CACHE_HOME to another folder", error)
-    finally:
-        unfinished.unlink(missing_ok=True)
-
-
-@cache
-def code_digest(packages: tuple[str, ...]) -> str:
-    """Digest of the version and of the sources of some parts of the package, for checkouts between versions."""
-    package = Path(__file__).resolve().parent
-    digest = hashlib.sha256(__version__.encode())
-    for name in packages:
-        for file in sorted((package / name).glob("*.py")):
-            digest.update(file.name.encode() + file.read_bytes())
-    return digest.hexdigest()

@@ -8,17 +8,15 @@ study equals an uninterrupted one.
 import hashlib
 import json
 import math
-import os
-import platform
 import re
-import subprocess
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 from rearl_jax import __version__
+from rearl_jax.code_version import code_hash, git_sha
 from rearl_jax.config._schema import as_plain
+from rearl_jax.whole_files import remove_leftovers, replacing
 
 if TYPE_CHECKING:
     import pandas
@@ -72,7 +70,7 @@ class Study:
         values = (task, name, config_hash(config), __version__, code_hash(), git_sha(), data_id, generated)
         self._provenance: dict[str, Any] = dict(zip(PROVENANCE, values, strict=True))
         self.path.mkdir(parents=True, exist_ok=True)
-        _remove_leftovers(self.path)
+        remove_leftovers(self.path)
 
     def write_table(self, name: str, frame: "pandas.DataFrame", **metadata: str) -> Path:
         """Path of `name.parquet`, written with the provenance and `metadata` in its schema.
@@ -171,33 +169,9 @@ class Study:
 
     def _write(self, name: str, write: Callable[[Path], object]) -> Path:
         path = _inside(self.path, name, "file")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        # In the same folder, since a rename is atomic only inside one file system.
-        unfinished = path.with_name(f".{path.name}.{platform.node()}.{os.getpid()}.unfinished")
-        try:
+        with replacing(path) as unfinished:
             write(unfinished)
-            os.replace(unfinished, path)
-        finally:
-            unfinished.unlink(missing_ok=True)
         return path
-
-
-def _remove_leftovers(folder: Path) -> None:
-    """Removes what processes of this machine that are no more had not finished writing."""
-    for path in folder.rglob(f".*.{platform.node()}.*.unfinished"):
-        number = path.name.split(".")[-2]
-        if number.isdecimal() and not _is_alive(int(number)):
-            path.unlink(missing_ok=True)
-
-
-def _is_alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)  # no signal, only the question
-    except ProcessLookupError:
-        return False
-    except OSError:  # somebody else's process, or a system without such a question
-        return True
-    return True
 
 
 def part_name(table: str, number: int) -> str:
@@ -214,41 +188,16 @@ def read_metadata(path: str | Path) -> dict[str, str]:
     return {key.removeprefix(PREFIX): value for key, value in pairs if key.startswith(PREFIX)}
 
 
+def shared_config(config: object) -> Any:
+    """What of a task's configuration changes its results, as plain values."""
+    plain = as_plain(config)
+    return {key: value for key, value in plain.items() if key not in UNHASHED} if isinstance(plain, dict) else plain
+
+
 def config_hash(config: object) -> str:
     """Sixteen hexadecimal digits that are equal where everything but `study` and `results` is equal."""
-    plain = as_plain(config)
-    if isinstance(plain, dict):
-        plain = {key: value for key, value in plain.items() if key not in UNHASHED}
-    text = json.dumps(plain, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    text = json.dumps(shared_config(config), sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-@cache
-def code_hash() -> str:
-    """Sixteen hexadecimal digits of all sources of this package: equal results come from equal code."""
-    package = Path(__file__).resolve().parent
-    digest = hashlib.sha256()
-    for file in sorted(package.rglob("*.py")):
-        digest.update(file.relative_to(package).as_posix().encode() + file.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-@cache
-def git_sha() -> str | None:
-    """The commit of the checkout this package runs from, `-modified` if files differ; None if installed."""
-    checkout = Path(__file__).resolve().parents[1]
-    if not (checkout / ".git").exists():
-        return None
-    try:
-        commit = _git(checkout, "rev-parse", "HEAD")
-        return f"{commit}-modified" if _git(checkout, "status", "--porcelain") else commit
-    except (OSError, subprocess.CalledProcessError):  # no git here, or no commit yet
-        return None
-
-
-def _git(checkout: Path, *arguments: str) -> str:
-    command = ["git", "-C", str(checkout), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
 def _inside(root: Path, name: str, kind: str) -> Path:

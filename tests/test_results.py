@@ -40,7 +40,8 @@ def frame():
 
 def test_table_comes_back_with_its_provenance(study, frame):
     from rearl_jax import __version__
-    from rearl_jax.results import code_hash, config_hash, read_metadata
+    from rearl_jax.code_version import code_hash
+    from rearl_jax.results import config_hash, read_metadata
 
     path = study.write_table("rows", frame, seeds="0,1", mape_definition="A")
     assert path == study.path / "rows.parquet"

@@ -26,13 +26,14 @@ from rearl_jax.baselines.driving import ACTION_NAMES, DrivingOptions
 from rearl_jax.baselines.experience import Drive, collect
 from rearl_jax.baselines.learning import Learner, Losses, decisions_of, improve, make_optimiser
 from rearl_jax.baselines.network import ActorCritic, make_network
+from rearl_jax.code_version import code_hash
 from rearl_jax.config import TrainPpoTask
 from rearl_jax.config.core import CoreConfig
 from rearl_jax.config.decision import AdmissibleConfig
 from rearl_jax.config.ppo import PpoConfig
 from rearl_jax.core.road import traffic_model
 from rearl_jax.core.spawn import spawn
-from rearl_jax.results import Study, code_hash, config_hash
+from rearl_jax.results import Study, config_hash
 
 log = logging.getLogger(__name__)
 

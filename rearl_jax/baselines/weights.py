@@ -17,9 +17,9 @@ from rearl_jax import __version__
 from rearl_jax.baselines.driving import DrivingOptions
 from rearl_jax.baselines.network import ActorCritic, make_network
 from rearl_jax.config import TrainPpoTask
-from rearl_jax.config._schema import as_plain
 from rearl_jax.config.core import CoreConfig
 from rearl_jax.config.decision import AdmissibleConfig, LaneGate, Longitudinal
+from rearl_jax.results import shared_config
 
 FORMAT = "rearl_jax PPO weights, version 1"
 """Begins the description in every file."""
@@ -52,12 +52,11 @@ class TrainedPolicy:
 def weights_file(network: ActorCritic, config: TrainPpoTask) -> bytes:
     """The file of a trained network; equal trainings give equal files, wherever they are written."""
     ppo, n_vehicles = config.ppo, config.core.n_vehicles
-    plain = as_plain(config)
     description = {
         "format": FORMAT,
         "code_version": __version__,
         "car_steps": ppo.n_updates(n_vehicles) * ppo.batch(n_vehicles),
-        "config": {key: value for key, value in plain.items() if key not in ("study", "results")},
+        "config": shared_config(config),
     }
     file = io.BytesIO()
     file.write(json.dumps(description, sort_keys=True).encode() + b"\n")

@@ -6,6 +6,7 @@ traffic of Base and the work of the policy; and the loop that is triggered every
 consecutive decision steps, whole and in parts. No data are read: the references are synthetic.
 """
 
+import logging
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -24,11 +25,16 @@ from rearl_jax.config.bench import BenchLoopConfig
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 
+log = logging.getLogger(__name__)
+
 
 def run(config: BenchLoopTask) -> dict:
     """The summary of the measurements, after writing table, figure, configuration and summary."""
     loop = config.loop
     study = Study(config.results.root, config.study, config, "bench loop")
+    if config.results.resume and (stored := study.finished_summary()) is not None:
+        log.info("finished before: %s", study.path)
+        return stored
     study.write_config()
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     with progress_bar() as progress:
@@ -51,10 +57,11 @@ def run(config: BenchLoopTask) -> dict:
     )
     study.write_table("bench_loop", results.table(), **results.metadata())
     print_results(results)
-    # Matplotlib is slow to import; the table need not wait for it.
-    from rearl_jax.bench.loop_figure import draw_costs
+    if results.cells:
+        # Matplotlib is slow to import; the table need not wait for it.
+        from rearl_jax.bench.loop_figure import draw_costs
 
-    study.write_bytes("cost.png", draw_costs(results))
+        study.write_bytes("cost.png", draw_costs(results))
     summary = results.summary()
     study.write_summary(summary)
     return summary

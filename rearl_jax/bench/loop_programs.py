@@ -8,10 +8,13 @@ BASE = "base"
 NEVER = "never"
 """The closed loop that is never triggered: detection.cues=never, so nothing but the detection is left of it."""
 
+PPO = "ppo"
+"""All vehicles driven by the trained policy that comes with the package."""
+
 LOOP, DETECTION, DECISION = "loop", "detection", "decision"
 """Decision steps: whole ones; on recorded traffic the detection alone, and all that follows from it alone."""
 
-PARTS = (BASE, LOOP, DETECTION, DECISION)
+PARTS = (BASE, PPO, LOOP, DETECTION, DECISION)
 """Programs of the decision steps."""
 
 STEPS_POLICY = LoopPolicy.rank

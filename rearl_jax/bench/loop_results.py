@@ -29,7 +29,7 @@ MEANINGS = {
     "detection_share_goal": "most that detection_share should be",
     "detection_share_largest": "largest detection_share of all numbers of vehicles and batches",
     "n_steps": "consecutive decision steps behind steps_ms",
-    "steps_ms_{part}_n{N}_b{B}": "elapsed time of these steps, median [ms]: base, loop, and on recorded traffic"
+    "steps_ms_{part}_n{N}_b{B}": "elapsed time of these steps, median [ms]: base, ppo, loop, and on recorded traffic"
     " detection alone and decision alone (admissible actions, policy, orders); also _min, _max",
     "steps_cpu_ms_{part}_n{N}_b{B}": "the same in CPU time [ms]",
     "steps_compile_s_{part}_n{N}_b{B}": "elapsed time of compiling them, without cache [s]",
@@ -101,9 +101,9 @@ class LoopResults:
         return sorted({cell.n_vehicles for cell in self.cells})
 
     @property
-    def largest_detection_share(self) -> float:
-        """The largest of the medians."""
-        return max(cell.detection.median for cell in self.cells)
+    def largest_detection_share(self) -> float | None:
+        """The largest of the medians; None where no rollouts were measured."""
+        return max((cell.detection.median for cell in self.cells), default=None)
 
     def table(self) -> pd.DataFrame:
         """One row per program, cell and repetition; `measured` is rollout or steps."""

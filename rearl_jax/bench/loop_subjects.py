@@ -9,6 +9,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Key
 
+from rearl_jax.baselines.driving import rollout_with_actor
+from rearl_jax.baselines.weights import load_policy
 from rearl_jax.bench.batches import Batches, Subject
 from rearl_jax.bench.loop_programs import (
     BASE,
@@ -17,6 +19,7 @@ from rearl_jax.bench.loop_programs import (
     LOOP,
     NEVER,
     PARTS,
+    PPO,
     STEPS_POLICY,
     always,
     policy_of,
@@ -24,6 +27,7 @@ from rearl_jax.bench.loop_programs import (
 from rearl_jax.bench.measurement import TICKS_PER_SECOND
 from rearl_jax.bench.synthetic_references import synthetic_references
 from rearl_jax.config.bench import LoopPolicy
+from rearl_jax.config.core import CoreConfig
 from rearl_jax.config.decision import ExecConfig, Longitudinal, MatcherConfig, MatchSpace, PolicyName
 from rearl_jax.config.detection import Cues
 from rearl_jax.core.drivers import Drivers
@@ -173,6 +177,8 @@ def decision_steps(
 
     if name in (BASE, LOOP):
         subject = _rollout_subject(BASE if name == BASE else always(STEPS_POLICY), prepare, seconds)
+    elif name == PPO:
+        subject = _driven_subject(prepare, seconds)
     elif name in (DETECTION, DECISION):
         run = look_for_drift if name == DETECTION else decide_on_shown
         subject = Subject(prepare, run, lambda batch, _: jax.vmap(_observe_base)(batch.recorded), lambda _: None)
@@ -220,6 +226,21 @@ def _rollout_subject(program: str, prepare: Any, seconds: int) -> Subject:
         return frames, decisions
 
     return Subject(prepare, run_loop, lambda _, result: result[0], lambda result: result[1])
+
+
+def _driven_subject(prepare: Any, seconds: int) -> Subject:
+    """Rollouts from prepared traffic in which the trained policy of the package drives everybody.
+
+    Raises:
+        FileNotFoundError: The installation lacks the weights.
+    """
+    policy = load_policy(None, CoreConfig())
+
+    def run_driven(batch: Batch) -> tuple[Frames, Array]:
+        actor = jax.tree.map(jnp.asarray, policy.network.actor)
+        return rollout_with_actor(batch.state, batch.drivers, actor, BASE_MODEL, policy.options, n_seconds=seconds)
+
+    return Subject(prepare, run_driven, lambda _, result: result[0], lambda _: None)
 
 
 def policy_named(name: LoopPolicy) -> Policy:

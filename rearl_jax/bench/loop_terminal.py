@@ -4,7 +4,7 @@ from statistics import mean
 
 from rich.table import Table
 
-from rearl_jax.bench.loop_programs import BASE, DECISION, DETECTION, LOOP, NEVER, STEPS_POLICY, always
+from rearl_jax.bench.loop_programs import BASE, DECISION, DETECTION, LOOP, NEVER, PPO, STEPS_POLICY, always
 from rearl_jax.bench.loop_results import GOAL, PAPER_MS, LoopResults
 from rearl_jax.bench.results import Spread
 from rearl_jax.console import print_notes, standard_output, titled_table
@@ -12,20 +12,23 @@ from rearl_jax.console import print_notes, standard_output, titled_table
 _WIDTH = 118
 """Columns the whole table needs; a narrower terminal gets it without least and greatest ratios."""
 
-_PARTS = {
+PART_TITLES = {
     BASE: "Base, simulating",
+    PPO: "PPO drives everybody, simulating",
     LOOP: f"closed loop with {STEPS_POLICY.name}, simulating",
     DETECTION: "detection alone",
     DECISION: f"decision alone, {STEPS_POLICY.name}",
 }
+"""What people read for the programs of the decision steps."""
 
-_PAPER = {"idm_mobil": "IDM+MOBIL", "ppo": "PPO", "rearl": "REARL"}
+PAPER_TITLES = {"idm_mobil": "IDM+MOBIL", "ppo": "PPO", "rearl": "REARL"}
 
 
 def print_results(results: LoopResults) -> None:
     """Prints shares and ratios, times of decision steps, what they mean, and the machine."""
     console = standard_output(_WIDTH)
-    console.print(_rollout_table(results, has_room=console.width >= _WIDTH))
+    if results.cells:
+        console.print(_rollout_table(results, has_room=console.width >= _WIDTH))
     if results.steps:
         console.print(_step_table(results))
     print_notes(console, _notes(results))
@@ -56,11 +59,11 @@ def _step_table(results: LoopResults) -> Table:
     table.add_column("", no_wrap=True)
     for heading in (*(f"{cell.batch:,}" for cell in results.steps), "compile s", "published"):
         table.add_column(heading, justify="right", no_wrap=True)
-    for part, words in _PARTS.items():
+    for part, words in PART_TITLES.items():
         times = [_milliseconds(cell.steps_ms(part)) for cell in results.steps]
         compiled = " ".join(f"{cell.series[part].facts['compile_s']:.1f}" for cell in results.steps)
         table.add_row(words, *times, compiled, end_section=part == DECISION)
-    for method, words in _PAPER.items():
+    for method, words in PAPER_TITLES.items():
         table.add_row(f"REARL (Bi et al.): {words}", *[""] * (len(results.steps) + 1), f"{PAPER_MS[method]:,}")
     return table
 
@@ -78,15 +81,31 @@ def _milliseconds(spread: Spread) -> str:
 
 
 def _notes(results: LoopResults) -> list[str]:
-    machine, n_cells = results.machine, len(results.cells)
+    lines = [
+        f"references: {results.references}; no data were read,",
+        "so this traffic shows what the work costs, and nothing about realism",
+    ]
+    if results.cells:
+        lines += _rollout_notes(results)
+    if results.steps:
+        lines += [
+            "decision steps: one call after a warm-up; detection alone and decision alone look at recorded traffic",
+            "published: on other machines, and of an ambiguous unit (per step or per 10 steps); no ratio can be taken",
+        ]
+    machine = results.machine
+    load = "" if results.load_average is None else f", load {results.load_average:.1f} at the start"
+    lines.append(f"{machine['cpu_model']}, {machine['cpu_cores']} cores, jax {machine['jax_version']}{load}")
+    return lines
+
+
+def _rollout_notes(results: LoopResults) -> list[str]:
+    n_cells = len(results.cells)
     n_above = sum(cell.detection.median > GOAL for cell in results.cells)
     met = "kept everywhere" if n_above == 0 else f"missed in {n_above} of {n_cells} rows"
     programs = (BASE, NEVER, *(always(policy) for policy in results.policies))
     compiled = ", ".join(f"{name} {_mean_compile_s(results, name):.1f}" for name in programs)
     crashed = ", ".join(f"{name} {_crashed_share(results, name):.2%}" for name in programs if name != NEVER)
-    lines = [
-        f"references: {results.references}; no data were read,",
-        "so this traffic shows what the work costs, and nothing about realism",
+    return [
         "batch: scenarios at a time on one core; Base us: per simulated second of a scenario; all else by Base",
         f"detection: the loop that is never triggered less Base; goal at most {GOAL:.0%}, {met}",
         "+policy: admissible actions, policy and orders where no threshold is passed; the traffic is that of Base",
@@ -94,14 +113,6 @@ def _notes(results: LoopResults) -> list[str]:
         f"vehicles crashed by the end: {crashed}",
         f"mean compile time without cache [s]: {compiled}",
     ]
-    if results.steps:
-        lines += [
-            "decision steps: one call after a warm-up; detection alone and decision alone look at recorded traffic",
-            "published: on other machines, and of an ambiguous unit (per step or per 10 steps); no ratio can be taken",
-        ]
-    load = "" if results.load_average is None else f", load {results.load_average:.1f} at the start"
-    lines.append(f"{machine['cpu_model']}, {machine['cpu_cores']} cores, jax {machine['jax_version']}{load}")
-    return lines
 
 
 def _mean_compile_s(results: LoopResults, program: str) -> float:

@@ -37,11 +37,13 @@ def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> An
 def with_implied(task: Task, overrides: list[str]) -> list[str]:
     """The overrides, and before them what those of some groups imply unless it is said otherwise.
 
-    A threshold of the detection without `method=...` means `method=rearl`: the default method would ignore it.
+    A threshold of the detection without `method=...` means `method=rearl`: the default method would ignore it. Where
+    several groups imply a value of the same key, that of the last one in the task's list counts.
     """
     said = [text.partition("=")[0] for text in overrides]
-    implied = {word for group, word in task.implied.items() if any(key.split(".")[0] == group for key in said)}
-    new = sorted(word for word in implied if word.partition("=")[0] not in said)
+    groups = {key.split(".")[0] for key in said}
+    implied = {word.partition("=")[0]: word for group, word in task.implied.items() if group in groups}
+    new = sorted(word for key, word in implied.items() if key not in said)
     if new:
         log.info("%s, because of the keys given", ", ".join(new))
     return [*new, *overrides]

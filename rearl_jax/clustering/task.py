@@ -34,6 +34,9 @@ def run(config: ClusterTask) -> dict:
     builder = ReferenceBuilder(config)
     generated = is_generated(config.data)
     study = Study(config.results.root, config.study, config, "cluster", builder.data_id, generated=generated)
+    if config.results.resume and (stored := study.finished_summary()) is not None:
+        log.info("finished before: %s", study.path)
+        return stored
     study.write_config()
     begin = time.perf_counter()
     with progress_bar() as bar:
@@ -67,7 +70,6 @@ def run(config: ClusterTask) -> dict:
     if clusters.trace is not None and not (study.path / f"{TRACE}.parquet").exists():
         study.write_table(TRACE, clusters.trace, **metadata)  # the clustering, and with it its trace, was on disk
     summary = tables.summary(config, scenes, splits, clusters)
-    study.write_summary(summary)
     terminal.print_table(config, scenes, splits, clusters)
 
     # Only now, so that nobody waits for matplotlib to see the table.
@@ -75,5 +77,6 @@ def run(config: ClusterTask) -> dict:
 
     for name, png in draw(config, scenes, splits, clusters, coordinates).items():
         study.write_bytes(f"{name}.png", png)
+    study.write_summary(summary)
     log.info("%d references written to %s", len(np.asarray(references.speed)), study.path)
     return summary

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from rearl_jax.config._key import key
-from rearl_jax.config.bench import BenchConfig, BenchLoopConfig
+from rearl_jax.config.bench import BenchConfig, BenchLoopConfig, BenchRequestsConfig
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, KlConfig
 from rearl_jax.config.core import CoreConfig, InitConfig
+from rearl_jax.config.critical import CriticalConfig
 from rearl_jax.config.data import DataConfig
-from rearl_jax.config.decision import AdmissibleConfig, DecisionConfig, ExecConfig, MatcherConfig
+from rearl_jax.config.decision import AdmissibleConfig, DecisionConfig, ExecConfig, MatcherConfig, PolicyName
 from rearl_jax.config.detection import DetectionConfig, ReferenceConfig
 from rearl_jax.config.evaluation import EvaluationConfig, Method
 from rearl_jax.config.generator import GeneratorConfig
@@ -27,6 +28,7 @@ from rearl_jax.config.scenes import (
     SplitConfig,
     TracksConfig,
 )
+from rearl_jax.config.study import Table1Config, Table4Config
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.config.validation import ValidationConfig
 
@@ -90,7 +92,8 @@ class EvaluateTask:
     study: str = _study("evaluate")
     method: Method = key(
         Method.base,
-        "what drives the vehicles; base: IDM and MOBIL alone, rearl: with interventions, ppo: a policy trained before",
+        "what drives the vehicles; base: IDM and MOBIL, rearl: with interventions, ppo: a trained policy, critical: "
+        "IDM and MOBIL with classes of drivers",
     )
     results: ResultsConfig = _group(ResultsConfig)
     data: DataConfig = _group(DataConfig)
@@ -119,6 +122,7 @@ class EvaluateTask:
     admissible: AdmissibleConfig = _group(AdmissibleConfig)
     exec: ExecConfig = _group(ExecConfig)
     ppo: PpoPolicyConfig = _group(PpoPolicyConfig)
+    critical: CriticalConfig = _group(CriticalConfig)
     eval: EvaluationConfig = _group(EvaluationConfig)
 
 
@@ -138,7 +142,8 @@ class SweepScaleTask(EvaluateTask):
     study: str = _study("sweep_scale")
     method: Method = key(
         Method.rearl,
-        "what drives the vehicles; base: IDM and MOBIL alone, rearl: with interventions, ppo: a policy trained before",
+        "what drives the vehicles; base: IDM and MOBIL, rearl: with interventions, ppo: a trained policy, critical: "
+        "IDM and MOBIL with classes of drivers",
     )
     # Not int, which OmegaConf refuses to read 1e6 as.
     n_rollouts: float = key(
@@ -187,3 +192,93 @@ class BenchLoopTask:
     study: str = _study("bench_loop")
     results: ResultsConfig = _group(ResultsConfig)
     loop: BenchLoopConfig = _group(BenchLoopConfig)
+
+
+_ROWS_DECIDE = "base; the rows decide what drives the vehicles"
+
+
+@dataclass(unsafe_hash=True)
+class StudyTable1Task(EvaluateTask):
+    """Methods beside each other: Table 1 of the paper."""
+
+    study: str = _study("study_table1")
+    method: Method = key(Method.base, _ROWS_DECIDE)
+    table1: Table1Config = _group(Table1Config)
+
+    def check(self) -> None:
+        """Raise ValueError for keys that every row sets itself."""
+        if self.method is not Method.base:
+            raise ValueError(f"method={self.method.name}: the rows set it; choose rows with table1.rows=[...]")
+        if self.decision.policy is not PolicyName.matcher:
+            raise ValueError(
+                f"decision.policy={self.decision.policy.name}: the rows set it; choose rows with table1.rows=[...], "
+                "or table1.llm=true for the language model"
+            )
+
+
+@dataclass(unsafe_hash=True)
+class StudyFig6Task(StudyTable1Task):
+    """Errors second by second: Fig. 6 of the paper."""
+
+    study: str = _study("study_fig6")
+
+
+@dataclass(unsafe_hash=True)
+class StudyTable3Task(SweepThresholdsTask):
+    """Threshold pairs: Table 3 of the paper."""
+
+    study: str = _study("study_table3")
+
+
+@dataclass(unsafe_hash=True)
+class StudyFig7Task(EvaluateTask):
+    """Errors of base and their percentiles: Fig. 7 of the paper."""
+
+    study: str = _study("study_fig7")
+    method: Method = key(Method.base, "base: nothing else is simulated")
+    sweep: SweepConfig = _group(SweepConfig)
+
+    def check(self) -> None:
+        """Raise ValueError for another method."""
+        if self.method is not Method.base:
+            raise ValueError(f"method={self.method.name}: thresholds are percentiles of base; leave method alone")
+
+
+@dataclass(unsafe_hash=True)
+class StudyFig8Task(ClusterTask):
+    """Clusters of scenes on a map: Fig. 8 of the paper."""
+
+    study: str = _study("study_fig8")
+
+
+@dataclass(unsafe_hash=True)
+class StudyTable4Task:
+    """Inference time: Table 4 of the paper."""
+
+    study: str = _study("study_table4")
+    results: ResultsConfig = _group(ResultsConfig)
+    loop: BenchLoopConfig = key(
+        lambda: BenchLoopConfig(batches=()), "Decision steps; loop.batches adds whole rollouts as `bench loop` has them"
+    )
+    table4: Table4Config = _group(Table4Config)
+    decision: DecisionConfig = _group(DecisionConfig)
+    llm: LlmConfig = _group(LlmConfig)
+    prompt: PromptConfig = _group(PromptConfig)
+
+    def check(self) -> None:
+        """Raise ValueError for a policy that is not measured here."""
+        if self.decision.policy not in (PolicyName.matcher, PolicyName.llm):
+            raise ValueError(
+                f"decision.policy={self.decision.policy.name} has no row in this table; table4.llm=true adds a "
+                "language model"
+            )
+
+
+@dataclass(unsafe_hash=True)
+class BenchRequestsTask:
+    """The speed of asking a language model."""
+
+    study: str = _study("bench_requests")
+    results: ResultsConfig = _group(ResultsConfig)
+    requests: BenchRequestsConfig = _group(BenchRequestsConfig)
+    llm: LlmConfig = _group(LlmConfig)

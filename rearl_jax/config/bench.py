@@ -69,7 +69,9 @@ class BenchLoopConfig:
     """Detection and decisions beside the traffic core"""
 
     vehicles: tuple[int, ...] = key((10, 30), "vehicles per scenario, each measured")
-    batches: tuple[int, ...] = key((1, 16, 256, 2048), "scenarios simulated at a time on one core, each measured")
+    batches: tuple[int, ...] = key(
+        (1, 16, 256, 2048), "scenarios simulated at a time on one core, each measured; empty leaves rollouts out"
+    )
     policies: tuple[LoopPolicy, ...] = key(
         (LoopPolicy.rank, LoopPolicy.raw, LoopPolicy.idle),
         "policies of the measured closed loops: matcher by rank, matcher by raw values, idle",
@@ -90,9 +92,12 @@ class BenchLoopConfig:
 
     def check(self) -> None:
         """Ranges."""
-        _check_rising(self, "vehicles", "batches")
-        if self.steps_batches:
-            _check_rising(self, "steps_batches")
+        _check_rising(self, "vehicles")
+        for name in ("batches", "steps_batches"):
+            if getattr(self, name):
+                _check_rising(self, name)
+        if not (self.batches or self.steps_batches):
+            raise ValueError("batches and steps_batches are both empty: name the scenarios at a time in one of them")
         _check_least(self, 1, "seconds", "repetitions", "n_references", "steps", "steps_repetitions")
         _check_least(self, 2, "reference_vehicles", "steps_vehicles")
         _check_positive(self, "density", "repetition_cpu_s")
@@ -108,6 +113,27 @@ class BenchLoopConfig:
                 f"reference_seconds must be at least seconds and steps ({max(self.seconds, self.steps)}),"
                 f" got {self.reference_seconds}"
             )
+
+
+@dataclass(unsafe_hash=True)
+class BenchRequestsConfig:
+    """How fast a language model is asked"""
+
+    requests: int = key(4800, "different questions of a measurement of the server that takes a fixed time")
+    latency: float = key(0.05, "time this server takes for a request [s]; own choice")
+    slots: int = key(32, "requests it works on at a time; own choice")
+    repetitions: int = key(3, "measurements of client and plain load generator, taken in turn")
+    seed: int = key(0, "seed of the traffic that is asked about, and of its synthetic references")
+    server: str | None = key(
+        None, "a real server to be asked as well: its address, http only, or local; null leaves it out"
+    )
+    server_requests: int = key(24, "different questions of a measurement of the real server")
+
+    def check(self) -> None:
+        """Ranges."""
+        _check_least(self, 1, "requests", "slots", "repetitions", "server_requests")
+        _check_positive(self, "latency")
+        _check_least(self, 0, "seed")
 
 
 def _check_rising(record: object, *names: str) -> None:

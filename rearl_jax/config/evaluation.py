@@ -15,6 +15,8 @@ class Method(Enum):
     """The same, and decisions of a policy where the traffic drifts from its reference."""
     ppo = "ppo"
     """All vehicles driven by a policy that was trained without recordings."""
+    critical = "critical"
+    """IDM and MOBIL with several classes of drivers, whose shares are adapted beforehand."""
 
     @property
     def needs_references(self) -> bool:

@@ -57,7 +57,9 @@ class LlmConfig:
         True, "let the server restrict the answer to admissible identifiers where it can; never with thinking=on"
     )
     max_tokens: int = key(8, "longest answer [tokens]; thousands with thinking=on")
-    max_in_flight: int = key(32, "requests at a time; 1 or 2 for a model on a CPU; own choice")
+    max_in_flight: int = key(
+        48, "requests at a time: more than the server works on at once, or it waits for us; 1 or 2 on a CPU; own choice"
+    )
     startup: float = key(300.0, "longest wait for a server that is still loading [s]; own choice")
     connect_timeout: float = key(5.0, "time to connect [s]; own choice")
     read_timeout: float = key(120.0, "time without a byte [s]; own choice")

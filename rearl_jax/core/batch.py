@@ -14,6 +14,7 @@ _LINE = 16
 
 Arguments = TypeVar("Arguments")
 Result = TypeVar("Result")
+Values = TypeVar("Values")
 
 
 def chunk_for(n_vehicles: int) -> int:
@@ -76,7 +77,7 @@ class ScenarioMap(Generic[Arguments, Result]):
         for start in range(0, n_scenarios, width):
             # The last chunk is filled up with its own last scenario, so that one program serves all.
             columns = np.minimum(np.arange(start, start + width), n_scenarios - 1)
-            result = self._run(jax.tree.map(lambda leaf, at=columns: _take(leaf, at, n_scenarios), arguments))
+            result = self._run(select_scenarios(arguments, columns, n_scenarios))
             valid = operator.itemgetter((..., slice(min(width, n_scenarios - start))))
             yield jax.tree.map(valid, jax.tree.map(np.asarray, result))
 
@@ -85,9 +86,15 @@ class ScenarioMap(Generic[Arguments, Result]):
         return jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1), *self.chunks(arguments))
 
 
-def _take(leaf: np.ndarray | jax.Array, columns: np.ndarray, n_scenarios: int) -> np.ndarray | jax.Array:
-    """Some scenarios' values, or what is the same for all."""
-    return leaf[..., columns] if leaf.shape[-1] == n_scenarios else leaf
+def select_scenarios(values: Values, columns: np.ndarray, n_scenarios: int) -> Values:
+    """Some scenarios' values; what is the same for all, a last axis of length 1, stays.
+
+    Args:
+        values: Arrays with the scenarios last.
+        columns: Which scenarios; one may be taken several times.
+        n_scenarios: How many there are.
+    """
+    return jax.tree.map(lambda leaf: leaf[..., columns] if leaf.shape[-1] == n_scenarios else leaf, values)
 
 
 def _split(leaf: jax.Array | jax.ShapeDtypeStruct) -> PartitionSpec:

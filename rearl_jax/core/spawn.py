@@ -3,7 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Key
+from jaxtyping import Array, Float, Int, Key
 
 from rearl_jax.core.drivers import Drivers, highway_env_drivers
 from rearl_jax.core.model import TrafficModel
@@ -77,7 +77,9 @@ def spawn(
         acceleration=zeros,
         desired_speed=speed,
         target_lane=lane.astype(jnp.int32),
-        ticks_to_decision=_ticks_of_phase(((x + y) * np.pi) % 1.0, model.ticks_per_second),
+        ticks_to_decision=ticks_to_first_decision(
+            x, y, 1.0, decision_period(1.0, model.ticks_per_second), model.ticks_per_second
+        ),
         controller=jnp.full(x.shape, int(Controller.IDM), jnp.int32),
         crashed=nobody,
         is_pushed=nobody,
@@ -88,7 +90,24 @@ def spawn(
     return state, highway_env_drivers(exponent, ticks_per_second=model.ticks_per_second)
 
 
-def _ticks_of_phase(phase: Float[Array, "*n"], ticks_per_second: int) -> Array:
-    """Ticks until a timer that starts at a phase within [0, 1) s exceeds one second."""
-    ticks = jnp.floor((1 - phase) * ticks_per_second).astype(jnp.int32) + 1
-    return jnp.clip(ticks, 1, decision_period(1.0, ticks_per_second))
+def ticks_to_first_decision(
+    x: Float[Array, "*n"],
+    y: Float[Array, "*n"],
+    delay: Float[Array, "*n"] | float,
+    period: Int[Array, "*n"] | int,
+    ticks_per_second: int,
+) -> Int[Array, "*n"]:
+    """Ticks until vehicles at fresh places decide about their lanes for the first time.
+
+    Args:
+        x: Positions along the road [m].
+        y: Lateral positions [m].
+        delay: Time between two decisions [s].
+        period: The same in ticks, from `decision_period`.
+        ticks_per_second: Clock of the simulation [1/s].
+
+    Source: highway-env 1.12.1, `IDMVehicle.__init__`: the timer starts at ((x + y) pi) mod delay.
+    """
+    phase = ((x + y) * np.pi) % delay
+    ticks = jnp.floor((delay - phase) * ticks_per_second).astype(jnp.int32) + 1
+    return jnp.clip(ticks, 1, period)

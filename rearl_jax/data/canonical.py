@@ -6,7 +6,6 @@ A file may hold several recordings, told apart by its column `recording`. What i
 """
 
 import json
-import os
 from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +20,7 @@ from rearl_jax.data.delimited import read_csv, read_header
 from rearl_jax.data.losses import Losses
 from rearl_jax.data.problems import BadRecordingError, require_columns
 from rearl_jax.data.schema import COLUMNS, REQUIRED, Recording, RecordingInfo, validate
+from rearl_jax.whole_files import replacing
 
 METADATA = "recordings"
 """Name of the metadata with the RecordingInfo of every recording; rearl_jax.recordings in Parquet."""
@@ -140,21 +140,17 @@ def write_recording(recording: Recording, path: Path) -> Path:
     """
     if path.suffix not in (".parquet", ".csv"):
         raise ValueError(f"{path} must end in .parquet or .csv")
-    path.parent.mkdir(parents=True, exist_ok=True)
     text = describe([recording.info])
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
-    try:
-        if path.suffix == ".csv":
+    if path.suffix == ".csv":
+        with replacing(_sidecar(path)) as unfinished:
             unfinished.write_text(text, encoding="utf-8")
-            os.replace(unfinished, _sidecar(path))
+        with replacing(path) as unfinished:
             recording.table.to_csv(unfinished, index=False)
-        else:
-            table = pa.Table.from_pandas(recording.table, preserve_index=False)
-            metadata = {**(table.schema.metadata or {}), f"rearl_jax.{METADATA}": text}
+    else:
+        table = pa.Table.from_pandas(recording.table, preserve_index=False)
+        metadata = {**(table.schema.metadata or {}), f"rearl_jax.{METADATA}": text}
+        with replacing(path) as unfinished:
             pq.write_table(table.replace_schema_metadata(metadata), unfinished)
-        os.replace(unfinished, path)
-    finally:
-        unfinished.unlink(missing_ok=True)
     return path
 
 

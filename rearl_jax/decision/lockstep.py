@@ -15,12 +15,22 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int, Key
 
+from rearl_jax.core.batch import select_scenarios
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import Frames
 from rearl_jax.core.state import TrafficState
 from rearl_jax.decision.execution import accept
-from rearl_jax.decision.loop import Decisions, LoopOptions, Traffic, decisions_of, follow, initial_traffic, look
+from rearl_jax.decision.loop import (
+    Decisions,
+    LoopOptions,
+    Traffic,
+    decisions_of,
+    follow,
+    initial_traffic,
+    look,
+    require_references_for,
+)
 from rearl_jax.decision.situation import N_ACTIONS, NO_ACTION, Situation
 from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.table import ReferenceTable
@@ -72,18 +82,14 @@ def rollout_in_lockstep(
     Raises:
         ValueError: The references are shorter than the rollout.
     """
-    if n_seconds > table.n_seconds:
-        raise ValueError(
-            f"n_seconds = {n_seconds} exceeds the {table.n_seconds} s of the references: simulate fewer, or build "
-            "references from longer scenes"
-        )
+    require_references_for(table, n_seconds)
     n_scenarios = state.x.shape[-1]
     size = -(-n_scenarios // 2)
     halves = []
     for number, policy in enumerate(policies):
         # The second half of an odd number is filled up with the last scenario, so that one program serves both.
         columns = np.minimum(np.arange(number * size, (number + 1) * size), n_scenarios - 1)
-        some, their_drivers, limits = _columns((state, drivers, thresholds), columns, n_scenarios)
+        some, their_drivers, limits = select_scenarios((state, drivers, thresholds), columns, n_scenarios)
         n_real = min(size, n_scenarios - number * size)
         halves.append(_Half(some, their_drivers, limits, keys[columns], table, policy, model, options, n_real))
     for second in range(n_seconds):
@@ -170,11 +176,6 @@ def _programs(model: TrafficModel, options: LoopOptions) -> tuple[Callable[..., 
 
     begin = functools.partial(initial_traffic, model=model, options=options)
     return jax.jit(begin), jax.jit(second)
-
-
-def _columns(values, columns: np.ndarray, n_scenarios: int):
-    """Some scenarios' values; what is the same for all, a last axis of length 1, stays."""
-    return jax.tree.map(lambda leaf: leaf[..., columns] if leaf.shape[-1] == n_scenarios else leaf, values)
 
 
 def _joined(halves: Sequence[list]):

@@ -193,11 +193,7 @@ def rollout_with_policy(
     Raises:
         ValueError: The references are shorter than the rollout.
     """
-    if n_seconds > table.n_seconds:
-        raise ValueError(
-            f"n_seconds = {n_seconds} exceeds the {table.n_seconds} s of the references: there is nothing to compare "
-            "the later seconds with. Simulate fewer, or build references from longer scenes"
-        )
+    require_references_for(table, n_seconds)
     # As in `core.rollout.rollout`: nothing that is known of a fresh state may be folded into the loop.
     state, drivers = lax.optimization_barrier((state, drivers))
 
@@ -213,3 +209,12 @@ def rollout_with_policy(
     start = initial_traffic(state, keys, table, model, options), no_orders(state)
     (traffic, _), (frames, decisions) = lax.scan(second, start, jnp.arange(n_seconds, dtype=jnp.int32))
     return traffic.state, frames, decisions
+
+
+def require_references_for(table: ReferenceTable, n_seconds: int) -> None:
+    """Raise ValueError where a rollout is longer than the references."""
+    if n_seconds > table.n_seconds:
+        raise ValueError(
+            f"n_seconds = {n_seconds} exceeds the {table.n_seconds} s of the references: there is nothing to compare "
+            "the later seconds with. Simulate fewer, or build references from longer scenes"
+        )

@@ -1,4 +1,4 @@
-"""What a policy that drives all vehicles did: its actions by speed, as counts and as one sentence."""
+"""What a policy that drives all vehicles did: its actions by speed, as counts, one sentence and a figure."""
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -6,6 +6,7 @@ from jaxtyping import Float, Int
 from rearl_jax.baselines.driving import ACTION_NAMES
 from rearl_jax.baselines.weights import TrainedPolicy
 from rearl_jax.config.decision import Longitudinal
+from rearl_jax.evaluation.extras import Extra
 
 _FOLLOWS = {
     Longitudinal.mdp: "target speeds followed blind to the vehicle ahead, as highway-env's MDPVehicle does",
@@ -31,6 +32,24 @@ def count_actions(
     before = np.clip(speed[:-1], edges[0], edges[-1])
     counts = [np.histogram(before[actions[1:] == number], edges)[0] for number in range(len(ACTION_NAMES))]
     return np.stack(counts)
+
+
+def driving_extra(
+    policy: TrainedPolicy,
+    counts: Int[np.ndarray, "actions bins"],
+    edges: Float[np.ndarray, " edges"],
+    method: str,
+    *,
+    generated: bool,
+) -> Extra:
+    """Note and figure; arguments as of `driving_note` and `driven_figure.draw_actions`."""
+
+    def draw() -> bytes:
+        from rearl_jax.evaluation.driven_figure import draw_actions
+
+        return draw_actions(counts, edges, method, generated=generated)
+
+    return Extra(notes=(driving_note(policy, counts),), figures={"actions_by_speed": draw})
 
 
 def driving_note(policy: TrainedPolicy, counts: Int[np.ndarray, "actions bins"]) -> str:

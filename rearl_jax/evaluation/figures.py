@@ -1,4 +1,4 @@
-"""Figures of an evaluation as PNG bytes: speed histogram, errors over time, space-time diagram, actions by speed."""
+"""Figures of an evaluation as PNG bytes: speed histogram, errors over time, space-time diagram."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,8 +8,6 @@ from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 
 from rearl_jax import drawing
-from rearl_jax.baselines.driving import ACTION_NAMES
-from rearl_jax.baselines.figure import ACTION_COLOURS
 from rearl_jax.config import EvaluateTask
 from rearl_jax.evaluation.runner import Evaluation, speed_histogram_edges
 from rearl_jax.evaluation.scores import NOISE_FLOOR, REAL, REAL_VS_REAL, Scores
@@ -24,14 +22,13 @@ _BAND = (10, 90)
 
 def draw(config: EvaluateTask, evaluation: Evaluation) -> dict[str, bytes]:
     """PNG files by name without ending."""
-    figures = {
+    own = {name: draw() for extra in evaluation.extras for name, draw in extra.figures.items()}
+    return {
         "speed_histogram": speed_histogram(config, evaluation),
         "errors_over_time": errors_over_time(config, evaluation),
         "space_time": space_time(config, evaluation),
+        **own,
     }
-    if evaluation.sample.action_counts is not None:
-        figures["actions_by_speed"] = actions_by_speed(config, evaluation, evaluation.sample.action_counts)
-    return figures
 
 
 def speed_histogram(config: EvaluateTask, evaluation: Evaluation) -> bytes:
@@ -51,25 +48,6 @@ def speed_histogram(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     axes.set(xlabel="speed [m/s]", ylabel="density [s/m]", xlim=(edges[0], edges[-1]), ylim=(0, None))
     axes.legend(frameon=False, fontsize=drawing.FONT_SIZE)
     drawing.set_title(axes, "Speeds; grey lines: bins of the Hellinger distance")
-    return drawing.png(figure)
-
-
-def actions_by_speed(config: EvaluateTask, evaluation: Evaluation, counts: np.ndarray) -> bytes:
-    """Shares of the actions by the speed they were taken at, and how often that speed was driven."""
-    edges = speed_histogram_edges(config.hist)
-    total = counts.sum(axis=0)
-    figure, (often, shares) = drawing.panels(6.4, 4.8, rows=2, generated=evaluation.scenes.generated)
-    often.stairs(total / max(total.sum(), 1) / np.diff(edges), edges, color=_METHOD, linewidth=1.6)
-    often.set(ylabel="density [s/m]", ylim=(0, None))
-    below = np.zeros(len(total))
-    for name, count, colour in zip(ACTION_NAMES, counts, ACTION_COLOURS, strict=True):
-        above = below + np.divide(count, total, out=np.zeros(len(total)), where=total > 0)
-        shares.stairs(above, edges, baseline=below, fill=True, color=colour, label=name)
-        below = above
-    shares.set(xlabel="speed before the action [m/s]", ylabel="share of the actions [-]", ylim=(0, 1))
-    shares.set_xlim(edges[0], edges[-1])
-    shares.legend(frameon=False, ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=drawing.FONT_SIZE)
-    drawing.set_title(often, f"What {config.method.name} does by speed; empty: nobody was so fast or slow")
     return drawing.png(figure)
 
 

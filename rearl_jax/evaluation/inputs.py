@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rich.progress import Progress
 
-from rearl_jax.config import EvaluateTask
+from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.data.recordings import count_recordings, file_stamps, iterate_recordings
 from rearl_jax.data.scene_cache import SceneCache
 from rearl_jax.data.scene_set import SceneSet
@@ -43,7 +43,7 @@ class Inputs:
     clusters: "Clusters | None" = None
 
 
-def read_inputs(config: EvaluateTask, study: Study, bar: Progress, *, with_references: bool) -> Inputs:
+def read_inputs(config: EvaluateTask | ClusterTask, study: Study, bar: Progress, *, with_references: bool) -> Inputs:
     """Scenes, splits and, where asked for, references.
 
     Args:
@@ -87,12 +87,12 @@ _LAST: dict[tuple, _Read] = {}
 """The last data set read, by files and configuration; one at most, as it may be large."""
 
 
-def _key(config: EvaluateTask) -> tuple:
+def _key(config: EvaluateTask | ClusterTask) -> tuple:
     groups = (config.data, config.scenes, config.speed, config.tracks, config.features, config.spacing)
     return (*groups, *file_stamps(config.data))
 
 
-def _read(config: EvaluateTask, builder: "ReferenceBuilder | None", bar: Progress) -> SceneSet:
+def _read(config: EvaluateTask | ClusterTask, builder: "ReferenceBuilder | None", bar: Progress) -> SceneSet:
     """Scenes from disk or, where they or the tracks are missing there, from the recordings."""
     groups = (config.scenes, config.speed, config.tracks, config.features, config.spacing)
     cache = SceneCache(config.data, *groups)

@@ -1,11 +1,15 @@
-"""What was detected and decided, as tables and figures of the summary."""
+"""What was detected and decided: the log of all rollouts, as a table, figures of the summary and one sentence."""
+
+from dataclasses import dataclass
 
 import jax
 import numpy as np
 import pandas as pd
+from jaxtyping import Int
 
 from rearl_jax.core.meta_actions import MetaAction
-from rearl_jax.evaluation.runner import DecisionLog
+from rearl_jax.decision.loop import Decisions
+from rearl_jax.evaluation.extras import Extra
 
 ACTIONS = {
     "left": MetaAction.LANE_LEFT,
@@ -15,6 +19,27 @@ ACTIONS = {
     "slower": MetaAction.SLOWER,
 }
 """Column of each action."""
+
+
+@dataclass(frozen=True)
+class DecisionLog:
+    """What was detected and decided in every rollout of the method.
+
+    Attributes:
+        scene: Index of the scene whose initial state a rollout has.
+        run: Run of each rollout.
+        decisions: Second by second, `[n_steps, n_rollouts]`.
+    """
+
+    scene: Int[np.ndarray, " rollouts"]
+    run: Int[np.ndarray, " rollouts"]
+    decisions: Decisions
+
+
+def intervention_extra(scene_id: np.ndarray, log: DecisionLog, window: int) -> Extra:
+    """Table, note and figures of the summary; arguments as of `decision_table`."""
+    table = decision_table(scene_id, log, window)
+    return Extra({"decisions": table}, (intervention_note(log),), intervention_figures(log))
 
 
 def decision_table(scene_id: np.ndarray, log: DecisionLog, window: int) -> pd.DataFrame:

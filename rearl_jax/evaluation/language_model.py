@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 
 import numpy as np
 import pandas as pd
@@ -10,19 +10,19 @@ from rich.progress import Progress, TaskID
 
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.decision import PolicyName
+from rearl_jax.config.llm import LlmConfig
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.decision.loop import LoopOptions
 from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.table import ReferenceTable
-from rearl_jax.llm.client import Client
-from rearl_jax.llm.local_server import local_server
+from rearl_jax.evaluation.extras import Extra
+from rearl_jax.llm.client import Client, Read
+from rearl_jax.llm.local_server import server_at
+from rearl_jax.llm.parsing import understand
 from rearl_jax.llm.policy import LanguageModelPolicy
 from rearl_jax.llm.prompts import Prompter
 from rearl_jax.llm.records import Cause
 from rearl_jax.llm.template import load_template
-
-LOCAL = "local"
-"""decision.server for the model that comes with the extra `llm`."""
 
 
 class LanguageModel:
@@ -68,17 +68,37 @@ def language_model(config: EvaluateTask, bar: Progress) -> Iterator[LanguageMode
         OSError: There is no server, or it does not get ready.
         ValueError: The server does not have the model or refuses us, or the answers kept cannot be read.
     """
-    policy = config.decision.policy
-    if not (config.method.needs_references and policy.is_outside):
+    if not (config.method.needs_references and config.decision.policy.is_outside):
         yield None
         return
-    replays = policy is PolicyName.replay
-    with ExitStack() as stack:
-        address = config.decision.server
-        if address == LOCAL and not replays:
-            address = stack.enter_context(local_server())
-        client = stack.enter_context(Client(config.llm, address, replay=replays))
+    with open_client(config, config.llm) as client:
         yield LanguageModel(config, client, bar)
+
+
+@contextmanager
+def open_client(config: EvaluateTask, llm: LlmConfig, read: Read = understand) -> Iterator[Client]:
+    """A client of `decision.server`, or of the kept answers with `decision.policy=replay`.
+
+    Args:
+        config: The task.
+        llm: Model, sampling and time-outs.
+        read: What the text of an answer means.
+
+    Raises:
+        As `language_model`.
+    """
+    server = config.decision.server
+    if config.decision.policy is PolicyName.replay:
+        with Client(llm, server, replay=True, read=read) as client:
+            yield client
+        return
+    with server_at(server) as address, Client(llm, address, read=read) as client:
+        yield client
+
+
+def request_extra(requests: pd.DataFrame) -> Extra:
+    """Table, note and figures of the questions asked."""
+    return Extra({"requests": requests}, (request_note(requests),), request_figures(requests))
 
 
 def request_figures(requests: pd.DataFrame) -> dict[str, int | float | None]:

@@ -4,8 +4,10 @@ from collections.abc import Callable, Iterator
 from typing import TypeAlias
 
 import jax
+import numpy as np
 from jaxtyping import Key
 
+from rearl_jax.core.batch import select_scenarios
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import Frames
@@ -51,14 +53,9 @@ def simulate_outside(
     """
     n_scenarios = state.x.shape[-1]
     for start in range(0, n_scenarios, BURST):
-        part = slice(start, min(start + BURST, n_scenarios))
-        size = part.stop - part.start
-
-        def own(leaf: jax.Array, part: slice = part) -> jax.Array:
-            return leaf[..., part] if leaf.shape[-1] == n_scenarios else leaf
-
-        some, their_drivers = jax.tree.map(own, (state, drivers))
-        limits = jax.tree.map(lambda leaf, part=part: leaf[part], thresholds)
+        size = min(BURST, n_scenarios - start)
+        columns = np.arange(start, start + size)
+        some, their_drivers, limits = select_scenarios((state, drivers, thresholds), columns, n_scenarios)
         half = -(-size // 2)
         policies = (
             make_policy(table, model, options, Thresholds(limits.hellinger[:half], limits.mape[:half]), start),
@@ -67,7 +64,7 @@ def simulate_outside(
         yield rollout_in_lockstep(
             some,
             their_drivers,
-            keys[part],
+            keys[columns],
             table,
             limits,
             policies,

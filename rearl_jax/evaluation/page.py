@@ -1,23 +1,17 @@
 """One HTML page that holds everything: table, figures, data and licence, definitions, how to get it again."""
 
-import json
-import shlex
-from base64 import b64encode
 from collections.abc import Mapping
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
-from rearl_jax import __version__
-from rearl_jax.config import EvaluateTask
-from rearl_jax.config._schema import as_plain, keys_of
+from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import SeedScope
+from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.evaluation.estimates import Estimate
+from rearl_jax.evaluation.layout import data_sources, render_page
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.evaluation.tables import source_names, table_notes, written
 from rearl_jax.metrics import METRICS
 from rearl_jax.metrics.histograms import legacy_scale
-from rearl_jax.results import config_hash, git_sha
 
 _CAPTIONS = {
     "speed_histogram": ("Speeds of all held-out scenes (rescaled to the range of the simulator) and of all rollouts."),
@@ -33,6 +27,10 @@ _CAPTIONS = {
     "actions_by_speed": (
         "What the policy that drives all vehicles does: above, how often each speed was driven; below, the share of "
         "each action among those taken at that speed. Crashed vehicles take none."
+    ),
+    "critical": (
+        "How the shares of the driver classes were found before the evaluation, on other scenes and other initial "
+        "states: every mixture that was tried out, and how far its traffic was from the threshold scenes."
     ),
 }
 
@@ -58,38 +56,26 @@ def render(
         estimates: Figures of the table.
         figures: PNG files by name.
     """
-    environment = Environment(
-        loader=PackageLoader("rearl_jax.evaluation", ""),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-    )
     scenes = evaluation.scenes
-    return environment.get_template("page.html.j2").render(
+    return render_page(
+        "page.html.j2",
+        words=f"evaluate method={config.method.name}",
+        config=config,
+        figures=figures,
+        captions=_CAPTIONS,
+        data_id=scenes.data_id,
         title=f"{config.method.name} against {source_names(evaluation)}",
-        subtitle=f"rearl_jax {__version__}, study {config.study}",
         generated=scenes.generated,
         rows=[row.title for row in evaluation.rows],
         difference=f"{config.method.name} less reference",
         metrics=[_metric(name, config, evaluation, estimates) for name in METRICS],
         notes=table_notes(config, evaluation, estimates),
-        figures=[
-            {"alt": name.replace("_", " "), "content": b64encode(png).decode(), "caption": _CAPTIONS[name]}
-            for name, png in figures.items()
-        ],
-        data={"summary": _data_summary(config, evaluation), "sources": _sources(evaluation)},
+        data={
+            "summary": data_summary(config, scenes, f"{len(evaluation.held_out)} of them held out for this evaluation"),
+            "sources": data_sources(scenes.infos),
+        },
         definitions=_definitions(config, evaluation),
-        command=command(config),
-        provenance=(f"configuration {config_hash(config)}, scenes {scenes.data_id}, code {git_sha() or __version__}"),
-        configuration=json.dumps(as_plain(config), indent=2),
     )
-
-
-def command(config: EvaluateTask) -> str:
-    """The command that repeats the evaluation: every key that differs from its default."""
-    defaults, chosen = keys_of(EvaluateTask()), keys_of(config)
-    changed = [f"{name}={key.default}" for name, key in chosen.items() if key.default != defaults[name].default]
-    return " ".join(["rearl", "evaluate", f"method={config.method.name}", *map(shlex.quote, changed)])
 
 
 def _metric(
@@ -132,29 +118,22 @@ def _interval(low: float | None, high: float | None, name: str) -> str:
     return f"{written(low, name)} to {written(high, name)}"
 
 
-def _data_summary(config: EvaluateTask, evaluation: Evaluation) -> str:
-    scenes = evaluation.scenes
+def data_summary(config: EvaluateTask | ClusterTask, scenes: SceneSet, use: str) -> str:
+    """Where the scenes come from.
+
+    Args:
+        config: The task.
+        scenes: All scenes.
+        use: How many of them are used for what.
+    """
     counts = scenes.counts
     return (
         f"{counts.recordings} recordings, {counts.windows} windows of {scenes.seconds} s, {counts.accepted} "
         f"scenes with at least {config.scenes.min_vehicles} vehicles in every snapshot, "
-        f"{len(evaluation.held_out)} of them held out for this evaluation (split.unit="
-        f"{config.split.unit.name}, split.seed={config.split.seed}). Recorded speeds from "
+        f"{use} (split.unit={config.split.unit.name}, split.seed={config.split.seed}). Recorded speeds from "
         f"{scenes.speed_min:.2f} to {scenes.speed_max:.2f} m/s are rescaled by speed.norm="
         f"{scenes.speed_norm.name}; every Hellinger distance depends on these two numbers."
     )
-
-
-def _sources(evaluation: Evaluation) -> list[dict[str, object]]:
-    """Data sets with their licence and what must be known about them, each once."""
-    found: dict[tuple[str, str, str], list[str]] = {}
-    for info in evaluation.scenes.infos:
-        notes = found.setdefault((info.source, info.attribution, info.licence), [])
-        notes += [note for note in info.notes if note not in notes]
-    return [
-        {"name": name, "attribution": attribution.rstrip("."), "licence": licence.rstrip("."), "notes": notes}
-        for (name, attribution, licence), notes in found.items()
-    ]
 
 
 def _definitions(config: EvaluateTask, evaluation: Evaluation) -> list[str]:

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Int
 
+from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.baselines.weights import TrainedPolicy, load_policy
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import CoreConfig, InitialSource
@@ -20,6 +21,7 @@ from rearl_jax.detection.references import References
 from rearl_jax.evaluation.outside import MakePolicy, simulate_outside
 from rearl_jax.evaluation.simulators import (
     NEVER,
+    Batch,
     Interventions,
     Simulated,
     beginnings,
@@ -27,6 +29,9 @@ from rearl_jax.evaluation.simulators import (
     interventions,
     program,
 )
+
+NO_SCENE = -1
+"""In the place of a scene_id: rollouts that share no initial state with those of any scene, whatever seed and run."""
 
 
 def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
@@ -70,7 +75,7 @@ def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
 class Rollouts:
     """The rollouts of an evaluation: numbers, so that a million of them take no memory; all else follows from them.
 
-    They are ordered by thresholds, then by run, then by scene.
+    They are ordered by cell (thresholds, or shares of driver classes), then by run, then by scene.
     """
 
     def __init__(
@@ -81,6 +86,9 @@ class Rollouts:
         references: References | None = None,
         thresholds: Sequence[tuple[float, float]] = (NEVER,),
         outside: MakePolicy | None = None,
+        *,
+        mixtures: Sequence[Mixture] = (),
+        apart: bool = False,
     ) -> None:
         """Counts the rollouts; nothing is simulated yet.
 
@@ -92,13 +100,21 @@ class Rollouts:
             thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene; every pair gets
                 the same rollouts.
             outside: Makes the policies that decide outside the compiled program, for `PolicyName.is_outside`.
+            mixtures: Shares of the driver classes, for method=critical; every mixture gets the same rollouts. By
+                default that of `critical.ratios`.
+            apart: Whether initial states are drawn that no evaluation has; needs eval.seed_scope=run.
         """
         self._config, self._n_seconds, self._outside = config, scenes.seconds, outside
         is_shared = config.eval.seed_scope is SeedScope.run
         self._served = held_out[:1] if is_shared else held_out
-        self._scene_id = np.zeros(1, np.int32) if is_shared else scenes.scene_id[held_out].astype(np.int32)
+        shared_id = np.full(1, NO_SCENE if apart else 0, np.int32)
+        self._scene_id = shared_id if is_shared else scenes.scene_id[held_out].astype(np.int32)
         self._n_runs = config.eval.n_runs
-        self._numbers = range(len(thresholds) * self._n_runs * len(self._served))
+        self._shares = None
+        if config.method is Method.critical:
+            self._shares = np.array(_mixtures(config, mixtures), config.core.dtype.name).T
+        n_cells = len(thresholds) if self._shares is None else self._shares.shape[1]
+        self._numbers = range(n_cells * self._n_runs * len(self._served))
         self._references = self._thresholds = None
         self._policy: TrainedPolicy | None = None
         if config.method is Method.ppo:
@@ -132,7 +148,7 @@ class Rollouts:
 
     @property
     def cell(self) -> Int[np.ndarray, " rollouts"]:
-        """Index of the thresholds of each rollout."""
+        """Index of the thresholds, or of the mixture, of each rollout."""
         return self._index // (self._n_runs * len(self._served))
 
     @property
@@ -172,7 +188,8 @@ class Rollouts:
             lambda leaf: np.asarray(leaf)[..., None],
             (self._references, None if policy is None else policy.network.actor),
         )
-        return simulate.chunks((*self._starts(), references, thresholds, actor))
+        shares = None if self._shares is None else self._shares[:, self.cell]
+        return simulate.chunks(Batch(*self._starts(), references, thresholds, actor, shares))
 
     def _starts(self) -> tuple[dict[str, np.ndarray], TrafficState | None]:
         """Seeds, and initial states where they are measured."""
@@ -204,3 +221,15 @@ class Rollouts:
             n_seconds=self._n_seconds,
         )
         return (Simulated(frames, decisions) for frames, decisions in bursts)
+
+
+def _mixtures(config: EvaluateTask, mixtures: Sequence[Mixture]) -> Sequence[tuple[float, ...]]:
+    """The mixtures given, else the one that is configured."""
+    if mixtures:
+        return mixtures
+    if config.critical.ratios is None:
+        raise ValueError(
+            "method=critical needs the shares of the driver classes: set critical.ratios=[AGGRESSIVE,DEFENSIVE,TRUCK]; "
+            "`rearl evaluate method=critical` finds such shares and prints them"
+        )
+    return [config.critical.ratios]

@@ -10,15 +10,16 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from rearl_jax.baselines.weights import TrainedPolicy
+from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.config.metrics import HistConfig, MetricsConfig
 from rearl_jax.core.rollout import Frames
 from rearl_jax.data.scene_set import SceneSet
-from rearl_jax.decision.loop import Decisions
 from rearl_jax.detection.references import References
-from rearl_jax.evaluation.driven import count_actions
+from rearl_jax.evaluation.driven import count_actions, driving_extra
+from rearl_jax.evaluation.extras import Extra
+from rearl_jax.evaluation.interventions import DecisionLog, intervention_extra
 from rearl_jax.evaluation.outside import MakePolicy
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.scores import (
@@ -57,21 +58,6 @@ class Sample:
 
 
 @dataclass(frozen=True)
-class DecisionLog:
-    """What was detected and decided in every rollout of the method.
-
-    Attributes:
-        scene: Index of the scene whose initial state a rollout has.
-        run: Run of each rollout.
-        decisions: Second by second, `[n_steps, n_rollouts]`.
-    """
-
-    scene: Int[np.ndarray, " rollouts"]
-    run: Int[np.ndarray, " rollouts"]
-    decisions: Decisions
-
-
-@dataclass(frozen=True)
 class Evaluation:
     """Everything that was measured.
 
@@ -81,7 +67,7 @@ class Evaluation:
         rows: The method first, then the reference rows.
         sample: What the figures show of the method.
         log: What was detected and decided; None where nothing is detected.
-        policy: Who drives all vehicles; None where nobody does.
+        extras: What the method adds to the usual results.
     """
 
     scenes: SceneSet
@@ -89,7 +75,7 @@ class Evaluation:
     rows: list[Scores]
     sample: Sample
     log: DecisionLog | None = None
-    policy: TrainedPolicy | None = None
+    extras: tuple[Extra, ...] = ()
 
     def row(self, name: str) -> Scores:
         """The row of that name."""
@@ -104,6 +90,7 @@ def evaluate(
     references: References | None = None,
     thresholds: tuple[float, float] = NEVER,
     outside: MakePolicy | None = None,
+    mixture: Mixture | None = None,
 ) -> Evaluation:
     """The method and the rows it must be read against, scored on the held-out scenes.
 
@@ -117,8 +104,10 @@ def evaluate(
         references: Representative scenes, for methods that intervene.
         thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene.
         outside: Makes the policies that decide outside the compiled program, where one does.
+        mixture: Shares of the driver classes, for method=critical; None for `critical.ratios`.
     """
-    rollouts = Rollouts(config, scenes, held_out, references, [thresholds], outside)
+    mixtures = () if mixture is None else (mixture,)
+    rollouts = Rollouts(config, scenes, held_out, references, [thresholds], outside, mixtures=mixtures)
     scorer, width = make_scorer(config, scenes, config.eval.n_runs * len(held_out))
     example = example_scene(scenes, held_out, config.eval.example)
     # Beside the simulation's compilation, which is the longest part of a short job.
@@ -132,7 +121,15 @@ def evaluate(
         rows += reference.result()
     real = next(row for row in rows if row.row == REAL)
     rows = with_realism(rows, real, config.realism)
-    return Evaluation(scenes, held_out, rows, sample, log, rollouts.policy)
+    extras = []
+    if log is not None:
+        extras.append(intervention_extra(scenes.scene_id, log, config.hist.window))
+    if rollouts.policy is not None and sample.action_counts is not None:
+        edges, generated = speed_histogram_edges(config.hist), scenes.generated
+        extras.append(
+            driving_extra(rollouts.policy, sample.action_counts, edges, config.method.name, generated=generated)
+        )
+    return Evaluation(scenes, held_out, rows, sample, log, tuple(extras))
 
 
 def simulated_row(

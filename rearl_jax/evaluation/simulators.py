@@ -5,17 +5,18 @@ same ones (common random numbers), so that differences between methods are not d
 """
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Int, Key
+from jaxtyping import Array, Float, Int, Key
 
 from rearl_jax._typing import PRNGKey
+from rearl_jax.baselines.critical.classes import populate
 from rearl_jax.baselines.driving import DrivingOptions, rollout_with_actor
 from rearl_jax.baselines.network import Perceptron
 from rearl_jax.config import EvaluateTask
@@ -53,7 +54,7 @@ def simulate_base(state: TrafficState, drivers: Drivers, model: TrafficModel, n_
     return rollout(state, drivers, model, n_seconds=n_seconds)[1]
 
 
-SIMULATORS: dict[Method, Simulator] = {Method.base: simulate_base}
+SIMULATORS: dict[Method, Simulator] = {Method.base: simulate_base, Method.critical: simulate_base}
 """How each method without interventions simulates a batch of scenarios."""
 
 
@@ -90,16 +91,28 @@ def rollout_key(seed: Int[Array, ""], run: Int[Array, ""], scene_id: Int[Array, 
     return jax.random.fold_in(jax.random.fold_in(jax.random.key(seed), run), scene_id)
 
 
-Batch: TypeAlias = tuple[
-    dict[str, Array], TrafficState | None, References | None, tuple[Array, Array] | None, Perceptron | None
-]
-"""What a chunk of rollouts is computed from, as far as used: seeds, measured states, references, thresholds, and the
-network that drives.
-"""
+class Batch(NamedTuple):
+    """What a chunk of rollouts is computed from; None what the method does without.
+
+    Attributes:
+        starts: `seed`, `run` and `scene_id` of each.
+        measured: Initial states that are not drawn.
+        references: Representative scenes; a last axis of length 1 means the same for all rollouts.
+        thresholds: Of the Hellinger distance and of the spacing error.
+        actor: The network that drives everybody; last axis as of the references.
+        shares: Of aggressive and defensive drivers and of trucks.
+    """
+
+    starts: Mapping[str, Array | np.ndarray]
+    measured: TrafficState | None = None
+    references: References | None = None
+    thresholds: tuple[Array, Array] | None = None
+    actor: Perceptron | None = None
+    shares: Float[Array | np.ndarray, "classes rollouts"] | None = None
 
 
 def begin(
-    starts: dict[str, Array], measured: TrafficState | None, core: CoreConfig, speed: InitialSpeed
+    starts: Mapping[str, Array | np.ndarray], measured: TrafficState | None, core: CoreConfig, speed: InitialSpeed
 ) -> tuple[TrafficState, Drivers, Key[Array, " scenarios"]]:
     """Initial states, drivers and random keys of rollouts.
 
@@ -109,7 +122,8 @@ def begin(
         core: The road and its vehicles.
         speed: How initial speeds are drawn.
     """
-    keys = jax.vmap(rollout_key)(starts["seed"], starts["run"], starts["scene_id"])
+    seed, run, scene_id = (jnp.asarray(starts[name]) for name in ("seed", "run", "scene_id"))
+    keys = jax.vmap(rollout_key)(seed, run, scene_id)
     state, drivers = spawn(
         keys,
         traffic_model(core),
@@ -131,14 +145,20 @@ def program(
     width: int,
 ) -> ScenarioMap:
     """Compiled once for all studies of a process: from seeds (and measured states) to rollouts."""
-    model = traffic_model(core)
+    # Without it, what a lane change costs others would be nothing to any class of drivers.
+    model = replace(traffic_model(core), cooperative=method is Method.critical)
 
     def simulate(batch: Batch) -> Simulated:
-        starts, measured, references, thresholds, actor = batch
-        state, drivers, keys = begin(starts, measured, core, speed)
+        references, thresholds = batch.references, batch.thresholds
+        state, drivers, keys = begin(batch.starts, batch.measured, core, speed)
+        if batch.shares is not None:
+            measured_speed = state.speed
+            state, drivers = populate(state, drivers, keys, jnp.asarray(batch.shares), model)
+            if batch.measured is not None:
+                state = replace(state, speed=measured_speed)
         if isinstance(acts, DrivingOptions):
-            assert actor is not None  # loaded with its options
-            actor = jax.tree.map(lambda leaf: leaf[..., 0], actor)
+            assert batch.actor is not None  # loaded with its options
+            actor = jax.tree.map(lambda leaf: leaf[..., 0], batch.actor)
             frames, actions = rollout_with_actor(state, drivers, actor, model, acts, n_seconds=n_seconds)
             return Simulated(frames, None, actions)
         if acts is None or references is None or thresholds is None:

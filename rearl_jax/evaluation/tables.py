@@ -11,9 +11,8 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config import EvaluateTask
-from rearl_jax.evaluation.driven import driving_note
 from rearl_jax.evaluation.estimates import BASE, Estimate
-from rearl_jax.evaluation.interventions import intervention_figures, intervention_note
+from rearl_jax.evaluation.extras import summary_of
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.evaluation.scores import REAL, Scores
 from rearl_jax.metrics import METRICS
@@ -152,11 +151,10 @@ def summary_rows(
 
     Keys: method, every metric by its name with `_sd` (over runs), `_low` and `_high` (bootstrap interval over
     scenes), n_scenes, n_rollouts, seconds; for a method beside base also `_less_base`, `_less_base_low`,
-    `_less_base_high`; for one that intervenes those of `intervention_figures`, None in the other rows. None where
-    there is no figure.
+    `_less_base_high`; and those that the method adds, None in the other rows. None where there is no figure.
     """
     compared = _LESS_BASE if _has_base_beside(evaluation) else ()
-    acts = {} if evaluation.log is None else intervention_figures(evaluation.log)
+    own = summary_of(evaluation.extras)
     found = []
     for row in evaluation.rows:
         figures: dict[str, str | int | float | None] = {"method": row.row}
@@ -168,7 +166,7 @@ def summary_rows(
         figures["n_scenes"] = len(np.unique(row.scene))
         figures["n_rollouts"] = row.n_rollouts
         figures["seconds"] = round(row.seconds, 3)
-        figures |= acts if row is evaluation.rows[0] else dict.fromkeys(acts)
+        figures |= own if row is evaluation.rows[0] else dict.fromkeys(own)
         found.append(figures)
     return found
 
@@ -195,10 +193,7 @@ def table_notes(
     ]
     if _has_base_beside(evaluation):
         notes.insert(1, _less_base_note(config, estimates))
-    if evaluation.log is not None:
-        notes.insert(2, intervention_note(evaluation.log))
-    if evaluation.policy is not None and evaluation.sample.action_counts is not None:
-        notes.insert(2, driving_note(evaluation.policy, evaluation.sample.action_counts))
+    notes[2:2] = [note for extra in evaluation.extras for note in extra.notes]
     if scenes.generated:
         notes.insert(0, "GENERATED recordings, no measurements: nothing here is about real traffic")
     return notes

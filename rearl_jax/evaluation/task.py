@@ -1,12 +1,14 @@
 """The task `rearl evaluate`: recordings in; table, Parquet, figures and one page out.
 
 Writes into the study folder `runs.parquet` (one row per scored pair), `frames.parquet` (one per pair and
-frame), `summary.parquet` (one per method and metric), `decisions.parquet` (one per rollout and second, where a
-policy intervenes), `requests.parquet` (one per question to a language model), PNG figures, `page.html`, `config.json`
-and, last of all, `summary.json` (one object per row of the table).
+frame), `summary.parquet` (one per method and metric), PNG figures, `page.html`, `config.json` and, last of all,
+`summary.json` (one object per row of the table). Methods add what is theirs (`extras.Extra`): `decisions.parquet` (one
+row per rollout and second, where a policy intervenes), `requests.parquet` (one per question to a language model),
+`rounds.parquet` (one per mixture of driver classes that was tried out).
 """
 
 import logging
+from dataclasses import replace
 
 import jax
 
@@ -14,14 +16,14 @@ from rearl_jax.baselines.weights import load_policy
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import Precision
 from rearl_jax.config.evaluation import Method
-from rearl_jax.console import print_notes, standard_output
 from rearl_jax.data.recordings import data_id, is_generated
 from rearl_jax.data.splits import Split
 from rearl_jax.evaluation import tables, terminal
+from rearl_jax.evaluation.critical import adapt
 from rearl_jax.evaluation.estimates import estimates
+from rearl_jax.evaluation.extras import Extra
 from rearl_jax.evaluation.inputs import read_inputs
-from rearl_jax.evaluation.interventions import decision_table
-from rearl_jax.evaluation.language_model import language_model, request_figures, request_note
+from rearl_jax.evaluation.language_model import language_model, request_extra
 from rearl_jax.evaluation.percentiles import detection_thresholds
 from rearl_jax.evaluation.runner import evaluate
 from rearl_jax.evaluation.simulators import NEVER
@@ -65,6 +67,9 @@ def run(config: EvaluateTask) -> dict:
             thresholds = detection_thresholds(config, scenes, splits.threshold, shown(bar, "thresholds"))
             log.info("thresholds: Hellinger distance %.4f, spacing error %.4f", *thresholds)
         held_out = splits.indices(Split[config.eval.subset.name.upper()])
+        mixture, extras = None, list[Extra]()
+        if config.method is Method.critical:
+            mixture, extras = adapt(config, scenes, splits.threshold, bar)
         with language_model(config, bar) as asked:
             evaluation = evaluate(
                 config,
@@ -74,21 +79,20 @@ def run(config: EvaluateTask) -> dict:
                 inputs.references,
                 thresholds,
                 None if asked is None else asked.make_policy,
+                mixture,
             )
-            requests = None if asked is None else asked.requests()
+            if asked is not None:
+                extras.append(request_extra(asked.requests()))
+    evaluation = replace(evaluation, extras=(*evaluation.extras, *extras))
     found = estimates(evaluation.rows, evaluation.held_out, config.eval)
     metadata = tables.metadata(config, evaluation)
     study.write_table("runs", tables.run_table(evaluation), **metadata)
     study.write_table("frames", tables.frame_table(evaluation, config.hist.window), **metadata)
     study.write_table("summary", tables.summary_table(evaluation, found, config.eval.confidence), **metadata)
-    if evaluation.log is not None:
-        decisions = decision_table(scenes.scene_id, evaluation.log, config.hist.window)
-        study.write_table("decisions", decisions, **metadata)
-    if requests is not None:
-        study.write_table("requests", requests, **metadata)
+    for extra in evaluation.extras:
+        for name, table in extra.tables.items():
+            study.write_table(name, table, **metadata)
     terminal.print_table(config, evaluation, found)
-    if requests is not None:
-        print_notes(standard_output(114), [request_note(requests)])
 
     # Only now, so that nobody waits for matplotlib to see the table.
     from rearl_jax.evaluation.figures import draw
@@ -99,8 +103,6 @@ def run(config: EvaluateTask) -> dict:
         study.write_bytes(f"{name}.png", png)
     study.write_text("page.html", render(config, evaluation, found, figures))
     rows = tables.summary_rows(evaluation, found)
-    if requests is not None:
-        rows[0] |= request_figures(requests)
     study.write_summary(rows)
     return {"rows": rows}
 

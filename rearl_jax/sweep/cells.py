@@ -12,8 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from rearl_jax.config import EvaluateTask
-from rearl_jax.config._schema import as_plain
-from rearl_jax.results import PROVENANCE, UNHASHED, Study
+from rearl_jax.results import PROVENANCE, Study, shared_config
 from rearl_jax.sweep.cell_terminal import print_cells
 
 log = logging.getLogger(__name__)
@@ -60,7 +59,7 @@ def collect(config: EvaluateTask, swept: list[dict[str, str]]) -> None:
     study = Study(
         config.results.root,
         config.study,
-        {"sweep": keys, "shared": {key: value for key, value in as_plain(config).items() if key not in UNHASHED}},
+        {"sweep": keys, "shared": shared_config(config)},
         "evaluate --multirun",
         ", ".join(sources),
         generated=generated,

@@ -1,43 +1,76 @@
 """Figures of the threshold sweep: where the thresholds lie among the values of base, and what each pair achieves."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from rearl_jax import drawing
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.evaluation.percentiles import BaseValues
 
-_LINE, _MARK = drawing.BLUE, drawing.VERMILION
+_LINE, _MARK, _OTHERS = drawing.BLUE, drawing.VERMILION, drawing.DARK_GREY
+
+_NEAR = 0.3
+"""Part of the horizontal axis that a text takes."""
+
+_PUBLISHED = {"color": _OTHERS, "marker": "D", "markerfacecolor": "none", "markersize": 5, "linewidth": 0.8}
 
 HEAT_MAPS = {"h": "Hellinger distance", "mape": "spacing error", "score": "sum of both"}
 """Columns of the table that are drawn, and their titles."""
 
 
-def cumulative(base: BaseValues, sweep: SweepConfig, title: str) -> bytes:
-    """PNG of the cumulative distributions of base with the percentiles that became thresholds (Fig. 7 of REARL)."""
+def cumulative(
+    base: BaseValues,
+    sweep: SweepConfig,
+    title: str,
+    published: tuple[Mapping[float, float], Mapping[float, float]] = ({}, {}),
+) -> bytes:
+    """PNG of the cumulative distributions of base with the percentiles that became thresholds (Fig. 7 of REARL).
+
+    Args:
+        base: The values.
+        sweep: The percentiles.
+        title: Above the figure.
+        published: Thresholds of others by percentile [%], of the Hellinger distance and of the spacing error.
+    """
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
     figure.suptitle(title, fontsize=drawing.FONT_SIZE)
     panels = (("Hellinger distance [-]", base.h, sweep.h_pct), ("spacing error [-]", base.mape, sweep.m_pct))
-    for axes, (label, values, percentiles) in zip(figure.subplots(1, 2, sharey=True), panels, strict=True):
-        _distribution(axes, values, percentiles)
+    for axes, (label, values, percentiles), others in zip(
+        figure.subplots(1, 2, sharey=True), panels, published, strict=True
+    ):
+        _distribution(axes, values, percentiles, others)
+        if others:
+            shares = [percentile / 100 for percentile in others]
+            axes.plot(list(others.values()), shares, **_PUBLISHED)
+            axes.set_xlim(0, max(axes.get_xlim()[1], 1.05 * max(others.values())))
+            marks = [Line2D([], [], color=_LINE, label="ours"), Line2D([], [], **_PUBLISHED, label="paper")]
+            axes.legend(handles=marks, frameon=False, fontsize=drawing.FONT_SIZE, loc="center right")
         axes.set(xlabel=label, ylim=(0, 1))
     figure.axes[0].set_ylabel("share of the values below")
     return drawing.png(figure)
 
 
-def _distribution(axes: Axes, values: np.ndarray, percentiles: tuple[float, ...]) -> None:
+def _distribution(
+    axes: Axes, values: np.ndarray, percentiles: tuple[float, ...], others: Mapping[float, float]
+) -> None:
     at = np.linspace(0, 100, 1001)
     axes.plot(np.percentile(values, at), at / 100, color=_LINE, linewidth=1.4)
     axes.set_xlim(0, float(np.percentile(values, 99.5)))
     for percentile in percentiles:
         threshold = float(np.percentile(values, percentile))
         axes.plot([threshold], [percentile / 100], "o", color=_MARK, markersize=4)
+        # The text stands to the right of whatever is near.
+        other = others.get(percentile, threshold)
+        is_near = threshold < other < threshold + _NEAR * axes.get_xlim()[1]
         axes.annotate(
             f"{percentile:g} %: {threshold:.3f}",
-            (threshold, percentile / 100),
+            (other if is_near else threshold, percentile / 100),
             xytext=(6, -3),
             textcoords="offset points",
             fontsize=7,

@@ -17,22 +17,17 @@ from rearl_jax.config.core import Precision
 from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.data.recordings import data_id, is_generated
 from rearl_jax.evaluation.inputs import read_inputs
-from rearl_jax.evaluation.percentiles import BaseValues, base_values
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.scores import Scores
 from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 from rearl_jax.sweep import terminal
+from rearl_jax.sweep.base_values import kept_base_values
 from rearl_jax.sweep.pairs import Pair, choose, pair_table, scene_means, threshold_pairs
 from rearl_jax.sweep.parts import RUNS, run_columns, write_runs
 
 log = logging.getLogger(__name__)
-
-BASE_VALUES = "base_values"
-"""The table of the values that percentiles are taken of."""
-
-_CUES = ["h", "mape"]
 
 FIGURES = ("h", "mape_a", "mape_b", "mape_c", "thw", "lcr", "collisions")
 """Metrics of the table beside the two that decide."""
@@ -69,10 +64,7 @@ def run(config: SweepThresholdsTask) -> dict:
             "mape": config.mape.definition.name,
             "references": ", ".join(map(str, inputs.clusters.reference_scenes)),
         }
-        if not study.owns(BASE_VALUES):
-            base = base_values(config, scenes, splits.threshold, shown(bar, "base"))
-            study.write_table(BASE_VALUES, _base_table(base), **metadata)
-        base = _stored_base(study, splits.threshold, config.eval.n_runs * len(splits.threshold))
+        base = kept_base_values(config, study, scenes, splits.threshold, metadata, shown(bar, "base"))
         pairs = threshold_pairs(config.sweep, base)
         # Base is the pair that is never passed: bit for bit, and in the same program.
         thresholds = [*((pair.threshold_h, pair.threshold_m) for pair in pairs), NEVER]
@@ -119,20 +111,6 @@ def run(config: SweepThresholdsTask) -> dict:
     study.write_bytes("pairs.png", heat_maps(table, f"Threshold pairs on {tuning}; smaller is closer"))
     study.write_summary(summary)
     return summary
-
-
-def _base_table(base: BaseValues) -> pd.DataFrame:
-    """One row per value: `cue` (h or mape), `value`."""
-    cues = pd.Categorical.from_codes(np.repeat([0, 1], [len(base.h), len(base.mape)]), _CUES)
-    return pd.DataFrame({"cue": cues, "value": np.concatenate([base.h, base.mape]).astype(np.float32)})
-
-
-def _stored_base(study: Study, scene: np.ndarray, n_rollouts: int) -> BaseValues:
-    """The values as they were written, so that a resumed study has the same thresholds."""
-    frame = pd.read_parquet(study.path / f"{BASE_VALUES}.parquet")
-    values, cues = frame["value"].to_numpy(), frame["cue"].to_numpy()
-    h, mape = (values[cues == cue] for cue in _CUES)
-    return BaseValues(h, mape, scene, n_rollouts)
 
 
 def _run_table(pairs: list[Pair], scene_id: np.ndarray, rollouts: Rollouts, scores: Scores) -> pd.DataFrame:

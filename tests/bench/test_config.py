@@ -32,6 +32,7 @@ def test_ranges(changed, message):
 def test_defaults_of_the_loop_are_valid():
     BenchLoopConfig().check()
     BenchLoopConfig(steps_batches=()).check()
+    BenchLoopConfig(batches=()).check()
 
 
 @pytest.mark.parametrize(
@@ -39,7 +40,7 @@ def test_defaults_of_the_loop_are_valid():
     [
         ({"vehicles": (30, 10)}, "vehicles must be positive, rising numbers"),
         ({"vehicles": (1, 10)}, "vehicles must be at least 2 each"),
-        ({"batches": ()}, "batches must be positive, rising numbers"),
+        ({"batches": (), "steps_batches": ()}, "batches and steps_batches are both empty"),
         ({"batches": (0, 1)}, "batches must be positive, rising numbers"),
         ({"steps_batches": (2, 2)}, "steps_batches must be positive, rising numbers"),
         ({"policies": ()}, "policies must name each policy once"),

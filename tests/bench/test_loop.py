@@ -13,7 +13,7 @@ from rearl_jax import results
 from rearl_jax.bench import loop as module
 from rearl_jax.bench import loop_subjects
 from rearl_jax.bench.loop import count_steps, measure_rollouts, run
-from rearl_jax.bench.loop_programs import BASE, DECISION, DETECTION, LOOP, NEVER, PARTS, programs_of
+from rearl_jax.bench.loop_programs import BASE, DECISION, DETECTION, LOOP, NEVER, PARTS, PPO, programs_of
 from rearl_jax.bench.loop_subjects import decision_steps, rollouts
 from rearl_jax.bench.measurement import Measurement
 from rearl_jax.bench.sessions import WorkerSession
@@ -73,7 +73,7 @@ def test_only_whole_batches_are_measured(programs):
 def test_unknown_programs_are_refused():
     with pytest.raises(ValueError, match="no program 'nothing'"):
         rollouts("nothing", **SCENE)
-    with pytest.raises(ValueError, match="no part 'nothing' of a decision step: base, loop, detection, decision"):
+    with pytest.raises(ValueError, match="no part 'nothing' of a decision step: base, ppo, loop, detection, decision"):
         decision_steps("nothing", **SCENE)
 
 
@@ -98,6 +98,13 @@ def test_parts_of_decision_steps_look_at_the_traffic_before_those_that_simulate(
     assert np.asarray(n_asked).any()
     told = decisions.n_accepted.sum(axis=1) + decisions.n_inadmissible + decisions.n_invalid
     np.testing.assert_array_equal(told, decisions.n_asked)
+
+
+def test_ppo_drives_everybody_in_its_decision_steps(monkeypatch):
+    monkeypatch.setattr(loop_subjects, "BASE_MODEL", replace(loop_subjects.BASE_MODEL, collisions=False))
+    base, driven = (decision_steps(name, **SCENE).measure(BATCH, 2) for name in (BASE, PPO))
+    assert driven.n_substeps == base.n_substeps
+    assert driven.mean_speed > base.mean_speed + 1  # it was trained to be fast
 
 
 def test_references_have_the_shapes_of_a_study_and_follow_from_the_seed():
@@ -202,6 +209,19 @@ def test_task_writes_everything_and_its_bar_ends_full(log, tmp_path, capsys, mon
     said = capsys.readouterr().out
     assert "goal at most 25%, kept everywhere" in said
     assert "15 synthetic ones of 60 s with 10 vehicles from seed 0; no data were read" in said
+
+
+def test_steps_alone_and_a_finished_study_is_left_alone(log, tmp_path):
+    loop = BenchLoopConfig(batches=(), steps_repetitions=2)
+    task = BenchLoopTask(results=ResultsConfig(root=str(tmp_path), resume=True), loop=loop)
+    summary = run(task)
+    assert summary["detection_share_largest"] is None
+    assert not (tmp_path / "bench_loop" / "cost.png").exists()
+    n_asked = len(log)
+    assert n_asked == 2 * len(PARTS) * 3  # batches x programs x (warm-up and two measurements)
+    again = run(task)
+    assert len(log) == n_asked
+    assert again["steps_ms_ppo_n10_b256"] == summary["steps_ms_ppo_n10_b256"]
 
 
 class Bar:

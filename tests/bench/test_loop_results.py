@@ -4,7 +4,18 @@ import pytest
 from PIL import Image
 
 from rearl_jax.bench.loop_figure import draw_costs
-from rearl_jax.bench.loop_programs import BASE, DECISION, DETECTION, LOOP, NEVER, PARTS, policy_of, programs_of, quiet
+from rearl_jax.bench.loop_programs import (
+    BASE,
+    DECISION,
+    DETECTION,
+    LOOP,
+    NEVER,
+    PARTS,
+    PPO,
+    policy_of,
+    programs_of,
+    quiet,
+)
 from rearl_jax.bench.loop_results import MEANINGS, PAPER_MS, Cell, LoopResults
 from rearl_jax.bench.loop_terminal import print_results
 from rearl_jax.bench.measurement import Measurement
@@ -38,7 +49,7 @@ def measured():
         "raw": (2.0, 3.0, 4.0),
         "idle": (0.5, 1.0, 0.5),
     }
-    steps = {BASE: (4e-3,), LOOP: (9e-3,), DETECTION: (1e-3,), DECISION: (3e-3,)}
+    steps = {BASE: (4e-3,), PPO: (5e-3,), LOOP: (9e-3,), DETECTION: (1e-3,), DECISION: (3e-3,)}
     return LoopResults(
         cells=tuple(cell(n, batch, **costs) for n in (10, 30) for batch in (1, 2048)),
         steps=(cell(10, 1, **steps), cell(10, 256, **steps)),
@@ -102,6 +113,17 @@ def test_without_decision_steps(measured, capsys):
     assert not any(name.startswith(("steps", "paper")) for name in alone.summary())
     print_results(alone)
     assert "decision steps" not in capsys.readouterr().out
+
+
+def test_without_rollouts(measured, capsys):
+    alone = LoopResults((), measured.steps, POLICIES, 10, "none", None, MACHINE)
+    assert alone.summary()["detection_share_largest"] is None
+    assert alone.summary()["steps_ms_ppo_n10_b1"] == 10
+    assert set(alone.table()["measured"]) == {"steps"}
+    print_results(alone)
+    said = capsys.readouterr().out
+    assert "PPO drives everybody" in said
+    assert "goal at most" not in said
 
 
 def test_terminal_shows_shares_ratios_and_the_paper(measured, capsys):

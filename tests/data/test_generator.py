@@ -3,6 +3,9 @@
 import dataclasses
 import hashlib
 import json
+import platform
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -263,13 +266,15 @@ def test_a_stopped_run_is_resumed_where_it_stopped(tmp_path):
     stamps = [path.stat().st_mtime_ns for path in first]
     # What a killed run leaves behind: a file of the next recording that is not in the list, and half a file.
     recording_files(root, 2)[0].write_text("half a fi")
-    (root / ".02_tracksMeta.csv.tmp").write_text("half")
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    (root / f".02_tracksMeta.csv.{platform.node()}.{dead.pid}.unfinished").write_text("half")
     paths = generate(TINY, root)
     assert paths == [recording_files(root, number)[0] for number in (1, 2)]
     assert [path.stat().st_mtime_ns for path in first] == stamps
     generate(TINY, tmp_path / "whole")
     assert _contents(root) == _contents(tmp_path / "whole")
-    assert not list(root.glob(".*.tmp"))
+    assert not list(root.glob("*unfinished"))
     # A damaged file is noticed by its size and written again.
     first[1].write_text("id\n")
     generate(TINY, root)

@@ -1,5 +1,7 @@
 """The whole loop with a language model behind a stub server: only what must be asked is asked, and nothing is lost."""
 
+import threading
+import time
 from collections import Counter
 from concurrent.futures import Future
 from dataclasses import replace
@@ -155,3 +157,60 @@ def test_vehicles_without_an_answer_are_counted_by_cause_and_no_run_is_lost(scen
     assert figures["left_out"] == figures["cause_failed"] + figures["cause_refused"]
     assert decisions.n_invalid.sum() == figures["left_out"]
     assert f"failed {figures['cause_failed']}" in request_note(requests)
+
+
+class Outage(threading.Thread):
+    """Kills a stub server after so many chats and starts it again after a while."""
+
+    def __init__(self, stub, after, pause):
+        super().__init__(daemon=True)
+        self.stub, self.after, self.pause = stub, after, pause
+        self.before = 0
+
+    def run(self):
+        while len(self.stub.chats) < self.after:
+            time.sleep(0.002)
+        self.stub.stop()
+        self.before = len(self.stub.chats)
+        time.sleep(self.pause)
+        self.stub.start()
+
+
+def test_a_server_that_is_killed_and_comes_back_during_a_run_changes_nothing(scenes, task, references, tmp_path):
+    with Stub() as stub:
+        (tmp_path / "good").mkdir()
+        values, _, calm = run(asking(task, tmp_path / "good", stub.url), scenes, references)
+    with Stub(latency=0.03) as stub:
+        outage = Outage(stub, after=len(calm) // 4, pause=0.5)
+        outage.start()
+        patient = asking(task, tmp_path, stub.url, tries=12, backoff=0.05)
+        found, _, requests = run(patient, scenes, references)
+        outage.join()
+    assert 0 < outage.before < calm["digest"].nunique() < len(stub.chats)
+    assert (requests["cause"] == "answered").all()
+    assert requests["tries"].max() > 1
+    assert_same(values, found)
+
+
+def test_a_run_goes_on_while_the_server_is_down_and_asks_again_when_it_is_back(
+    scenes, task, references, tmp_path, monkeypatch
+):
+    """Nobody waits for a server that counts as down: those vehicles are left to IDM and MOBIL, and counted."""
+    from rearl_jax.evaluation.language_model import LanguageModel
+
+    # Seconds that take a while, or the run would be over before the server is back.
+    monkeypatch.setattr(LanguageModel, "_show", lambda self, second, n_seconds: time.sleep(0.1))
+    with Stub(latency=0.03) as stub:
+        outage = Outage(stub, after=10, pause=0.5)
+        outage.start()
+        quick = asking(task, tmp_path, stub.url, tries=1, breaker_failures=2, breaker_pause=0.1)
+        values, decisions, requests = run(quick, scenes, references)
+        outage.join()
+    causes = Counter(requests["cause"])
+    assert set(causes) == {"answered", "failed", "broken"}
+    assert causes["answered"] > outage.before - 2
+    assert decisions.n_invalid.sum() == causes["failed"] + causes["broken"]
+    second = requests["second"]
+    assert second[requests["cause"] == "answered"].max() > second[requests["cause"] == "broken"].min()
+    assert np.isfinite(values["h"]).all()
+    assert len(values["h"]) == 3 * len(HELD_OUT)

@@ -15,11 +15,12 @@ from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.data.generator.behaviour import Behaviour
 from rearl_jax.data.generator.camera import observe
 from rearl_jax.data.generator.demand import draw_arrivals
-from rearl_jax.data.generator.files import recording_files, replacing, write_recording
+from rearl_jax.data.generator.files import recording_files, write_recording
 from rearl_jax.data.generator.fleet import draw_drivers
 from rearl_jax.data.generator.highd_tables import highd_tables
 from rearl_jax.data.generator.plan import WARM_UP, plan_recording
 from rearl_jax.data.generator.traffic import FRAME, Traffic
+from rearl_jax.whole_files import remove_leftovers, replacing
 
 TRUTH_FILE = "generator.json"
 MODEL_VERSION = 1  # to be raised with every change that alters the files written for a given configuration
@@ -53,6 +54,7 @@ def generate(
     """
     config.check()
     root.mkdir(parents=True, exist_ok=True)
+    remove_leftovers(root)
     truth = _opened_truth(config, root, behaviour)
     wanted = range(config.first_id, config.first_id + config.n_recordings)
     missing = [number for number in wanted if not _is_complete(root, truth, number)]

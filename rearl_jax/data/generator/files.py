@@ -1,8 +1,5 @@
 """The three files of a recording, written at once or not at all."""
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +7,7 @@ import pyarrow as pa
 from pyarrow import csv
 
 from rearl_jax.data.generator.highd_tables import Table
+from rearl_jax.whole_files import replacing
 
 PARTS = ("tracks", "tracksMeta", "recordingMeta")
 ROWS_AT_ONCE = 100_000
@@ -24,17 +22,6 @@ def write_recording(root: Path, recording_id: int, tables: tuple[Table, Table, T
     """Write the three tables of a recording; files in place are replaced."""
     for path, table in zip(recording_files(root, recording_id), tables, strict=True):
         _write_csv(path, table)
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path that replaces `path` when the block ends well, and vanishes when it does not."""
-    temporary = path.with_name(f".{path.name}.tmp")
-    try:
-        yield temporary
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _write_csv(path: Path, table: Table) -> None:

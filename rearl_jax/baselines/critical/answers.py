@@ -1,0 +1,62 @@
+"""Text of a language model -> a mixture, or why there is none."""
+
+import json
+from enum import Enum
+
+from rearl_jax.baselines.critical.mixture import Mixture
+from rearl_jax.config.critical import shares_problem
+
+SCHEMA = {
+    "type": "object",
+    "properties": {name: {"type": "number", "minimum": 0, "maximum": 1} for name in Mixture._fields},
+    "required": list(Mixture._fields),
+}
+"""What an answer must be; that the sum must not exceed 1, JSON Schema cannot say."""
+
+
+class Fault(Enum):
+    """Why a text is no mixture."""
+
+    unparsable = "unparsable"
+    """No JSON object with the three numbers."""
+    out_of_range = "out_of_range"
+    """A share outside 0 to 1, or a sum above 1."""
+
+
+class BadAnswerError(ValueError):
+    """A text that is no mixture; the message can be shown to who wrote it."""
+
+    def __init__(self, fault: Fault, message: str) -> None:
+        super().__init__(message)
+        self.fault = fault
+
+
+def read_mixture(text: str) -> Mixture:
+    """The mixture in a text: the JSON object between its first { and its last }, after the last thought.
+
+    Raises:
+        BadAnswerError: There is none.
+
+    Source: CRITICAL, main.py, for the braces.
+    """
+    said = text.rpartition("</think>")[2]
+    begin, end = said.find("{"), said.rfind("}")
+    if begin < 0 or end < begin:
+        raise BadAnswerError(Fault.unparsable, "it holds no JSON object in braces")
+    try:
+        values = json.loads(said[begin : end + 1])
+    except (ValueError, RecursionError):
+        raise BadAnswerError(Fault.unparsable, "what stands between its braces is no JSON") from None
+    shares = []
+    for name in Mixture._fields:
+        value = values.get(name)
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise BadAnswerError(Fault.unparsable, f"it gives no number for {name!r}")
+        shares.append(value)
+    try:
+        mixture = Mixture(*map(float, shares))
+    except OverflowError:
+        raise BadAnswerError(Fault.out_of_range, "a number is far outside 0 to 1") from None
+    if problem := shares_problem(mixture):
+        raise BadAnswerError(Fault.out_of_range, problem)
+    return mixture

@@ -1,0 +1,111 @@
+"""A language model as a proposer: what it is shown, and what is made of its answers."""
+
+import json
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import NamedTuple, TypeAlias
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+
+from rearl_jax.baselines.critical.adaptation import Proposal, Trial
+from rearl_jax.baselines.critical.answers import SCHEMA, BadAnswerError, read_mixture
+from rearl_jax.baselines.critical.classes import CLASSES
+from rearl_jax.baselines.critical.mixture import Mixture
+
+NEAR_MISS = 1.5
+"""Time to collision below which two vehicles nearly miss each other [s]. Source: CRITICAL's near misses; the value is
+that of `safety.ttc`, FHWA-HRT-08-051 (2008).
+"""
+
+_LONGEST = 200
+"""Characters of a refused answer that are shown again."""
+
+
+class Said(NamedTuple):
+    """What came back for one chat: its text, None where there is none, and why."""
+
+    text: str | None
+    cause: str
+
+
+Ask: TypeAlias = Callable[[str, str, int, int], Said]
+"""Asks: from the system and the user message, the round and the attempt within it."""
+
+
+class LanguageModelProposer:
+    """Proposes what a language model answers; see `adaptation.Propose`."""
+
+    def __init__(self, ask: Ask, recorded: Mixture, *, attempts: int, history: int) -> None:
+        """Nothing is asked yet.
+
+        Args:
+            ask: Asks the language model.
+            recorded: The shares of the recordings.
+            attempts: Answers a round may take.
+            history: Past trials that are shown.
+        """
+        self._ask, self._recorded = ask, recorded
+        self._attempts, self._history = attempts, history
+
+    def __call__(self, number: int, trials: Sequence[Trial]) -> Proposal:
+        """The proposal of a round.
+
+        An answer that is no mixture is asked for again with a reminder of the ranges. Where nothing came back nothing
+        is asked again: the client has tried as often as that makes sense.
+        """
+        refused, why, cause = "", "", ""
+        for attempt in range(1, self._attempts + 1):
+            said = self._ask(*self._messages(trials, attempt, refused, why), number, attempt)
+            cause = said.cause
+            if said.text is None:
+                return Proposal(None, attempt, cause)
+            try:
+                return Proposal(read_mixture(said.text), attempt, cause)
+            except BadAnswerError as error:
+                refused, why = said.text.strip()[:_LONGEST], str(error)
+        return Proposal(None, self._attempts, cause)
+
+    def _messages(self, trials: Sequence[Trial], attempt: int, refused: str, why: str) -> tuple[str, str]:
+        """The system and the user message."""
+        *past, now = trials
+        variables = {
+            "schema": json.dumps(SCHEMA),
+            "classes": CLASSES,
+            "near_miss": NEAR_MISS,
+            "recorded": self._recorded,
+            "now": now,
+            "past": past[-self._history :] if self._history else [],
+            "attempt": attempt,
+            "attempts": self._attempts,
+            "refused": refused,
+            "why": why,
+        }
+        template = _template()
+        system, user = (
+            "".join(template.blocks[block](template.new_context(variables))).strip() for block in ("system", "user")
+        )
+        return system, user
+
+
+@cache
+def _template() -> Template:
+    """The shipped template."""
+    environment = Environment(
+        loader=PackageLoader("rearl_jax.baselines.critical", ""),
+        undefined=StrictUndefined,
+        finalize=_written,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["shares"] = _shares
+    return environment.get_template("prompt.txt.j2")
+
+
+def _written(value: object) -> object:
+    """How the value of an expression is written."""
+    return f"{value:.3g}" if isinstance(value, float) else value
+
+
+def _shares(mixture: Mixture) -> str:
+    """A mixture as the JSON that is asked for."""
+    return json.dumps({name: round(share, 3) for name, share in mixture._asdict().items()})

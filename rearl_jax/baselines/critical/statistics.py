@@ -1,0 +1,136 @@
+"""Recordings in; the shares of aggressive and defensive drivers and of trucks among their vehicles out.
+
+Whoever drives in given stretches of the recordings counts, not only the vehicles picked for scenes: those are the ones
+in view the longest, so the slow ones would be too many.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rearl_jax.baselines.critical.mixture import Mixture
+from rearl_jax.data.records import Recording
+
+N_GROUPS = 3
+"""Groups of cars. Source: CRITICAL, HIGHD.py."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Part of a recording.
+
+    Attributes:
+        first: Its first frame.
+        stop: The frame after its last.
+        direction: The carriageway that counts; None for both.
+    """
+
+    first: int
+    stop: int
+    direction: int | None = None
+
+
+@dataclass(frozen=True)
+class Driving:
+    """How vehicles drive.
+
+    Attributes:
+        speed: Mean speed [m/s].
+        acceleration: Mean absolute change of speed over one second [m/s^2]: some recordings have no accelerations,
+            in others they are noise.
+        lane_changes: Number of lane changes; 0 where lanes are unknown.
+        is_truck: Whether the source calls it a truck.
+    """
+
+    speed: Float[np.ndarray, " vehicles"]
+    acceleration: Float[np.ndarray, " vehicles"]
+    lane_changes: Int[np.ndarray, " vehicles"]
+    is_truck: Bool[np.ndarray, " vehicles"]
+
+
+def driving_of(recordings: Iterable[Recording], stretches: Mapping[str, Sequence[Stretch]]) -> Driving:
+    """Every car and truck that is seen for more than a second in some stretches, once per recording.
+
+    Args:
+        recordings: The recordings, one in memory at a time.
+        stretches: By id of the recording; others are passed over.
+    """
+    parts = [_of_recording(rec, stretches[rec.info.id]) for rec in recordings if rec.info.id in stretches]
+    return Driving(
+        **{item.name: np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(Driving)}
+    )
+
+
+def _of_recording(recording: Recording, stretches: Sequence[Stretch]) -> Driving:
+    table = recording.table
+    frame, direction = table["frame"].to_numpy(), table["direction"].to_numpy()
+    wanted = np.zeros(len(table), bool)
+    for stretch in stretches:
+        on_road = True if stretch.direction is None else direction == stretch.direction
+        wanted |= (frame >= stretch.first) & (frame < stretch.stop) & on_road
+    is_car, is_truck = (table["vehicle_class"].eq(name).to_numpy() for name in ("car", "truck"))
+    rows = np.flatnonzero(wanted & (is_car | is_truck))
+    _, first, vehicle = np.unique(table["track_id"].to_numpy()[rows], return_index=True, return_inverse=True)
+    frame, speed = frame[rows], table["speed"].to_numpy(np.float64)[rows]
+    lane = table["lane"].to_numpy(np.float64, na_value=np.nan)[rows]
+    n_vehicles = len(first)
+
+    def later(by: int) -> np.ndarray:
+        """Rows after which the same vehicle has another one so many frames later."""
+        if len(vehicle) <= by:
+            return np.zeros(0, np.int64)
+        return np.flatnonzero((vehicle[by:] == vehicle[:-by]) & (frame[by:] - frame[:-by] == by))
+
+    second = max(1, round(recording.info.frame_rate))
+    pairs, steps = later(second), later(1)
+    n_pairs = np.bincount(vehicle[pairs], minlength=n_vehicles)
+    change = np.bincount(vehicle[pairs], np.abs(speed[pairs + second] - speed[pairs]), n_vehicles)
+    before, after = lane[steps], lane[steps + 1]
+    changed = steps[np.isfinite(before) & np.isfinite(after) & (before != after)]
+    seen = n_pairs > 0
+    return Driving(
+        speed=(np.bincount(vehicle, speed, n_vehicles) / np.bincount(vehicle, minlength=n_vehicles))[seen],
+        acceleration=change[seen] / n_pairs[seen],
+        lane_changes=np.bincount(vehicle[changed], minlength=n_vehicles)[seen],
+        is_truck=is_truck[rows[first]][seen],
+    )
+
+
+def recorded_mixture(driving: Driving, *, seed: int = 0) -> Mixture:
+    """The shares of the recorded vehicles: trucks as their source names them, cars in three groups.
+
+    Groups: k-means on speed, acceleration and lane changes, each less its mean and over its standard deviation. The
+    slowest group is defensive; of the other two the one whose centre has the larger sum is aggressive (fast and
+    active), the last one regular.
+
+    Args:
+        driving: How the vehicles drive.
+        seed: Of k-means.
+
+    Raises:
+        ValueError: There are fewer than three different cars.
+
+    Source: CRITICAL, HIGHD.py (k-prototypes on speed, acceleration and lane changes); the order of the groups is ours.
+    """
+    cars = ~driving.is_truck
+    columns = (driving.speed, driving.acceleration, driving.lane_changes)
+    features = np.stack([column[cars] for column in columns], axis=1).astype(np.float64)
+    if len(np.unique(features, axis=0)) < N_GROUPS:
+        raise ValueError(
+            f"the threshold scenes hold too few cars to tell {N_GROUPS} kinds of drivers apart ({len(features)}): set "
+            "critical.ratios=[AGGRESSIVE,DEFENSIVE,TRUCK] or critical.proposer=search"
+        )
+    spread = features.std(axis=0)
+    scaled = (features - features.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
+    # Here, because most methods do without scikit-learn, which takes its time to import.
+    from sklearn.cluster import KMeans
+
+    groups = KMeans(N_GROUPS, n_init=10, random_state=seed)  # pyright: ignore[reportArgumentType]
+    labels, centres = groups.fit_predict(scaled), groups.cluster_centers_
+    slowest = int(centres[:, 0].argmin())
+    activity = np.where(np.arange(N_GROUPS) == slowest, -np.inf, centres.sum(axis=1))
+    n_of = np.bincount(labels, minlength=N_GROUPS)
+    counts = (n_of[activity.argmax()], n_of[slowest], (~cars).sum())
+    return Mixture(*(float(count / len(cars)) for count in counts))

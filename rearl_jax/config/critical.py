@@ -1,0 +1,54 @@
+"""Configuration of the baseline CRITICAL: who proposes the shares of the driver classes, and how they are tried out."""
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+from rearl_jax.config._key import key
+
+
+class Proposer(Enum):
+    """Who proposes the shares of aggressive and defensive drivers and of trucks."""
+
+    stats = "stats"
+    """The recordings: the shares among the vehicles of the threshold scenes."""
+    llm = "llm"
+    """A language model that sees how the traffic of the round before came out; decision.server says where it runs."""
+    search = "search"
+    """Nobody: all points of a grid are tried, the best is taken."""
+
+
+@dataclass(unsafe_hash=True)
+class CriticalConfig:
+    """Shares of the driver classes of method=critical"""
+
+    proposer: Proposer = key(
+        Proposer.stats, "stats: as in the recordings (own choice); llm: a language model (CRITICAL); search: a grid"
+    )
+    rounds: int = key(5, "rounds of proposer=llm: traffic is simulated, then other shares are proposed; own choice")
+    rollouts: int = key(16, "rollouts of a round or of a point of the grid, from states no evaluation has; own choice")
+    attempts: int = key(5, "answers a language model may give in a round before the shares stay as they are; CRITICAL")
+    history: int = key(5, "past rounds it is shown; CRITICAL")
+    max_tokens: int = key(256, "its longest answer [tokens], if llm.max_tokens is not larger; own choice")
+    ratios: tuple[float, float, float] | None = key(
+        None, "shares [aggressive, defensive, truck], the rest regular: nothing is adapted; null = by the proposer"
+    )
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its range."""
+        for name in ("rounds", "rollouts", "attempts", "max_tokens"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+        if self.history < 0:
+            raise ValueError(f"history must be at least 0, got {self.history}")
+        if self.ratios is not None and (problem := shares_problem(self.ratios)):
+            raise ValueError(f"ratios must be three shares with a sum of at most 1: {problem}")
+
+
+def shares_problem(shares: tuple[float, ...]) -> str:
+    """What is wrong with shares of which the rest is meant; empty where nothing is."""
+    for share in shares:
+        if not (math.isfinite(share) and 0 <= share <= 1):
+            return f"{share:g} is not within 0 and 1"
+    total = sum(shares)
+    return "" if total <= 1 + 1e-9 else f"their sum is {total:g}"

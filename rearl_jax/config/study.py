@@ -1,0 +1,44 @@
+"""Configuration of the studies that put the paper's results and ours side by side."""
+
+from dataclasses import dataclass
+
+from rearl_jax.config._key import key
+
+
+@dataclass(unsafe_hash=True)
+class Table1Config:
+    """Rows of the comparison of methods"""
+
+    rows: tuple[str, ...] | None = key(
+        None, "names of the rows, e.g. [base,matcher_rank,idle]; null = all, without a language model unless llm=true"
+    )
+    llm: bool = key(False, "add the rows in which a language model is asked, see decision.server")
+    llm_interval: int = key(10, "time between two detections where a language model decides [s]; own choice for a CPU")
+    llm_runs: int = key(1, "runs of these rows, each one rollout that is scored on all scenes; own choice for a CPU")
+    kept_in: str | None = key(
+        None, "study whose finished rows of the same configuration are used, e.g. study_table1; null = this one"
+    )
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its range."""
+        for name in ("llm_interval", "llm_runs"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+        if self.rows is not None and (not self.rows or len(set(self.rows)) != len(self.rows)):
+            raise ValueError(f"rows must name each row once, got [{', '.join(self.rows)}]")
+
+
+@dataclass(unsafe_hash=True)
+class Table4Config:
+    """Inference time with a language model"""
+
+    llm: bool = key(False, "measure decision steps with a language model too, see decision.server")
+    llm_batches: tuple[int, ...] = key((1,), "scenarios at a time in these steps; a CPU needs seconds per decision")
+    llm_repetitions: int = key(1, "measurements of these steps, after a warm-up")
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its range."""
+        if not self.llm_batches or min(self.llm_batches) < 1 or len(set(self.llm_batches)) != len(self.llm_batches):
+            raise ValueError(f"llm_batches must be different positive numbers, got {list(self.llm_batches)}")
+        if self.llm_repetitions < 1:
+            raise ValueError(f"llm_repetitions must be at least 1, got {self.llm_repetitions}")

@@ -1,0 +1,102 @@
+"""The shares of the driver classes of method=critical: adapted on the threshold scenes before the evaluation."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from rich.progress import Progress
+
+from rearl_jax.baselines.critical.adaptation import GIVEN, Adaptation, Assess, adapt_by_rounds, best_of
+from rearl_jax.baselines.critical.answers import BadAnswerError, read_mixture
+from rearl_jax.baselines.critical.asking import LanguageModelProposer, Said
+from rearl_jax.baselines.critical.mixture import Mixture, grid
+from rearl_jax.config import EvaluateTask
+from rearl_jax.config.critical import Proposer
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.evaluation.critical_results import adaptation_extra, answer_extra
+from rearl_jax.evaluation.extras import Extra
+from rearl_jax.evaluation.language_model import open_client
+from rearl_jax.evaluation.mixture_trials import Assessor
+from rearl_jax.evaluation.recorded_driving import recorded_shares
+from rearl_jax.llm.client import Client
+from rearl_jax.llm.records import KEEP_OUT, Cause, Message, Question
+from rearl_jax.progress import shown
+
+log = logging.getLogger(__name__)
+
+
+def adapt(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progress) -> tuple[Mixture, list[Extra]]:
+    """The shares to evaluate, and what is to be said about them.
+
+    Args:
+        config: The task.
+        scenes: All scenes.
+        subset: Indices of the threshold scenes.
+        bar: Shows how far the rounds are.
+
+    Raises:
+        ImportError, OSError, ValueError: The language model cannot be asked; see `language_model.language_model`.
+        ValueError: The recordings hold too few cars.
+    """
+    adaptation, requests = _adapted(config, scenes, subset, bar)
+    log.info("shares of the driver classes: %s", adaptation.mixture.written())
+    extras = [adaptation_extra(config, adaptation, len(subset), generated=scenes.generated)]
+    if requests is not None:
+        extras.append(answer_extra(adaptation, requests))
+    return adaptation.mixture, extras
+
+
+def _adapted(
+    config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progress
+) -> tuple[Adaptation, pd.DataFrame | None]:
+    """How the shares were found, and what a language model was asked."""
+    if config.critical.ratios is not None:
+        return Adaptation(GIVEN, Mixture(*config.critical.ratios)), None
+    assess = Assessor(config, scenes, subset)
+    match config.critical.proposer:
+        case Proposer.stats:
+            recorded = recorded_shares(config, scenes, subset, bar)
+            return best_of([recorded], assess, Proposer.stats.name), None
+        case Proposer.search:
+            assess.progress = shown(bar, "mixtures")
+            return best_of(grid(), assess, Proposer.search.name), None
+        case Proposer.llm:
+            return _asked(config, scenes, subset, assess, bar)
+
+
+def _asked(
+    config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, assess: Assess, bar: Progress
+) -> tuple[Adaptation, pd.DataFrame]:
+    """The proposals of a language model, and what it was asked."""
+    critical = config.critical
+    # One answer that is no identifier: no votes, no constraint to identifiers, and room for the object.
+    llm = replace(config.llm, votes=1, constrained=False, max_tokens=max(config.llm.max_tokens, critical.max_tokens))
+    with open_client(config, llm, understand_mixture) as client:
+        recorded = recorded_shares(config, scenes, subset, bar)
+        propose = LanguageModelProposer(_asking(client), recorded, attempts=critical.attempts, history=critical.history)
+        adaptation = adapt_by_rounds(
+            propose, assess, critical.rounds, Proposer.llm.name, progress=shown(bar, "rounds of proposals")
+        )
+        return adaptation, client.requests_frame()
+
+
+def _asking(client: Client) -> Callable[[str, str, int, int], Said]:
+    """The client as the proposer calls it; the table of requests has the round as scenario, the attempt as vehicle."""
+
+    def ask(system: str, user: str, number: int, attempt: int) -> Said:
+        messages = (Message("system", system), Message("user", user))
+        (answer,) = client.submit([Question(number, attempt, messages, ())]).result()
+        return Said(answer.replies[0].text, answer.cause.name)
+
+    return ask
+
+
+def understand_mixture(text: str, choices: tuple[int, ...], finish: str = "") -> tuple[int, Cause]:
+    """No action, and whether the text is a mixture; see `llm.client.Read`."""
+    try:
+        read_mixture(text)
+    except BadAnswerError as error:
+        return KEEP_OUT, Cause.truncated if finish == "length" else Cause[error.fault.name]
+    return KEEP_OUT, Cause.answered

@@ -1,0 +1,99 @@
+"""How the shares of the driver classes were found, as table, note, figure and keys of the summary."""
+
+import pandas as pd
+
+from rearl_jax.baselines.critical.adaptation import START, Adaptation
+from rearl_jax.config import EvaluateTask
+from rearl_jax.config.critical import Proposer
+from rearl_jax.evaluation.extras import Extra
+from rearl_jax.evaluation.language_model import request_figures
+from rearl_jax.llm.records import Cause
+from rearl_jax.metrics import METRICS
+
+
+def adaptation_extra(config: EvaluateTask, adaptation: Adaptation, n_scenes: int, *, generated: bool) -> Extra:
+    """Table of the trials, note, keys of the summary and figure.
+
+    Args:
+        config: The task.
+        adaptation: How the shares were found.
+        n_scenes: Threshold scenes.
+        generated: Whether the data are no measurements.
+    """
+    mixture = adaptation.mixture
+    summary = {
+        **{f"ratio_{name}": share for name, share in mixture._asdict().items()},
+        "proposer": adaptation.proposer,
+        "rounds": adaptation.n_rounds,
+    }
+    note = f"drivers: {mixture.written()}; {_origin(config, adaptation, n_scenes)}"
+    if not adaptation.trials:
+        return Extra(notes=(note,), summary=summary)
+
+    def draw() -> bytes:
+        from rearl_jax.baselines.critical.figure import draw_adaptation
+
+        return draw_adaptation(adaptation, METRICS[config.mape.column].title, generated=generated)
+
+    return Extra({"rounds": rounds_table(adaptation)}, (note,), summary, {"critical": draw})
+
+
+def rounds_table(adaptation: Adaptation) -> pd.DataFrame:
+    """One row per mixture tried out.
+
+    Columns: `round`, shares `aggressive`, `defensive`, `truck`, mean errors `h` and `mape`, share `crashed`,
+    `near_misses` (vehicle-seconds), `n_vehicles`, `proposer`, `attempts`, `cause`, `is_kept`.
+    """
+    rows = [
+        {
+            "round": trial.number,
+            **trial.mixture._asdict(),
+            "h": trial.assessment.h,
+            "mape": trial.assessment.mape,
+            "crashed": trial.assessment.crashed_share,
+            "near_misses": trial.assessment.near_misses,
+            "n_vehicles": trial.assessment.n_vehicles,
+            "proposer": adaptation.proposer,
+            "attempts": trial.attempts,
+            "cause": trial.cause,
+            "is_kept": number == adaptation.kept,
+        }
+        for number, trial in enumerate(adaptation.trials)
+    ]
+    return pd.DataFrame(rows)
+
+
+def _origin(config: EvaluateTask, adaptation: Adaptation, n_scenes: int) -> str:
+    """Where the shares come from, and what they came to there."""
+    if not adaptation.trials:
+        return "set by critical.ratios"
+    kept = adaptation.trials[adaptation.kept].assessment
+    came_to = (
+        f"{config.critical.rollouts} rollouts against {n_scenes} threshold scenes: H {kept.h:.3f}, "
+        f"MAPE {config.mape.definition.name} {kept.mape:.3f}"
+    )
+    if adaptation.proposer == Proposer.stats.name:
+        return f"as in the recordings (the same in every round, so proposed and tried out once); {came_to}"
+    if adaptation.proposer == Proposer.search.name:
+        return f"the best of {len(adaptation.trials)} mixtures by H + MAPE; {came_to}"
+    first = next(trial for trial in adaptation.trials if trial.cause == START).assessment
+    return (
+        f"the last valid proposal of a language model in {adaptation.n_rounds} rounds; {came_to}; at the start "
+        f"{first.h:.3f} and {first.mape:.3f}"
+    )
+
+
+def answer_extra(adaptation: Adaptation, requests: pd.DataFrame) -> Extra:
+    """Table, note and keys of the summary about what a language model was asked."""
+    return Extra({"requests": requests}, (_answer_note(adaptation, requests),), request_figures(requests))
+
+
+def _answer_note(adaptation: Adaptation, requests: pd.DataFrame) -> str:
+    """One sentence about the answers of the language model."""
+    figures = request_figures(requests)
+    failed = [trial.cause for trial in adaptation.trials if trial.cause not in (START, Cause.answered.name)]
+    causes = ", ".join(f"{cause} {failed.count(cause)}" for cause in dict.fromkeys(failed)) or "none"
+    return (
+        f"language model: {figures['questions']} questions, {figures['requests']} requests sent, {figures['kept']} "
+        f"answers kept from before; rounds that left the shares as they were: {causes}"
+    )

@@ -1,0 +1,33 @@
+"""What a method adds to the results that every evaluation has."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import pandas as pd
+
+Figures: TypeAlias = Mapping[str, str | int | float | None]
+"""Keys of summary.json and their values."""
+
+
+@dataclass(frozen=True)
+class Extra:
+    """Results of one part of a method.
+
+    Attributes:
+        tables: Parquet tables by name.
+        notes: What must be read with the table.
+        summary: Keys of the method's object in summary.json; the other rows get None.
+        figures: Functions that draw PNG files, by name; called when the table is printed, as drawing takes a while to
+            import. `page.py` has a caption for each.
+    """
+
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    summary: Figures = field(default_factory=dict)
+    figures: Mapping[str, Callable[[], bytes]] = field(default_factory=dict)
+
+
+def summary_of(extras: Iterable[Extra]) -> dict[str, str | int | float | None]:
+    """All keys of several extras."""
+    return {name: value for extra in extras for name, value in extra.summary.items()}

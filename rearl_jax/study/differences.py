@@ -1,0 +1,96 @@
+"""What differs between a study and the paper besides the method, in sentences for whoever compares the figures."""
+
+from rearl_jax.config import ClusterTask, EvaluateTask
+from rearl_jax.config.clustering import FitOn
+from rearl_jax.config.core import InitialSource
+from rearl_jax.config.metrics import MapeDefinition
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes import PAPER_SCENES
+from rearl_jax.metrics.histograms import legacy_scale
+from rearl_jax.study.published import N_RUNS
+
+
+def source_names(scenes: SceneSet) -> str:
+    """Data sets of the scenes."""
+    return ", ".join(dict.fromkeys(info.source for info in scenes.infos))
+
+
+def of_data(config: EvaluateTask | ClusterTask, scenes: SceneSet) -> list[str]:
+    """Data and scenes."""
+    sources = source_names(scenes)
+    if scenes.generated:
+        data = f"data: GENERATED recordings ({sources}), the paper has measured ones (highD)"
+    else:
+        data = f"data: {sources}; the paper has highD"
+    notes = list(dict.fromkeys(note for info in scenes.infos for note in info.notes))
+    if notes:
+        data += f" ({'; '.join(note.rstrip('.') for note in notes)})"
+    return [
+        data,
+        f"scenes: {len(scenes)} of {scenes.seconds} s with {scenes.n_slots} vehicles; the paper has {PAPER_SCENES}, "
+        "and says neither how both carriageways are counted nor between which speeds it rescales "
+        f"(here scenes.direction={config.scenes.direction.name}, speed.norm={config.speed.norm.name})",
+    ]
+
+
+def of_subset(n_scenes: int, n_paper: int, purpose: str, n_runs: int) -> list[str]:
+    """How many scenes serve a purpose, and how often they are simulated."""
+    return [f"{purpose}: {n_scenes} scenes x {n_runs} runs; the paper has {n_paper} x {N_RUNS}"]
+
+
+def of_model(config: EvaluateTask) -> list[str]:
+    """The simulated traffic."""
+    start = (
+        "first snapshots of the scenes" if config.init.source is InitialSource.scene else "drawn as highway-env does"
+    )
+    return [
+        f"traffic model: IDM and MOBIL as in highway-env, written anew; {config.core.n_vehicles} vehicles on "
+        f"{config.core.n_lanes} lanes, initial states {start} (init.speed={config.init.speed.name}); the paper does "
+        "not state its version, its parameters or its initial speeds",
+    ]
+
+
+def of_errors(config: EvaluateTask) -> list[str]:
+    """Definitions of Hellinger distance and spacing error."""
+    scale = legacy_scale(config.hist)
+    definition = config.mape.definition
+    written = "which the paper writes down (Eq. 8)" if definition is MapeDefinition.A else "not the paper's Eq. 8 (A)"
+    return [
+        f"Hellinger distance: H is not scaled; H legacy = {scale:.3f} H. All of the paper's lie below {scale:.3f}, so "
+        "they are likely on that scale; the paper does not say so, and its figures stand under H legacy here",
+        f"MAPE: definition {definition.name} decides, {written}; the paper's percentiles fit definition C better, so "
+        "which one its figures have is open; they stand under MAPE A here",
+    ]
+
+
+def of_decisions(*, asks_model: bool, interval: int, n_runs: int) -> list[str]:
+    """Who decides in the closed loop."""
+    said = [
+        "decisions: the matcher, a rule, stands in for the paper's language models; its rows stand beside REARL "
+        "Qwen3-32B only because some row must"
+    ]
+    if asks_model:
+        said.append(
+            f"language model: asked every {interval} s in {n_runs} rollout(s), each scored on all scenes, so its "
+            "interval says nothing about other initial states; another model than the paper's unless llm.model names "
+            "one of them"
+        )
+    return said
+
+
+def of_traffic_figures() -> list[str]:
+    """Time headway and lane-change rate."""
+    return [
+        "THW and LCR describe traffic, more is not better; the paper's LCR of CRITICAL, .563, is one lane change per "
+        "vehicle every 1.8 s and unexplained",
+        "PPO and CRITICAL: built from the paper's sentences and public code, without the paper's weights or prompts",
+    ]
+
+
+def of_references(n_references: int, config: EvaluateTask | ClusterTask) -> list[str]:
+    """Representative scenes."""
+    if config.cluster.fit_on is FitOn.not_eval:
+        held = "fitted without evaluation and tuning scenes; the paper fits on all"
+    else:
+        held = "fitted on all scenes, as in the paper"
+    return [f"representative scenes: {n_references}, {held}"]

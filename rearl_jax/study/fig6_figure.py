@@ -1,0 +1,49 @@
+"""The figure of the errors second by second: a line of panels per row, Hellinger distance left, spacing error right."""
+
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+
+from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, panels, png, set_title
+from rearl_jax.evaluation.estimates import BASE
+from rearl_jax.evaluation.scores import REAL_VS_REAL
+from rearl_jax.evaluation.tables import HEADINGS
+from rearl_jax.study.error_series import Band, ErrorSeries
+
+
+def draw_series(series: list[ErrorSeries], metrics: tuple[str, str], *, generated: bool) -> bytes:
+    """PNG of all rows beside base and real against real."""
+    known = {item.name: item for item in series}
+    base, real = known[BASE], known[REAL_VS_REAL]
+    rows = [item for item in series if item is not real]
+    figure, axes = panels(8.0, 0.8 + 1.35 * len(rows), rows=len(rows), columns=len(metrics), generated=generated)
+    for column, metric in enumerate(metrics):
+        column_axes = axes[column :: len(metrics)]
+        top = max(_top(item.errors[metric]) for item in series)
+        for panel, item in zip(column_axes, rows, strict=True):
+            _draw_band(panel, real.errors[metric], GREY, real.title)
+            if item is not base:
+                line = base.errors[metric]
+                panel.plot(line.second, line.mean, "--", color=DARK_GREY, linewidth=1.0, label=base.title)
+            _draw_band(panel, item.errors[metric], BLUE, "the row")
+            panel.set_ylim(0, 1.05 * top)
+            panel.set_ylabel(HEADINGS[metric])
+            if column == 0:
+                set_title(panel, item.title)
+        column_axes[-1].set_xlabel("time [s]")
+    handles: dict[str, Artist] = {}
+    for panel in axes:
+        handles |= {str(line.get_label()): line for line in panel.get_lines()}
+    figure.legend(
+        handles.values(), handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=FONT_SIZE
+    )
+    return png(figure)
+
+
+def _top(found: Band) -> float:
+    """Where an axis should end: the band, unless its end is far from the means."""
+    return float(min(found.high.max(), 2 * found.mean.max()))
+
+
+def _draw_band(panel: Axes, found: Band, colour: str, label: str) -> None:
+    panel.fill_between(found.second, found.low, found.high, color=colour, alpha=0.2, linewidth=0)
+    panel.plot(found.second, found.mean, color=colour, linewidth=1.5, label=label)

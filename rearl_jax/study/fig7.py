@@ -1,0 +1,142 @@
+"""The task `rearl study fig7`: the errors of base and their percentiles, in the form of the paper's Fig. 7.
+
+Writes `base_values.parquet` (one row per value), `fig7.parquet` (one row per percentile and error), `fig7.png`,
+`page.html`, `config.json` and, last of all, `summary.json`.
+"""
+
+from functools import partial
+from typing import Any
+
+import jax
+
+from rearl_jax.config import StudyFig7Task
+from rearl_jax.config.core import Precision
+from rearl_jax.data.recordings import data_id, is_generated
+from rearl_jax.evaluation.inputs import read_inputs
+from rearl_jax.evaluation.layout import data_sources
+from rearl_jax.evaluation.page import data_summary
+from rearl_jax.evaluation.percentiles import BaseValues
+from rearl_jax.metrics.histograms import legacy_scale
+from rearl_jax.progress import progress_bar, shown
+from rearl_jax.results import Study
+from rearl_jax.study import differences
+from rearl_jax.study.published import (
+    N_THRESHOLD_SCENES,
+    N_VALUES_H,
+    N_VALUES_MAPE,
+    THRESHOLDS_H,
+    THRESHOLDS_MAPE,
+)
+from rearl_jax.study.report import NONE, Cell, Line, Report, Shown, finish, long_table
+from rearl_jax.sweep.base_values import kept_base_values
+
+_CAPTION = (
+    "Shares of the values of base below a value; dots: the percentiles that become thresholds. Diamonds: the paper's "
+    "thresholds, those of the Hellinger distance divided by the factor that they likely hold."
+)
+
+
+def run(config: StudyFig7Task) -> dict:
+    """The summary, as in summary.json.
+
+    Raises:
+        FileNotFoundError, ValueError: There are no recordings, one is bad, or too few scenes can be cut from them.
+    """
+    if config.core.dtype is Precision.float64:
+        jax.config.update("jax_enable_x64", True)
+    generated = is_generated(config.data)
+    study = Study(config.results.root, config.study, config, "study fig7", data_id(config.data), generated=generated)
+    study.write_config()
+    with progress_bar() as bar:
+        inputs = read_inputs(config, study, bar, with_references=False)
+        scenes, subset = inputs.scenes, inputs.splits.threshold
+        metadata = {"seeds": f"eval.seed={config.eval.seed}, split.seed={config.split.seed}"}
+        metadata |= {"scenes_id": scenes.data_id, "mape": config.mape.definition.name}
+        base = kept_base_values(config, study, scenes, subset, metadata, shown(bar, "base"))
+    records = percentile_records(config, base)
+    report = Report(
+        title=f"Errors of base beside Fig. 7 of the paper, on {differences.source_names(scenes)}",
+        tables=(_shown(config, base, records),),
+        findings=tuple(_findings(config, base)),
+        differences=(
+            *differences.of_data(config, scenes),
+            *differences.of_subset(len(subset), N_THRESHOLD_SCENES, "threshold scenes", config.eval.n_runs),
+            *differences.of_model(config),
+            *differences.of_errors(config),
+        ),
+        data={
+            "summary": data_summary(config, scenes, f"{len(subset)} of them behind the percentiles"),
+            "sources": data_sources(scenes.infos),
+        },
+        generated=generated,
+        data_id=scenes.data_id,
+        captions={"fig7": _CAPTION},
+    )
+    summary: dict[str, Any] = {
+        "n_scenes": len(subset),
+        "n_values_h": len(base.h),
+        "n_values_h_paper": N_VALUES_H,
+        "n_values_mape": len(base.mape),
+        "n_values_mape_paper": N_VALUES_MAPE,
+        "mape": config.mape.definition.name,
+    }
+    for record in records:
+        key = f"{record['metric']}_p{record['percentile']:g}"
+        summary |= {key: record["ours"], f"{key}_paper": record["paper"]}
+    draw = partial(_draw, config, base, generated=generated)
+    finish(study, "study fig7", config, report, long_table(records), summary, draw, **metadata)
+    return summary
+
+
+def percentile_records(config: StudyFig7Task, base: BaseValues) -> list[dict[str, Any]]:
+    """`row`, `percentile` [%], `metric` (h, h_legacy or mape), `ours`, `paper`, `n_values`."""
+    scale = legacy_scale(config.hist)
+    records: list[dict[str, Any]] = []
+    for percentile in config.sweep.h_pct:
+        keys = {"row": f"{percentile:g} %", "percentile": percentile, "n_values": len(base.h)}
+        value = base.threshold_h(percentile)
+        records.append(keys | {"metric": "h", "ours": value, "paper": None})
+        records.append(keys | {"metric": "h_legacy", "ours": scale * value, "paper": THRESHOLDS_H.get(percentile)})
+    for percentile in config.sweep.m_pct:
+        keys = {"row": f"{percentile:g} %", "percentile": percentile, "n_values": len(base.mape)}
+        value = base.threshold_m(percentile)
+        records.append(keys | {"metric": "mape", "ours": value, "paper": THRESHOLDS_MAPE.get(percentile)})
+    return records
+
+
+def _shown(config: StudyFig7Task, base: BaseValues, records: list[dict[str, Any]]) -> Shown:
+    headings = ("H", "H legacy", "paper", f"MAPE {config.mape.definition.name}", "paper")
+    columns = (("h", "ours"), ("h_legacy", "ours"), ("h_legacy", "paper"), ("mape", "ours"), ("mape", "paper"))
+    known = {(record["row"], record["metric"]): record for record in records}
+    lines = []
+    for name in dict.fromkeys(record["row"] for record in records):
+        values = (known.get((name, metric), {}).get(column) for metric, column in columns)
+        lines.append(Line(name, tuple(Cell(NONE if value is None else f"{value:.4f}") for value in values)))
+    counts = (len(base.h), len(base.h), N_VALUES_H, len(base.mape), N_VALUES_MAPE)
+    lines.append(Line("values", tuple(Cell(f"{count:,}") for count in counts)))
+    return Shown("Fig. 7, percentiles of base, ours beside the paper's", headings, tuple(lines))
+
+
+def _findings(config: StudyFig7Task, base: BaseValues) -> list[str]:
+    n_runs, window = config.eval.n_runs, config.hist.window
+    said = [
+        f"{len(base.scene)} threshold scenes x {n_runs} runs give {len(base.h):,} Hellinger distances (windows of "
+        f"{window} s) and {len(base.mape):,} spacing errors; the paper has {N_VALUES_H:,} and {N_VALUES_MAPE:,}."
+    ]
+    ours = [base.threshold_m(percentile) for percentile in THRESHOLDS_MAPE]
+    theirs = list(THRESHOLDS_MAPE.values())
+    said.append(
+        f"Spread of the spacing error, 10 % by 5 % percentile: ours {ours[1] / ours[0]:.2f}, the paper's "
+        f"{theirs[1] / theirs[0]:.2f}; the ratio depends on the definition of the error and on the data."
+    )
+    return said
+
+
+def _draw(config: StudyFig7Task, base: BaseValues, *, generated: bool) -> dict[str, bytes]:
+    from rearl_jax.sweep.figures import cumulative
+
+    scale = legacy_scale(config.hist)
+    note = " (GENERATED recordings)" if generated else ""
+    title = f"Base on {len(base.scene)} threshold scenes x {config.eval.n_runs} runs{note}"
+    published = ({percentile: value / scale for percentile, value in THRESHOLDS_H.items()}, THRESHOLDS_MAPE)
+    return {"fig7": cumulative(base, config.sweep, title, published)}

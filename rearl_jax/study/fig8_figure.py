@@ -1,0 +1,48 @@
+"""The figure of what the clusters of scenes hold."""
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.drawing import (
+    BLUE,
+    FONT_SIZE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY_BLUE,
+    VERMILION,
+    YELLOW,
+    panels,
+    png,
+    set_title,
+)
+
+_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, VERMILION, YELLOW, GREY)
+
+
+def draw_clusters(scenes: pd.DataFrame, k: int, *, generated: bool) -> bytes:
+    """PNG with the mean label shares and the number of scenes of every cluster.
+
+    Args:
+        scenes: `scene_clusters.parquet` of a clustering.
+        k: Number of labels.
+        generated: Whether the recordings are no measurements.
+    """
+    labels = scenes["cluster"].to_numpy(np.float64, na_value=np.nan)
+    clusters = np.unique(labels[np.isfinite(labels)]).astype(int)
+    places = np.arange(len(clusters))
+    figure, (above, below) = panels(max(4.8, 1.6 + 0.42 * len(clusters)), 4.4, rows=2, generated=generated)
+    bottom = np.zeros(len(clusters))
+    for label in range(k):
+        of_scenes = scenes[f"share_{label}"].to_numpy(np.float64)
+        shares = np.array([of_scenes[labels == cluster].mean() for cluster in clusters])
+        above.bar(places, shares, bottom=bottom, color=_COLOURS[label % len(_COLOURS)], label=f"label {label}")
+        bottom += shares
+    above.set(ylabel="mean share of the tracks [-]", ylim=(0, 1))
+    figure.legend(loc="outside lower center", ncols=k, frameon=False, fontsize=FONT_SIZE)
+    below.bar(places, [int((labels == cluster).sum()) for cluster in clusters], color=GREY)
+    below.set(xlabel="cluster", ylabel="scenes")
+    below.set_xticks(places, [str(cluster) for cluster in clusters])
+    set_title(above, f"{len(scenes)} scenes, all of them assigned; clusters: {len(clusters)}")
+    return png(figure)

@@ -1,0 +1,153 @@
+"""What follows from the figures of Table 1, in sentences that are computed from them and from nothing else.
+
+"Closer" and "farther" are said only where an interval excludes zero. That nothing is said about time headway and
+lane-change rate being better is on purpose: they describe the traffic.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+FEW_SCENES = 20
+"""Held-out scenes below which a bootstrap over scenes is said to be rough; own choice."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A figure less another one, with its interval; no ends where fewer than two scenes have both."""
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def sign(self) -> int:
+        """-1 or 1 where the interval excludes zero, else 0."""
+        if self.low is None or self.high is None:
+            return 0
+        return -1 if self.high < 0 else int(self.low > 0)
+
+    def __str__(self) -> str:
+        if self.value == self.low == self.high == 0:
+            return "identical"
+        ends = "" if self.low is None or self.high is None else f", {self.low:+.3f} to {self.high:+.3f}"
+        return f"{self.value:+.3f}{ends}"
+
+
+@dataclass(frozen=True)
+class RowDifferences:
+    """An error of one row less that of others.
+
+    Attributes:
+        title: What people call the row.
+        less_base: Less base from the same initial states; None for base itself.
+        less_real: Less real against real.
+        less_controls: Less each control, by its title; empty for rows that have none.
+    """
+
+    title: str
+    less_base: Difference | None = None
+    less_real: Difference | None = None
+    less_controls: Mapping[str, Difference] = field(default_factory=dict)
+
+
+def findings(
+    errors: Mapping[str, Sequence[RowDifferences]], *, n_scenes: int, confidence: float, generated: bool
+) -> list[str]:
+    """The sentences, error by error.
+
+    Args:
+        errors: Differences of every row, by the title of the error (smaller is closer).
+        n_scenes: Held-out scenes behind the intervals.
+        confidence: Probability the intervals are made for.
+        generated: Whether the recordings are no measurements.
+    """
+    said = ["GENERATED recordings: the following says nothing about real traffic."] if generated else []
+    for title, rows in errors.items():
+        said += _against_base(title, rows)
+        said += _against_real(title, rows)
+        said += _against_controls(title, rows)
+    return said + _reliability(errors, n_scenes, confidence)
+
+
+def _against_base(title: str, rows: Sequence[RowDifferences]) -> list[str]:
+    compared = {row.title: row.less_base for row in rows if row.less_base is not None}
+    if not compared:
+        return []
+    closer, same, farther = _sorted(compared)
+    parts = [
+        f"closer than base: {closer or 'no row'}",
+        f"farther: {farther}" if farther else "",
+        f"not told apart from base: {same}" if same else "",
+    ]
+    return [f"{title}: {'; '.join(part for part in parts if part)}."]
+
+
+def _against_real(title: str, rows: Sequence[RowDifferences]) -> list[str]:
+    compared = {row.title: row.less_real for row in rows if row.less_real is not None}
+    if not compared:
+        return []
+    closer, same, _ = _sorted(compared)
+    if closer:
+        return [
+            f"{title}: closer than real scenes are to each other: {closer}. That is no realism: no simulation should "
+            "be expected there, and whoever copies its references can get there."
+        ]
+    if same:
+        return [f"{title}: not told apart from real against real: {same}; no row is closer."]
+    return [f"{title}: every row is farther than real scenes are from each other."]
+
+
+def _against_controls(title: str, rows: Sequence[RowDifferences]) -> list[str]:
+    said = []
+    for row in rows:
+        if not row.less_controls:
+            continue
+        closer, same, farther = _sorted(row.less_controls)
+        parts = [
+            f"closer than its controls {closer}" if closer else "",
+            f"not told apart from its controls {same}" if same else "",
+            f"farther than its controls {farther}" if farther else "",
+        ]
+        what = "; ".join(part for part in parts if part)
+        if same or farther:
+            end = (
+                " Controls do as well, so its choices are not what helps."
+                if not closer
+                else (" Not every control does worse, so not all of its choices are shown to help.")
+            )
+        else:
+            end = " All its controls do worse."
+        said.append(f"{title}: {row.title} is {what}.{end}")
+    return said
+
+
+def _sorted(compared: Mapping[str, Difference]) -> tuple[str, str, str]:
+    """Names with their differences: below zero, not told from zero, above zero."""
+    by_sign: dict[int, list[str]] = {-1: [], 0: [], 1: []}
+    for name, difference in compared.items():
+        by_sign[difference.sign].append(f"{name} ({difference})")
+    below, none, above = (", ".join(by_sign[sign]) for sign in (-1, 0, 1))
+    return below, none, above
+
+
+def _reliability(errors: Mapping[str, Sequence[RowDifferences]], n_scenes: int, confidence: float) -> list[str]:
+    """How many intervals were looked at, and how few scenes there are."""
+    found = [
+        difference
+        for rows in errors.values()
+        for row in rows
+        for difference in (row.less_base, row.less_real, *row.less_controls.values())
+        if difference is not None and difference.low is not None
+    ]
+    if not found:
+        return [f"{n_scenes} held-out scene(s) give no intervals: nothing can be told apart."]
+    by_chance = (1 - confidence) * len(found)
+    said = [
+        f"{len(found)} intervals of {100 * confidence:g} % were looked at; about {by_chance:.1f} of them would exclude "
+        "zero by chance alone."
+    ]
+    if n_scenes < FEW_SCENES:
+        said.append(
+            f"With only {n_scenes} held-out scenes a bootstrap over scenes is rough: take the intervals as too narrow."
+        )
+    return said

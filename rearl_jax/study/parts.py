@@ -1,0 +1,40 @@
+"""Parts of a study: other tasks, carried out by their own functions in sub-folders of the study.
+
+A part that is finished for the same configuration, data and code is left alone, so a killed study goes on.
+"""
+
+import contextlib
+import io
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rearl_jax.config import ResultsConfig
+
+Record = TypeVar("Record")
+
+
+def part_record(kind: type[Record], config: Any, study: str, **other: Any) -> Record:
+    """The record of a part: the keys that both tasks know have the values of the study.
+
+    Args:
+        kind: Record of the part's task.
+        config: Record of the study.
+        study: Folder of the part, below results.root.
+        **other: Groups or keys of the part with values of their own.
+    """
+    names = {item.name for item in fields(kind)} & {item.name for item in fields(config)}  # type: ignore[arg-type]
+    shared = {name: getattr(config, name) for name in names - {"study", "results"}}
+    results = ResultsConfig(config.results.root, resume=True)
+    return kind(**(shared | {"study": study, "results": results} | other))
+
+
+def carry_out(run: Callable[[Any], dict], part: Any) -> Path:
+    """The folder of a part, with all its results in it.
+
+    What the task prints about a part is on the part's own page; only the study's table is printed.
+    """
+    with contextlib.redirect_stdout(io.StringIO()):
+        run(part)
+    return Path(part.results.root) / part.study

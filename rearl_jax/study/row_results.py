@@ -1,0 +1,155 @@
+"""The rows of Table 1 evaluated, and what was measured: estimates with intervals, paired differences, frames."""
+
+import json
+import logging
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config import StudyTable1Task
+from rearl_jax.config.evaluation import EvaluationConfig, Method
+from rearl_jax.evaluation import task
+from rearl_jax.evaluation.estimates import Estimate, intervals
+from rearl_jax.evaluation.scores import NOISE_FLOOR, REAL, REAL_VS_REAL
+from rearl_jax.evaluation.tables import HEADINGS
+from rearl_jax.study.findings import Difference, RowDifferences
+from rearl_jax.study.parts import carry_out
+from rearl_jax.study.rows import CONTROL, Role, Row, chosen_rows, row_record
+from rearl_jax.sweep.pairs import scene_means
+
+log = logging.getLogger(__name__)
+
+REFERENCES = (REAL_VS_REAL, NOISE_FLOOR, REAL)
+"""Rows that every evaluation has besides its method."""
+
+_ESTIMATE = tuple(item.name for item in fields(Estimate))
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """One row as `rearl evaluate` left it.
+
+    Attributes:
+        row: The row.
+        folder: Its results.
+        estimates: By row of its own table and metric.
+        rollouts: Rollouts by row of its own table.
+        figures: Its object in its summary.json.
+    """
+
+    row: Row
+    folder: Path
+    estimates: dict[tuple[str, str], Estimate]
+    rollouts: dict[str, int]
+    figures: dict
+
+    @property
+    def method(self) -> str:
+        """Its row in its own table."""
+        return self.figures["method"]
+
+    def estimate(self, metric: str) -> Estimate | None:
+        """Estimate of the method; None where there is no figure."""
+        return self.estimates.get((self.method, metric))
+
+    def scene_means(self, metric: str) -> dict[int, float]:
+        """Mean over the rollouts of every scene that has a figure, by scene_id."""
+        runs = pd.read_parquet(self.folder / "runs.parquet", columns=["method", "scene_id", metric])
+        own = runs["method"].to_numpy(str) == self.method
+        scene, values = runs["scene_id"].to_numpy(int)[own], runs[metric].to_numpy(np.float64, na_value=np.nan)[own]
+        subset = np.unique(scene)
+        means = scene_means(values, np.zeros(len(scene), int), scene, subset)[0]
+        return {int(name): float(mean) for name, mean in zip(subset, means, strict=True) if np.isfinite(mean)}
+
+
+@dataclass(frozen=True)
+class Results:
+    """All rows, in the order of the table."""
+
+    rows: list[Evaluated]
+
+    @property
+    def n_scenes(self) -> int:
+        """Held-out scenes."""
+        return self.rows[0].figures["n_scenes"]
+
+    @property
+    def has_references(self) -> bool:
+        """Whether any row holds the traffic to representative scenes."""
+        return any(Method[item.method].needs_references for item in self.rows)
+
+    @property
+    def reference(self) -> Evaluated:
+        """The row whose reference rows are shown: they are the same for all that have the same number of runs."""
+        return next((row for row in self.rows if not row.row.asks_model), self.rows[0])
+
+    def differences(self, config: StudyTable1Task) -> dict[str, list[RowDifferences]]:
+        """Differences of the two errors the study speaks about, by the title of the error."""
+        return {
+            HEADINGS[metric]: [self._differences_of(row, metric, config.eval) for row in self.rows]
+            for metric in ("h", config.mape.column)
+        }
+
+    def _differences_of(self, row: Evaluated, metric: str, eval: EvaluationConfig) -> RowDifferences:
+        found = row.estimate(metric)
+        if found is None:
+            return RowDifferences(row.row.title)
+        less_base = less_real = None
+        if found.less_base is not None:
+            less_base = Difference(found.less_base, found.less_base_low, found.less_base_high)
+        if found.difference is not None:
+            less_real = Difference(found.difference, found.difference_low, found.difference_high)
+        controls = {}
+        if row.row.role is Role.matcher:
+            for other in self.rows:
+                if other.row.role is Role.control:
+                    controls[other.row.title.removeprefix(CONTROL)] = paired_difference(row, other, metric, eval)
+        known = {title: difference for title, difference in controls.items() if difference is not None}
+        return RowDifferences(row.row.title, less_base, less_real, known)
+
+
+def paired_difference(row: Evaluated, other: Evaluated, metric: str, eval: EvaluationConfig) -> Difference | None:
+    """A metric of one row less that of another, scene by scene; None where no scene has both.
+
+    Args:
+        row: The one.
+        other: The other one, from the same initial states.
+        metric: Name of the metric.
+        eval: Resamples, confidence and seed.
+    """
+    mine, theirs = row.scene_means(metric), other.scene_means(metric)
+    less = np.array([mine[scene] - theirs[scene] for scene in mine if scene in theirs])
+    if not len(less):
+        return None
+    ((low, high),) = intervals(less[:, None], eval)
+    return Difference(float(less.mean()), low, high)
+
+
+def evaluate_rows(config: StudyTable1Task) -> Results:
+    """The rows, each evaluated in its own folder unless it is finished there.
+
+    Raises:
+        FileNotFoundError, ValueError: See `rearl_jax.evaluation.task.run`; or there is no row of a name.
+    """
+    rows = chosen_rows(config.table1)
+    records = [row_record(row, config) for row in rows]  # all of them first: a wrong one stops before hours of work
+    found = []
+    for number, (row, record) in enumerate(zip(rows, records, strict=True), 1):
+        log.info("row %d of %d: %s", number, len(rows), row.title)
+        found.append(_read(row, carry_out(task.run, record)))
+    return Results(found)
+
+
+def _read(row: Row, folder: Path) -> Evaluated:
+    table = pd.read_parquet(folder / "summary.parquet")
+    estimates = {}
+    rollouts = {}
+    for record in table.to_dict("records"):
+        known: dict[str, Any] = {name: None if pd.isna(record[name]) else record[name] for name in _ESTIMATE}
+        estimates[record["method"], record["metric"]] = Estimate(**known)
+        rollouts[record["method"]] = int(record["n_rollouts"])
+    figures = json.loads((folder / "summary.json").read_text(encoding="utf-8"))[0]
+    return Evaluated(row, folder, estimates, rollouts, figures)

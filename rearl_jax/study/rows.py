@@ -1,0 +1,138 @@
+"""The rows of Table 1 as data: what each changes in the configuration of `rearl evaluate`, and its row in the paper."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from enum import Enum
+from typing import Any, TypeVar
+
+from rearl_jax.config import EvaluateTask, StudyTable1Task
+from rearl_jax.config._schema import nearest
+from rearl_jax.config.study import Table1Config
+from rearl_jax.study.parts import part_record
+
+Record = TypeVar("Record")
+
+
+class Role(Enum):
+    """What a row is compared with."""
+
+    method = "method"
+    """With base."""
+    matcher = "matcher"
+    """With base and with the controls."""
+    control = "control"
+    """With base; it shows what the matcher's choices are worth."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the table.
+
+    Attributes:
+        name: Its name in `table1.rows`, and its folder.
+        title: What people read.
+        changes: Values of keys, as they are written on the command line.
+        paper: Its row in `published.TABLE1`; None where the paper has none.
+        role: What it is compared with.
+        asks_model: Whether a language model is asked.
+    """
+
+    name: str
+    title: str
+    changes: Mapping[str, Any]
+    paper: str | None = None
+    role: Role = field(default=Role.method, kw_only=True)
+    asks_model: bool = field(default=False, kw_only=True)
+
+
+def _loop(policy: str, **other: Any) -> dict[str, Any]:
+    return {"method": "rearl", "decision.policy": policy} | {key.replace("__", "."): v for key, v in other.items()}
+
+
+CONTROL = "control: "
+"""Begins the titles of controls."""
+
+_PAPER_REARL = "rearl_qwen3_32b"
+
+ROWS = (
+    Row("base", "base", {"method": "base"}, "base"),
+    Row("ppo", "PPO", {"method": "ppo"}, "ppo"),
+    Row("critical_stats", "CRITICAL, stats", {"method": "critical", "critical.proposer": "stats"}, "critical"),
+    Row("critical_search", "CRITICAL, search", {"method": "critical", "critical.proposer": "search"}, "critical"),
+    Row(
+        "critical_llm",
+        "CRITICAL, language model",
+        {"method": "critical", "critical.proposer": "llm"},
+        "critical",
+        asks_model=True,
+    ),
+    Row("matcher_raw", "REARL, matcher raw", _loop("matcher", matcher__space="raw"), _PAPER_REARL, role=Role.matcher),
+    Row(
+        "matcher_rank", "REARL, matcher rank", _loop("matcher", matcher__space="rank"), _PAPER_REARL, role=Role.matcher
+    ),
+    Row(
+        "matcher_drawn",
+        "REARL, matcher rank, drawn",
+        _loop("matcher", matcher__space="rank", reference__mode="drawn"),
+        _PAPER_REARL,
+    ),
+    Row("llm", "REARL, language model", _loop("llm"), _PAPER_REARL, asks_model=True),
+    Row("idle", CONTROL + "idle", _loop("idle"), role=Role.control),
+    Row("random_admissible", CONTROL + "random action", _loop("random_admissible"), role=Role.control),
+    Row("matcher_random_ref", CONTROL + "random reference", _loop("matcher_random_ref"), role=Role.control),
+)
+"""All rows, in the order of the table."""
+
+
+def chosen_rows(table1: Table1Config) -> list[Row]:
+    """The rows asked for, in the order of the table.
+
+    Raises:
+        ValueError: There is no row of a name.
+    """
+    known = {row.name: row for row in ROWS}
+    if table1.rows is None:
+        return [row for row in ROWS if table1.llm or not row.asks_model]
+    for name in table1.rows:
+        if name not in known:
+            raise ValueError(
+                f"table1.rows: there is no row {name!r}; nearest: {nearest(name, known)}; rows: {', '.join(known)}"
+            )
+    return [row for row in ROWS if row.name in table1.rows or (table1.llm and row.asks_model)]
+
+
+def row_record(row: Row, config: StudyTable1Task) -> EvaluateTask:
+    """The evaluation behind a row.
+
+    A language model is asked less often and in fewer rollouts, see the group table1.
+    """
+    record = part_record(EvaluateTask, config, f"{config.table1.kept_in or config.study}/rows/{row.name}")
+    changes = dict(row.changes)
+    if row.asks_model and changes["method"] == "rearl":
+        changes |= {
+            "detection.interval": config.table1.llm_interval,
+            "eval.n_runs": config.table1.llm_runs,
+            "eval.seed_scope": "run",
+        }
+    for key, value in changes.items():
+        record = changed(record, key, value)
+    return record
+
+
+def changed(record: Record, key: str, value: Any) -> Record:
+    """The record with another value under a key such as `eval.n_runs`; enumerations by name.
+
+    Raises:
+        ValueError: There is no such key or value.
+    """
+    name, _, rest = key.partition(".")
+    if name not in {item.name for item in fields(record)}:  # type: ignore[arg-type]
+        raise ValueError(f"{type(record).__name__} has no key {name!r}")
+    old = getattr(record, name)
+    if rest:
+        value = changed(old, rest, value)
+    elif isinstance(old, Enum):
+        if value not in type(old).__members__:
+            raise ValueError(f"{key} has no value {value!r}, only {', '.join(type(old).__members__)}")
+        value = type(old)[value]
+    return replace(record, **{name: value})  # type: ignore[type-var]

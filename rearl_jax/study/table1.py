@@ -1,0 +1,105 @@
+"""The task `rearl study table1`: the methods beside each other and beside the paper's Table 1.
+
+Every row is evaluated by `rearl evaluate` in `rows/NAME`. Writes `table1.parquet` (one row per row of the table and
+metric), `table1.png`, `page.html`, `config.json` and, last of all, `summary.json`.
+"""
+
+import logging
+from functools import partial
+
+from rearl_jax.config import StudyTable1Task
+from rearl_jax.data.recordings import data_id, is_generated
+from rearl_jax.data.splits import Split
+from rearl_jax.evaluation.inputs import Inputs, read_inputs
+from rearl_jax.evaluation.layout import data_sources
+from rearl_jax.evaluation.page import data_summary
+from rearl_jax.progress import progress_bar
+from rearl_jax.results import Study
+from rearl_jax.study import differences
+from rearl_jax.study.findings import findings
+from rearl_jax.study.published import N_EVALUATION_SCENES
+from rearl_jax.study.report import Report, finish
+from rearl_jax.study.row_results import Results, evaluate_rows
+from rearl_jax.study.table1_tables import long_rows, shown_tables, summary_of
+
+log = logging.getLogger(__name__)
+
+_CAPTION = (
+    "Every row with its interval. Diamonds are the paper's figures of the same row: H on the scale they likely have, "
+    "all of them from other data. The grey line is the measured traffic: real against real for the errors, the scenes "
+    "themselves for time headway and lane-change rate."
+)
+
+
+def run(config: StudyTable1Task) -> dict:
+    """The summary, as in summary.json.
+
+    Raises:
+        FileNotFoundError, ValueError: There are no recordings, one is bad, too few scenes can be cut from them, two
+            keys contradict each other, or there is no row of a name.
+    """
+    generated = is_generated(config.data)
+    study = Study(config.results.root, config.study, config, "study table1", data_id(config.data), generated=generated)
+    study.write_config()
+    results = evaluate_rows(config)
+    with progress_bar() as bar:
+        inputs = read_inputs(config, study, bar, with_references=results.has_references)
+    said = findings(
+        results.differences(config), n_scenes=results.n_scenes, confidence=config.eval.confidence, generated=generated
+    )
+    report = Report(
+        title=f"Methods beside Table 1 of the paper, on {differences.source_names(inputs.scenes)}",
+        tables=shown_tables(config, results),
+        findings=tuple(said),
+        differences=tuple(what_differs(config, results, inputs)),
+        data=page_data(config, results, inputs),
+        generated=generated,
+        data_id=inputs.scenes.data_id,
+        captions={"table1": _CAPTION},
+    )
+    summary = summary_of(config, results, said)
+    metadata = {"seeds": f"eval.seed={config.eval.seed}, split.seed={config.split.seed}"}
+    finish(
+        study,
+        "study table1",
+        config,
+        report,
+        long_rows(results),
+        summary,
+        partial(_draw, config, results, generated=generated),
+        **metadata,
+    )
+    return summary
+
+
+def _draw(config: StudyTable1Task, results: Results, *, generated: bool) -> dict[str, bytes]:
+    from rearl_jax.study.table1_figure import draw_rows
+
+    return {"table1": draw_rows(config, results, generated=generated)}
+
+
+def what_differs(config: StudyTable1Task, results: Results, inputs: Inputs) -> list[str]:
+    """Sentences for whoever compares the rows with the paper's."""
+    references = inputs.references
+    return [
+        *differences.of_data(config, inputs.scenes),
+        *differences.of_subset(
+            results.n_scenes, N_EVALUATION_SCENES, f"{config.eval.subset.name} scenes", config.eval.n_runs
+        ),
+        *differences.of_model(config),
+        *differences.of_errors(config),
+        *differences.of_decisions(
+            asks_model=any(item.row.asks_model for item in results.rows),
+            interval=config.table1.llm_interval,
+            n_runs=config.table1.llm_runs,
+        ),
+        *([] if references is None else differences.of_references(references.speed.shape[0], config)),
+        *differences.of_traffic_figures(),
+    ]
+
+
+def page_data(config: StudyTable1Task, results: Results, inputs: Inputs) -> dict:
+    """Data and licences for the page."""
+    n_scored = len(inputs.splits.indices(Split[config.eval.subset.name.upper()]))
+    use = f"{n_scored} of them held out for this study"
+    return {"summary": data_summary(config, inputs.scenes, use), "sources": data_sources(inputs.scenes.infos)}

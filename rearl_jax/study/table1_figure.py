@@ -1,0 +1,75 @@
+"""The figure of Table 1: every row a line, every metric a panel, ours with intervals beside the paper's."""
+
+from matplotlib.axes import Axes
+
+from rearl_jax.config import StudyTable1Task
+from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, LIGHT_GREY, ORANGE, VERMILION, panels, png, set_title
+from rearl_jax.evaluation.scores import COMPARING, REAL, REAL_VS_REAL
+from rearl_jax.study.published import TABLE1
+from rearl_jax.study.row_results import Results
+from rearl_jax.study.rows import Role
+from rearl_jax.study.table1_tables import TITLES_OF_METRICS, paper_figure
+
+METRICS_DRAWN = ("h_legacy", "mape", "thw", "lcr", "collisions")
+"""Metrics with a panel; `mape` stands for the definition that decides."""
+
+_COLOURS = {Role.method: BLUE, Role.matcher: VERMILION, Role.control: ORANGE}
+
+_LINEAR = 0.001
+"""Lane-change rate below which the scale is linear [1/s]: rates span three orders of magnitude and may be 0."""
+
+
+def draw_rows(config: StudyTable1Task, results: Results, *, generated: bool) -> bytes:
+    """PNG of all rows."""
+    metrics = [config.mape.column if name == "mape" else name for name in METRICS_DRAWN]
+    n_rows = len(results.rows)
+    figure, axes = panels(12.0, 1.6 + 0.3 * max(n_rows, 3), columns=len(metrics), generated=generated)
+    for panel, metric in zip(axes, metrics, strict=True):
+        _draw_panel(panel, results, metric)
+        panel.set_ylim(n_rows - 0.5, -0.5)
+        titles = [item.row.title for item in results.rows]
+        panel.set_yticks(range(n_rows), titles if panel is axes[0] else [""] * n_rows)
+        panel.set_xlabel(TITLES_OF_METRICS[metric])
+        panel.grid(axis="y", color=LIGHT_GREY, linewidth=0.6)
+        panel.set_axisbelow(True)
+        if metric == "lcr":
+            panel.set_xscale("symlog", linthresh=_LINEAR)
+            panel.set_xlim(right=2 * panel.dataLim.x1)
+        panel.set_xlim(left=0)
+    kind = "generated" if generated else "recorded"
+    set_title(axes[0], f"{results.n_scenes} {kind} scenes; paper: highD")
+    handles = {}
+    for panel in axes:
+        handles |= {line.get_label(): line for line in panel.get_lines() if not str(line.get_label()).startswith("_")}
+    figure.legend(
+        handles.values(), handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=FONT_SIZE
+    )
+    return png(figure)
+
+
+def _draw_panel(panel: Axes, results: Results, metric: str) -> None:
+    other = REAL_VS_REAL if metric in COMPARING else REAL
+    real = results.reference.estimates.get((other, metric))
+    if real is not None:
+        panel.axvline(real.value, color=GREY, linewidth=1.2, label="recorded (real against real for H and MAPE)")
+    for role, colour in _COLOURS.items():
+        found = [
+            (place, estimate)
+            for place, item in enumerate(results.rows)
+            if item.row.role is role and (estimate := item.estimate(metric)) is not None
+        ]
+        if not found:
+            continue
+        places, values = [place for place, _ in found], [estimate.value for _, estimate in found]
+        panel.plot(values, places, "o", color=colour, markersize=4, label=f"ours: {role.name}", clip_on=False)
+        for place, estimate in found:
+            if estimate.low is not None and estimate.high is not None:
+                panel.hlines(place, estimate.low, estimate.high, color=colour, linewidth=1.4)
+    published = [
+        (place, value)
+        for place, item in enumerate(results.rows)
+        if item.row.paper is not None and (value := paper_figure(TABLE1[item.row.paper], metric)) is not None
+    ]
+    if published:
+        places, values = zip(*published, strict=True)
+        panel.plot(values, places, "D", color=DARK_GREY, mfc="none", markersize=5, linestyle="", label="paper")

@@ -1,0 +1,52 @@
+"""The figure of the inference times: a line per program, a colour per batch, logarithmic."""
+
+from rearl_jax.bench.loop_results import PAPER_MS
+from rearl_jax.drawing import (
+    BLUE,
+    DARK_GREY,
+    FONT_SIZE,
+    GREEN,
+    LIGHT_GREY,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    panels,
+    png,
+    set_title,
+)
+from rearl_jax.study.table4_tables import MODEL, PAPER, TITLES, Timing
+
+_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
+
+
+def draw_timings(timings: list[Timing], n_steps: int) -> bytes:
+    """PNG of all programs, and the paper's figures."""
+    programs = [name for name in TITLES if name == MODEL or any(timing.program == name for timing in timings)]
+    batches = sorted({timing.batch for timing in timings})
+    figure, (axes,) = panels(7.2, 1.4 + 0.4 * len(programs), generated=False)
+    for number, batch in enumerate(batches):
+        found = [timing for timing in timings if timing.batch == batch]
+        middle = [timing.ms.median for timing in found]
+        below = [timing.ms.median - timing.ms.least for timing in found]
+        above = [timing.ms.greatest - timing.ms.median for timing in found]
+        axes.errorbar(
+            middle,
+            [programs.index(timing.program) for timing in found],
+            xerr=[below, above],
+            fmt="o",
+            color=_COLOURS[number % len(_COLOURS)],
+            markersize=5,
+            capsize=2,
+            label=f"ours, {batch:,} at a time",
+        )
+    published = [(PAPER_MS[name], programs.index(program)) for program, name in PAPER.items() if program in programs]
+    axes.plot(*zip(*published, strict=True), "D", color=DARK_GREY, mfc="none", linestyle="", label="paper")
+    axes.set_xscale("log")
+    axes.set_xlabel("elapsed time [ms]")
+    axes.set_yticks(range(len(programs)), [TITLES[name] for name in programs])
+    axes.set_ylim(len(programs) - 0.5, -0.5)
+    axes.grid(color=LIGHT_GREY, linewidth=0.6)
+    axes.set_axisbelow(True)
+    figure.legend(loc="outside lower center", ncols=len(batches) + 1, frameon=False, fontsize=FONT_SIZE)
+    set_title(axes, f"{n_steps} consecutive decision steps; synthetic references, no data")
+    return png(figure)

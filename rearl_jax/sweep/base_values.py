@@ -1,0 +1,48 @@
+"""The values of base that percentiles are taken of, as they stand in the study folder."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config import EvaluateTask
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.evaluation.percentiles import BaseValues, base_values
+from rearl_jax.results import Study
+
+BASE_VALUES = "base_values"
+"""Name of the table: one row per value, `cue` (h or mape), `value`."""
+
+_CUES = ["h", "mape"]
+
+
+def kept_base_values(
+    config: EvaluateTask,
+    study: Study,
+    scenes: SceneSet,
+    subset: np.ndarray,
+    metadata: Mapping[str, str],
+    progress: Callable[[int, int], None],
+) -> BaseValues:
+    """Values of base as `base_values.parquet` holds them, so that a resumed study has the same thresholds.
+
+    Args:
+        config: See `evaluation.percentiles.base_values`.
+        study: Where they are written unless they are there.
+        scenes: All scenes.
+        subset: Indices of the threshold scenes.
+        metadata: What the table says besides its provenance.
+        progress: Called with the number of rollouts done and their total.
+    """
+    if not study.owns(BASE_VALUES):
+        base = base_values(config, scenes, subset, progress)
+        study.write_table(BASE_VALUES, _table(base), **metadata)
+    frame = pd.read_parquet(study.path / f"{BASE_VALUES}.parquet")
+    values, cues = frame["value"].to_numpy(), frame["cue"].to_numpy()
+    h, mape = (values[cues == cue] for cue in _CUES)
+    return BaseValues(h, mape, subset, config.eval.n_runs * len(subset))
+
+
+def _table(base: BaseValues) -> pd.DataFrame:
+    cues = pd.Categorical.from_codes(np.repeat([0, 1], [len(base.h), len(base.mape)]), _CUES)
+    return pd.DataFrame({"cue": cues, "value": np.concatenate([base.h, base.mape]).astype(np.float32)})

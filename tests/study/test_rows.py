@@ -1,0 +1,101 @@
+"""Rows as data: which are chosen, and what each makes of the configuration."""
+
+from dataclasses import replace
+
+import pytest
+
+from rearl_jax.config import EvaluateTask, StudyFig7Task, StudyTable1Task, StudyTable4Task
+from rearl_jax.config._schema import finished
+from rearl_jax.config.decision import DecisionConfig, MatchSpace, PolicyName
+from rearl_jax.config.detection import ReferenceMode
+from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope
+from rearl_jax.config.study import Table1Config, Table4Config
+from rearl_jax.results import config_hash
+from rearl_jax.study.published import TABLE1
+from rearl_jax.study.rows import ROWS, Role, changed, chosen_rows, row_record
+
+
+def row_named(name):
+    return next(row for row in ROWS if row.name == name)
+
+
+def test_every_row_is_an_evaluation_of_its_own():
+    config = StudyTable1Task(eval=EvaluationConfig(n_runs=3, seed=9))
+    records = {row.name: row_record(row, config) for row in ROWS}
+    assert len(records) == len(ROWS)
+    assert len({config_hash(record) for record in records.values()}) == len(ROWS)
+    for name, record in records.items():
+        assert type(record) is EvaluateTask
+        assert finished(record) == record
+        assert record.study == f"study_table1/rows/{name}"
+        assert record.results.resume
+        assert record.eval.seed == 9  # keys of the study reach the rows
+    assert records["base"].method is Method.base
+    assert records["matcher_raw"].matcher.space is MatchSpace.raw
+    assert records["matcher_drawn"].reference.mode is ReferenceMode.drawn
+    assert records["matcher_rank"].reference.mode is ReferenceMode.spacing
+    assert records["random_admissible"].decision.policy is PolicyName.random_admissible
+
+
+def test_a_language_model_is_asked_less():
+    config = StudyTable1Task(table1=Table1Config(llm_interval=7, llm_runs=2))
+    record = row_record(row_named("llm"), config)
+    assert (record.detection.interval, record.eval.n_runs) == (7, 2)
+    assert record.eval.seed_scope is SeedScope.run
+    assert record.decision.policy is PolicyName.llm
+    other = row_record(row_named("critical_llm"), config)
+    assert (other.eval.n_runs, other.eval.seed_scope) == (5, SeedScope.run_x_scene)
+
+
+def test_rows_are_chosen_in_the_order_of_the_table():
+    every = [row.name for row in ROWS]
+    without = [row.name for row in chosen_rows(Table1Config())]
+    assert without == [name for name in every if name not in ("llm", "critical_llm")]
+    assert [row.name for row in chosen_rows(Table1Config(llm=True))] == every
+    assert [row.name for row in chosen_rows(Table1Config(rows=("idle", "base")))] == ["base", "idle"]
+    assert [row.name for row in chosen_rows(Table1Config(rows=("llm",)))] == ["llm"]
+    with pytest.raises(ValueError, match="no row 'matcher_rnk'; nearest: matcher_rank; rows: base, ppo"):
+        chosen_rows(Table1Config(rows=("base", "matcher_rnk")))
+
+
+def test_rows_stand_beside_rows_of_the_paper():
+    beside = {row.paper for row in ROWS} - {None}
+    assert beside <= set(TABLE1)
+    assert {"base", "ppo", "critical"} <= beside
+    assert all(row.paper is None for row in ROWS if row.role is Role.control)
+
+
+def test_changes_name_keys_and_values_that_are_there():
+    config = EvaluateTask()
+    assert changed(config, "eval.n_runs", 2).eval.n_runs == 2
+    assert config.eval.n_runs == 5
+    with pytest.raises(ValueError, match="EvaluationConfig has no key 'n_run'"):
+        changed(config, "eval.n_run", 2)
+    with pytest.raises(ValueError, match="method has no value 'bas', only base"):
+        changed(config, "method", "bas")
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        (StudyTable1Task(method=Method.ppo), "method=ppo: the rows set it; choose rows with table1.rows"),
+        (StudyTable1Task(decision=DecisionConfig(PolicyName.idle)), "decision.policy=idle: the rows set it"),
+        (StudyTable1Task(table1=Table1Config(rows=())), "table1.rows must name each row once"),
+        (StudyTable1Task(table1=Table1Config(rows=("base", "base"))), "table1.rows must name each row once"),
+        (StudyTable1Task(table1=Table1Config(llm_runs=0)), "table1.llm_runs must be at least 1"),
+        (StudyFig7Task(method=Method.rearl), "method=rearl: thresholds are percentiles of base"),
+        (StudyTable4Task(decision=DecisionConfig(PolicyName.idle)), "decision.policy=idle has no row"),
+        (StudyTable4Task(table4=Table4Config(llm_batches=(2, 2))), "table4.llm_batches must be different"),
+    ],
+)
+def test_keys_that_mean_nothing_here_are_refused(config, message):
+    with pytest.raises(ValueError, match=message):
+        finished(config)
+
+
+def test_the_rows_of_another_study_can_be_used():
+    config = StudyTable1Task(study="mine", table1=Table1Config(kept_in="theirs"))
+    record = row_record(row_named("base"), config)
+    assert record.study == "theirs/rows/base"
+    own = row_record(row_named("base"), replace(config, table1=Table1Config()))
+    assert config_hash(own) == config_hash(record)

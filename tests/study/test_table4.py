@@ -1,0 +1,106 @@
+"""Inference times: what is made of measurements, a language model behind a stub, and the command from end to end."""
+
+import json
+from dataclasses import replace
+
+import pandas as pd
+import pytest
+
+from rearl_jax.bench import language_model_steps as module
+from rearl_jax.bench import loop_subjects
+from rearl_jax.bench.fresh_client import fresh_client
+from rearl_jax.bench.loop_programs import BASE, PARTS
+from rearl_jax.config.bench import BenchLoopConfig
+from rearl_jax.config.llm import LlmConfig, PromptConfig
+from rearl_jax.study.table4_figure import draw_timings
+from rearl_jax.study.table4_tables import MODEL, conclusions, long_timings, shown_timings, summary_of, timings_of
+from tests.llm.stub import Stub
+
+
+@pytest.fixture
+def steps():
+    cost = dict(zip(PARTS, (1.0, 3.0, 2.0, 0.25, 0.5), strict=True))
+    rows = [
+        {"measured": "steps", "program": name, "batch": batch, "wall_s": cost[name] * batch * factor, "compile_s": 2.0}
+        for name in PARTS
+        for batch in (1, 256)
+        for factor in (0.9, 1.0, 1.4)
+    ]
+    return pd.DataFrame([*rows, {**rows[0], "measured": "rollout", "wall_s": 1e6}])
+
+
+@pytest.fixture
+def with_model():
+    counts = {"n_questions": 100, "n_sent": 90, "n_answered": 80}
+    return pd.DataFrame([{"batch": 1, "repetition": 0, "wall_s": 50.0, "n_steps": 10, "model": "small", **counts}])
+
+
+def test_medians_stand_beside_the_paper_for_one_scenario_only(steps):
+    timings = timings_of(steps, None)
+    assert [timing.title for timing in timings[::2]] == [
+        "IDM+MOBIL",
+        "PPO",
+        "REARL, detection alone",
+        "REARL, matcher alone",
+        "REARL, whole loop with matcher",
+    ]
+    one, many = timings[:2]
+    assert (one.ms.median, one.ms.least, one.n_repetitions) == (1000, 900, 3)
+    assert (one.paper_ms, many.paper_ms) == (0.461, None)
+    table = long_timings(timings).set_index(["row", "batch"])
+    assert table.loc[("ppo", 1), "paper"] == 15.898
+    assert pd.isna(table.loc[("loop", 1), "paper"])  # the paper's REARL asks a language model
+    assert summary_of(timings, 10)["steps_ms_loop_b256"] == 2000 * 256
+    shown = shown_timings(timings, 10, 10)
+    assert shown.lines[-1].is_paper
+    assert shown.lines[-1].cells[-1].figure == "86,241.0"
+
+
+def test_conclusions_compare_ours_with_ours(steps, with_model):
+    said = conclusions(timings_of(steps, with_model), 10)
+    assert said[0] == (
+        "Batch 1: times IDM+MOBIL: PPO 3.00, REARL, whole loop with matcher 2.00; of its time: REARL, detection alone "
+        "25 % and REARL, matcher alone 50 %."
+    )
+    assert "small: 100 questions, 90 sent, 80 answered" in said[2]
+    assert "5,000 ms per decision step" in said[2]
+    assert said[-1].startswith("The paper orders")
+
+
+def test_the_model_has_a_row_of_its_own(steps, with_model):
+    timings = timings_of(steps, with_model)
+    assert timings[-1].program == MODEL
+    assert timings[-1].paper_ms == 86_241
+    assert not shown_timings(timings, 10, 10).lines[-1].is_paper
+    assert draw_timings(timings, 10) != draw_timings(timings_of(steps, None), 10)
+
+
+def test_steps_with_a_language_model_ask_it_every_second(monkeypatch):
+    monkeypatch.setattr(module, "LOOP_MODEL", replace(module.LOOP_MODEL, collisions=False))  # compile faster
+    monkeypatch.setattr(loop_subjects, "BASE_MODEL", replace(loop_subjects.BASE_MODEL, collisions=False))
+    monkeypatch.setattr(loop_subjects, "WARM_UP", 2)
+    loop = BenchLoopConfig(steps=3, steps_vehicles=4, reference_seconds=60)
+    with Stub() as stub, fresh_client(LlmConfig(), stub.url) as client:
+        (one, two) = module.measure_model_steps(client, PromptConfig(), loop, 1, 2)
+    assert (one.n_steps, one.batch, one.repetition) == (3, 1, 0)
+    assert 3 <= one.n_questions <= 12
+    assert 0 < one.n_sent <= one.n_questions
+    assert 0 < one.n_answered <= one.n_questions
+    assert one.wall_s > 0
+    assert two.repetition == 1
+
+
+@pytest.mark.slow
+def test_the_command_measures_and_goes_on(rearl, tmp_path):
+    keys = ["loop.steps_batches=[1,4]", "loop.steps_repetitions=3"]
+    printed = rearl(tmp_path, "study", "table4", *keys)
+    assert "IDM+MOBIL" in printed
+    folder = tmp_path / "study_table4"
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["n_steps"] == 10
+    assert summary[f"steps_ms_{BASE}_b1"] > 0
+    assert summary["steps_ms_ppo_b4"] > 0
+    assert summary["paper_ms_rearl"] == 86_241
+    rearl(tmp_path, "study", "table4", *keys)
+    again = json.loads((folder / "summary.json").read_text())
+    assert again == summary  # not measured again
