@@ -91,6 +91,7 @@ def test_a_killed_training_goes_on_and_equals_an_uninterrupted_one(tiny, tmp_pat
 
 
 @pytest.mark.usefixtures("lenient")
+@pytest.mark.slow
 def test_a_training_that_diverges_stops(tiny, tmp_path):
     from rearl_jax.baselines.training import train
     from rearl_jax.results import Study

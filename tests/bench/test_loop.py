@@ -77,6 +77,7 @@ def test_unknown_programs_are_refused():
         decision_steps("nothing", **SCENE)
 
 
+@pytest.mark.slow
 def test_parts_of_decision_steps_look_at_the_traffic_before_those_that_simulate(monkeypatch):
     for name in ("BASE_MODEL", "LOOP_MODEL"):  # compile faster
         monkeypatch.setattr(loop_subjects, name, replace(getattr(loop_subjects, name), collisions=False))
@@ -100,6 +101,7 @@ def test_parts_of_decision_steps_look_at_the_traffic_before_those_that_simulate(
     np.testing.assert_array_equal(told, decisions.n_asked)
 
 
+@pytest.mark.slow
 def test_ppo_drives_everybody_in_its_decision_steps(monkeypatch):
     monkeypatch.setattr(loop_subjects, "BASE_MODEL", replace(loop_subjects.BASE_MODEL, collisions=False))
     base, driven = (decision_steps(name, **SCENE).measure(BATCH, 2) for name in (BASE, PPO))

@@ -34,6 +34,7 @@ def test_stopwatch_counts_every_thread_and_only_inside_its_blocks():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the system does not tell")
+@pytest.mark.slow
 def test_peak_memory_grows_and_stays():
     before = peak_memory_bytes()
     assert before is not None

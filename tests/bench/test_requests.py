@@ -58,6 +58,7 @@ def test_out_of_range(key, value):
         BenchRequestsConfig(**{key: value}).check()
 
 
+@pytest.mark.slow
 def test_the_command_measures_both_askers_and_both_servers(tmp_path):
     with Stub(latency=0.01) as stub:
         overrides = [f"results.root={tmp_path}", "study=r", f"requests.server={stub.url}", "requests.requests=40"]

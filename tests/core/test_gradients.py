@@ -101,6 +101,7 @@ def test_reverse_mode_is_the_finite_difference(gradient, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.slow
 def test_reverse_mode_is_forward_mode(gradient, name):
     _, forward = programs(np.float64)
     tangent = {key: jnp.full(4, float(key == name)) for key in NAMES}

@@ -336,6 +336,7 @@ def test_keys_of_the_group_imply_the_method_also_beside_those_of_a_server():
     assert with_implied(task, ["method=base", *asked]) == ["method=base", *asked]
 
 
+@pytest.mark.slow
 def test_evaluate_critical_from_end_to_end(tmp_path):
     """On the shipped recordings, with the default proposer."""
     keys = [

@@ -62,6 +62,7 @@ def assert_same(one, other):
         np.testing.assert_array_equal(values, other[name], err_msg=name)
 
 
+@pytest.mark.slow
 def test_the_matcher_asked_from_outside_gives_the_rows_of_the_matcher_inside(scenes, task, references):
     from rearl_jax.config.decision import DecisionConfig, PolicyName
     from rearl_jax.decision.policies import make_policy

@@ -90,6 +90,7 @@ def test_the_first_second_is_that_of_the_base_and_thresholds_do_not_recompile(sc
     np.testing.assert_array_equal(resting.frames.x, base.frames.x)
 
 
+@pytest.mark.slow
 def test_every_pair_of_thresholds_gets_the_same_rollouts(scenes, intervening, references):
     """All pairs as one batch are what they are one by one."""
     from rearl_jax.evaluation.rollouts import Rollouts

@@ -71,6 +71,7 @@ def test_what_is_printed_never_claims_comparability(table1, folder):
     assert not re.search(r"<(?:script|link|iframe|object)\b", page)
 
 
+@pytest.mark.slow
 def test_a_killed_study_goes_on_and_equals_one_that_was_not(table1, rearl, two_rows, tmp_path):
     root = tmp_path / "killed"
     shutil.copytree(table1[0], root)

@@ -75,6 +75,7 @@ def test_the_model_has_a_row_of_its_own(steps, with_model):
     assert draw_timings(timings, 10) != draw_timings(timings_of(steps, None), 10)
 
 
+@pytest.mark.slow
 def test_steps_with_a_language_model_ask_it_every_second(monkeypatch):
     monkeypatch.setattr(module, "LOOP_MODEL", replace(module.LOOP_MODEL, collisions=False))  # compile faster
     monkeypatch.setattr(loop_subjects, "BASE_MODEL", replace(loop_subjects.BASE_MODEL, collisions=False))
