@@ -12,15 +12,16 @@ from rearl_jax.baselines.observation import observe_neighbours
 from rearl_jax.config.decision import AdmissibleConfig, ExecConfig, Longitudinal
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.neighbours import is_large
-from rearl_jax.core.order import sort_along_road
 from rearl_jax.core.rollout import Frames, observe, simulate_second
 from rearl_jax.core.state import Controller, TrafficState
 from rearl_jax.decision.admissible import admissible_actions
-from rearl_jax.decision.execution import DecisionMemory, accept, execute, initial_decision_memory
-
-ACTION_NAMES = ("left", "keep", "right", "faster", "slower")
-"""What tables call the actions, in the order of `MetaAction`."""
+from rearl_jax.decision.execution import (
+    DecisionMemory,
+    accept,
+    execute,
+    initial_decision_memory,
+    model_under_decisions,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,7 +33,7 @@ class DrivingOptions:
 
     def model(self, model: TrafficModel) -> TrafficModel:
         """The road with the stages that vehicles under decisions need."""
-        return dataclasses.replace(model, meta_follows=self.longitudinal is Longitudinal.idm_capped)
+        return model_under_decisions(model, self.longitudinal)
 
 
 class Sight(eqx.Module):
@@ -58,8 +59,6 @@ def begin(state: TrafficState, model: TrafficModel) -> Driven:
 
 def look(state: TrafficState, drivers: Drivers, model: TrafficModel, options: DrivingOptions) -> Sight:
     """What everybody sees and may do."""
-    if is_large(state.x.shape[0]):
-        state = eqx.tree_at(lambda s: s.order, state, sort_along_road(state.x, state.order))
     return Sight(observe_neighbours(state), admissible_actions(state, drivers, model, options.admissible))
 
 

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from rearl_jax.baselines.driving import ACTION_NAMES
+from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.drawing import (
     BLUE,
     FONT_SIZE,

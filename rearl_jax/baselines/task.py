@@ -9,12 +9,12 @@ import logging
 
 import jax
 
-from rearl_jax.baselines.driving import ACTION_NAMES
 from rearl_jax.baselines.terminal import print_curve
 from rearl_jax.baselines.training import CHECKPOINT, Training, curve_table, train
 from rearl_jax.baselines.weights import weights_file
 from rearl_jax.config import TrainPpoTask
 from rearl_jax.config.core import Precision
+from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 

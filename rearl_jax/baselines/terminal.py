@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from rearl_jax.baselines.driving import ACTION_NAMES
 from rearl_jax.baselines.training import Training
 from rearl_jax.config import TrainPpoTask
 from rearl_jax.console import print_notes, standard_output, titled_table
+from rearl_jax.decision.situation import ACTION_NAMES
 
 _WIDTH = 100
 """Columns the table and its notes need."""

@@ -22,7 +22,7 @@ import pandas as pd
 from jaxtyping import Array, Float, Int, Key
 
 from rearl_jax._typing import PRNGKey
-from rearl_jax.baselines.driving import ACTION_NAMES, DrivingOptions
+from rearl_jax.baselines.driving import DrivingOptions
 from rearl_jax.baselines.experience import Drive, collect
 from rearl_jax.baselines.learning import Learner, Losses, decisions_of, improve, make_optimiser
 from rearl_jax.baselines.network import ActorCritic, make_network
@@ -33,6 +33,7 @@ from rearl_jax.config.decision import AdmissibleConfig
 from rearl_jax.config.ppo import PpoConfig
 from rearl_jax.core.road import traffic_model
 from rearl_jax.core.spawn import spawn
+from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.results import Study, config_hash
 
 log = logging.getLogger(__name__)

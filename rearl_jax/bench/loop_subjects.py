@@ -28,16 +28,16 @@ from rearl_jax.bench.measurement import TICKS_PER_SECOND
 from rearl_jax.bench.synthetic_references import synthetic_references
 from rearl_jax.config.bench import LoopPolicy
 from rearl_jax.config.core import CoreConfig
-from rearl_jax.config.decision import ExecConfig, Longitudinal, MatcherConfig, MatchSpace, PolicyName
+from rearl_jax.config.decision import ExecConfig, MatcherConfig, MatchSpace, PolicyName
 from rearl_jax.config.detection import Cues
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.order import sort_along_road
+from rearl_jax.core.neighbours import sort_if_large
 from rearl_jax.core.rollout import Frames, observe, rollout, simulate_second
 from rearl_jax.core.spawn import spawn
 from rearl_jax.core.state import TrafficState
 from rearl_jax.decision.admissible import admissible_actions
-from rearl_jax.decision.execution import Orders, accept, count, no_orders
+from rearl_jax.decision.execution import Orders, accept, count, model_under_decisions, no_orders
 from rearl_jax.decision.loop import (
     Decisions,
     LoopOptions,
@@ -57,7 +57,7 @@ WARM_UP = 20
 
 BASE_MODEL = TrafficModel(ticks_per_second=TICKS_PER_SECOND)
 
-LOOP_MODEL = dataclasses.replace(BASE_MODEL, meta_follows=ExecConfig().longitudinal is Longitudinal.idm_capped)
+LOOP_MODEL = model_under_decisions(BASE_MODEL, ExecConfig().longitudinal)
 """The same road with the stages that a closed loop at its defaults adds to it."""
 
 ALWAYS = LoopOptions(DetectionOptions(cues=Cues.always))
@@ -123,7 +123,7 @@ class Scenes:
         batch = self.draw_recorded(keys, n_seconds)
 
         def second(traffic: Traffic, state: TrafficState) -> tuple[Traffic, tuple[TrafficState, Situation]]:
-            state = eqx.tree_at(lambda s: s.order, state, sort_along_road(state.x, state.order))
+            state = sort_if_large(state)
             traffic = dataclasses.replace(traffic, state=state)
             traffic, situation = look(traffic, batch.drivers, batch.table, batch.thresholds, LOOP_MODEL, ALWAYS)
             return traffic, (state, situation)

@@ -12,6 +12,7 @@ from rearl_jax.config.detection import Cues
 from rearl_jax.config.llm import PromptConfig
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.spawn import spawn
+from rearl_jax.decision.execution import model_under_decisions
 from rearl_jax.decision.lockstep import rollout_in_lockstep
 from rearl_jax.decision.loop import LoopOptions
 from rearl_jax.decision.situation import NO_ACTION, Situation
@@ -57,7 +58,7 @@ def make_questions(n_questions: int, seed: int) -> list[Question]:
     n_seconds = 2 + -(-n_questions // (n_scenarios * N_VEHICLES))
     references = synthetic_references(seed, N_REFERENCES, max(N_SECONDS, n_seconds), N_VEHICLES)
     options = LoopOptions(DetectionOptions(cues=Cues.always))
-    model = TrafficModel(ticks_per_second=TICKS_PER_SECOND, meta_follows=True)
+    model = model_under_decisions(TrafficModel(ticks_per_second=TICKS_PER_SECOND), options.execution.longitudinal)
     keys = jax.random.split(jax.random.key(seed), n_scenarios)
     state, drivers = spawn(keys, model, n_vehicles=N_VEHICLES)
     table = tabulate(references, options.detection.hist, state.x.dtype)

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int
 from rearl_jax.core.double_double import rounded
 from rearl_jax.core.elementary import cosine, sine
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
-from rearl_jax.core.order import NOBODY, NearestOnLanes, pick, walk_along_road
+from rearl_jax.core.order import NOBODY, NearestOnLanes, pick, sort_along_road, walk_along_road
 from rearl_jax.core.state import TrafficState, nearest_lane
 
 Found = TypeVar("Found")
@@ -227,6 +227,13 @@ def _nobody_behind(state: TrafficState) -> Follower:
 def is_large(n_vehicles: int) -> bool:
     """Whether walking along the sorted vehicles is cheaper than letting everybody look at everybody."""
     return n_vehicles > LARGEST_SMALL_TRAFFIC
+
+
+def sort_if_large(state: TrafficState) -> TrafficState:
+    """The state with its order along the road up to date, where the search for neighbours walks along it."""
+    if not is_large(state.x.shape[0]):
+        return state
+    return eqx.tree_at(lambda s: s.order, state, sort_along_road(state.x, state.order))
 
 
 def for_each_vehicle(n_vehicles: int, look_at: Callable[[Array, Found], Found], nothing: Found) -> Found:

@@ -1,14 +1,11 @@
 """One tick of the traffic, as the list of its stages."""
 
-import equinox as eqx
-
 from rearl_jax.core.collisions import collide
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.kinematics import control, move
 from rearl_jax.core.mobil import abort_conflicts, decide_lanes, weigh_lanes
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.neighbours import is_large, perceive
-from rearl_jax.core.order import sort_along_road
+from rearl_jax.core.neighbours import perceive, sort_if_large
 from rearl_jax.core.state import TrafficState
 
 
@@ -18,8 +15,7 @@ def tick(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficS
     Source: highway-env 1.12.1, `Road.act` followed by `Road.step`; its order of vehicles matters only to who gives way
     and to who pushes whom, and both are reproduced.
     """
-    if is_large(state.x.shape[0]):
-        state = eqx.tree_at(lambda s: s.order, state, sort_along_road(state.x, state.order))
+    state = sort_if_large(state)
     view = perceive(state, model)
     prospects = weigh_lanes(state, view, drivers, model)
     target_lane, countdown = state.target_lane, state.ticks_to_decision

@@ -19,6 +19,7 @@ from rearl_jax.core.neighbours import (
     lanes_under,
     perceive,
     row,
+    sort_if_large,
 )
 from rearl_jax.core.state import Controller, TrafficState, nearest_lane, nearest_level
 
@@ -29,9 +30,9 @@ def admissible_actions(
     """Whether each action is admissible for each vehicle, in the order of `MetaAction`; none for crashed vehicles.
 
     FASTER and SLOWER need a speed level to go to. A lane action needs the lane, no change in progress, and what
-    `options.lane` asks for. With `options.longitudinal` the other three need room to the vehicle ahead. The state must
-    be sorted where the traffic is large (`sort_along_road`).
+    `options.lane` asks for. With `options.longitudinal` the other three need room to the vehicle ahead.
     """
+    state = sort_if_large(state)
     lane = nearest_lane(state.y, model)
     drives = ~state.crashed & (state.controller != Controller.ABSENT)
     may_turn = drives & (lane == state.target_lane)

@@ -1,10 +1,12 @@
 """From a policy's answers to what vehicles do: only admissible actions, for a while, then back to IDM and MOBIL."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from rearl_jax.config.decision import ExecConfig
+from rearl_jax.config.decision import ExecConfig, Longitudinal
 from rearl_jax.core.meta_actions import MetaAction, apply_meta_actions
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import Controller, TrafficState, nearest_lane
@@ -47,6 +49,11 @@ class Orders(eqx.Module):
     action: Int[Array, "vehicles scenarios"]
     n_inadmissible: Int[Array, " scenarios"]
     n_invalid: Int[Array, " scenarios"]
+
+
+def model_under_decisions(model: TrafficModel, longitudinal: Longitudinal) -> TrafficModel:
+    """The road of traffic that is interfered with: vehicles under a decision keep their distance, or do not."""
+    return replace(model, meta_follows=longitudinal is Longitudinal.idm_capped)
 
 
 def initial_decision_memory(state: TrafficState, model: TrafficModel) -> DecisionMemory:

@@ -16,8 +16,6 @@ from jaxtyping import Array, Bool, Float, Int, Key
 from rearl_jax.config.decision import AdmissibleConfig, ExecConfig
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.neighbours import is_large
-from rearl_jax.core.order import sort_along_road
 from rearl_jax.core.rollout import Frames, observe, simulate_second
 from rearl_jax.core.state import TrafficState
 from rearl_jax.decision.admissible import admissible_actions
@@ -130,8 +128,6 @@ def look(
     """
     state, frame = traffic.state, observe(traffic.state, model)
     detector, detection = detect(traffic.detector, frame, table, thresholds, options.detection)
-    if is_large(state.x.shape[0]):
-        state = eqx.tree_at(lambda s: s.order, state, sort_along_road(state.x, state.order))
     situation = Situation(
         second=traffic.detector.second,
         frame=frame,

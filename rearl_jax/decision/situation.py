@@ -10,7 +10,10 @@ from rearl_jax.core.rollout import Frames
 from rearl_jax.detection.detector import Detection
 from rearl_jax.detection.table import ReferenceTable
 
-N_ACTIONS = 5
+ACTION_NAMES = ("left", "keep", "right", "faster", "slower")
+"""What tables call the meta-actions, in the order of `MetaAction`."""
+
+N_ACTIONS = len(ACTION_NAMES)
 """Number of meta-actions."""
 
 NO_ACTION = -1

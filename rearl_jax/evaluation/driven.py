@@ -3,9 +3,9 @@
 import numpy as np
 from jaxtyping import Float, Int
 
-from rearl_jax.baselines.driving import ACTION_NAMES
 from rearl_jax.baselines.weights import TrainedPolicy
 from rearl_jax.config.decision import Longitudinal
+from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.evaluation.extras import Extra
 
 _FOLLOWS = {

@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rearl_jax import drawing
-from rearl_jax.baselines.driving import ACTION_NAMES
 from rearl_jax.baselines.figure import ACTION_COLOURS
+from rearl_jax.decision.situation import ACTION_NAMES
 
 
 def draw_actions(

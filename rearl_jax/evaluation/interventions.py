@@ -7,18 +7,9 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Int
 
-from rearl_jax.core.meta_actions import MetaAction
 from rearl_jax.decision.loop import Decisions
+from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.evaluation.extras import Extra
-
-ACTIONS = {
-    "left": MetaAction.LANE_LEFT,
-    "keep": MetaAction.IDLE,
-    "right": MetaAction.LANE_RIGHT,
-    "faster": MetaAction.FASTER,
-    "slower": MetaAction.SLOWER,
-}
-"""Column of each action."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +57,7 @@ def decision_table(scene_id: np.ndarray, log: DecisionLog, window: int) -> pd.Da
         "triggered": _long(decisions.triggered),
         "asked": _long(decisions.n_asked).astype(np.int16),
     }
-    for name, action in ACTIONS.items():
+    for action, name in enumerate(ACTION_NAMES):
         columns[name] = _long(decisions.n_accepted[:, action]).astype(np.int16)
     for name in ("inadmissible", "invalid"):
         columns[name] = _long(getattr(decisions, f"n_{name}")).astype(np.int16)

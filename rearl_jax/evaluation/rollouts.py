@@ -16,6 +16,7 @@ from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.core.road import traffic_model
 from rearl_jax.core.state import TrafficState, make_state
 from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.decision.execution import model_under_decisions
 from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.references import References
 from rearl_jax.evaluation.outside import MakePolicy, simulate_outside
@@ -25,7 +26,6 @@ from rearl_jax.evaluation.simulators import (
     Interventions,
     Simulated,
     beginnings,
-    held_model,
     interventions,
     program,
 )
@@ -216,7 +216,7 @@ class Rollouts:
             table,
             Thresholds(*map(jnp.asarray, self._thresholds[:, self.cell])),
             self._outside,
-            held_model(traffic_model(config.core), acts.loop),
+            model_under_decisions(traffic_model(config.core), acts.loop.execution.longitudinal),
             acts.loop,
             n_seconds=self._n_seconds,
         )

@@ -21,7 +21,7 @@ from rearl_jax.baselines.driving import DrivingOptions, rollout_with_actor
 from rearl_jax.baselines.network import Perceptron
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import CoreConfig, InitialSpeed
-from rearl_jax.config.decision import Longitudinal, MatcherConfig, PolicyName
+from rearl_jax.config.decision import MatcherConfig, PolicyName
 from rearl_jax.config.evaluation import Method
 from rearl_jax.core.batch import ScenarioMap
 from rearl_jax.core.drivers import Drivers
@@ -30,6 +30,7 @@ from rearl_jax.core.road import traffic_model
 from rearl_jax.core.rollout import Frames, rollout
 from rearl_jax.core.spawn import spawn
 from rearl_jax.core.state import TrafficState
+from rearl_jax.decision.execution import model_under_decisions
 from rearl_jax.decision.loop import Decisions, LoopOptions, rollout_with_policy
 from rearl_jax.decision.policies import make_policy
 from rearl_jax.detection.detector import DetectionOptions, Thresholds, detection_options
@@ -191,18 +192,13 @@ def simulate_rearl(
         model: Road, clock and stages of the same traffic without interventions.
         n_seconds: Seconds to simulate [s].
     """
-    model = held_model(model, acts.loop)
+    model = model_under_decisions(model, acts.loop.execution.longitudinal)
     table = tabulate(references, acts.loop.detection.hist, state.x.dtype)
     policy = make_policy(acts.policy, acts.matcher, model)
     _, frames, decisions = rollout_with_policy(
         state, drivers, decision_keys(keys), table, thresholds, policy, model, acts.loop, n_seconds=n_seconds
     )
     return Simulated(frames, decisions)
-
-
-def held_model(model: TrafficModel, options: LoopOptions) -> TrafficModel:
-    """The road of traffic that is interfered with: vehicles under a decision keep their distance, or do not."""
-    return replace(model, meta_follows=options.execution.longitudinal is Longitudinal.idm_capped)
 
 
 def decision_keys(keys: Key[Array, " scenarios"]) -> Key[Array, " scenarios"]:

@@ -30,8 +30,9 @@ def intervening(small):
 
 
 def test_decisions_are_counted_second_by_second(scenes, intervening, references):
+    from rearl_jax.decision.situation import ACTION_NAMES
     from rearl_jax.evaluation.estimates import estimates
-    from rearl_jax.evaluation.interventions import ACTIONS, decision_table
+    from rearl_jax.evaluation.interventions import decision_table
     from rearl_jax.evaluation.runner import evaluate
     from rearl_jax.evaluation.tables import table_notes
 
@@ -40,7 +41,7 @@ def test_decisions_are_counted_second_by_second(scenes, intervening, references)
     assert len(table) == 2 * 3 * scenes.seconds
     assert table.scene_id.unique().tolist() == [1, 4]
     assert table.triggered.any()
-    told = table[[*ACTIONS, "inadmissible", "invalid"]].sum(axis=1)
+    told = table[[*ACTION_NAMES, "inadmissible", "invalid"]].sum(axis=1)
     assert (told == table.asked).all()
     assert (table.asked[table.frame == 0] == 0).all()
     assert table.h[table.frame < 4].isna().all()
