@@ -14,11 +14,15 @@ def standard_output(width: int) -> Console:
     return console if console.is_terminal else Console(width=width)
 
 
+def generated_mark(generated: bool) -> str:
+    """What stands behind a title where the data are generated."""
+    return " (GENERATED recordings)" if generated else ""
+
+
 def titled_table(title: str, *, generated: bool = False) -> Table:
     """A table without columns yet; its title is plain text and says so where the data are generated."""
-    mark = " (GENERATED recordings)" if generated else ""
     style = {"title_justify": "left", "title_style": "bold", "box": SIMPLE_HEAD, "padding": (0, 1, 0, 0)}
-    return Table(title=escape(title + mark), **style)
+    return Table(title=escape(title + generated_mark(generated)), **style)
 
 
 def print_notes(console: Console, notes: Iterable[str]) -> None:

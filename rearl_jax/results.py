@@ -7,6 +7,7 @@ study equals an uninterrupted one.
 
 import hashlib
 import json
+import logging
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -20,6 +21,8 @@ from rearl_jax.whole_files import remove_leftovers, replacing
 
 if TYPE_CHECKING:
     import pandas
+
+log = logging.getLogger(__name__)
 
 UNHASHED = ("study", "results")
 """Keys of a task that do not change its results."""
@@ -71,6 +74,18 @@ class Study:
         self._provenance: dict[str, Any] = dict(zip(PROVENANCE, values, strict=True))
         self.path.mkdir(parents=True, exist_ok=True)
         remove_leftovers(self.path)
+
+    def begin(self, *, resume: bool) -> Any:
+        """The summary of a study that is finished and to be left alone; else None, and config.json is written.
+
+        Args:
+            resume: Whether a finished study of the same task, configuration, data and code is left alone.
+        """
+        if resume and (stored := self.finished_summary()) is not None:
+            log.info("finished before: %s", self.path)
+            return stored
+        self.write_config()
+        return None
 
     def write_table(self, name: str, frame: "pandas.DataFrame", **metadata: str) -> Path:
         """Path of `name.parquet`, written with the provenance and `metadata` in its schema.

@@ -14,6 +14,8 @@ from pathlib import Path
 
 import jax
 
+from rearl_jax.config.core import Precision
+
 
 def start(x64: bool = False, cpu_devices: int | None = None) -> None:
     """Configure JAX for a task; the first call must come before the first computation.
@@ -32,6 +34,12 @@ def start(x64: bool = False, cpu_devices: int | None = None) -> None:
     _set_cpu_devices(available_cores() if cpu_devices is None else cpu_devices)
     _set_compilation_cache()
     jax.config.update("jax_enable_x64", x64)
+
+
+def set_precision(precision: Precision) -> None:
+    """Lets arrays be of the simulation's type: without this JAX makes float32 of float64."""
+    if precision is Precision.float64:
+        jax.config.update("jax_enable_x64", True)
 
 
 def available_cores() -> int:

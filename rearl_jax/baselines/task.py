@@ -5,20 +5,14 @@ Writes into the study folder `curve.parquet` (one row per update), `curve.png`, 
 training goes on from `checkpoint.eqx`.
 """
 
-import logging
-
-import jax
-
 from rearl_jax.baselines.terminal import print_curve
 from rearl_jax.baselines.training import CHECKPOINT, Training, curve_table, train
 from rearl_jax.baselines.weights import weights_file
 from rearl_jax.config import TrainPpoTask
-from rearl_jax.config.core import Precision
 from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
-
-log = logging.getLogger(__name__)
+from rearl_jax.runtime import set_precision
 
 WEIGHTS = "weights.eqx"
 """The trained policy."""
@@ -30,13 +24,10 @@ def run(config: TrainPpoTask) -> dict:
     Raises:
         ValueError: The weights have become infinite.
     """
-    if config.core.dtype is Precision.float64:
-        jax.config.update("jax_enable_x64", True)
+    set_precision(config.core.dtype)
     study = Study(config.results.root, config.study, config, "train ppo")
-    if config.results.resume and (stored := study.finished_summary()) is not None:
-        log.info("finished before: %s", study.path)
+    if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
-    study.write_config()
     with progress_bar() as bar:
         training = train(config, study, shown(bar, "updates"))
     batch = config.ppo.batch(config.core.n_vehicles)

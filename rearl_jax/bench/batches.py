@@ -1,7 +1,7 @@
 """One compiled call is one batch: the cost of a program that takes a batch of scenarios and returns at its end."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Key
 
-from rearl_jax.bench.measurement import TICKS_PER_SECOND, Measurement, Stopwatch
+from rearl_jax.bench.measurement import Measurement, Stopwatch, take_stock
 from rearl_jax.core.rollout import Frames
 from rearl_jax.decision.loop import Decisions
 
@@ -67,24 +67,14 @@ class Batches:
         if n_scenarios % self._batch:
             raise ValueError(f"n_scenarios = {n_scenarios} is no multiple of the batch of {self._batch}")
         watch = Stopwatch()
-        crashed = lane_changes = 0
-        speed_sum = 0.0
+        chunks = self._timed_batches(n_scenarios, seed, watch)
+        n_vehicles, seconds = self._n_vehicles, self._seconds
+        return take_stock(chunks, watch, n_scenarios=n_scenarios, n_vehicles=n_vehicles, seconds=seconds)
+
+    def _timed_batches(self, n_scenarios: int, seed: int, watch: Stopwatch) -> Iterator[Frames]:
+        """Frames as NumPy arrays, batch by batch; the watch runs during the call alone."""
         for keys in jax.random.split(jax.random.key(seed), (n_scenarios // self._batch, self._batch)):
             inputs = jax.block_until_ready(self._prepare(keys))
             with watch:
                 outputs = jax.block_until_ready(self._run(inputs))
-            frames = jax.tree.map(np.asarray, self._subject.frames(inputs, outputs))
-            crashed += int(np.count_nonzero(frames.crashed[-1]))
-            lane_changes += int(np.count_nonzero(np.diff(frames.lane, axis=0)))
-            speed_sum += float(np.sum(frames.speed[-1], dtype=np.float64))
-        n_agents = n_scenarios * self._n_vehicles
-        return Measurement(
-            n_scenarios=n_scenarios,
-            seconds=self._seconds,
-            n_substeps=n_agents * self._seconds * TICKS_PER_SECOND,
-            cpu_s=watch.cpu_s,
-            wall_s=watch.wall_s,
-            mean_speed=speed_sum / n_agents,
-            lane_changes=lane_changes,
-            crashed=crashed,
-        )
+            yield jax.tree.map(np.asarray, self._subject.frames(inputs, outputs))

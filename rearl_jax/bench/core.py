@@ -12,10 +12,11 @@ from rearl_jax.bench.figure import draw_costs
 from rearl_jax.bench.measurement import Measurement
 from rearl_jax.bench.results import BenchResults, Series
 from rearl_jax.bench.sessions import OURS, Absent, Session, open_sessions, start_ours
-from rearl_jax.bench.terminal import print_results, progress_bar
+from rearl_jax.bench.terminal import print_results
 from rearl_jax.bench.turns import Report, take_turns, warm_up
 from rearl_jax.config import BenchCoreTask
 from rearl_jax.config.bench import BenchConfig
+from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 
 N_PROGRAMS = 5

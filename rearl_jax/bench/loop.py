@@ -6,7 +6,6 @@ traffic of Base and the work of the policy; and the loop that is triggered every
 consecutive decision steps, whole and in parts. No data are read: the references are synthetic.
 """
 
-import logging
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -25,17 +24,13 @@ from rearl_jax.config.bench import BenchLoopConfig
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 
-log = logging.getLogger(__name__)
-
 
 def run(config: BenchLoopTask) -> dict:
     """The summary of the measurements, after writing table, figure, configuration and summary."""
     loop = config.loop
     study = Study(config.results.root, config.study, config, "bench loop")
-    if config.results.resume and (stored := study.finished_summary()) is not None:
-        log.info("finished before: %s", study.path)
+    if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
-    study.write_config()
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     with progress_bar() as progress:
         bar = progress.add_task("starting", total=count_steps(loop))

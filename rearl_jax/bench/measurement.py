@@ -2,11 +2,16 @@
 
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from rearl_jax.core.rollout import Frames
 
 TICKS_PER_SECOND = 15
 """Steps per simulated second. Source: highway-env 1.12.1."""
@@ -78,6 +83,38 @@ class Stopwatch:
     ) -> None:
         self.cpu_s += time.process_time() - self._cpu
         self.wall_s += time.perf_counter() - self._wall
+
+
+def take_stock(
+    chunks: "Iterable[Frames]", watch: Stopwatch, *, n_scenarios: int, n_vehicles: int, seconds: int
+) -> Measurement:
+    """What our own core simulated, chunk by chunk, and what the watch says when the last chunk is there.
+
+    Args:
+        chunks: Frames as NumPy arrays; the watch runs while one is made.
+        watch: Measures.
+        n_scenarios: Scenarios in all chunks.
+        n_vehicles: Vehicles per scenario.
+        seconds: Simulated time [s].
+    """
+    crashed = lane_changes = 0
+    speed_sum = 0.0
+    for frames in chunks:
+        crashed += int(np.count_nonzero(frames.crashed[-1]))
+        lane_changes += int(np.count_nonzero(np.diff(frames.lane, axis=0)))
+        speed_sum += float(np.sum(frames.speed[-1], dtype=np.float64))
+    n_agents = n_scenarios * n_vehicles
+    return Measurement(
+        n_scenarios=n_scenarios,
+        seconds=seconds,
+        n_substeps=n_agents * seconds * TICKS_PER_SECOND,
+        cpu_s=watch.cpu_s,
+        wall_s=watch.wall_s,
+        mean_speed=speed_sum / n_agents,
+        lane_changes=lane_changes,
+        crashed=crashed,
+        peak_memory_bytes=peak_memory_bytes(),
+    )
 
 
 def peak_memory_bytes() -> int | None:

@@ -3,10 +3,9 @@
 from collections.abc import Iterator
 
 import jax
-import numpy as np
 from jaxtyping import Array, Key
 
-from rearl_jax.bench.measurement import TICKS_PER_SECOND, Measurement, Stopwatch, peak_memory_bytes
+from rearl_jax.bench.measurement import TICKS_PER_SECOND, Measurement, Stopwatch, take_stock
 from rearl_jax.core.batch import ScenarioMap, chunk_for
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import Frames, rollout
@@ -50,24 +49,9 @@ class Rollouts:
         return self._measure(n_scenarios, seed, Stopwatch())
 
     def _measure(self, n_scenarios: int, seed: int, watch: Stopwatch) -> Measurement:
-        crashed = lane_changes = 0
-        speed_sum = 0.0
-        for frames in self._timed_chunks(n_scenarios, seed, watch):
-            crashed += int(np.count_nonzero(frames.crashed[-1]))
-            lane_changes += int(np.count_nonzero(np.diff(frames.lane, axis=0)))
-            speed_sum += float(np.sum(frames.speed[-1], dtype=np.float64))
-        n_agents = n_scenarios * self._n_vehicles
-        return Measurement(
-            n_scenarios=n_scenarios,
-            seconds=self._seconds,
-            n_substeps=n_agents * self._seconds * TICKS_PER_SECOND,
-            cpu_s=watch.cpu_s,
-            wall_s=watch.wall_s,
-            mean_speed=speed_sum / n_agents,
-            lane_changes=lane_changes,
-            crashed=crashed,
-            peak_memory_bytes=peak_memory_bytes(),
-        )
+        chunks = self._timed_chunks(n_scenarios, seed, watch)
+        n_vehicles, seconds = self._n_vehicles, self._seconds
+        return take_stock(chunks, watch, n_scenarios=n_scenarios, n_vehicles=n_vehicles, seconds=seconds)
 
     def _timed_chunks(self, n_scenarios: int, seed: int, watch: Stopwatch) -> Iterator[Frames]:
         """Frames as NumPy arrays, chunk by chunk; the watch runs while one is computed and copied."""

@@ -1,9 +1,4 @@
-"""The benchmark in the terminal: a bar while it runs, then a table and what it does not show."""
-
-import sys
-
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+"""The benchmark in the terminal: a table and what it does not show."""
 
 from rearl_jax.bench.results import BenchResults, Series
 from rearl_jax.bench.sessions import C_ALL, OURS
@@ -16,12 +11,6 @@ _TITLES = {OURS: "rearl_jax", "c": "C, one thread", C_ALL: "C, all cores", "high
 
 _SPEEDS = ("M/CPU-s", "M/s", "ours/it", "from", "to")
 _TRAFFIC = ("scenarios", "s", "changes", "crashed", "m/s")
-
-
-def progress_bar() -> Progress:
-    """A progress bar on standard error; silent where that is no terminal."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True)
 
 
 def print_results(results: BenchResults) -> None:

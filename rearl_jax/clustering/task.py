@@ -34,10 +34,8 @@ def run(config: ClusterTask) -> dict:
     builder = ReferenceBuilder(config)
     generated = is_generated(config.data)
     study = Study(config.results.root, config.study, config, "cluster", builder.data_id, generated=generated)
-    if config.results.resume and (stored := study.finished_summary()) is not None:
-        log.info("finished before: %s", study.path)
+    if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
-    study.write_config()
     begin = time.perf_counter()
     with progress_bar() as bar:
         reading = bar.add_task("recordings", total=count_recordings(config.data))

@@ -53,7 +53,7 @@ def speed_histogram(config: EvaluateTask, evaluation: Evaluation) -> bytes:
 
 def errors_over_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     """Hellinger distance, spacing error and mean spacing by second, with bands."""
-    error = f"mape_{config.mape.definition.name.lower()}"
+    error = config.mape.column
     figure, axes = drawing.panels(6.4, 7.2, rows=3, generated=evaluation.scenes.generated)
     method = evaluation.rows[0]
     compared = [(method, _METHOD), (evaluation.row(REAL_VS_REAL), _OTHER)]

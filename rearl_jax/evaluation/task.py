@@ -10,11 +10,8 @@ row per rollout and second, where a policy intervenes), `requests.parquet` (one 
 import logging
 from dataclasses import replace
 
-import jax
-
 from rearl_jax.baselines.weights import load_policy
 from rearl_jax.config import EvaluateTask
-from rearl_jax.config.core import Precision
 from rearl_jax.config.evaluation import Method
 from rearl_jax.data.recordings import data_id, is_generated
 from rearl_jax.data.splits import Split
@@ -29,6 +26,7 @@ from rearl_jax.evaluation.runner import evaluate
 from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
+from rearl_jax.runtime import set_precision
 
 log = logging.getLogger(__name__)
 
@@ -45,8 +43,7 @@ def run(config: EvaluateTask) -> dict:
             f"hist.window = {config.hist.window} s is longer than a scene of {config.scenes.seconds} s: set it to "
             f"{config.scenes.seconds} or less"
         )
-    if config.core.dtype is Precision.float64:
-        jax.config.update("jax_enable_x64", True)
+    set_precision(config.core.dtype)
     study = Study(
         config.results.root,
         config.study,
@@ -55,10 +52,8 @@ def run(config: EvaluateTask) -> dict:
         inputs_id(config),
         generated=is_generated(config.data),
     )
-    if config.results.resume and (stored := study.finished_summary()) is not None:
-        log.info("finished before: %s", study.path)
+    if (stored := study.begin(resume=config.results.resume)) is not None:
         return {"rows": stored}
-    study.write_config()
     with progress_bar() as bar:
         acts = config.method.needs_references
         inputs = read_inputs(config, study, bar, with_references=acts)

@@ -7,10 +7,8 @@ Writes `base_values.parquet` (one row per value), `fig7.parquet` (one row per pe
 from functools import partial
 from typing import Any
 
-import jax
-
 from rearl_jax.config import StudyFig7Task
-from rearl_jax.config.core import Precision
+from rearl_jax.console import generated_mark
 from rearl_jax.data.recordings import data_id, is_generated
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.layout import data_sources
@@ -19,6 +17,7 @@ from rearl_jax.evaluation.percentiles import BaseValues
 from rearl_jax.metrics.histograms import legacy_scale
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
+from rearl_jax.runtime import set_precision
 from rearl_jax.study import differences
 from rearl_jax.study.published import (
     N_THRESHOLD_SCENES,
@@ -42,8 +41,7 @@ def run(config: StudyFig7Task) -> dict:
     Raises:
         FileNotFoundError, ValueError: There are no recordings, one is bad, or too few scenes can be cut from them.
     """
-    if config.core.dtype is Precision.float64:
-        jax.config.update("jax_enable_x64", True)
+    set_precision(config.core.dtype)
     generated = is_generated(config.data)
     study = Study(config.results.root, config.study, config, "study fig7", data_id(config.data), generated=generated)
     study.write_config()
@@ -136,7 +134,7 @@ def _draw(config: StudyFig7Task, base: BaseValues, *, generated: bool) -> dict[s
     from rearl_jax.sweep.figures import cumulative
 
     scale = legacy_scale(config.hist)
-    note = " (GENERATED recordings)" if generated else ""
+    note = generated_mark(generated)
     title = f"Base on {len(base.scene)} threshold scenes x {config.eval.n_runs} runs{note}"
     published = ({percentile: value / scale for percentile, value in THRESHOLDS_H.items()}, THRESHOLDS_MAPE)
     return {"fig7": cumulative(base, config.sweep, title, published)}

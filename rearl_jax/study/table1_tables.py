@@ -57,9 +57,8 @@ def _lines(results: Results) -> Iterator[Line]:
         yield _line(item, item.method, item.row.title)
         if item.row.paper is not None and (following is None or following.row.paper != item.row.paper):
             for name in _group(item.row.paper):
-                cells = (paper_figure(TABLE1[name], metric) for metric in TITLES_OF_METRICS)
-                texts = (Cell(NONE if value is None else f"{value:g}") for value in cells)
-                yield Line(f"paper: {TABLE1[name].title}", tuple(texts), is_paper=True)
+                cells = (_paper_cell(TABLE1[name], metric) for metric in TITLES_OF_METRICS)
+                yield Line(f"paper: {TABLE1[name].title}", tuple(cells), is_paper=True)
     for name in REFERENCES:
         yield _line(results.reference, name, TITLES[name])
 
@@ -67,6 +66,11 @@ def _lines(results: Results) -> Iterator[Line]:
 def _group(paper: str) -> list[str]:
     """The paper's rows of the same method: all language models of REARL together."""
     return [name for name in TABLE1 if name.partition("_")[0] == paper.partition("_")[0]]
+
+
+def _paper_cell(row: PublishedRow, metric: str) -> Cell:
+    value = paper_figure(row, metric)
+    return Cell(NONE if value is None else short(value, metric))
 
 
 def _line(item: Evaluated, method: str, title: str) -> Line:

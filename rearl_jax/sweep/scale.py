@@ -6,19 +6,16 @@ on where it was.
 """
 
 import json
-import logging
 import math
 import os
 from dataclasses import asdict, replace
 
-import jax
 import numpy as np
 import pandas as pd
 from rich.progress import Progress
 
 from rearl_jax import runtime
 from rearl_jax.config import SweepScaleTask
-from rearl_jax.config.core import Precision
 from rearl_jax.config.evaluation import SeedScope
 from rearl_jax.data.recordings import is_generated
 from rearl_jax.data.scene_set import SceneSet
@@ -32,13 +29,12 @@ from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.evaluation.task import inputs_id
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
+from rearl_jax.runtime import set_precision
 from rearl_jax.sweep.parts import finished_parts, run_columns, write_runs
 from rearl_jax.sweep.scale_costs import batch_costs
 from rearl_jax.sweep.scale_progress import StreamLog, shown_with_rate
 from rearl_jax.sweep.scale_results import ScaleResults
 from rearl_jax.sweep.scale_terminal import print_scale
-
-log = logging.getLogger(__name__)
 
 
 def run(config: SweepScaleTask) -> dict:
@@ -51,14 +47,11 @@ def run(config: SweepScaleTask) -> dict:
     config.check()
     if config.eval.seed_scope is not SeedScope.run_x_scene:
         raise ValueError("every rollout is scored against its own scene: set eval.seed_scope=run_x_scene")
-    if config.core.dtype is Precision.float64:
-        jax.config.update("jax_enable_x64", True)
+    set_precision(config.core.dtype)
     generated = is_generated(config.data)
     study = Study(config.results.root, config.study, config, "sweep scale", inputs_id(config), generated=generated)
-    if config.results.resume and (stored := study.finished_summary()) is not None:
-        log.info("finished before: %s", study.path)
+    if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
-    study.write_config()
     with progress_bar() as bar:
         results = _measured(config, study, bar, generated=generated)
     print_scale(results)

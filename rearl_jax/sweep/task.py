@@ -5,16 +5,14 @@ per pair, scene and run), `table3.parquet` (one row per pair), two PNG figures, 
 `summary.json`. A killed study goes on where it was.
 """
 
-import logging
 from functools import partial
 
-import jax
 import numpy as np
 import pandas as pd
 
 from rearl_jax.config import SweepThresholdsTask
-from rearl_jax.config.core import Precision
 from rearl_jax.config.evaluation import Method, SeedScope
+from rearl_jax.console import generated_mark
 from rearl_jax.data.recordings import data_id, is_generated
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.rollouts import Rollouts
@@ -22,12 +20,11 @@ from rearl_jax.evaluation.scores import Scores
 from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
+from rearl_jax.runtime import set_precision
 from rearl_jax.sweep import terminal
 from rearl_jax.sweep.base_values import kept_base_values
 from rearl_jax.sweep.pairs import Pair, choose, pair_table, scene_means, threshold_pairs
 from rearl_jax.sweep.parts import RUNS, run_columns, write_runs
-
-log = logging.getLogger(__name__)
 
 FIGURES = ("h", "mape_a", "mape_b", "mape_c", "thw", "lcr", "collisions")
 """Metrics of the table beside the two that decide."""
@@ -44,16 +41,13 @@ def run(config: SweepThresholdsTask) -> dict:
         raise ValueError("a sweep scores every rollout against its own scene: set eval.seed_scope=run_x_scene")
     if config.method is not Method.rearl:
         raise ValueError(f"method={config.method.name} has no thresholds: set method=rearl")
-    if config.core.dtype is Precision.float64:
-        jax.config.update("jax_enable_x64", True)
+    set_precision(config.core.dtype)
     generated = is_generated(config.data)
     study = Study(
         config.results.root, config.study, config, "sweep thresholds", data_id(config.data), generated=generated
     )
-    if config.results.resume and (stored := study.finished_summary()) is not None:
-        log.info("finished before: %s", study.path)
+    if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
-    study.write_config()
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=True)
         scenes, splits = inputs.scenes, inputs.splits
@@ -99,7 +93,7 @@ def run(config: SweepThresholdsTask) -> dict:
         "lead_high": choice.lead_high,
         "is_distinguishable": choice.is_distinguishable,
     }
-    note = " (GENERATED recordings)" if generated else ""
+    note = generated_mark(generated)
     terminal.print_pairs(config, pairs, table, choice, base, base_means, note)
 
     # Only now, so that nobody waits for matplotlib to see the table.
