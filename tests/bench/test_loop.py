@@ -126,6 +126,7 @@ def test_references_have_the_shapes_of_a_study_and_follow_from_the_seed():
     assert (np.asarray(other.speed) != speed).any()
 
 
+@pytest.mark.slow
 def test_worker_serves_a_program():
     session = WorkerSession("decision_steps", name=DETECTION, **SCENE)
     try:

@@ -14,6 +14,7 @@ from rearl_jax.config.bench import BenchRequestsConfig
 from tests.llm.stub import Stub
 
 
+@pytest.mark.slow
 def test_questions_are_those_of_a_closed_loop_and_all_different():
     questions = make_questions(90, seed=0)
     texts = [question.messages[-1].text for question in questions]

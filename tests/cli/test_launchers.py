@@ -80,9 +80,8 @@ def unmeasured(file: Path) -> object:
     return [{key: value for key, value in row.items() if key != "seconds"} for row in json.loads(file.read_text())]
 
 
-@pytest.mark.parametrize(
-    "launcher", ["ray", *(pytest.param(name, marks=pytest.mark.slow) for name in ("joblib", "submitit_local"))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("launcher", ["joblib", "ray", "submitit_local"])
 def test_every_launcher_gives_the_same_rows(one_after_another, tmp_path, launcher):
     done = multirun(tmp_path / "side", "eval.n_runs=1", "eval.seed=0,1", f"hydra/launcher={launcher}")
     assert done.code == 0, done.error

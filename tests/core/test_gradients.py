@@ -13,6 +13,8 @@ from rearl_jax.core.rollout import rollout
 from tests.core import scenes, simulation
 from tests.core.scenes import car_on
 
+pytestmark = pytest.mark.slow  # a minute of compiling
+
 MODEL = TrafficModel(n_lanes=2)
 ROAD = scenes.Road(n_lanes=2)
 N_SECONDS, N_VEHICLES = 3, 4
@@ -101,7 +103,6 @@ def test_reverse_mode_is_the_finite_difference(gradient, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.slow
 def test_reverse_mode_is_forward_mode(gradient, name):
     _, forward = programs(np.float64)
     tangent = {key: jnp.full(4, float(key == name)) for key in NAMES}
@@ -114,7 +115,6 @@ def test_gradients_are_finite_with_crashes_and_at_standstill(gradient):
         assert abs(gradient[1][name][CRASH]) > 0
 
 
-@pytest.mark.slow
 def test_gradients_in_single_precision(gradient):
     reverse, _ = programs(np.float32)
     _, single = reverse(parameters(np.float32))

@@ -184,6 +184,7 @@ def test_batch_and_padding_change_nothing(dtype):
         np.testing.assert_allclose(a, b, rtol=0, atol=TOLERANCES[dtype]["push"], err_msg=name)
 
 
+@pytest.mark.slow
 def test_one_tick_without_compilation():
     traffic = stress_traffic(30, N_VEHICLES)
     for cars in traffic:

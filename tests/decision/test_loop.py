@@ -95,6 +95,7 @@ def test_scenarios_do_not_depend_on_their_place_in_the_batch(start, table, model
         np.testing.assert_array_equal(a, b[..., order])
 
 
+@pytest.mark.slow
 def test_a_drawn_reference_belongs_to_the_rollout_for_its_whole_time(start, table, lean, matched):
     """Whatever the policy and whoever else is in the batch."""
     from rearl_jax.config.decision import PolicyName
