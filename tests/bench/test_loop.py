@@ -40,6 +40,7 @@ def traffic(run):
     return run.n_scenarios, run.mean_speed, run.lane_changes, run.crashed
 
 
+@pytest.mark.slow
 def test_only_the_triggered_loop_changes_the_traffic_of_base(programs):
     runs = {name: program.measure(20 * BATCH, 5) for name, program in programs.items()}
     base = runs[BASE]
@@ -51,6 +52,7 @@ def test_only_the_triggered_loop_changes_the_traffic_of_base(programs):
     assert traffic(programs[BASE].measure(20 * BATCH, 6)) != traffic(base)
 
 
+@pytest.mark.slow
 def test_asked_are_all_who_drive_or_nobody(programs):
     shares = {name: program.facts["asked_share"] for name, program in programs.items()}
     # The first second follows no decision.
@@ -58,6 +60,7 @@ def test_asked_are_all_who_drive_or_nobody(programs):
     assert [shares[name] for name in (BASE, NEVER, "rank_quiet")] == [0, 0, 0]
 
 
+@pytest.mark.slow
 def test_the_compiler_leaves_out_the_policy_only_where_it_cannot_be_needed(programs):
     operations = {name: program._run.cost_analysis()["flops"] for name, program in programs.items()}
     assert operations[BASE] < operations[NEVER] < operations["rank_quiet"]
@@ -65,6 +68,7 @@ def test_the_compiler_leaves_out_the_policy_only_where_it_cannot_be_needed(progr
     assert operations["rank_quiet"] > 0.9 * operations["rank"]
 
 
+@pytest.mark.slow
 def test_only_whole_batches_are_measured(programs):
     with pytest.raises(ValueError, match=r"10 is no multiple of the batch of 4"):
         programs[BASE].measure(10, 0)
