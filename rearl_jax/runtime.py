@@ -8,6 +8,7 @@ import platform
 import subprocess
 import sys
 import warnings
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -53,6 +54,17 @@ def cache_folder() -> Path:
     """The folder of compiled programs: `rearl_jax/jax` in XDG_CACHE_HOME, or in ~/.cache without it."""
     base = os.environ.get("XDG_CACHE_HOME")
     return (Path(base) if base else Path.home() / ".cache") / "rearl_jax" / "jax"
+
+
+def load_average() -> float | None:
+    """Processes that wanted a core in the last minute, on average; None where the system does not tell."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+
+
+def machine_line(machine: Mapping[str, str | int | float], load: float | None) -> str:
+    """What people read of a machine as `describe_machine` has it, and of its load before a measurement."""
+    said = "" if load is None else f", load {load:.1f} at the start"
+    return f"{machine['cpu_model']}, {machine['cpu_cores']} cores, jax {machine['jax_version']}{said}"
 
 
 def describe_machine() -> dict[str, str | int | float]:

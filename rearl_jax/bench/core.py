@@ -5,8 +5,6 @@ in the reverse order the next time, so that other load on the machine meets all 
 a repetition, and the median over repetitions is the result.
 """
 
-import os
-
 from rearl_jax import runtime
 from rearl_jax.bench.figure import draw_costs
 from rearl_jax.bench.measurement import Measurement
@@ -28,7 +26,7 @@ def run(config: BenchCoreTask) -> dict:
     bench = config.bench
     study = Study(config.results.root, config.study, config, "bench core")
     study.write_config()
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    load = runtime.load_average()
     steps_per_number = N_PROGRAMS * (bench.repetitions + 1)
     n_steps = len(bench.vehicles) * steps_per_number + (bench.memory_rollouts > 0)
     series: list[Series] = []

@@ -6,7 +6,6 @@ traffic of Base and the work of the policy; and the loop that is triggered every
 consecutive decision steps, whole and in parts. No data are read: the references are synthetic.
 """
 
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import Any
@@ -31,7 +30,7 @@ def run(config: BenchLoopTask) -> dict:
     study = Study(config.results.root, config.study, config, "bench loop")
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    load = runtime.load_average()
     with progress_bar() as progress:
         bar = progress.add_task("starting", total=count_steps(loop))
 

@@ -8,6 +8,7 @@ from rearl_jax.bench.loop_programs import BASE, DECISION, DETECTION, LOOP, NEVER
 from rearl_jax.bench.loop_results import GOAL, PAPER_MS, LoopResults
 from rearl_jax.bench.results import Spread
 from rearl_jax.console import print_notes, standard_output, titled_table
+from rearl_jax.runtime import machine_line
 
 _WIDTH = 118
 """Columns the whole table needs; a narrower terminal gets it without least and greatest ratios."""
@@ -92,9 +93,7 @@ def _notes(results: LoopResults) -> list[str]:
             "decision steps: one call after a warm-up; detection alone and decision alone look at recorded traffic",
             "published: on other machines, and of an ambiguous unit (per step or per 10 steps); no ratio can be taken",
         ]
-    machine = results.machine
-    load = "" if results.load_average is None else f", load {results.load_average:.1f} at the start"
-    lines.append(f"{machine['cpu_model']}, {machine['cpu_cores']} cores, jax {machine['jax_version']}{load}")
+    lines.append(machine_line(results.machine, results.load_average))
     return lines
 
 

@@ -4,10 +4,8 @@ Within a repetition the two ask one after the other, in the reverse order the ne
 questions, so that nobody finds prefixes that the other has left behind; the ratio is taken within a repetition.
 """
 
-import os
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -15,6 +13,7 @@ from dataclasses import replace
 from rearl_jax import runtime
 from rearl_jax.bench.fresh_client import fresh_client
 from rearl_jax.bench.load_generator import send_all
+from rearl_jax.bench.measurement import Stopwatch
 from rearl_jax.bench.real_questions import make_questions
 from rearl_jax.bench.requests_results import Asking, Burst, RequestsResults
 from rearl_jax.bench.requests_terminal import print_results
@@ -39,7 +38,7 @@ def run(config: BenchRequestsTask) -> dict:
     requests = config.requests
     study = Study(config.results.root, config.study, config, "bench requests")
     study.write_config()
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    load = runtime.load_average()
     fixed = real = None
     with progress_bar() as bar:
         with _slow_server(requests.latency, requests.slots) as address:
@@ -82,9 +81,9 @@ def measure(
 
 def _through_client(client: Client, llm: LlmConfig, questions: list[Question]) -> Burst:
     """What our client takes for all answers, kept in its file and listed in its table."""
-    wall, cpu = time.perf_counter(), time.process_time()
-    answers = client.submit(questions).result()
-    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    watch = Stopwatch()
+    with watch:
+        answers = client.submit(questions).result()
     missing = sum(answer.replies[0].text is None for answer in answers)
     if missing:
         causes = sorted({answer.cause.name for answer in answers if answer.cause is not Cause.answered})
@@ -96,7 +95,7 @@ def _through_client(client: Client, llm: LlmConfig, questions: list[Question]) -
         None if any(value is None for value in values) else sum(value for value in values if value is not None)
         for values in ([reply.prompt_tokens for reply in replies], [reply.cached_tokens for reply in replies])
     )
-    return Burst(len(questions), wall, cpu, prompt, cached)
+    return Burst(len(questions), watch.wall_s, watch.cpu_s, prompt, cached)
 
 
 def _plainly(client: Client, llm: LlmConfig, questions: list[Question]) -> Burst:
@@ -113,9 +112,10 @@ def _plainly(client: Client, llm: LlmConfig, questions: list[Question]) -> Burst
         )
         for question in questions
     ]
-    wall, cpu = time.perf_counter(), time.process_time()
-    send_all(client.address, bodies, llm.max_in_flight)
-    return Burst(len(questions), time.perf_counter() - wall, time.process_time() - cpu)
+    watch = Stopwatch()
+    with watch:
+        send_all(client.address, bodies, llm.max_in_flight)
+    return Burst(len(questions), watch.wall_s, watch.cpu_s)
 
 
 @contextmanager

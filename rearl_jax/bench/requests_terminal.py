@@ -4,6 +4,7 @@ from rich.table import Table
 
 from rearl_jax.bench.requests_results import Asking, RequestsResults
 from rearl_jax.console import print_notes, standard_output, titled_table
+from rearl_jax.runtime import machine_line
 
 _WIDTH = 118
 """Columns the table needs."""
@@ -55,7 +56,5 @@ def _notes(results: RequestsResults) -> list[str]:
         if prompt and cached is not None:
             share = f"; {100 * cached / prompt:.0f} % of {prompt:,} prompt tokens from its prefix cache"
         lines.append(f"{results.requests.server}: {results.real.model}{share}")
-    load = "" if results.load_average is None else f", load {results.load_average:.1f} at the start"
-    machine = results.machine
-    lines.append(f"{machine['cpu_model']}, {machine['cpu_cores']} cores{load}")
+    lines.append(machine_line(results.machine, results.load_average))
     return lines

@@ -3,6 +3,7 @@
 from rearl_jax.bench.results import BenchResults, Series
 from rearl_jax.bench.sessions import C_ALL, OURS
 from rearl_jax.console import print_notes, standard_output, titled_table
+from rearl_jax.runtime import machine_line
 
 _WIDTH = 110
 """Columns the whole table needs; a narrower terminal gets it without what happened in the traffic."""
@@ -60,7 +61,6 @@ def _notes(results: BenchResults) -> list[str]:
     ours = [item for n in results.numbers if (item := results.find(OURS, n)) is not None]
     compiled = ", ".join(f"{item.facts['compile_s']:.1f}" for item in ours)
     chunks = ", ".join(f"{item.facts['chunk']}" for item in ours)
-    machine = results.machine
     lines = [
         "Medians. Ratios: within a repetition, per CPU-second; for C on all cores per elapsed second.",
         "Changes of lane per vehicle and minute, vehicles crashed by the end, mean speed at the end.",
@@ -74,7 +74,6 @@ def _notes(results: BenchResults) -> list[str]:
     if results.memory is not None and peak is not None:
         run = results.memory
         lines.append(f"{run.n_scenarios:,} rollouts of {run.seconds} s: {peak:.2f} GiB, {run.wall_s:.1f} s")
-    load = "" if results.load_average is None else f", load {results.load_average:.1f} at the start"
-    lines.append(f"{machine['cpu_model']}, {machine['cpu_cores']} cores, jax {machine['jax_version']}{load}")
+    lines.append(machine_line(results.machine, results.load_average))
     lines += [f"absent: {item.program} ({item.reason}); {item.remedy}" for item in results.absent]
     return lines

@@ -125,6 +125,11 @@ class EvaluateTask:
     critical: CriticalConfig = _group(CriticalConfig)
     eval: EvaluationConfig = _group(EvaluationConfig)
 
+    @property
+    def seeds(self) -> str:
+        """Seeds of the rollouts and of the held-out scenes, as the metadata of every table names them."""
+        return f"eval.seed={self.eval.seed}, split.seed={self.split.seed}"
+
 
 @dataclass(unsafe_hash=True)
 class SweepThresholdsTask(EvaluateTask):

@@ -221,7 +221,7 @@ def _less_base_note(config: EvaluateTask, estimates: Mapping[tuple[str, str], Es
 def metadata(config: EvaluateTask, evaluation: Evaluation) -> dict[str, str]:
     """What the schema of every table says besides its provenance."""
     return {
-        "seeds": f"eval.seed={config.eval.seed}, split.seed={config.split.seed}",
+        "seeds": config.seeds,
         "scenes_id": evaluation.scenes.data_id,
         "speed_min": str(evaluation.scenes.speed_min),
         "speed_max": str(evaluation.scenes.speed_max),

@@ -62,7 +62,7 @@ def run(config: StudyFig6Task) -> dict:
     for item in series:
         for metric in metrics:
             summary |= {f"{item.name}_{metric}_{third}": value for third, value in _thirds(item, metric).items()}
-    seeds = f"eval.seed={config.eval.seed}, split.seed={config.split.seed}"
+    seeds = config.seeds
     draw = partial(_draw, config, series, generated=generated)
     finish(study, "study fig6", config, report, _long(series, metrics), summary, draw, seeds=seeds)
     return summary

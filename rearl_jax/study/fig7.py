@@ -48,7 +48,7 @@ def run(config: StudyFig7Task) -> dict:
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=False)
         scenes, subset = inputs.scenes, inputs.splits.threshold
-        metadata = {"seeds": f"eval.seed={config.eval.seed}, split.seed={config.split.seed}"}
+        metadata = {"seeds": config.seeds}
         metadata |= {"scenes_id": scenes.data_id, "mape": config.mape.definition.name}
         base = kept_base_values(config, study, scenes, subset, metadata, shown(bar, "base"))
     records = percentile_records(config, base)

@@ -12,6 +12,7 @@ from typing import Any
 import pandas as pd
 
 from rearl_jax.clustering import task
+from rearl_jax.clustering.tables import seeds
 from rearl_jax.config import ClusterTask, StudyFig8Task
 from rearl_jax.data.recordings import data_id, is_generated
 from rearl_jax.data.scenes import PAPER_SCENES
@@ -71,8 +72,7 @@ def run(config: StudyFig8Task) -> dict:
         "references": found["references"],
     }
     draw = partial(_draw, folder, found, generated=generated)
-    seeds = f"kl.seed={config.kl.seed}, cluster.seed={config.cluster.seed}, split.seed={config.split.seed}"
-    finish(study, "study fig8", config, report, _long(found), summary, draw, seeds=seeds)
+    finish(study, "study fig8", config, report, _long(found), summary, draw, seeds=seeds(config))
     return summary
 
 

@@ -10,12 +10,10 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config import StudyTable3Task
-from rearl_jax.evaluation.estimates import intervals
+from rearl_jax.evaluation.estimates import BASE, intervals
 from rearl_jax.sweep.pairs import scene_means
 from rearl_jax.sweep.parts import RUNS
 from rearl_jax.sweep.task import FIGURES
-
-BASE = "base"
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ def run(config: StudyTable1Task) -> dict:
         captions={"table1": _CAPTION},
     )
     summary = summary_of(config, results, said)
-    metadata = {"seeds": f"eval.seed={config.eval.seed}, split.seed={config.split.seed}"}
+    metadata = {"seeds": config.seeds}
     finish(
         study,
         "study table1",

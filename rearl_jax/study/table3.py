@@ -71,7 +71,7 @@ def run(config: StudyTable3Task) -> dict:
         captions=_CAPTIONS,
     )
     summary = summary_of(config, results)
-    seeds = f"eval.seed={config.eval.seed}, split.seed={config.split.seed}"
+    seeds = config.seeds
     draw = partial(_draw, results, folder, generated=generated)
     finish(study, "study table3", config, report, long_pairs(results), summary, draw, seeds=seeds)
     return summary

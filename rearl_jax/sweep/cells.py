@@ -65,7 +65,7 @@ def collect(config: EvaluateTask, swept: list[dict[str, str]]) -> None:
         generated=generated,
     )
     study.write_config()
-    seeds = {"seeds": f"eval.seed={config.eval.seed}, split.seed={config.split.seed}"}
+    seeds = {"seeds": config.seeds}
     table = cell_table(cells)
     study.write_table("cells", table, **seeds)
     study.write_table("runs", run_table(cells), **seeds)

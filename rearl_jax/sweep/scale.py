@@ -7,7 +7,6 @@ on where it was.
 
 import json
 import math
-import os
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -67,7 +66,7 @@ def run(config: SweepScaleTask) -> dict:
 
 def _measured(config: SweepScaleTask, study: Study, bar: Progress, *, generated: bool) -> ScaleResults:
     """The batch sizes, then the stream; both are written."""
-    load_average = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    load_average = runtime.load_average()
     acts = config.method.needs_references
     inputs = read_inputs(config, study, bar, with_references=acts)
     scenes, splits, thresholds = inputs.scenes, inputs.splits, NEVER
@@ -77,7 +76,7 @@ def _measured(config: SweepScaleTask, study: Study, bar: Progress, *, generated:
     rollouts = list_rollouts(config, scenes, subset, inputs.references, thresholds)
     machine = runtime.describe_machine()
     metadata = {
-        "seeds": f"eval.seed={config.eval.seed}, split.seed={config.split.seed}",
+        "seeds": config.seeds,
         "scenes_id": scenes.data_id,
         "thresholds": json.dumps([str(value) for value in thresholds]),
     }

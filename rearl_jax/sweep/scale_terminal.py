@@ -1,6 +1,7 @@
 """The table of batch sizes and of the stream in the terminal."""
 
 from rearl_jax.console import print_notes, standard_output, titled_table
+from rearl_jax.runtime import machine_line
 from rearl_jax.sweep.scale_costs import BatchCost
 from rearl_jax.sweep.scale_results import ScaleResults
 
@@ -62,9 +63,7 @@ def _notes(results: ScaleResults) -> list[str]:
         notes.append("peak memory " + _span(memory, "peak_mib"))
     if memory["resident_mib_last_part"] is not None:
         notes.append("memory held at the end of a part " + _span(memory, "resident_mib"))
-    load = "" if results.load_average is None else f", load {results.load_average:.1f} at the start"
-    machine = results.machine
-    return [*notes, f"{machine['cpu_model']}, {machine['cpu_cores']} cores, jax {machine['jax_version']}{load}"]
+    return [*notes, machine_line(results.machine, results.load_average)]
 
 
 def _span(memory: dict[str, float | None], name: str) -> str:

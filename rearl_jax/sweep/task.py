@@ -53,7 +53,7 @@ def run(config: SweepThresholdsTask) -> dict:
         scenes, splits = inputs.scenes, inputs.splits
         assert inputs.clusters is not None  # asked for
         metadata = {
-            "seeds": f"eval.seed={config.eval.seed}, split.seed={config.split.seed}",
+            "seeds": config.seeds,
             "scenes_id": scenes.data_id,
             "mape": config.mape.definition.name,
             "references": ", ".join(map(str, inputs.clusters.reference_scenes)),
