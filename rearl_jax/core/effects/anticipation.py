@@ -1,0 +1,90 @@
+"""Effects of more than the gap and the speed of the one vehicle ahead."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rearl_jax.core.effects.effect import Effect, Parameter
+from rearl_jax.core.effects.stimulus import Stimulus
+from rearl_jax.core.gap_idm import FollowingParams, gap_interaction
+
+STRONGEST_SECOND = 9.0
+"""Bound of the second leader's squared ratio of gaps [-], for moments of careless driving."""
+
+
+class SeveralLeaders(Effect):
+    """The driver also keeps twice the distance to the leader's leader."""
+
+    weight: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "several_leaders"
+    equation: ClassVar[str] = "(s*/s)^2 -> (1 - w) (s*/s)^2 + w (s*_2 / (s_2 / 2))^2, s_2 the sum of the next two gaps"
+    source: ClassVar[str] = "after Treiber, Kesting & Helbing, Physica A 360 (2006) 71 (human driver model)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("weight", "-", "weight of the second leader", off=0.0, low=-0.5, high=1.0, scale=0.4),
+    )
+
+    def interaction(
+        self, value: Float[Array, "*n"], seen: Stimulus, memory: None, params: FollowingParams
+    ) -> Float[Array, "*n"]:
+        """The mean over both leaders, where there are two."""
+        dv = seen.speed - seen.second_speed
+        second = jnp.minimum(gap_interaction(seen.second_gap / 2, seen.speed, dv, params), STRONGEST_SECOND)
+        return value + self.weight * seen.has_second * seen.has_leader * (second - value)
+
+
+class LeaderAcceleration(Effect):
+    """The driver feels what the leader does before the speeds differ: brake lights."""
+
+    gain: Float[Array, "*#n"]
+    reach: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "leader_acceleration"
+    equation: ClassVar[str] = "a + gain a_leader exp(-s / reach)"
+    source: ClassVar[str] = "after Kesting, Treiber & Helbing, Phil. Trans. R. Soc. A 368 (2010) 4585 (ACC model)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gain", "-", "share of the leader's acceleration", off=0.0, low=-0.9, high=1.5, scale=0.4),
+        Parameter("reach", "m", "gap at which the gain has fallen to 1/e", 60.0, 15.0, 240.0, 30.0, is_strength=False),
+    )
+
+    def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """A share of the leader's acceleration is added."""
+        return value + self.gain * seen.has_leader * seen.leader_acceleration * jnp.exp(-seen.gap / self.reach)
+
+
+class Asymmetry(Effect):
+    """Braking for a slower leader is harder than accelerating after a faster one, or the other way round."""
+
+    gain: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "asymmetry"
+    equation: ClassVar[str] = "a - gain |dv|"
+    source: ClassVar[str] = "after Gong, Liu & Wang, Physica A 387 (2008) 2595 (asymmetric full velocity difference)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gain", "1/s", "part of the reaction that is even in dv", off=0.0, low=-0.5, high=0.5, scale=0.1),
+    )
+
+    def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """Less, whatever the sign of the approach rate."""
+        return value - self.gain * seen.has_leader * jnp.abs(seen.speed - seen.leader_speed)
+
+
+class LaneFriction(Effect):
+    """The driver is held back by slower vehicles on the lane beside."""
+
+    gain: Float[Array, "*#n"]
+    scale: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "lane_friction"
+    equation: ClassVar[str] = "a - gain tanh(max(0, v - v_beside) / scale)"
+    source: ClassVar[str] = "after Ponnu & Coifman, Transp. Res. B 97 (2017) 228 (adjacent-lane friction)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gain", "m/s^2", "deceleration beside much slower traffic", 0.0, -2.0, 3.0, 0.5),
+        Parameter("scale", "m/s", "speed difference at which it saturates", 5.0, 1.0, 15.0, 2.5, is_strength=False),
+    )
+
+    def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """Less beside slower vehicles."""
+        faster_by = jnp.maximum(seen.speed - seen.beside_speed, 0.0)
+        return value - self.gain * jnp.tanh(faster_by / self.scale)

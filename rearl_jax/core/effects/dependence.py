@@ -1,0 +1,60 @@
+"""An effect that no list holds: a term that depends on one thing a driver could react to, as a smooth curve."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rearl_jax.core.effects.effect import Effect, Parameter
+from rearl_jax.core.effects.stimulus import Stimulus
+
+VARIABLES = {
+    "time": ("s", lambda seen: seen.time),
+    "position": ("m", lambda seen: seen.position),
+    "lane": ("-", lambda seen: seen.lane),
+    "lateral_offset": ("m", lambda seen: jnp.abs(seen.lateral_offset)),
+    "speed": ("m/s", lambda seen: seen.speed),
+    "gap": ("m", lambda seen: jnp.minimum(seen.gap, 200.0)),
+    "approach_rate": ("m/s", lambda seen: seen.has_leader * (seen.speed - seen.leader_speed)),
+    "leader_acceleration": ("m/s^2", lambda seen: seen.has_leader * seen.leader_acceleration),
+    "length": ("m", lambda seen: seen.length),
+    "leader_length": ("m", lambda seen: seen.leader_length),
+    "second_gap": ("m", lambda seen: jnp.minimum(seen.second_gap, 300.0)),
+    "follower_gap": ("m", lambda seen: jnp.minimum(seen.follower_gap, 100.0)),
+    "speed_beside": ("m/s", lambda seen: jnp.clip(seen.speed - seen.beside_speed, -10.0, 15.0)),
+    "vehicles_beside": ("-", lambda seen: seen.n_beside),
+    "time_since_change": ("s", lambda seen: jnp.minimum(seen.time_since_change, 20.0)),
+}
+"""What a curve can depend on: its unit and where it is found; bounded where large values say nothing more."""
+
+
+def hat_weights(value: Float[Array, "*n"], knots: Float[Array, " knots"]) -> Float[Array, "knots *n"]:
+    """Weights of the values at equidistant knots in linear interpolation, constant beyond the outer knots [-]."""
+    step = knots[1] - knots[0]
+    inside = jnp.clip(value, knots[0], knots[-1])
+    place = knots.reshape(-1, *(1,) * inside.ndim)
+    return jnp.maximum(0.0, 1.0 - jnp.abs(inside[None] - place) / step)
+
+
+class Dependence(Effect):
+    """Acceleration depends on a variable in a way that was found, not named."""
+
+    kind: ClassVar[str] = "generic"
+
+    values: Float[Array, " knots"]
+    knots: Float[Array, " knots"]
+    variable: str = eqx.field(static=True)
+
+    name: ClassVar[str] = "dependence"
+    equation: ClassVar[str] = "a + curve(variable), piecewise linear between knots"
+    source: ClassVar[str] = "found in data"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("values", "m/s^2", "the curve at its knots", off=0.0, low=-5.0, high=5.0, scale=0.3),
+        Parameter("knots", "that of the variable", "equidistant", 0.0, -1e6, 1e6, 1.0, is_strength=False),
+    )
+
+    def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """More or less by the curve."""
+        weights = hat_weights(VARIABLES[self.variable][1](seen), self.knots)
+        return value + jnp.tensordot(self.values, weights, axes=1)

@@ -1,0 +1,87 @@
+"""What an effect is: something drivers do beyond car following, as hooks into the one traffic model.
+
+An effect is a record of its parameters; each parameter has a value at which the effect is off. Everything else is the
+identity unless the effect says otherwise. All hooks are element-wise and differentiable.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import equinox as eqx
+from jaxtyping import Array, Float, PyTree
+
+from rearl_jax.core.effects.stimulus import Stimulus
+from rearl_jax.core.gap_idm import FollowingParams
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect.
+
+    Attributes:
+        name: Field of the effect.
+        unit: In brackets in every text; "-" for none.
+        meaning: One line.
+        off: Value at which the effect is off, for a strength; a usual value for a shape.
+        low: Lower bound.
+        high: Upper bound.
+        scale: How far from `off` values are usually found, the standard deviation of a prior.
+        is_strength: Whether the effect is off where this (with the other strengths) is `off`; else it only shapes it.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    off: float
+    low: float
+    high: float
+    scale: float
+    is_strength: bool = True
+
+
+class Effect(eqx.Module):
+    """Base of all effects: every hook leaves things as they are.
+
+    Class attributes:
+        name: As in a model file and in a verdict.
+        kind: `driver`, `road`, `generic`.
+        equation: What it does, in one line.
+        source: Where the equation comes from.
+        parameters: Of the effect, in the order of its fields.
+    """
+
+    name: ClassVar[str]
+    kind: ClassVar[str] = "driver"
+    equation: ClassVar[str]
+    source: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]]
+
+    def begin(self, seen: Stimulus, params: FollowingParams, tick: float) -> PyTree:
+        """What is remembered at the start; None for an effect without memory."""
+        return None
+
+    def remember(self, memory: PyTree, seen: Stimulus, params: FollowingParams, tick: float) -> PyTree:
+        """What is remembered after this moment, which took `tick` [s]."""
+        return memory
+
+    def perceive(self, seen: Stimulus, memory: PyTree) -> Stimulus:
+        """What the driver takes the situation for."""
+        return seen
+
+    def desired_speed(self, value: Float[Array, "*n"], seen: Stimulus, memory: PyTree) -> Float[Array, "*n"]:
+        """Desired speed v0 [m/s]."""
+        return value
+
+    def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: PyTree) -> Float[Array, "*n"]:
+        """Desired time gap T [s]."""
+        return value
+
+    def interaction(
+        self, value: Float[Array, "*n"], seen: Stimulus, memory: PyTree, params: FollowingParams
+    ) -> Float[Array, "*n"]:
+        """Squared ratio of desired to actual gap [-]; `params` are the driver's as changed so far."""
+        return value
+
+    def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: PyTree) -> Float[Array, "*n"]:
+        """Acceleration [m/s^2], before its bounds."""
+        return value

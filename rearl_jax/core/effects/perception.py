@@ -1,0 +1,64 @@
+"""Effects on what a driver perceives."""
+
+import math
+from dataclasses import replace
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float, Int
+
+from rearl_jax.core.effects.effect import Effect, Parameter
+from rearl_jax.core.effects.stimulus import Stimulus
+from rearl_jax.core.gap_idm import FollowingParams
+
+LONGEST_DELAY = 1.5
+"""Longest reaction delay that is remembered [s]."""
+
+DELAYED = ("speed", "has_leader", "gap", "leader_speed")
+
+
+class ReactionDelay(Effect):
+    """The driver acts on the gap and the speeds of a moment ago. A negative delay is anticipation by extrapolation."""
+
+    delay: Float[Array, ""]
+
+    name: ClassVar[str] = "reaction_delay"
+    equation: ClassVar[str] = "a(t) = f(s, v, dv at t - delay)"
+    source: ClassVar[str] = "Treiber, Kesting & Helbing, Physica A 360 (2006) 71, eq. 9"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("delay", "s", "reaction time", off=0.0, low=-0.09, high=LONGEST_DELAY - 0.1, scale=0.5),
+    )
+
+    def begin(
+        self, seen: Stimulus, params: FollowingParams, tick: float
+    ) -> tuple[Int[Array, ""], Float[Array, "fields past *n"]]:
+        """The present as if it had always been so."""
+        length = math.ceil(LONGEST_DELAY / tick) + 2
+        now = _stacked(seen)
+        return jnp.zeros((), jnp.int32), jnp.broadcast_to(now[:, None], (len(DELAYED), length, *now.shape[1:]))
+
+    def remember(
+        self,
+        memory: tuple[Int[Array, ""], Float[Array, "fields past *n"]],
+        seen: Stimulus,
+        params: FollowingParams,
+        tick: float,
+    ) -> tuple[Int[Array, ""], Float[Array, "fields past *n"], Float[Array, "fields *n"]]:
+        """The past in a ring, and in it the moment `delay` ago, interpolated."""
+        count, past = memory[0], memory[1]
+        past = lax.dynamic_update_index_in_dim(past, _stacked(seen), count % past.shape[1], axis=1)
+        ticks = self.delay / tick
+        whole = jnp.floor(jnp.maximum(ticks, 0.0)).astype(jnp.int32)
+        share = ticks - whole
+        later = lax.dynamic_index_in_dim(past, (count - whole) % past.shape[1], axis=1, keepdims=False)
+        earlier = lax.dynamic_index_in_dim(past, (count - whole - 1) % past.shape[1], axis=1, keepdims=False)
+        return count + 1, past, later * (1 - share) + earlier * share
+
+    def perceive(self, seen: Stimulus, memory: tuple[Array, Array, Array]) -> Stimulus:
+        """The remembered moment in the place of the present."""
+        return replace(seen, **dict(zip(DELAYED, memory[2], strict=True)))
+
+
+def _stacked(seen: Stimulus) -> Float[Array, "fields *n"]:
+    return jnp.stack(jnp.broadcast_arrays(*(getattr(seen, name) for name in DELAYED)))

@@ -1,0 +1,158 @@
+"""Effects of the place and of the time: what the road and the weather do to everybody."""
+
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rearl_jax.core.effects.effect import Effect, Parameter
+from rearl_jax.core.effects.stimulus import Stimulus
+
+EDGE = 15.0
+"""Distance [m] over which a driver enters and leaves a section of the road."""
+
+NO_LIMIT = 100.0
+"""Speed [m/s] that limits nobody."""
+
+FAR_AWAY = 1.0e5
+"""Place [m] no section reaches."""
+
+_SECTION = (
+    Parameter("start", "m", "where the section begins", 0.0, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
+    Parameter("end", "m", "where it ends", FAR_AWAY, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
+)
+
+
+def inside(position: Float[Array, "*#n"], start: Float[Array, "*#n"], end: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+    """How far a vehicle is inside a section of the road, 0 to 1, smooth over EDGE."""
+    return jax.nn.sigmoid((position - start) / EDGE) * jax.nn.sigmoid((end - position) / EDGE)
+
+
+def limited(desired_speed: Float[Array, "*#n"], limit: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+    """The smaller of desired speed and limit [m/s], smooth over half a metre per second."""
+    return desired_speed - jax.nn.softplus(2.0 * (desired_speed - limit)) / 2.0
+
+
+class Grade(Effect):
+    """A slope, or any other place that holds everybody back or pushes everybody."""
+
+    kind: ClassVar[str] = "road"
+
+    push: Float[Array, "*#n"]
+    start: Float[Array, "*#n"]
+    end: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "grade"
+    equation: ClassVar[str] = "a + push between start and end; push = -g sin(slope)"
+    source: ClassVar[str] = "mechanics of the inclined plane"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("push", "m/s^2", "acceleration on the section", off=0.0, low=-2.0, high=2.0, scale=0.3),
+        *_SECTION,
+    )
+
+    def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """More downhill, less uphill."""
+        return value + self.push * inside(seen.position, self.start, self.end)
+
+
+class SpeedLimit(Effect):
+    """A section on which nobody wants to drive faster than a limit."""
+
+    kind: ClassVar[str] = "road"
+
+    limit: Float[Array, "*#n"]
+    start: Float[Array, "*#n"]
+    end: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "speed_limit"
+    equation: ClassVar[str] = "v0 -> min(v0, limit) between start and end"
+    source: ClassVar[str] = "Treiber & Kesting, Traffic Flow Dynamics (2013), section 11.3"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("limit", "m/s", "the limit", off=NO_LIMIT, low=3.0, high=NO_LIMIT, scale=10.0),
+        *_SECTION,
+    )
+
+    def desired_speed(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """At most the limit."""
+        cut = value - limited(value, self.limit)
+        return value - inside(seen.position, self.start, self.end) * cut
+
+
+class Bend(Effect):
+    """A bend that is taken at no more than a comfortable lateral acceleration."""
+
+    kind: ClassVar[str] = "road"
+
+    lateral_acceleration: Float[Array, "*#n"]
+    radius: Float[Array, "*#n"]
+    start: Float[Array, "*#n"]
+    end: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "bend"
+    equation: ClassVar[str] = "v0 -> min(v0, sqrt(lateral_acceleration radius)) between start and end"
+    source: ClassVar[str] = "after Reymond et al., Human Factors 43 (2001) 483 (lateral acceleration margin)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("lateral_acceleration", "m/s^2", "what is comfortable", 100.0, 0.5, 100.0, 2.0),
+        Parameter("radius", "m", "of the bend", off=500.0, low=20.0, high=5000.0, scale=300.0, is_strength=False),
+        *_SECTION,
+    )
+
+    def desired_speed(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """At most what the bend allows."""
+        limit = jnp.sqrt(self.lateral_acceleration * self.radius)
+        cut = value - limited(value, limit)
+        return value - inside(seen.position, self.start, self.end) * cut
+
+
+class LaneDesiredSpeed(Effect):
+    """The same driver wants to drive faster on the left and slower on the right lane."""
+
+    kind: ClassVar[str] = "road"
+
+    leftmost: Float[Array, "*#n"]
+    rightmost: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "lane_desired_speed"
+    equation: ClassVar[str] = "v0 exp(leftmost) on the leftmost, v0 exp(rightmost) on the rightmost lane"
+    source: ClassVar[str] = "after Krajewski et al., ITSC 2018 (highD: speeds by lane)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("leftmost", "-", "growth of log v0 on the leftmost lane", off=0.0, low=-0.6, high=0.6, scale=0.15),
+        Parameter("rightmost", "-", "growth of log v0 on the rightmost lane", off=0.0, low=-0.6, high=0.6, scale=0.15),
+    )
+
+    def desired_speed(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """Another one on the outer lanes."""
+        return value * jnp.exp(self.leftmost * seen.is_leftmost + self.rightmost * seen.is_rightmost)
+
+
+class Weather(Effect):
+    """Something comes up for everybody at once, such as rain: drivers want less speed, more distance, less haste."""
+
+    kind: ClassVar[str] = "road"
+
+    slower: Float[Array, "*#n"]
+    wider: Float[Array, "*#n"]
+    onset: Float[Array, "*#n"]
+    ramp: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "weather"
+    equation: ClassVar[str] = "v0 exp(-slower c), T exp(wider c), c = 1 / (1 + exp((onset - t) / ramp))"
+    source: ClassVar[str] = "after Hoogendoorn et al., Transp. Res. Rec. 2096 (2009) 35 (adverse weather)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("slower", "-", "fall of log v0", off=0.0, low=-1.0, high=1.5, scale=0.2),
+        Parameter("wider", "-", "growth of log T", off=0.0, low=-1.0, high=1.5, scale=0.2),
+        Parameter("onset", "s", "when half of it has come", 0.0, -FAR_AWAY, FAR_AWAY, 30.0, is_strength=False),
+        Parameter("ramp", "s", "how fast it comes", off=2.0, low=0.3, high=60.0, scale=3.0, is_strength=False),
+    )
+
+    def desired_speed(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """Lower in bad weather."""
+        return value * jnp.exp(-self.slower * self._share(seen))
+
+    def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """Longer in bad weather."""
+        return value * jnp.exp(self.wider * self._share(seen))
+
+    def _share(self, seen: Stimulus) -> Float[Array, "*n"]:
+        return jax.nn.sigmoid((seen.time - self.onset) / self.ramp)

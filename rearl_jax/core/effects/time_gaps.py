@@ -1,0 +1,151 @@
+"""Effects on the time gap a driver wants."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rearl_jax.core.effects.effect import Effect, Parameter
+from rearl_jax.core.effects.stimulus import Stimulus
+from rearl_jax.core.gap_idm import FollowingParams
+
+USUAL_SPEED = 20.0
+"""Speed [m/s] at which a speed-dependent time gap is the driver's own."""
+
+
+class SpeedDependentTimeGap(Effect):
+    """The time gap grows or falls with the own speed."""
+
+    slope: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "speed_dependent_time_gap"
+    equation: ClassVar[str] = "T exp(slope (v / 20 m/s - 1))"
+    source: ClassVar[str] = "after Jiang et al., Transp. Res. B 69 (2014) 527 (speed-dependent preferred time gap)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("slope", "-", "growth of log T with v / 20 m/s", off=0.0, low=-2.0, high=2.0, scale=0.4),
+    )
+
+    def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """Longer or shorter at high speed."""
+        return value * jnp.exp(self.slope * (seen.speed / USUAL_SPEED - 1))
+
+
+class VarianceDrivenTimeGap(Effect):
+    """The time gap grows where the vehicles ahead drive at unequal speeds."""
+
+    gain: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "variance_driven_time_gap"
+    equation: ClassVar[str] = "T exp(gain V), V = sd / mean of the speeds of the own and the next three vehicles"
+    source: ClassVar[str] = "after Treiber, Kesting & Helbing, Phys. Rev. E 74 (2006) 016123"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gain", "-", "growth of log T with the speeds' coefficient of variation", 0.0, -6.0, 12.0, 3.0),
+    )
+
+    def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """Longer in uneven traffic."""
+        second = jnp.where(seen.has_second > 0, seen.second_speed, seen.leader_speed)
+        third = jnp.where(seen.has_third > 0, seen.third_speed, second)
+        speeds = jnp.stack(jnp.broadcast_arrays(seen.speed, seen.leader_speed, second, third))
+        # The small constants keep the derivative finite in perfectly even and in standing traffic.
+        variation = jnp.sqrt(jnp.var(speeds, axis=0) + 0.04) / (jnp.mean(speeds, axis=0) + 2.0)
+        return value * jnp.exp(self.gain * variation)
+
+
+class Resignation(Effect):
+    """Long queues wear drivers down: the time gap follows how far below the desired speed they have driven lately."""
+
+    gain: Float[Array, "*#n"]
+    memory_time: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "resignation"
+    equation: ClassVar[str] = "T exp(gain (1 - L)), dL/dt = (v / v0 - L) / memory_time"
+    source: ClassVar[str] = "after Treiber & Helbing, Phys. Rev. E 68 (2003) 046119 (memory effect)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gain", "-", "growth of log T at a standstill", off=0.0, low=-2.0, high=3.0, scale=0.6),
+        Parameter("memory_time", "s", "time over which speeds are remembered", 10.0, 2.0, 120.0, 10.0, False),
+    )
+
+    def begin(self, seen: Stimulus, params: FollowingParams, tick: float) -> Float[Array, "*n"]:
+        """The present level of service."""
+        return seen.speed / params.desired_speed
+
+    def remember(
+        self, memory: Float[Array, "*n"], seen: Stimulus, params: FollowingParams, tick: float
+    ) -> Float[Array, "*n"]:
+        """The level of service, smoothed exponentially."""
+        return memory + tick / self.memory_time * (seen.speed / params.desired_speed - memory)
+
+    def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: Float[Array, "*n"]) -> Float[Array, "*n"]:
+        """Longer the longer the queue has lasted."""
+        return value * jnp.exp(self.gain * (1 - memory))
+
+
+class Relaxation(Effect):
+    """Right after a lane change a short gap is accepted; the usual one comes back slowly."""
+
+    gap_share: Float[Array, "*#n"]
+    time_gap_share: Float[Array, "*#n"]
+    relaxation_time: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "relaxation"
+    equation: ClassVar[str] = (
+        "s + gap_share s_lost e, T + time_gap_share min(0, T_then - T) e, e = exp(-t_since_change / relaxation_time)"
+    )
+    source: ClassVar[str] = "after Laval & Leclercq, Transp. Res. B 42 (2008) 511; Keane & Gao, ibid. 150 (2021) 301"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gap_share", "-", "part of the lost gap that is not felt at first", 0.0, -0.5, 2.0, 0.5),
+        Parameter("time_gap_share", "-", "part of the way to the time gap right after it", 0.0, -0.5, 1.5, 0.5),
+        Parameter("relaxation_time", "s", "time in which it is forgotten", 10.0, 1.0, 60.0, 7.0, is_strength=False),
+    )
+
+    def perceive(self, seen: Stimulus, memory: None) -> Stimulus:
+        """The gap as large as if part of it had not been lost."""
+        return replace(seen, gap=seen.gap + self.gap_share * seen.gap_lost * self._left(seen))
+
+    def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """Shorter, where the gap after the change was."""
+        return value + self.time_gap_share * jnp.minimum(seen.time_gap_at_change - value, 0.0) * self._left(seen)
+
+    def _left(self, seen: Stimulus) -> Float[Array, "*n"]:
+        return jnp.exp(-seen.time_since_change / self.relaxation_time)
+
+
+class RearPressure(Effect):
+    """A close follower makes the driver follow closer too."""
+
+    gain: Float[Array, "*#n"]
+    pressing_time_gap: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "rear_pressure"
+    equation: ClassVar[str] = "T exp(-gain / (1 + exp((z - z0) / 0.25 s))), z the follower's time gap"
+    source: ClassVar[str] = "after Herman, Montroll, Potts & Rothery, Oper. Res. 7 (1959) 86 (look-behind term)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gain", "-", "fall of log T under pressure", off=0.0, low=-1.5, high=2.5, scale=0.5),
+        Parameter("pressing_time_gap", "s", "follower's time gap z0 that presses", 1.0, 0.3, 2.5, 0.3, False),
+    )
+
+    def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """Shorter under pressure."""
+        behind = jnp.maximum(seen.follower_gap, 0.5) / (jnp.maximum(seen.follower_speed, 0.0) + 2.0)
+        pressure = jax.nn.sigmoid((self.pressing_time_gap - behind) / 0.25)
+        return value * jnp.exp(-self.gain * seen.has_follower * pressure)
+
+
+class LeaderClass(Effect):
+    """Drivers follow a truck at another time gap than a car."""
+
+    gain: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "leader_class"
+    equation: ClassVar[str] = "T exp(gain) behind a truck"
+    source: ClassVar[str] = "after Aghabayk, Sarvi & Young, Transport Reviews 35 (2015) 82 (headways behind trucks)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gain", "-", "growth of log T behind a truck", off=0.0, low=-1.5, high=1.5, scale=0.4),
+    )
+
+    def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """Another one behind a truck."""
+        return value * jnp.exp(self.gain * seen.has_leader * seen.leader_is_truck)
