@@ -347,15 +347,15 @@ def test_module_is_the_console_script(tmp_path):
 
 
 def test_configuration_files_are_found_in_a_wheel_and_in_a_checkout(monkeypatch, tmp_path):
-    from rearl_jax import tasks
+    from rearl_jax.tasks import folders
 
-    monkeypatch.setattr(tasks, "__file__", str(tmp_path / "site" / "rearl_jax" / "tasks.py"))
+    monkeypatch.setattr(folders, "__file__", str(tmp_path / "site" / "rearl_jax" / "tasks" / "folders.py"))
     with pytest.raises(FileNotFoundError, match="install again"):
-        tasks.conf_dir()
+        folders.conf_dir()
     (tmp_path / "site" / "conf").mkdir(parents=True)
-    assert tasks.conf_dir() == tmp_path / "site" / "conf"
+    assert folders.conf_dir() == tmp_path / "site" / "conf"
     (tmp_path / "site" / "rearl_jax" / "conf").mkdir(parents=True)
-    assert tasks.conf_dir() == tmp_path / "site" / "rearl_jax" / "conf"
+    assert folders.conf_dir() == tmp_path / "site" / "rearl_jax" / "conf"
 
 
 @pytest.mark.slow

@@ -9,13 +9,15 @@ from typing import Any
 
 from rearl_jax.config._key import key
 from rearl_jax.config.bench import BenchConfig, BenchLoopConfig, BenchRequestsConfig
+from rearl_jax.config.blind import BlindConfig
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, KlConfig
 from rearl_jax.config.core import CoreConfig, InitConfig
 from rearl_jax.config.critical import CriticalConfig
 from rearl_jax.config.data import DataConfig
 from rearl_jax.config.decision import AdmissibleConfig, DecisionConfig, ExecConfig, MatcherConfig, PolicyName
 from rearl_jax.config.detection import DetectionConfig, ReferenceConfig
-from rearl_jax.config.evaluation import EvaluationConfig, Method
+from rearl_jax.config.discover import DiscoverConfig
+from rearl_jax.config.evaluation import EvaluationConfig, Method, Variant
 from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.llm import LlmConfig, PromptConfig
 from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
@@ -86,6 +88,26 @@ class ClusterTask:
 
 
 @dataclass(unsafe_hash=True)
+class DiscoverTask:
+    """What the traffic model lacks."""
+
+    study: str = _study("discover")
+    results: ResultsConfig = _group(ResultsConfig)
+    data: DataConfig = _group(DataConfig)
+    discover: DiscoverConfig = _group(DiscoverConfig)
+
+
+@dataclass(unsafe_hash=True)
+class DiscoverBlindTask:
+    """Hidden effects that discovery has to find."""
+
+    study: str = _study("discover_blind")
+    results: ResultsConfig = _group(ResultsConfig)
+    blind: BlindConfig = _group(BlindConfig)
+    discover: DiscoverConfig = _group(DiscoverConfig)
+
+
+@dataclass(unsafe_hash=True)
 class EvaluateTask:
     """Simulated against measured scenes."""
 
@@ -94,6 +116,14 @@ class EvaluateTask:
         Method.base,
         "what drives the vehicles; base: IDM and MOBIL, rearl: with interventions, ppo: a trained policy, critical: "
         "IDM and MOBIL with classes of drivers",
+    )
+    model: str | None = key(
+        None, "repaired traffic model, a model.yaml as `rearl discover` writes it; null = highway-env's traffic model"
+    )
+    variant: Variant = key(
+        Variant.all,
+        "with model: all = base and rearl without and with its effects side by side; calibrated (without) or repaired "
+        "(with) = `method` on that traffic alone",
     )
     results: ResultsConfig = _group(ResultsConfig)
     data: DataConfig = _group(DataConfig)
@@ -131,12 +161,16 @@ class EvaluateTask:
         return f"eval.seed={self.eval.seed}, split.seed={self.split.seed}"
 
 
+_ONE_VARIANT = "with model: calibrated (without its effects) or repaired (with them)"
+
+
 @dataclass(unsafe_hash=True)
 class SweepThresholdsTask(EvaluateTask):
     """Thresholds of the detection."""
 
     study: str = _study("sweep_thresholds")
     method: Method = key(Method.rearl, "rearl: thresholds mean nothing to a method without interventions")
+    variant: Variant = key(Variant.repaired, _ONE_VARIANT)
     sweep: SweepConfig = _group(SweepConfig)
 
 
@@ -150,6 +184,7 @@ class SweepScaleTask(EvaluateTask):
         "what drives the vehicles; base: IDM and MOBIL, rearl: with interventions, ppo: a trained policy, critical: "
         "IDM and MOBIL with classes of drivers",
     )
+    variant: Variant = key(Variant.repaired, _ONE_VARIANT)
     # Not int, which OmegaConf refuses to read 1e6 as.
     n_rollouts: float = key(
         100_000.0, "rollouts of the scenes of eval.subset, every scene as often as needed; a whole number such as 1e6"
@@ -208,6 +243,7 @@ class StudyTable1Task(EvaluateTask):
 
     study: str = _study("study_table1")
     method: Method = key(Method.base, _ROWS_DECIDE)
+    variant: Variant = key(Variant.all, "all; a model adds rows with and without its effects")
     table1: Table1Config = _group(Table1Config)
 
     def check(self) -> None:
@@ -241,6 +277,7 @@ class StudyFig7Task(EvaluateTask):
 
     study: str = _study("study_fig7")
     method: Method = key(Method.base, "base: nothing else is simulated")
+    variant: Variant = key(Variant.repaired, _ONE_VARIANT)
     sweep: SweepConfig = _group(SweepConfig)
 
     def check(self) -> None:

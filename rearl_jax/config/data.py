@@ -6,7 +6,7 @@ from enum import Enum
 from rearl_jax.config._key import key
 
 
-class DataKind(Enum):
+class DataFormat(Enum):
     """Format of the recordings."""
 
     us101 = "us101"  # the NGSIM US-101 set shipped with the package
@@ -30,8 +30,8 @@ class OnBad(Enum):
 class DataConfig:
     """Recordings that are read."""
 
-    kind: DataKind = key(
-        DataKind.us101,
+    format: DataFormat = key(
+        DataFormat.us101,
         "format of the recordings: us101 (shipped), ngsim, i80, openacc, highd, generated or table",
     )
     root: str | None = key(None, "folder of the recordings; not needed for us101, which comes with the package")
@@ -53,8 +53,9 @@ class DataConfig:
 
     def check(self) -> None:
         """Raise ValueError for a value out of range."""
-        if self.kind is not DataKind.us101 and not self.root:
-            raise ValueError(f"root must name the folder of the recordings for data.kind={self.kind.name}, got none")
+        if self.format is not DataFormat.us101 and not self.root:
+            name = self.format.name
+            raise ValueError(f"root must name the folder of the recordings for data.format={name}, got none")
         if not self.recordings:
             raise ValueError("recordings must be a shell pattern such as *, got an empty text")
         if not self.max_jump > 0.0:

@@ -24,6 +24,17 @@ class Method(Enum):
         return self is Method.rearl
 
 
+class Variant(Enum):
+    """Which traffic of a repaired model is simulated."""
+
+    all = "all"
+    """Base and rearl, each without and with the model's effects, side by side."""
+    calibrated = "calibrated"
+    """Drivers calibrated without effects."""
+    repaired = "repaired"
+    """Drivers calibrated with the effects, and the effects."""
+
+
 class SeedScope(Enum):
     """What a rollout belongs to."""
 

@@ -8,7 +8,7 @@ from rearl_jax.config._key import key
 
 @dataclass(unsafe_hash=True)
 class GeneratorConfig:
-    """Generated recordings in the highD format (for data.kind=generated)."""
+    """Generated recordings in the highD format (for data.format=generated)."""
 
     seed: int = key(0, "seed of the whole set; a recording depends on it and on its own number only")
     n_recordings: int = key(60, "recordings to write, those in the folder stay; highD has 60 (Krajewski et al. 2018)")

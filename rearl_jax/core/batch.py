@@ -3,7 +3,7 @@
 import math
 import operator
 from collections.abc import Callable, Iterator
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import jax
 import numpy as np
@@ -86,15 +86,21 @@ class ScenarioMap(Generic[Arguments, Result]):
         return jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1), *self.chunks(arguments))
 
 
-def select_scenarios(values: Values, columns: np.ndarray, n_scenarios: int) -> Values:
+def select_scenarios(values: Values, columns: np.ndarray, n_scenarios: int, *, least_ndim: int = 1) -> Values:
     """Some scenarios' values; what is the same for all, a last axis of length 1, stays.
 
     Args:
         values: Arrays with the scenarios last.
         columns: Which scenarios; one may be taken several times.
         n_scenarios: How many there are.
+        least_ndim: Axes below which an array has no scenario axis; 2 for traffic, whose first axis are the vehicles.
     """
-    return jax.tree.map(lambda leaf: leaf[..., columns] if leaf.shape[-1] == n_scenarios else leaf, values)
+
+    def chosen(leaf: Any) -> Any:
+        has_scenarios = leaf.ndim >= least_ndim and leaf.shape[-1] == n_scenarios
+        return leaf[..., columns] if has_scenarios else leaf
+
+    return jax.tree.map(chosen, values)
 
 
 def _split(leaf: jax.Array | jax.ShapeDtypeStruct) -> PartitionSpec:

@@ -9,6 +9,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from rearl_jax.core.effects.effect import Effect
+from rearl_jax.core.gap_idm import FollowingParams
 from rearl_jax.core.timer import decision_period
 
 
@@ -57,19 +59,33 @@ class Body(eqx.Module):
         length: Length [m].
         width: Width [m].
         collides: Whether the vehicle looks for collisions; a pair is tested if one of the two does.
+        is_truck: Whether the vehicle is a truck; None where all are cars.
     """
 
     length: Float[Array, "#vehicles *#scenarios"]
     width: Float[Array, "#vehicles *#scenarios"]
     collides: Bool[Array, "#vehicles *#scenarios"]
+    is_truck: Bool[Array, "#vehicles *#scenarios"] | None = None
 
 
 class Drivers(eqx.Module):
-    """Car-following, lane-changing and size parameters of all vehicles."""
+    """Car-following, lane-changing and size parameters of all vehicles.
+
+    Attributes:
+        idm: Of highway-env's car following.
+        mobil: Of lane changing.
+        body: Size and class.
+        following: Of car following on the gap between bumpers, which then takes the place of highway-env's. A vehicle's
+            desired speed is that of its state, which decisions may change; `gap_driving.begin_driving` sets it.
+        effects: What acts on car following and lane changing beyond that; only with `following`. A parameter is a
+            scalar or has the rank of the state's arrays.
+    """
 
     idm: IDMParams
     mobil: MOBILParams
     body: Body
+    following: FollowingParams | None = None
+    effects: tuple[Effect, ...] = ()
 
 
 def highway_env_drivers(

@@ -45,19 +45,51 @@ def follow(
         memory: What the effects remember.
         tick: Time since the last call [s].
     """
-    memory = tuple(effect.remember(held, seen, params, tick) for effect, held in zip(effects, memory, strict=True))
-    acting = tuple(zip(effects, memory, strict=True))
-    for effect, held in acting:
-        seen = effect.perceive(seen, held)
+    seen, memory = take_in(seen, params, effects, memory, tick)
+    return respond(seen, present_params(seen, params, effects, memory), effects, memory), memory
+
+
+def take_in(
+    seen: Stimulus, params: FollowingParams, effects: tuple[Effect, ...], memory: tuple[PyTree, ...], tick: float
+) -> tuple[Stimulus, tuple[PyTree, ...]]:
+    """What the drivers take the situation for, and what the effects remember of it.
+
+    Each effect sees what those before it have made of the situation: errors are delayed, a delayed situation is kept in
+    mind. Arguments as of `follow`.
+    """
+    remembered = []
+    for effect, held in zip(effects, memory, strict=True):
+        remembered.append(effect.remember(held, seen, params, tick))
+        seen = effect.perceive(seen, remembered[-1])
+    return seen, tuple(remembered)
+
+
+def present_params(
+    seen: Stimulus, params: FollowingParams, effects: tuple[Effect, ...], memory: tuple[PyTree, ...]
+) -> FollowingParams:
+    """The drivers' parameters with desired speed and time gap as the effects leave them.
+
+    Args:
+        seen: What the drivers take the situation for.
+        params: Of the drivers.
+        effects: What acts on them beyond IDM.
+        memory: What the effects remember, this moment included.
+    """
     desired_speed, time_gap = params.desired_speed, params.time_gap
-    for effect, held in acting:
+    for effect, held in zip(effects, memory, strict=True):
         desired_speed = effect.desired_speed(desired_speed, seen, held)
         time_gap = effect.time_gap(time_gap, seen, held)
-    params = eqx.tree_at(lambda p: (p.desired_speed, p.time_gap), params, (desired_speed, time_gap))
+    return eqx.tree_at(lambda p: (p.desired_speed, p.time_gap), params, (desired_speed, time_gap))
+
+
+def respond(
+    seen: Stimulus, params: FollowingParams, effects: tuple[Effect, ...], memory: tuple[PyTree, ...]
+) -> Float[Array, "*n"]:
+    """Acceleration [m/s^2], bounded, of drivers with the parameters of `present_params`; other arguments as there."""
     behind = seen.has_leader * gap_interaction(seen.gap, seen.speed, seen.speed - seen.leader_speed, params)
-    for effect, held in acting:
+    for effect, held in zip(effects, memory, strict=True):
         behind = effect.interaction(behind, seen, held, params)
-    acceleration = params.max_accel * (1 - free_term(seen.speed, desired_speed) - behind)
-    for effect, held in acting:
+    acceleration = params.max_accel * (1 - free_term(seen.speed, params.desired_speed) - behind)
+    for effect, held in zip(effects, memory, strict=True):
         acceleration = effect.acceleration(acceleration, seen, held)
-    return jnp.clip(acceleration, HARDEST_BRAKING, HARDEST_ACCELERATION), memory
+    return jnp.clip(acceleration, HARDEST_BRAKING, HARDEST_ACCELERATION)

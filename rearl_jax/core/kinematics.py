@@ -178,4 +178,5 @@ def move(
         push_x=jnp.zeros_like(state.push_x),
         push_y=jnp.zeros_like(state.push_y),
         order=state.order,
+        memory=state.memory,
     )

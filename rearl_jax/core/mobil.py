@@ -6,6 +6,7 @@ parameters stand in for everybody's, the own safety is not tested, and gains of 
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -133,8 +134,35 @@ def is_reachable(state: TrafficState, lane: Int[Array, "vehicles *scenarios"], m
     return exists & on_road & (sideways <= REACHABLE_LANES * model.lane_width)
 
 
+def lane_gains(
+    prospects: Prospects, drivers: Drivers, model: TrafficModel
+) -> tuple[Float[Array, "vehicles *scenarios"], Float[Array, "vehicles *scenarios"]]:
+    """What a change to the left and to the right gains [m/s^2]: the own acceleration and, weighted, the followers'."""
+
+    def gain(prospect: Array, others: Array) -> Float[Array, "vehicles *scenarios"]:
+        own = prospect - prospects.own
+        return own + drivers.mobil.politeness * others if model.cooperative else own
+
+    return gain(prospects.left, prospects.left_others), gain(prospects.right, prospects.right_others)
+
+
+def is_moving(state: TrafficState) -> Bool[Array, "vehicles *scenarios"]:
+    """Whether a vehicle is fast enough to change lanes."""
+    return jnp.abs(state.speed) >= LEAST_SPEED
+
+
+def is_unsafe(follower: Float[Array, "vehicles *scenarios"], drivers: Drivers) -> Bool[Array, "vehicles *scenarios"]:
+    """Whether a change would make the new follower, whose acceleration [m/s^2] is given, brake too hard."""
+    return follower < -drivers.mobil.safe_decel
+
+
 def decide_lanes(
-    state: TrafficState, view: View, prospects: Prospects, drivers: Drivers, model: TrafficModel
+    state: TrafficState,
+    view: View,
+    prospects: Prospects,
+    gains: tuple[Float[Array, "vehicles *scenarios"], Float[Array, "vehicles *scenarios"]],
+    drivers: Drivers,
+    model: TrafficModel,
 ) -> tuple[Int[Array, "vehicles *scenarios"], Int[Array, "vehicles *scenarios"]]:
     """Target lanes and decision countdowns after every driver whose decision is due has taken it.
 
@@ -142,18 +170,12 @@ def decide_lanes(
     depends on another's target lane, so all are taken at once.
     """
     due = is_due(state, view, drivers)
-    willing = due & (jnp.abs(state.speed) >= LEAST_SPEED)
+    willing = due & is_moving(state)
     target_lane = state.target_lane
-    sides = (
-        (-1, prospects.left, prospects.left_follower, prospects.left_others),
-        (+1, prospects.right, prospects.right_follower, prospects.right_others),
-    )
-    for side, prospect, follower, others in sides:
+    followers = prospects.left_follower, prospects.right_follower
+    for side, gain, follower in zip((-1, +1), gains, followers, strict=True):
         candidate = view.lane + side
-        gain = prospect - prospects.own
-        if model.cooperative:
-            gain = gain + drivers.mobil.politeness * others
-        accepted = ~(follower < -drivers.mobil.safe_decel) & ~(gain < drivers.mobil.gain_threshold)
+        accepted = ~is_unsafe(follower, drivers) & ~(gain < drivers.mobil.gain_threshold)
         accepted = accepted & willing & is_reachable(state, candidate, model)
         target_lane = jnp.where(accepted, candidate, target_lane)
     countdown = jnp.where(due, drivers.mobil.decision_period, state.ticks_to_decision)
@@ -203,7 +225,8 @@ def abort_conflicts(
         gives_way = changing & (state.target_lane == lane)
         concerned = concerned | ((jnp.sum(enters, axis=0) >= 2) & jnp.any(gives_way, axis=0))
     view = eqx.tree_at(lambda v: v.nearest, view, None, is_leaf=lambda leaf: leaf is None)
-    operands = lax.stop_gradient((decided_lane, changing, state, view, drivers.idm))
+    # What drivers remember has other axes than the treated few scenarios could be picked from.
+    operands = lax.stop_gradient((decided_lane, changing, replace(state, memory=None), view, drivers.idm))
     return on_affected(concerned, _settle, operands, decided_lane)
 
 

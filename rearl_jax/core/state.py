@@ -9,7 +9,7 @@ import enum
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.timer import ticks_until_decision
@@ -48,6 +48,7 @@ class TrafficState(eqx.Module):
         push_y: The same across the road [m].
         order: Vehicle indices along the road as last sorted; any permutation is a valid start. Only large traffic uses
             it.
+        memory: What drivers with `Drivers.following` remember, a `gap_driving.DriverMemory`; None where nobody does.
     """
 
     x: Float[Array, "vehicles *scenarios"]
@@ -66,6 +67,7 @@ class TrafficState(eqx.Module):
     push_x: Float[Array, "vehicles *scenarios"]
     push_y: Float[Array, "vehicles *scenarios"]
     order: Int[Array, "vehicles *scenarios"]
+    memory: PyTree = None
 
 
 def nearest_lane(y: Float[Array, "*n"], model: TrafficModel) -> Int[Array, "*n"]:

@@ -2,8 +2,9 @@
 
 from rearl_jax.core.collisions import collide
 from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.gap_driving import weigh_driving
 from rearl_jax.core.kinematics import control, move
-from rearl_jax.core.mobil import abort_conflicts, decide_lanes, weigh_lanes
+from rearl_jax.core.mobil import abort_conflicts, decide_lanes, lane_gains, weigh_lanes
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import perceive, sort_if_large
 from rearl_jax.core.state import TrafficState
@@ -12,15 +13,22 @@ from rearl_jax.core.state import TrafficState
 def tick(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
     """State one tick later: see, weigh the lanes, decide, give way, accelerate and steer, move, collide.
 
+    Drivers with `following` weigh the lanes by it and by their effects, from a state of `begin_driving`; all others as
+    in highway-env.
+
     Source: highway-env 1.12.1, `Road.act` followed by `Road.step`; its order of vehicles matters only to who gives way
     and to who pushes whom, and both are reproduced.
     """
     state = sort_if_large(state)
     view = perceive(state, model)
-    prospects = weigh_lanes(state, view, drivers, model)
+    if drivers.following is None:
+        prospects = weigh_lanes(state, view, drivers, model)
+        gains = lane_gains(prospects, drivers, model)
+    else:
+        state, prospects, gains = weigh_driving(state, view, drivers, model)
     target_lane, countdown = state.target_lane, state.ticks_to_decision
     if model.lane_changes:
-        target_lane, countdown = decide_lanes(state, view, prospects, drivers, model)
+        target_lane, countdown = decide_lanes(state, view, prospects, gains, drivers, model)
         target_lane = abort_conflicts(target_lane, state, view, drivers, model)
     command = control(state, view, target_lane, prospects, drivers, model)
     state = move(state, target_lane, countdown, command, drivers, model)

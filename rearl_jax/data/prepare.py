@@ -18,7 +18,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from rearl_jax.config import PrepareTask
-from rearl_jax.config.data import DataConfig, DataKind
+from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.canonical import METADATA, describe
 from rearl_jax.data.generator import generate
 from rearl_jax.data.recordings import count_recordings, data_id, is_generated, iterate_recordings
@@ -40,7 +40,7 @@ def run(config: PrepareTask) -> dict:
             can be cut from them.
     """
     with progress_bar() as progress:
-        if config.data.kind is DataKind.generated:
+        if config.data.format is DataFormat.generated:
             _generate(config, progress)
         generated = is_generated(config.data)
         identity = data_id(config.data)

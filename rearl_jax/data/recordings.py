@@ -9,7 +9,7 @@ from functools import partial
 from importlib.resources import files
 from pathlib import Path
 
-from rearl_jax.config.data import DataConfig, DataKind
+from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data import canonical, highd, ngsim, ngsim_pairs, ngsim_published, openacc
 from rearl_jax.data.records import Recording, RecordingInfo
 
@@ -27,13 +27,13 @@ US101_FILE = "us101_lane_changers.parquet"
 
 
 _EXPECTED = {
-    DataKind.us101: f"the file {US101_FILE} or its folder; leave it empty for the shipped one",
-    DataKind.ngsim: "the folder of the NGSIM tables (.csv or .txt)",
-    DataKind.i80: "the folder of the Parquet file of NGSIM I-80 leader-follower pairs",
-    DataKind.openacc: "the folder of the Parquet file of OpenACC platoons",
-    DataKind.highd: "the folder of NN_tracks.csv, NN_tracksMeta.csv and NN_recordingMeta.csv",
-    DataKind.generated: "the folder of generated recordings; `rearl prepare data=generated` writes them",
-    DataKind.table: "a .parquet or .csv file in the canonical schema, or a folder of them",
+    DataFormat.us101: f"the file {US101_FILE} or its folder; leave it empty for the shipped one",
+    DataFormat.ngsim: "the folder of the NGSIM tables (.csv or .txt)",
+    DataFormat.i80: "the folder of the Parquet file of NGSIM I-80 leader-follower pairs",
+    DataFormat.openacc: "the folder of the Parquet file of OpenACC platoons",
+    DataFormat.highd: "the folder of NN_tracks.csv, NN_tracksMeta.csv and NN_recordingMeta.csv",
+    DataFormat.generated: "the folder of generated recordings; `rearl prepare data=generated` writes them",
+    DataFormat.table: "a .parquet or .csv file in the canonical schema, or a folder of them",
 }
 
 
@@ -66,14 +66,14 @@ def count_recordings(data: DataConfig) -> int:
 
 def is_generated(data: DataConfig) -> bool:
     """Whether any of the recordings was made by the generator, whatever they are read as."""
-    if data.kind in (DataKind.highd, DataKind.generated):
+    if data.format in (DataFormat.highd, DataFormat.generated):
         # Here, because the generator brings scipy.stats, which reading does not need.
         from rearl_jax.data.generator.dataset import TRUTH_FILE
 
         # The generator leaves a mark in the folder of its files.
         folder = highd.find_recordings(_root(data))[0].parent
-        return data.kind is DataKind.generated or (folder / TRUTH_FILE).exists()
-    if data.kind is DataKind.table:
+        return data.format is DataFormat.generated or (folder / TRUTH_FILE).exists()
+    if data.format is DataFormat.table:
         files = (canonical.TableFile(path, data) for path in canonical.find_tables(_root(data)))
         return any(info.generated for file in files for info in file.stated().values())
     return False
@@ -93,7 +93,7 @@ def data_id(data: DataConfig) -> str:
             tail = content.read()
         for part in (file.name.encode(), str(file.stat().st_size).encode(), head, tail):
             digest.update(hashlib.sha256(part).digest())
-    return f"{data.kind.name}-{digest.hexdigest()[:12]}"
+    return f"{data.format.name}-{digest.hexdigest()[:12]}"
 
 
 def file_stamps(data: DataConfig) -> list[tuple[str, int, int]]:
@@ -106,7 +106,7 @@ def file_stamps(data: DataConfig) -> list[tuple[str, int, int]]:
 
 
 def _selected(data: DataConfig) -> list[_Entry]:
-    entries = list(_ENTRIES[data.kind](data, _root(data)))
+    entries = list(_ENTRIES[data.format](data, _root(data)))
     chosen = [entry for entry in entries if fnmatchcase(entry.id, data.recordings)]
     if not chosen:
         names = ", ".join(entry.id for entry in entries[:5]) + (", ..." if len(entries) > 5 else "")
@@ -119,12 +119,12 @@ def _selected(data: DataConfig) -> list[_Entry]:
 
 def _root(data: DataConfig) -> Path:
     """Folder or file of the recordings."""
-    if data.kind is DataKind.us101 and not data.root:
+    if data.format is DataFormat.us101 and not data.root:
         return Path(str(files("rearl_jax.data").joinpath("us101", US101_FILE)))
     if data.root and Path(data.root).exists():
         return Path(data.root)
     problem = f"{Path(data.root).absolute()} does not exist" if data.root else "data.root is not set"
-    raise FileNotFoundError(f"{problem}: data.root must name {_EXPECTED[data.kind]}")
+    raise FileNotFoundError(f"{problem}: data.root must name {_EXPECTED[data.format]}")
 
 
 def _us101(data: DataConfig, root: Path) -> Iterator[_Entry]:
@@ -168,26 +168,26 @@ def _tables(data: DataConfig, root: Path) -> Iterator[_Entry]:
             yield _Entry(name, partial(file.read, name))
 
 
-_ENTRIES: dict[DataKind, Callable[[DataConfig, Path], Iterator[_Entry]]] = {
-    DataKind.us101: _us101,
-    DataKind.ngsim: _published,
-    DataKind.i80: _pairs,
-    DataKind.openacc: _platoons,
-    DataKind.highd: _highd,
-    DataKind.generated: _highd,
-    DataKind.table: _tables,
+_ENTRIES: dict[DataFormat, Callable[[DataConfig, Path], Iterator[_Entry]]] = {
+    DataFormat.us101: _us101,
+    DataFormat.ngsim: _published,
+    DataFormat.i80: _pairs,
+    DataFormat.openacc: _platoons,
+    DataFormat.highd: _highd,
+    DataFormat.generated: _highd,
+    DataFormat.table: _tables,
 }
 
 
 def _files(data: DataConfig) -> list[Path]:
     """The files the rows of a data set come from."""
     root = _root(data)
-    if data.kind in (DataKind.highd, DataKind.generated):
+    if data.format in (DataFormat.highd, DataFormat.generated):
         return [file for tracks in highd.find_recordings(root) for file in highd.recording_files(tracks)]
-    if data.kind is DataKind.us101:
+    if data.format is DataFormat.us101:
         return [root / US101_FILE if root.is_dir() else root]
-    if data.kind is DataKind.ngsim:
+    if data.format is DataFormat.ngsim:
         return ngsim_published.find_published(root)
-    if data.kind is DataKind.table:
+    if data.format is DataFormat.table:
         return canonical.find_tables(root)
-    return [(ngsim_pairs.find_pairs if data.kind is DataKind.i80 else openacc.find_platoons)(root)]
+    return [(ngsim_pairs.find_pairs if data.format is DataFormat.i80 else openacc.find_platoons)(root)]

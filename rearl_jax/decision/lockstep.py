@@ -89,7 +89,8 @@ def rollout_in_lockstep(
     for number, policy in enumerate(policies):
         # The second half of an odd number is filled up with the last scenario, so that one program serves both.
         columns = np.minimum(np.arange(number * size, (number + 1) * size), n_scenarios - 1)
-        some, their_drivers, limits = select_scenarios((state, drivers, thresholds), columns, n_scenarios)
+        some, their_drivers = select_scenarios((state, drivers), columns, n_scenarios, least_ndim=2)
+        limits = select_scenarios(thresholds, columns, n_scenarios)
         n_real = min(size, n_scenarios - number * size)
         halves.append(_Half(some, their_drivers, limits, keys[columns], table, policy, model, options, n_real))
     for second in range(n_seconds):

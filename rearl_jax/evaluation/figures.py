@@ -44,7 +44,7 @@ def speed_histogram(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     for edge in edges[:: len(edges) // config.hist.n_bins]:
         axes.axvline(edge, color=drawing.LIGHT_GREY, linewidth=0.8, zorder=0)
     axes.stairs(density["real"], edges, fill=True, color=_REAL, alpha=0.3, label="real, rescaled")
-    axes.stairs(density["method"], edges, color=_METHOD, linewidth=1.6, label=config.method.name)
+    axes.stairs(density["method"], edges, color=_METHOD, linewidth=1.6, label=evaluation.method.title)
     axes.set(xlabel="speed [m/s]", ylabel="density [s/m]", xlim=(edges[0], edges[-1]), ylim=(0, None))
     axes.legend(frameon=False, fontsize=drawing.FONT_SIZE)
     drawing.set_title(axes, "Speeds; grey lines: bins of the Hellinger distance")
@@ -55,7 +55,7 @@ def errors_over_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     """Hellinger distance, spacing error and mean spacing by second, with bands."""
     error = config.mape.column
     figure, axes = drawing.panels(6.4, 7.2, rows=3, generated=evaluation.scenes.generated)
-    method = evaluation.rows[0]
+    method = evaluation.method
     compared = [(method, _METHOD), (evaluation.row(REAL_VS_REAL), _OTHER)]
     labels = {"h": "Hellinger distance [-]", error: f"{METRICS[error].title} [-]"}
     for panel, (name, label) in zip(axes, labels.items(), strict=False):
@@ -94,7 +94,7 @@ def space_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     left.set_ylabel("position along the road [m]")
     kind = "generated" if scenes.generated else "recorded"
     drawing.set_title(left, f"{kind}: {scenes.recording[index]}, scene {scenes.scene_id[index]}")
-    drawing.set_title(right, f"simulated: {config.method.name}, run 0")
+    drawing.set_title(right, f"simulated: {evaluation.method.title}, run 0")
     bar = figure.colorbar(ScalarMappable(norm, "viridis"), ax=[left, right], pad=0.02, aspect=30)
     bar.set_label(f"speed, {kind} one rescaled [m/s]", fontsize=drawing.FONT_SIZE)
     bar.ax.tick_params(labelsize=8)

@@ -55,7 +55,8 @@ def simulate_outside(
     for start in range(0, n_scenarios, BURST):
         size = min(BURST, n_scenarios - start)
         columns = np.arange(start, start + size)
-        some, their_drivers, limits = select_scenarios((state, drivers, thresholds), columns, n_scenarios)
+        some, their_drivers = select_scenarios((state, drivers), columns, n_scenarios, least_ndim=2)
+        limits = select_scenarios(thresholds, columns, n_scenarios)
         half = -(-size // 2)
         policies = (
             make_policy(table, model, options, Thresholds(limits.hellinger[:half], limits.mape[:half]), start),

@@ -64,10 +64,10 @@ def render(
         figures=figures,
         captions=_CAPTIONS,
         data_id=scenes.data_id,
-        title=f"{config.method.name} against {source_names(evaluation)}",
+        title=f"{evaluation.method.title} against {source_names(evaluation)}",
         generated=scenes.generated,
         rows=[row.title for row in evaluation.rows],
-        difference=f"{config.method.name} less reference",
+        difference=f"{evaluation.method.title} less reference",
         metrics=[_metric(name, config, evaluation, estimates) for name in METRICS],
         notes=table_notes(config, evaluation, estimates),
         data={
@@ -87,7 +87,7 @@ def _metric(
     """A line of the table of results and of the table of definitions."""
     metric = METRICS[name]
     cells = [_cell(estimates.get((row.row, name)), name) for row in evaluation.rows]
-    method = estimates.get((config.method.name, name))
+    method = estimates.get((evaluation.method.row, name))
     if method is None or method.difference is None:
         cells.append({"figure": "-", "interval": ""})
     else:

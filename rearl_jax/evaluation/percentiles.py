@@ -14,6 +14,7 @@ from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.runner import scored_rollouts
 from rearl_jax.evaluation.tables import frame_series
+from rearl_jax.evaluation.traffic import calibrated
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,8 @@ def base_values(
     """Values of base on the threshold scenes, `eval.n_runs` rollouts of each.
 
     Args:
-        config: Road, initial states, runs, seeds and metrics; the method and the thresholds do not matter.
+        config: Road, traffic model, initial states, runs, seeds and metrics; the method and the thresholds do not
+            matter, and variant=all means drivers without effects.
         scenes: All scenes.
         subset: Indices of the threshold scenes.
         progress: Called with the number of rollouts done and their total.
@@ -60,7 +62,7 @@ def base_values(
 
     Source: REARL (Bi et al.): 150 scenes, 5 runs, 56 windows and 60 seconds, so 42,000 and 45,000 values.
     """
-    config = replace(config, method=Method.base)
+    config = calibrated(replace(config, method=Method.base))
     rollouts = Rollouts(config, scenes, subset)
     row = scored_rollouts(config, rollouts, scenes, subset, progress)
     series = frame_series(row, config.hist.window)

@@ -29,6 +29,7 @@ from rearl_jax.evaluation.simulators import (
     interventions,
     program,
 )
+from rearl_jax.evaluation.traffic import numbers_of
 
 NO_SCENE = -1
 """In the place of a scene_id: rollouts that share no initial state with those of any scene, whatever seed and run."""
@@ -115,6 +116,8 @@ class Rollouts:
             self._shares = np.array(_mixtures(config, mixtures), config.core.dtype.name).T
         n_cells = len(thresholds) if self._shares is None else self._shares.shape[1]
         self._numbers = range(n_cells * self._n_runs * len(self._served))
+        # A last axis of length 1: the same for all scenarios.
+        self._traffic = jax.tree.map(lambda leaf: np.asarray(leaf)[..., None], numbers_of(config))
         self._references = self._thresholds = None
         self._policy: TrainedPolicy | None = None
         if config.method is Method.ppo:
@@ -189,7 +192,7 @@ class Rollouts:
             (self._references, None if policy is None else policy.network.actor),
         )
         shares = None if self._shares is None else self._shares[:, self.cell]
-        return simulate.chunks(Batch(*self._starts(), references, thresholds, actor, shares))
+        return simulate.chunks(Batch(*self._starts(), references, thresholds, actor, shares, self._traffic))
 
     def _starts(self) -> tuple[dict[str, np.ndarray], TrafficState | None]:
         """Seeds, and initial states where they are measured."""
@@ -208,7 +211,7 @@ class Rollouts:
             raise ValueError(f"decision.policy={acts.policy.name} decides outside the program: say who is to be asked")
         config = self._config
         start = beginnings(config.core, config.init.speed, acts.loop.detection)
-        state, drivers, keys, table = start(*self._starts(), self._references)
+        state, drivers, keys, table = start(*self._starts(), self._references, self._traffic)
         bursts = simulate_outside(
             state,
             drivers,

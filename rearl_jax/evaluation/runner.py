@@ -2,9 +2,9 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import jax
 import numpy as np
@@ -18,7 +18,7 @@ from rearl_jax.core.rollout import Frames
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.detection.references import References
 from rearl_jax.evaluation.driven import count_actions, driving_extra
-from rearl_jax.evaluation.extras import Extra
+from rearl_jax.evaluation.extras import Extra, Figures
 from rearl_jax.evaluation.interventions import DecisionLog, intervention_extra
 from rearl_jax.evaluation.outside import MakePolicy
 from rearl_jax.evaluation.rollouts import Rollouts
@@ -68,6 +68,8 @@ class Evaluation:
         sample: What the figures show of the method.
         log: What was detected and decided; None where nothing is detected.
         extras: What the method adds to the usual results.
+        figures: What a row has in summary.json besides its estimates and what the extras say, by row.
+        main: Name of the row that figures and differences are about; None for the first.
     """
 
     scenes: SceneSet
@@ -76,6 +78,13 @@ class Evaluation:
     sample: Sample
     log: DecisionLog | None = None
     extras: tuple[Extra, ...] = ()
+    figures: Mapping[str, Figures] = field(default_factory=dict)
+    main: str | None = None
+
+    @property
+    def method(self) -> Scores:
+        """The row that figures and differences are about."""
+        return self.rows[0] if self.main is None else self.row(self.main)
 
     def row(self, name: str) -> Scores:
         """The row of that name."""

@@ -20,7 +20,10 @@ REAL, REAL_VS_REAL, NOISE_FLOOR = "real", "real_vs_real", "noise_floor"
 """Reference rows: the scenes themselves, other scenes in their place, and chance alone."""
 
 TITLES = {REAL: "real", REAL_VS_REAL: "real against real", NOISE_FLOOR: "noise floor"}
-"""What people read for a row; methods are their own title."""
+"""What people read for a reference row; methods are their own title."""
+
+WITH_EFFECT = "_effect"
+"""Ends the names of rows on the traffic of a repaired model with its effects, beside those without."""
 
 MEASURED = tuple(name for name in METRICS if name != "realism")
 """Metrics that have a figure for every scored pair by itself."""
@@ -68,6 +71,8 @@ class Scores:
     @property
     def title(self) -> str:
         """What people read."""
+        if self.row.endswith(WITH_EFFECT):
+            return f"{self.row.removesuffix(WITH_EFFECT)} + effect"
         return TITLES.get(self.row, self.row)
 
     def without(self, names: tuple[str, ...]) -> "Scores":

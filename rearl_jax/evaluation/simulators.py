@@ -36,6 +36,8 @@ from rearl_jax.decision.policies import make_policy
 from rearl_jax.detection.detector import DetectionOptions, Thresholds, detection_options
 from rearl_jax.detection.references import References
 from rearl_jax.detection.table import tabulate
+from rearl_jax.models.traffic import TrafficNumbers
+from rearl_jax.models.traffic import populate as populate_by_model
 
 Simulator: TypeAlias = Callable[[TrafficState, Drivers, TrafficModel, int], Frames]
 """From initial states, drivers, the road and a number of seconds to the frame after each second."""
@@ -102,6 +104,7 @@ class Batch(NamedTuple):
         thresholds: Of the Hellinger distance and of the spacing error.
         actor: The network that drives everybody; last axis as of the references.
         shares: Of aggressive and defensive drivers and of trucks.
+        traffic: Drivers and effects of a repaired model; last axis as of the references.
     """
 
     starts: Mapping[str, Array | np.ndarray]
@@ -110,10 +113,15 @@ class Batch(NamedTuple):
     thresholds: tuple[Array, Array] | None = None
     actor: Perceptron | None = None
     shares: Float[Array | np.ndarray, "classes rollouts"] | None = None
+    traffic: TrafficNumbers | None = None
 
 
 def begin(
-    starts: Mapping[str, Array | np.ndarray], measured: TrafficState | None, core: CoreConfig, speed: InitialSpeed
+    starts: Mapping[str, Array | np.ndarray],
+    measured: TrafficState | None,
+    core: CoreConfig,
+    speed: InitialSpeed,
+    traffic: TrafficNumbers | None = None,
 ) -> tuple[TrafficState, Drivers, Key[Array, " scenarios"]]:
     """Initial states, drivers and random keys of rollouts.
 
@@ -122,6 +130,8 @@ def begin(
         measured: Initial states that are not drawn.
         core: The road and its vehicles.
         speed: How initial speeds are drawn.
+        traffic: Drivers and effects of a repaired model, its leaves with a last axis of length 1; None for
+            highway-env's.
     """
     seed, run, scene_id = (jnp.asarray(starts[name]) for name in ("seed", "run", "scene_id"))
     keys = jax.vmap(rollout_key)(seed, run, scene_id)
@@ -133,7 +143,11 @@ def begin(
         initial_speed=FIXED_SPEED if speed is InitialSpeed.fixed_25 else None,
         dtype=jnp.dtype(core.dtype.name),
     )
-    return state if measured is None else measured, drivers, keys
+    state = state if measured is None else measured
+    if traffic is not None:
+        numbers = jax.tree.map(lambda leaf: jnp.asarray(leaf)[..., 0], traffic)
+        state, drivers = populate_by_model(state, drivers, keys, numbers, traffic_model(core))
+    return state, drivers, keys
 
 
 @functools.cache
@@ -151,7 +165,7 @@ def program(
 
     def simulate(batch: Batch) -> Simulated:
         references, thresholds = batch.references, batch.thresholds
-        state, drivers, keys = begin(batch.starts, batch.measured, core, speed)
+        state, drivers, keys = begin(batch.starts, batch.measured, core, speed, batch.traffic)
         if batch.shares is not None:
             measured_speed = state.speed
             state, drivers = populate(state, drivers, keys, jnp.asarray(batch.shares), model)
@@ -210,12 +224,17 @@ def decision_keys(keys: Key[Array, " scenarios"]) -> Key[Array, " scenarios"]:
 def beginnings(core: CoreConfig, speed: InitialSpeed, detection: DetectionOptions) -> Callable[..., tuple]:
     """Compiled once for all studies of a process: what rollouts need that are decided about outside the program.
 
-    From seeds, measured states and references to initial states, drivers, keys of the decisions and the references'
-    table.
+    From seeds, measured states, references and the traffic model to initial states, drivers, keys of the decisions and
+    the references' table.
     """
 
-    def start(starts: dict[str, Array], measured: TrafficState | None, references: References) -> tuple:
-        state, drivers, keys = begin(starts, measured, core, speed)
+    def start(
+        starts: dict[str, Array],
+        measured: TrafficState | None,
+        references: References,
+        traffic: TrafficNumbers | None,
+    ) -> tuple:
+        state, drivers, keys = begin(starts, measured, core, speed, traffic)
         return state, drivers, decision_keys(keys), tabulate(references, detection.hist, state.x.dtype)
 
     return jax.jit(start)

@@ -14,7 +14,8 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.evaluation.estimates import BASE, Estimate
 from rearl_jax.evaluation.extras import summary_of
 from rearl_jax.evaluation.runner import Evaluation
-from rearl_jax.evaluation.scores import REAL, Scores
+from rearl_jax.evaluation.scores import REAL, TITLES, Scores
+from rearl_jax.evaluation.traffic import model_notes
 from rearl_jax.metrics import METRICS
 
 Column: TypeAlias = np.ndarray | pd.Categorical | pd.arrays.IntegerArray | pd.arrays.FloatingArray
@@ -155,6 +156,7 @@ def summary_rows(
     """
     compared = _LESS_BASE if _has_base_beside(evaluation) else ()
     own = summary_of(evaluation.extras)
+    others = {name: None for figures in evaluation.figures.values() for name in figures}
     found = []
     for row in evaluation.rows:
         figures: dict[str, str | int | float | None] = {"method": row.row}
@@ -167,6 +169,7 @@ def summary_rows(
         figures["n_rollouts"] = row.n_rollouts
         figures["seconds"] = round(row.seconds, 3)
         figures |= own if row is evaluation.rows[0] else dict.fromkeys(own)
+        figures |= others | dict(evaluation.figures.get(row.row, {}))
         found.append(figures)
     return found
 
@@ -186,36 +189,42 @@ def table_notes(
     spread = f"± standard deviation over {n_runs} runs" if n_runs > 1 else "one run, so no spread over runs"
     notes = [
         f"{spread}; intervals: {percent} bootstrap over {len(evaluation.held_out)} held-out scenes (of {len(scenes)})",
+        *(_less_base_note(row, config, estimates) for row in evaluation.rows if _is_beside_base(row, evaluation)),
+        *(note for extra in evaluation.extras for note in extra.notes),
         "H Hellinger distance of speeds; MAPE relative error of the mean spacing, definitions A, B, C; "
         "smaller is closer, but nothing can be expected below real against real",
         "THW time headway, LCR lane changes per vehicle and second: they describe traffic; compare with the "
         "row real, more is not better",
+        *model_notes(config),
     ]
-    if _has_base_beside(evaluation):
-        notes.insert(1, _less_base_note(config, estimates))
-    notes[2:2] = [note for extra in evaluation.extras for note in extra.notes]
     if scenes.generated:
         notes.insert(0, "GENERATED recordings, no measurements: nothing here is about real traffic")
     return notes
 
 
 def _has_base_beside(evaluation: Evaluation) -> bool:
-    """Whether the method is another one and base stands below it."""
-    return any(row.row == BASE for row in evaluation.rows[1:])
+    """Whether base stands beside another method."""
+    methods = [row.row for row in evaluation.rows if row.row not in TITLES]
+    return BASE in methods and len(methods) > 1
 
 
-def _less_base_note(config: EvaluateTask, estimates: Mapping[tuple[str, str], Estimate]) -> str:
-    """What the method changes, scene by scene."""
+def _is_beside_base(row: Scores, evaluation: Evaluation) -> bool:
+    """Whether a row is a method beside base."""
+    return _has_base_beside(evaluation) and row.row != BASE and row.row not in TITLES
+
+
+def _less_base_note(row: Scores, config: EvaluateTask, estimates: Mapping[tuple[str, str], Estimate]) -> str:
+    """What a method changes, scene by scene."""
     parts = []
     for name in ("h", config.mape.column):
-        found = estimates.get((config.method.name, name))
+        found = estimates.get((row.row, name))
         if found is None or found.less_base is None:
             continue
         part = f"{HEADINGS[name]} {found.less_base:+.3f}"
         if found.less_base_low is not None and found.less_base_high is not None:
             part += f" ({found.less_base_low:+.3f} to {found.less_base_high:+.3f})"
         parts.append(part)
-    return f"{config.method.name} less base, from the same initial states: {', '.join(parts) or 'no figure'}"
+    return f"{row.title} less base, from the same initial states: {', '.join(parts) or 'no figure'}"
 
 
 def metadata(config: EvaluateTask, evaluation: Evaluation) -> dict[str, str]:

@@ -10,10 +10,9 @@ row per rollout and second, where a policy intervenes), `requests.parquet` (one 
 import logging
 from dataclasses import replace
 
-from rearl_jax.baselines.weights import load_policy
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.evaluation import Method
-from rearl_jax.data.recordings import data_id, is_generated
+from rearl_jax.data.recordings import is_generated
 from rearl_jax.data.splits import Split
 from rearl_jax.evaluation import tables, terminal
 from rearl_jax.evaluation.critical import adapt
@@ -24,6 +23,8 @@ from rearl_jax.evaluation.language_model import language_model, request_extra
 from rearl_jax.evaluation.percentiles import detection_thresholds
 from rearl_jax.evaluation.runner import evaluate
 from rearl_jax.evaluation.simulators import NEVER
+from rearl_jax.evaluation.traffic import inputs_id
+from rearl_jax.evaluation.variants import compares_variants, evaluate_variants
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
@@ -55,6 +56,8 @@ def run(config: EvaluateTask) -> dict:
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return {"rows": stored}
     with progress_bar() as bar:
+        if is_compared := compares_variants(config):
+            config = replace(config, method=Method.rearl)
         acts = config.method.needs_references
         inputs = read_inputs(config, study, bar, with_references=acts)
         scenes, splits, thresholds = inputs.scenes, inputs.splits, NEVER
@@ -66,7 +69,8 @@ def run(config: EvaluateTask) -> dict:
         if config.method is Method.critical:
             mixture, extras = adapt(config, scenes, splits.threshold, bar)
         with language_model(config, bar) as asked:
-            evaluation = evaluate(
+            measure = evaluate_variants if is_compared else evaluate
+            evaluation = measure(
                 config,
                 scenes,
                 held_out,
@@ -100,15 +104,3 @@ def run(config: EvaluateTask) -> dict:
     rows = tables.summary_rows(evaluation, found)
     study.write_summary(rows)
     return {"rows": rows}
-
-
-def inputs_id(config: EvaluateTask) -> str:
-    """Identity of all that is read: the data, and weights where a trained policy drives.
-
-    Raises:
-        FileNotFoundError, ValueError: There are no such weights, or they do not fit the road.
-    """
-    identity = data_id(config.data)
-    if config.method is Method.ppo:
-        identity += f", weights-{load_policy(config.ppo.weights, config.core).digest}"
-    return identity

@@ -10,10 +10,11 @@ from typing import Any
 import pandas as pd
 
 from rearl_jax.config import StudyFig6Task
-from rearl_jax.data.recordings import data_id, is_generated
+from rearl_jax.data.recordings import is_generated
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.tables import HEADINGS
 from rearl_jax.evaluation.terminal import short
+from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 from rearl_jax.study import differences
@@ -38,7 +39,7 @@ def run(config: StudyFig6Task) -> dict:
         FileNotFoundError, ValueError: See `rearl_jax.study.table1.run`.
     """
     generated = is_generated(config.data)
-    study = Study(config.results.root, config.study, config, "study fig6", data_id(config.data), generated=generated)
+    study = Study(config.results.root, config.study, config, "study fig6", inputs_id(config), generated=generated)
     study.write_config()
     results = evaluate_rows(config)
     with progress_bar() as bar:

@@ -9,11 +9,12 @@ from typing import Any
 
 from rearl_jax.config import StudyFig7Task
 from rearl_jax.console import generated_mark
-from rearl_jax.data.recordings import data_id, is_generated
+from rearl_jax.data.recordings import is_generated
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.layout import data_sources
 from rearl_jax.evaluation.page import data_summary
 from rearl_jax.evaluation.percentiles import BaseValues
+from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.metrics.histograms import legacy_scale
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
@@ -43,7 +44,7 @@ def run(config: StudyFig7Task) -> dict:
     """
     set_precision(config.core.dtype)
     generated = is_generated(config.data)
-    study = Study(config.results.root, config.study, config, "study fig7", data_id(config.data), generated=generated)
+    study = Study(config.results.root, config.study, config, "study fig7", inputs_id(config), generated=generated)
     study.write_config()
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=False)

@@ -134,7 +134,7 @@ def evaluate_rows(config: StudyTable1Task) -> Results:
     Raises:
         FileNotFoundError, ValueError: See `rearl_jax.evaluation.task.run`; or there is no row of a name.
     """
-    rows = chosen_rows(config.table1)
+    rows = chosen_rows(config.table1, config.model)
     records = [row_record(row, config) for row in rows]  # all of them first: a wrong one stops before hours of work
     found = []
     for number, (row, record) in enumerate(zip(rows, records, strict=True), 1):

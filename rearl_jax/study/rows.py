@@ -35,6 +35,7 @@ class Row:
         paper: Its row in `published.TABLE1`; None where the paper has none.
         role: What it is compared with.
         asks_model: Whether a language model is asked.
+        is_repaired: Whether it is on the traffic of a repaired model; all others are on highway-env's.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Row:
     paper: str | None = None
     role: Role = field(default=Role.method, kw_only=True)
     asks_model: bool = field(default=False, kw_only=True)
+    is_repaired: bool = field(default=False, kw_only=True)
 
 
 def _loop(policy: str, **other: Any) -> dict[str, Any]:
@@ -80,24 +82,38 @@ ROWS = (
     Row("idle", CONTROL + "idle", _loop("idle"), role=Role.control),
     Row("random_admissible", CONTROL + "random action", _loop("random_admissible"), role=Role.control),
     Row("matcher_random_ref", CONTROL + "random reference", _loop("matcher_random_ref"), role=Role.control),
+    Row("calibrated", "calibrated drivers", {"method": "base", "variant": "calibrated"}, is_repaired=True),
+    Row("repaired", "repaired model", {"method": "base", "variant": "repaired"}, is_repaired=True),
+    Row(
+        "repaired_matcher",
+        "repaired model, REARL, matcher rank",
+        _loop("matcher", matcher__space="rank") | {"variant": "repaired"},
+        is_repaired=True,
+    ),
 )
 """All rows, in the order of the table."""
 
 
-def chosen_rows(table1: Table1Config) -> list[Row]:
+def chosen_rows(table1: Table1Config, model: str | None = None) -> list[Row]:
     """The rows asked for, in the order of the table.
 
+    Args:
+        table1: Names of the rows.
+        model: File of a repaired model; without one there are no rows on its traffic.
+
     Raises:
-        ValueError: There is no row of a name.
+        ValueError: There is no row of a name, or it needs a model.
     """
     known = {row.name: row for row in ROWS}
     if table1.rows is None:
-        return [row for row in ROWS if table1.llm or not row.asks_model]
+        return [row for row in ROWS if (table1.llm or not row.asks_model) and (model or not row.is_repaired)]
     for name in table1.rows:
         if name not in known:
             raise ValueError(
                 f"table1.rows: there is no row {name!r}; nearest: {nearest(name, known)}; rows: {', '.join(known)}"
             )
+        if known[name].is_repaired and model is None:
+            raise ValueError(f"table1.rows: the row {name} is on the traffic of a repaired model: set model=MODEL.YAML")
     return [row for row in ROWS if row.name in table1.rows or (table1.llm and row.asks_model)]
 
 
@@ -108,6 +124,8 @@ def row_record(row: Row, config: StudyTable1Task) -> EvaluateTask:
     """
     record = part_record(EvaluateTask, config, f"{config.table1.kept_in or config.study}/rows/{row.name}")
     changes = dict(row.changes)
+    if not row.is_repaired:
+        changes["model"] = None
     if row.asks_model and changes["method"] == "rearl":
         changes |= {
             "detection.interval": config.table1.llm_interval,

@@ -8,11 +8,12 @@ import logging
 from functools import partial
 
 from rearl_jax.config import StudyTable1Task
-from rearl_jax.data.recordings import data_id, is_generated
+from rearl_jax.data.recordings import is_generated
 from rearl_jax.data.splits import Split
 from rearl_jax.evaluation.inputs import Inputs, read_inputs
 from rearl_jax.evaluation.layout import data_sources
 from rearl_jax.evaluation.page import data_summary
+from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 from rearl_jax.study import differences
@@ -39,7 +40,7 @@ def run(config: StudyTable1Task) -> dict:
             keys contradict each other, or there is no row of a name.
     """
     generated = is_generated(config.data)
-    study = Study(config.results.root, config.study, config, "study table1", data_id(config.data), generated=generated)
+    study = Study(config.results.root, config.study, config, "study table1", inputs_id(config), generated=generated)
     study.write_config()
     results = evaluate_rows(config)
     with progress_bar() as bar:

@@ -8,10 +8,11 @@ from functools import partial
 from pathlib import Path
 
 from rearl_jax.config import StudyTable3Task, SweepThresholdsTask
-from rearl_jax.data.recordings import data_id, is_generated
+from rearl_jax.data.recordings import is_generated
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.layout import data_sources
 from rearl_jax.evaluation.page import data_summary
+from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 from rearl_jax.study import differences
@@ -39,7 +40,7 @@ def run(config: StudyTable3Task) -> dict:
         FileNotFoundError, ValueError: See `rearl_jax.sweep.task.run`.
     """
     generated = is_generated(config.data)
-    study = Study(config.results.root, config.study, config, "study table3", data_id(config.data), generated=generated)
+    study = Study(config.results.root, config.study, config, "study table3", inputs_id(config), generated=generated)
     study.write_config()
     folder = carry_out(task.run, part_record(SweepThresholdsTask, config, f"{config.study}/sweep"))
     results = read_pairs(folder, config)

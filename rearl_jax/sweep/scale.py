@@ -25,7 +25,7 @@ from rearl_jax.evaluation.percentiles import detection_thresholds
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.scores import Scores
 from rearl_jax.evaluation.simulators import NEVER
-from rearl_jax.evaluation.task import inputs_id
+from rearl_jax.evaluation.traffic import inputs_id, require_one_variant
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
@@ -46,6 +46,7 @@ def run(config: SweepScaleTask) -> dict:
     config.check()
     if config.eval.seed_scope is not SeedScope.run_x_scene:
         raise ValueError("every rollout is scored against its own scene: set eval.seed_scope=run_x_scene")
+    require_one_variant(config)
     set_precision(config.core.dtype)
     generated = is_generated(config.data)
     study = Study(config.results.root, config.study, config, "sweep scale", inputs_id(config), generated=generated)

@@ -13,11 +13,12 @@ import pandas as pd
 from rearl_jax.config import SweepThresholdsTask
 from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.console import generated_mark
-from rearl_jax.data.recordings import data_id, is_generated
+from rearl_jax.data.recordings import is_generated
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.scores import Scores
 from rearl_jax.evaluation.simulators import NEVER
+from rearl_jax.evaluation.traffic import inputs_id, require_one_variant
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
@@ -41,11 +42,10 @@ def run(config: SweepThresholdsTask) -> dict:
         raise ValueError("a sweep scores every rollout against its own scene: set eval.seed_scope=run_x_scene")
     if config.method is not Method.rearl:
         raise ValueError(f"method={config.method.name} has no thresholds: set method=rearl")
+    require_one_variant(config)
     set_precision(config.core.dtype)
     generated = is_generated(config.data)
-    study = Study(
-        config.results.root, config.study, config, "sweep thresholds", data_id(config.data), generated=generated
-    )
+    study = Study(config.results.root, config.study, config, "sweep thresholds", inputs_id(config), generated=generated)
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
     with progress_bar() as bar:

@@ -58,7 +58,7 @@ def _own_cache(tmp_path_factory, monkeypatch):
 def task_config(tmp_path_factory):
     """Short scenes of two short generated recordings, so that there are many."""
     from rearl_jax.config import ClusterTask, ResultsConfig
-    from rearl_jax.config.data import DataConfig, DataKind
+    from rearl_jax.config.data import DataConfig, DataFormat
     from rearl_jax.config.generator import GeneratorConfig
     from rearl_jax.config.scenes import ScenesConfig, TracksConfig
     from rearl_jax.data.generator import generate
@@ -67,7 +67,7 @@ def task_config(tmp_path_factory):
     generate(GeneratorConfig(n_recordings=2, duration_scale=0.25, workers=1), root)
     return ClusterTask(
         results=ResultsConfig(root=str(tmp_path_factory.mktemp("results"))),
-        data=DataConfig(kind=DataKind.generated, root=str(root)),
+        data=DataConfig(format=DataFormat.generated, root=str(root)),
         scenes=ScenesConfig(seconds=8, min_vehicles=5, slots=5),
         tracks=TracksConfig(points=24),
     )

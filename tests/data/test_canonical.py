@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataKind, OnBad
+from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.data.canonical import TableFile, find_tables, write_recording
 from rearl_jax.data.problems import BadRecordingError
 from rearl_jax.data.recordings import is_generated, iterate_recordings
@@ -45,7 +45,7 @@ def test_what_is_written_is_read_back(recording, tmp_path, ending):
     assert back.info.lane_markings == recording.info.lane_markings
     pd.testing.assert_frame_equal(back.table, recording.table)
     assert not list(path.parent.glob("*unfinished*"))
-    data = DataConfig(DataKind.table, str(tmp_path / "deep"))
+    data = DataConfig(DataFormat.table, str(tmp_path / "deep"))
     assert is_generated(data)
     assert [r.info.id for r in iterate_recordings(data)] == ["made_07"]
 
@@ -81,7 +81,7 @@ def test_a_foreign_table_of_several_recordings_is_worked_out(recording, tmp_path
 
 def test_a_table_without_recording_is_named_after_its_file(recording, tmp_path):
     recording.table.drop(columns="recording").to_parquet(tmp_path / "motorway.parquet")
-    (found,) = iterate_recordings(DataConfig(DataKind.table, str(tmp_path / "motorway.parquet")))
+    (found,) = iterate_recordings(DataConfig(DataFormat.table, str(tmp_path / "motorway.parquet")))
     assert found.info.id == "motorway"
     assert set(found.table["recording"]) == {"motorway"}
 

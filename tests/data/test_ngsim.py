@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataKind, OnBad
+from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.data.ngsim import debounced
 from rearl_jax.data.ngsim_pairs import find_pairs, pairs_recordings, read_pairs
 from rearl_jax.data.ngsim_published import PublishedFile, find_published
@@ -295,9 +295,9 @@ def test_a_folder_without_the_one_file_stops(tmp_path):
         pairs_recordings(find_pairs(tmp_path))
 
 
-@pytest.mark.parametrize("kind", [DataKind.ngsim, DataKind.i80])
+@pytest.mark.parametrize("kind", [DataFormat.ngsim, DataFormat.i80])
 def test_both_are_reached_as_recordings(tmp_path, kind):
-    if kind is DataKind.ngsim:
+    if kind is DataFormat.ngsim:
         _write(tmp_path, pd.concat([_published(), _published("i-80")]))
     else:
         _pairs().to_parquet(tmp_path / "pairs.parquet")

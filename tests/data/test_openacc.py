@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataKind, OnBad
+from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.data.openacc import fill_holes, find_platoons, platoon_recordings, read_platoon
 from rearl_jax.data.problems import BadRecordingError
 from rearl_jax.data.recordings import iterate_recordings
@@ -151,7 +151,7 @@ def test_small_negative_speeds_are_standing_still(tmp_path):
 def test_files_are_recordings(tmp_path):
     both = pd.concat([_platoon(), _platoon(3).assign(file="run_2")])
     both.to_parquet(tmp_path / "platoons.parquet")
-    recordings = list(iterate_recordings(DataConfig(DataKind.openacc, str(tmp_path))))
+    recordings = list(iterate_recordings(DataConfig(DataFormat.openacc, str(tmp_path))))
     assert [r.info.id for r in recordings] == ["openacc_run_1", "openacc_run_2"]
     assert [r.table["track_id"].nunique() for r in recordings] == [4, 3]
     with pytest.raises(FileNotFoundError, match="0 Parquet files"):

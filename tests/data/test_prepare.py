@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from rearl_jax.config import PrepareTask, ResultsConfig
-from rearl_jax.config.data import DataConfig, DataKind, OnBad
+from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.scenes import ScenesConfig
 from rearl_jax.data.prepare import counts_of, run
@@ -23,7 +23,7 @@ def test_highd_files_become_tables_counts_and_scenes(highd_files, tmp_path):
     config = PrepareTask(
         study="p",
         results=ResultsConfig(str(tmp_path)),
-        data=DataConfig(DataKind.highd, str(tmp_path / "in")),
+        data=DataConfig(DataFormat.highd, str(tmp_path / "in")),
         scenes=ScenesConfig(seconds=3, min_vehicles=4, slots=4),
     )
     summary = run(config)
@@ -37,7 +37,7 @@ def test_highd_files_become_tables_counts_and_scenes(highd_files, tmp_path):
     counts = pd.read_parquet(tmp_path / "p" / "recordings.parquet")
     assert counts["recording"].tolist() == ["highd_01", "highd_02"]
     assert counts["in_view"].tolist() == pytest.approx([1800 / 205] * 2)
-    tables = DataConfig(DataKind.table, str(tmp_path / "p" / "tables"))
+    tables = DataConfig(DataFormat.table, str(tmp_path / "p" / "tables"))
     for again, first in zip(iterate_recordings(tables), iterate_recordings(config.data), strict=True):
         pd.testing.assert_frame_equal(again.table, first.table)
         assert again.info.to_json() == first.info.to_json()
@@ -51,7 +51,7 @@ def test_what_is_dropped_is_in_the_summary(highd_files, tmp_path):
     table.to_csv(tracks, index=False)
     config = PrepareTask(
         results=ResultsConfig(str(tmp_path)),
-        data=DataConfig(DataKind.highd, str(tmp_path / "in")),
+        data=DataConfig(DataFormat.highd, str(tmp_path / "in")),
         scenes=ScenesConfig(seconds=3, min_vehicles=4, slots=4),
     )
     with pytest.raises(BadRecordingError, match="xVelocity"):
@@ -64,7 +64,7 @@ def test_what_is_dropped_is_in_the_summary(highd_files, tmp_path):
 def test_recordings_are_generated_first_where_asked_for(tmp_path):
     config = PrepareTask(
         results=ResultsConfig(str(tmp_path / "results")),
-        data=DataConfig(DataKind.generated, str(tmp_path / "made")),
+        data=DataConfig(DataFormat.generated, str(tmp_path / "made")),
         generator=GeneratorConfig(n_recordings=1, duration_scale=0.1, workers=1),
         scenes=ScenesConfig(min_vehicles=4, slots=4),
     )
@@ -84,7 +84,7 @@ def test_recordings_are_generated_first_where_asked_for(tmp_path):
 
 def test_unknown_lanes_are_no_lane_changes(highd_files, tmp_path):
     highd_files(tmp_path)
-    (recording,) = iterate_recordings(DataConfig(DataKind.highd, str(tmp_path)))
+    (recording,) = iterate_recordings(DataConfig(DataFormat.highd, str(tmp_path)))
     assert counts_of(recording)["lane_changes"] == 4
     recording.table.loc[::2, "lane"] = pd.NA
     assert counts_of(recording)["lane_changes"] == 0

@@ -5,7 +5,7 @@ import dataclasses
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataKind, OnBad
+from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.data import recordings
 from rearl_jax.data.problems import BadRecordingError
 from rearl_jax.data.recordings import count_recordings, data_id, is_generated, iterate_recordings
@@ -16,7 +16,7 @@ from rearl_jax.data.schema import COLUMNS
 def highd(highd_files, tmp_path) -> DataConfig:
     for number in ("01", "02", "10"):
         highd_files(tmp_path, number, seed=int(number))
-    return DataConfig(DataKind.highd, str(tmp_path))
+    return DataConfig(DataFormat.highd, str(tmp_path))
 
 
 def test_recordings_come_in_order_and_can_be_selected(highd):
@@ -39,8 +39,8 @@ def test_nothing_is_read_before_it_is_asked_for(highd, tmp_path):
 
 
 def test_every_kind_has_a_reader_and_names_what_it_wants(tmp_path):
-    for kind in DataKind:
-        if kind is DataKind.us101:
+    for kind in DataFormat:
+        if kind is DataFormat.us101:
             continue
         with pytest.raises(FileNotFoundError, match=r"data.root is not set: data.root must name \w+"):
             count_recordings(DataConfig(kind))
@@ -90,7 +90,7 @@ def test_two_recordings_of_one_name_stop(vehicle_rows, tmp_path):
     for name in ("a", "b"):
         rows.to_parquet(tmp_path / f"{name}.parquet")
     with pytest.raises(ValueError, match="several recordings in .* are called same"):
-        count_recordings(DataConfig(DataKind.table, str(tmp_path)))
+        count_recordings(DataConfig(DataFormat.table, str(tmp_path)))
 
 
 def test_all_readers_deliver_the_same_schema(highd):
@@ -104,7 +104,7 @@ def test_all_readers_deliver_the_same_schema(highd):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"kind": DataKind.highd}, "root must name the folder"),
+        ({"format": DataFormat.highd}, "root must name the folder"),
         ({"recordings": ""}, "recordings must be"),
         ({"max_jump": 0.0}, "max_jump must be > 0"),
         ({"max_jump": float("nan")}, "max_jump must be > 0"),

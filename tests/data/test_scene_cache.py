@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.config import PrepareTask
-from rearl_jax.config.data import DataConfig, DataKind
+from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.config.scenes import ScenesConfig
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.scene_cache import SceneCache
@@ -21,7 +21,7 @@ def task(tmp_path, highd_files, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     highd_files(tmp_path / "recordings", n_vehicles=24, n_frames=300)
     scenes = ScenesConfig(seconds=4, min_vehicles=4, slots=4)
-    return PrepareTask(data=DataConfig(kind=DataKind.highd, root=str(tmp_path / "recordings")), scenes=scenes)
+    return PrepareTask(data=DataConfig(format=DataFormat.highd, root=str(tmp_path / "recordings")), scenes=scenes)
 
 
 def groups(task):

@@ -125,3 +125,31 @@ def test_references_must_last(start, table, model, options):
             *(state, drivers, keys, table, thresholds, (OnHost(table, model), OnHost(table, model)), model, options),
             n_seconds=9,
         )
+
+
+@pytest.mark.slow  # two programs of their own
+def test_drivers_with_effects_are_the_same_from_outside(start, table, model, options):
+    """Three scenarios and a curve of three knots: what belongs to scenarios is told by its axes, not by its length."""
+    from rearl_jax.config.decision import MatcherConfig, PolicyName
+    from rearl_jax.decision.lockstep import rollout_in_lockstep
+    from rearl_jax.decision.loop import rollout_with_policy
+    from rearl_jax.decision.policies import make_policy
+    from rearl_jax.models.traffic import populate, traffic_numbers
+    from tests.models.drivers import CURVE, NOISE
+    from tests.models.drivers import model as repaired_model
+
+    state, drivers, keys, thresholds = parts(start, 3)
+    numbers = traffic_numbers(repaired_model(CURVE, NOISE), np.dtype("float32"), with_effects=True)
+    state, drivers = jax.jit(lambda state: populate(state, drivers, keys, numbers, model))(state)
+    assert drivers.effects[0].knots.shape == (3,)
+    policy = make_policy(PolicyName.matcher, MatcherConfig(), model)
+    inside = jax.jit(
+        functools.partial(rollout_with_policy, policy=policy, model=model, options=options, n_seconds=N_SECONDS)
+    )(state, drivers, keys, table, thresholds)[1:]
+    frames, decisions = rollout_in_lockstep(
+        *(state, drivers, keys, table, thresholds, (OnHost(table, model), OnHost(table, model)), model, options),
+        n_seconds=N_SECONDS,
+    )
+    assert decisions.n_asked.sum() > 0
+    np.testing.assert_array_equal(decisions.n_accepted, inside[1].n_accepted)
+    np.testing.assert_allclose(frames.x, inside[0].x, atol=1e-3)

@@ -17,21 +17,23 @@ class SeveralLeaders(Effect):
     """The driver also keeps twice the distance to the leader's leader."""
 
     weight: Float[Array, "*#n"]
+    relief: Float[Array, "*#n"]
 
     name: ClassVar[str] = "several_leaders"
-    equation: ClassVar[str] = "(s*/s)^2 -> (1 - w) (s*/s)^2 + w (s*_2 / (s_2 / 2))^2, s_2 the sum of the next two gaps"
+    equation: ClassVar[str] = "(1 - relief w) (s*/s)^2 + w (s*_2 / (s_2 / 2))^2, s_2 the sum of the next two gaps"
     source: ClassVar[str] = "after Treiber, Kesting & Helbing, Physica A 360 (2006) 71 (human driver model)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("weight", "-", "weight of the second leader", off=0.0, low=-0.5, high=1.0, scale=0.4),
+        Parameter("weight", "-", "weight of the second leader", off=0.0, low=0.0, high=1.0, scale=0.4),
+        Parameter("relief", "-", "how much less the first counts for it", 0.5, 0.0, 1.0, 0.5, is_strength=False),
     )
 
     def interaction(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, params: FollowingParams
     ) -> Float[Array, "*n"]:
-        """The mean over both leaders, where there are two."""
+        """Both leaders count, where there are two."""
         dv = seen.speed - seen.second_speed
         second = jnp.minimum(gap_interaction(seen.second_gap / 2, seen.speed, dv, params), STRONGEST_SECOND)
-        return value + self.weight * seen.has_second * seen.has_leader * (second - value)
+        return value + self.weight * seen.has_second * seen.has_leader * (second - self.relief * value)
 
 
 class LeaderAcceleration(Effect):
@@ -44,7 +46,7 @@ class LeaderAcceleration(Effect):
     equation: ClassVar[str] = "a + gain a_leader exp(-s / reach)"
     source: ClassVar[str] = "after Kesting, Treiber & Helbing, Phil. Trans. R. Soc. A 368 (2010) 4585 (ACC model)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gain", "-", "share of the leader's acceleration", off=0.0, low=-0.9, high=1.5, scale=0.4),
+        Parameter("gain", "-", "share of the leader's acceleration", off=0.0, low=0.0, high=1.5, scale=0.4),
         Parameter("reach", "m", "gap at which the gain has fallen to 1/e", 60.0, 15.0, 240.0, 30.0, is_strength=False),
     )
 
@@ -54,20 +56,26 @@ class LeaderAcceleration(Effect):
 
 
 class Asymmetry(Effect):
-    """Braking for a slower leader is harder than accelerating after a faster one, or the other way round."""
+    """Coming nearer is answered otherwise than falling back, up to some approach rate."""
 
-    gain: Float[Array, "*#n"]
+    closing: Float[Array, "*#n"]
+    opening: Float[Array, "*#n"]
+    scale: Float[Array, "*#n"]
 
     name: ClassVar[str] = "asymmetry"
-    equation: ClassVar[str] = "a - gain |dv|"
+    equation: ClassVar[str] = "a - closing h(dv) - opening h(-dv), h(u) = scale tanh(max(0, u) / scale)"
     source: ClassVar[str] = "after Gong, Liu & Wang, Physica A 387 (2008) 2595 (asymmetric full velocity difference)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gain", "1/s", "part of the reaction that is even in dv", off=0.0, low=-0.5, high=0.5, scale=0.1),
+        Parameter("closing", "1/s", "deceleration per approach rate", off=0.0, low=-1.0, high=1.0, scale=0.15),
+        Parameter("opening", "1/s", "deceleration per rate of falling back", off=0.0, low=-1.0, high=1.0, scale=0.15),
+        Parameter("scale", "m/s", "approach rate at which it saturates", 5.0, 1.0, 30.0, 4.0, is_strength=False),
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Less, whatever the sign of the approach rate."""
-        return value - self.gain * seen.has_leader * jnp.abs(seen.speed - seen.leader_speed)
+        """Less, by how much the gap shrinks or grows."""
+        dv = seen.speed - seen.leader_speed
+        nearer, farther = (self.scale * jnp.tanh(jnp.maximum(rate, 0.0) / self.scale) for rate in (dv, -dv))
+        return value - seen.has_leader * (self.closing * nearer + self.opening * farther)
 
 
 class LaneFriction(Effect):
@@ -80,7 +88,7 @@ class LaneFriction(Effect):
     equation: ClassVar[str] = "a - gain tanh(max(0, v - v_beside) / scale)"
     source: ClassVar[str] = "after Ponnu & Coifman, Transp. Res. B 97 (2017) 228 (adjacent-lane friction)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gain", "m/s^2", "deceleration beside much slower traffic", 0.0, -2.0, 3.0, 0.5),
+        Parameter("gain", "m/s^2", "deceleration beside much slower traffic", 0.0, 0.0, 3.0, 0.5),
         Parameter("scale", "m/s", "speed difference at which it saturates", 5.0, 1.0, 15.0, 2.5, is_strength=False),
     )
 

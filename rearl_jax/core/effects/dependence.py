@@ -42,7 +42,7 @@ class Dependence(Effect):
 
     kind: ClassVar[str] = "generic"
 
-    values: Float[Array, " knots"]
+    values: Float[Array, "knots *#n"]
     knots: Float[Array, " knots"]
     variable: str = eqx.field(static=True)
 
@@ -56,5 +56,30 @@ class Dependence(Effect):
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
         """More or less by the curve."""
-        weights = hat_weights(VARIABLES[self.variable][1](seen), self.knots)
-        return value + jnp.tensordot(self.values, weights, axes=1)
+        return value + curve_at(self.values, self.knots, VARIABLES[self.variable][1](seen))
+
+
+class TimeGapDependence(Dependence):
+    """The time gap depends on a variable in a way that was found, not named."""
+
+    name: ClassVar[str] = "time_gap_dependence"
+    equation: ClassVar[str] = "T exp(curve(variable)), piecewise linear between knots"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("values", "-", "the curve at its knots", off=0.0, low=-3.0, high=3.0, scale=0.3),
+        Parameter("knots", "that of the variable", "equidistant", 0.0, -1e6, 1e6, 1.0, is_strength=False),
+    )
+
+    def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """As it is."""
+        return value
+
+    def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """Longer or shorter by the curve."""
+        return value * jnp.exp(curve_at(self.values, self.knots, VARIABLES[self.variable][1](seen)))
+
+
+def curve_at(
+    values: Float[Array, "knots *#n"], knots: Float[Array, " knots"], at: Float[Array, "*n"]
+) -> Float[Array, "*n"]:
+    """A piecewise linear curve, constant beyond its outer knots."""
+    return jnp.sum(values * hat_weights(at, knots), axis=0)

@@ -10,6 +10,7 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float, PyTree
 
+from rearl_jax.core.effects.side_lane import SideLane
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.gap_idm import FollowingParams
 
@@ -23,7 +24,7 @@ class Parameter:
         unit: In brackets in every text; "-" for none.
         meaning: One line.
         off: Value at which the effect is off, for a strength; a usual value for a shape.
-        low: Lower bound.
+        low: Lower bound; 0 for a strength whose sign is part of what the effect is.
         high: Upper bound.
         scale: How far from `off` values are usually found, the standard deviation of a prior.
         is_strength: Whether the effect is off where this (with the other strengths) is `off`; else it only shapes it.
@@ -44,7 +45,7 @@ class Effect(eqx.Module):
 
     Class attributes:
         name: As in a model file and in a verdict.
-        kind: `driver`, `road`, `generic`.
+        kind: `driver` (car following), `road`, `generic`, `random`, `lane_change`.
         equation: What it does, in one line.
         source: Where the equation comes from.
         parameters: Of the effect, in the order of its fields.
@@ -84,4 +85,10 @@ class Effect(eqx.Module):
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: PyTree) -> Float[Array, "*n"]:
         """Acceleration [m/s^2], before its bounds."""
+        return value
+
+    def incentive(
+        self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: PyTree
+    ) -> Float[Array, "*n"]:
+        """What a change to a lane beside gains [m/s^2]; `seen` is the own lane as it is, not as it is perceived."""
         return value

@@ -21,7 +21,7 @@ DELAYED = ("speed", "has_leader", "gap", "leader_speed")
 class ReactionDelay(Effect):
     """The driver acts on the gap and the speeds of a moment ago. A negative delay is anticipation by extrapolation."""
 
-    delay: Float[Array, ""]
+    delay: Float[Array, "*#n"]
 
     name: ClassVar[str] = "reaction_delay"
     equation: ClassVar[str] = "a(t) = f(s, v, dv at t - delay)"
@@ -32,15 +32,15 @@ class ReactionDelay(Effect):
 
     def begin(
         self, seen: Stimulus, params: FollowingParams, tick: float
-    ) -> tuple[Int[Array, ""], Float[Array, "fields past *n"]]:
+    ) -> tuple[Int[Array, ""], Float[Array, "fields past *n"], Float[Array, "fields *n"]]:
         """The present as if it had always been so."""
         length = math.ceil(LONGEST_DELAY / tick) + 2
         now = _stacked(seen)
-        return jnp.zeros((), jnp.int32), jnp.broadcast_to(now[:, None], (len(DELAYED), length, *now.shape[1:]))
+        return jnp.zeros((), jnp.int32), jnp.broadcast_to(now[:, None], (len(DELAYED), length, *now.shape[1:])), now
 
     def remember(
         self,
-        memory: tuple[Int[Array, ""], Float[Array, "fields past *n"]],
+        memory: tuple[Int[Array, ""], Float[Array, "fields past *n"], Float[Array, "fields *n"]],
         seen: Stimulus,
         params: FollowingParams,
         tick: float,
@@ -49,11 +49,14 @@ class ReactionDelay(Effect):
         count, past = memory[0], memory[1]
         past = lax.dynamic_update_index_in_dim(past, _stacked(seen), count % past.shape[1], axis=1)
         ticks = self.delay / tick
-        whole = jnp.floor(jnp.maximum(ticks, 0.0)).astype(jnp.int32)
-        share = ticks - whole
-        later = lax.dynamic_index_in_dim(past, (count - whole) % past.shape[1], axis=1, keepdims=False)
-        earlier = lax.dynamic_index_in_dim(past, (count - whole - 1) % past.shape[1], axis=1, keepdims=False)
-        return count + 1, past, later * (1 - share) + earlier * share
+        floor = jnp.floor(jnp.maximum(ticks, 0.0))
+        whole, share = floor.astype(jnp.int32), jnp.broadcast_to(ticks - floor, past.shape[2:])[None]
+
+        def ago(ticks_before: Int[Array, "*#n"]) -> Float[Array, "fields *n"]:
+            place = jnp.broadcast_to((count - ticks_before) % past.shape[1], past.shape[2:])
+            return jnp.take_along_axis(past, place[None, None], axis=1)[:, 0]
+
+        return count + 1, past, ago(whole) * (1 - share) + ago(whole + 1) * share
 
     def perceive(self, seen: Stimulus, memory: tuple[Array, Array, Array]) -> Stimulus:
         """The remembered moment in the place of the present."""

@@ -41,7 +41,7 @@ class VarianceDrivenTimeGap(Effect):
     equation: ClassVar[str] = "T exp(gain V), V = sd / mean of the speeds of the own and the next three vehicles"
     source: ClassVar[str] = "after Treiber, Kesting & Helbing, Phys. Rev. E 74 (2006) 016123"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gain", "-", "growth of log T with the speeds' coefficient of variation", 0.0, -6.0, 12.0, 3.0),
+        Parameter("gain", "-", "growth of log T with the speeds' coefficient of variation", 0.0, 0.0, 12.0, 3.0),
     )
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
@@ -64,7 +64,7 @@ class Resignation(Effect):
     equation: ClassVar[str] = "T exp(gain (1 - L)), dL/dt = (v / v0 - L) / memory_time"
     source: ClassVar[str] = "after Treiber & Helbing, Phys. Rev. E 68 (2003) 046119 (memory effect)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gain", "-", "growth of log T at a standstill", off=0.0, low=-2.0, high=3.0, scale=0.6),
+        Parameter("gain", "-", "growth of log T at a standstill", off=0.0, low=0.0, high=3.0, scale=0.6),
         Parameter("memory_time", "s", "time over which speeds are remembered", 10.0, 2.0, 120.0, 10.0, False),
     )
 
@@ -96,8 +96,8 @@ class Relaxation(Effect):
     )
     source: ClassVar[str] = "after Laval & Leclercq, Transp. Res. B 42 (2008) 511; Keane & Gao, ibid. 150 (2021) 301"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gap_share", "-", "part of the lost gap that is not felt at first", 0.0, -0.5, 2.0, 0.5),
-        Parameter("time_gap_share", "-", "part of the way to the time gap right after it", 0.0, -0.5, 1.5, 0.5),
+        Parameter("gap_share", "-", "part of the lost gap that is not felt at first", 0.0, 0.0, 2.0, 0.5),
+        Parameter("time_gap_share", "-", "part of the way to the time gap right after it", 0.0, 0.0, 1.5, 0.5),
         Parameter("relaxation_time", "s", "time in which it is forgotten", 10.0, 1.0, 60.0, 7.0, is_strength=False),
     )
 
@@ -123,7 +123,7 @@ class RearPressure(Effect):
     equation: ClassVar[str] = "T exp(-gain / (1 + exp((z - z0) / 0.25 s))), z the follower's time gap"
     source: ClassVar[str] = "after Herman, Montroll, Potts & Rothery, Oper. Res. 7 (1959) 86 (look-behind term)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gain", "-", "fall of log T under pressure", off=0.0, low=-1.5, high=2.5, scale=0.5),
+        Parameter("gain", "-", "fall of log T under pressure", off=0.0, low=0.0, high=2.5, scale=0.5),
         Parameter("pressing_time_gap", "s", "follower's time gap z0 that presses", 1.0, 0.3, 2.5, 0.3, False),
     )
 

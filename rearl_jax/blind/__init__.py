@@ -1,0 +1,1 @@
+"""The blind study of discovery: traffic from independent sources, sealed truths, scores."""

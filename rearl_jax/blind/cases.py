@@ -1,0 +1,169 @@
+"""The data sets of a blind study: what is hidden where, how strongly, how often, declared before anything is drawn."""
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from rearl_jax.blind.traffic.catalogue import LISTED, UNLISTED
+from rearl_jax.blind.traffic.measurement import ARTEFACTS
+from rearl_jax.blind.traffic.scenario import Planted, Scenario
+from rearl_jax.config.blind import BlindConfig, StudySize
+
+FOUR_TIMES = {"n_vehicles": 78, "duration": 120.0, "lane_changes": 48}
+"""Four times the driver-seconds of the default: twice the drivers for twice as long."""
+
+CONTROLS: Mapping[str, Mapping[str, int | float]] = {
+    "default": {},
+    "coloured_noise": {"noise_time": 0.3},
+    "mixed_drivers": {"spread": 1.5},
+    "dense": {"pace": 0.55, "spacing": 0.9},
+    "sparse": {"pace": 1.1, "spacing": 1.5},
+    "restless_drivers": {"driver_noise": 0.3},
+    "long": {"duration": 180.0, "lane_changes": 36},
+    "short": {"n_vehicles": 183, "duration": 14.0, "lane_changes": 30},
+    "camera": {"n_vehicles": 150, "duration": 90.0, "lane_changes": 40, "view": 420.0, "frame_rate": 25.0},
+}
+"""Configurations of data sets in which nothing is hidden."""
+
+CONFUSABLE = (
+    ("grade", "speed_limit"),
+    ("lane_desired_speed", "speed_limit"),
+    ("speed_dependent_time_gap", "resignation"),
+    ("several_leaders", "leader_acceleration"),
+    ("leader_class", "leader_length"),
+)
+"""Effects that look alike; a data set holds one of the two."""
+
+CANCELLING = ("reaction_delay", "anticipation")
+"""Two effects of which only the difference can be seen."""
+
+TWO = (
+    ("reaction_delay", "grade"),
+    ("reaction_delay", "variance_driven_time_gap"),
+    ("several_leaders", "speed_limit"),
+    ("leader_acceleration", "lane_friction"),
+    ("speed_dependent_time_gap", "grade"),
+    ("variance_driven_time_gap", "lane_friction"),
+    ("resignation", "speed_limit"),
+    ("relaxation", "leader_acceleration"),
+    ("rear_pressure", "reaction_delay"),
+    ("leader_class", "speed_limit"),
+    ("asymmetry", "grade"),
+    ("weather", "several_leaders"),
+)
+"""Two effects at once."""
+
+SUMO_MODELS = ("idm", "idm_no_passing_right", "idm_limit", "idm_action_steps", "eidm", "krauss", "acc", "cacc")
+"""Car following and rules of the second source."""
+
+REPEATS: Mapping[StudySize, Mapping[str, int]] = {
+    StudySize.medium: {
+        "named": 2, "artefact": 2, "control": 3, "half": 1, "half_four_times": 1, "unlisted": 1, "two": 1,
+        "sumo": 1,
+    },
+    StudySize.full: {
+        "named": 10, "artefact": 10, "control": 12, "half": 5, "half_four_times": 5, "quarter": 2, "double": 2,
+        "unlisted": 5, "two": 3, "confusable": 3, "cancelling": 10, "short": 2, "sumo": 5,
+    },
+}  # fmt: skip
+"""Data sets of each kind in each set."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One data set.
+
+    Attributes:
+        name: Of its folder; says nothing.
+        group: The set it belongs to.
+        variant: What is hidden, or which control.
+        source: `traffic`, the generator of this package, or `sumo`.
+        planted: What is hidden by the generator.
+        seed: Of everything random in it.
+        changes: Fields of the scenario that differ from the default.
+    """
+
+    name: str
+    group: str
+    variant: str
+    source: str
+    planted: tuple[Planted, ...]
+    seed: int
+    changes: Mapping[str, int | float] = field(default_factory=dict)
+
+    @property
+    def scenario(self) -> Scenario:
+        """What the generator is asked for."""
+        return Scenario(seed=self.seed, planted=self.planted, **self.changes)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class _Kind:
+    group: str
+    variant: str
+    planted: tuple[Planted, ...] = ()
+    changes: Mapping[str, int | float] = field(default_factory=dict)
+    source: str = "traffic"
+
+
+def list_cases(blind: BlindConfig, master_seed: int) -> list[Case]:
+    """All data sets of a study in an order that says nothing.
+
+    Raises:
+        ValueError: `blind.sets` selects none.
+    """
+    kinds = [kind for kind in _kinds(blind.size) if fnmatchcase(kind.group, blind.sets)]
+    kinds = [kind for kind in kinds if blind.sumo or kind.source != "sumo"]
+    if not kinds:
+        groups = ", ".join(dict.fromkeys(kind.group for kind in _kinds(blind.size)))
+        raise ValueError(f"blind.sets={blind.sets} selects none of {groups}")
+    seeds = np.random.SeedSequence(master_seed).generate_state(len(kinds) + 1)
+    cases = []
+    for number, (kind, seed) in enumerate(zip(kinds, seeds, strict=False)):
+        name = hashlib.sha256(f"{master_seed} {number}".encode()).hexdigest()[:10]
+        cases.append(Case(name, kind.group, kind.variant, kind.source, kind.planted, int(seed), kind.changes))
+    return [cases[place] for place in np.random.default_rng(int(seeds[-1])).permutation(len(cases))]
+
+
+def _kinds(size: StudySize) -> list[_Kind]:
+    if size is StudySize.small:
+        return [
+            _Kind("control", "default"),
+            _Kind("named", "reaction_delay", (Planted("reaction_delay"),)),
+            _Kind("named", "grade", (Planted("grade"),)),
+            _Kind("artefact", "lens", (Planted("lens"),)),
+            _Kind("unlisted", "rain", (Planted("rain"),)),
+            _Kind("two", "reaction_delay+grade", (Planted("reaction_delay"), Planted("grade"))),
+        ]
+    repeats = REPEATS[size]
+    return [kind for kind in _every_kind() for _ in range(repeats.get(kind.group, 0))]
+
+
+def _every_kind() -> Iterator[_Kind]:
+    """Every kind of data set once."""
+    yield from _single("named", LISTED)
+    yield from _single("artefact", ARTEFACTS)
+    yield from (_Kind("control", name, (), changes) for name, changes in CONTROLS.items())
+    yield from _single("half", LISTED, 0.5)
+    yield from _single("half_four_times", LISTED, 0.5, FOUR_TIMES)
+    yield from _single("quarter", LISTED, 0.25)
+    yield from _single("double", LISTED, 2.0)
+    yield from _single("unlisted", UNLISTED)
+    for pair in TWO:
+        yield _Kind("two", "+".join(pair), tuple(Planted(name) for name in pair))
+    yield from _single("confusable", dict.fromkeys(name for pair in CONFUSABLE for name in pair))
+    yield _Kind("cancelling", "+".join(CANCELLING), tuple(Planted(name) for name in CANCELLING))
+    short = ("reaction_delay", "grade", "several_leaders", "variance_driven_time_gap", "leader_class", "rear_pressure")
+    yield from _single("short", short, 1.0, CONTROLS["short"])
+    for model in SUMO_MODELS:
+        yield _Kind("sumo", model, source="sumo")
+
+
+def _single(
+    group: str, names: Iterable[str], strength: float = 1.0, changes: Mapping[str, int | float] | None = None
+) -> Iterator[_Kind]:
+    for name in names:
+        yield _Kind(group, name, (Planted(name, strength),), changes or {})

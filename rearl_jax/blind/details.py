@@ -1,0 +1,87 @@
+"""What a blind study shows besides rates: errors, stated confidence, parameters, strengths."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from rearl_jax.blind.judging import Recovery
+from rearl_jax.blind.questions import NAMED, Judged
+from rearl_jax.blind.scores import binomial_interval
+
+
+def oracle_share(cases: Iterable[Judged]) -> tuple[float | None, int]:
+    """How much of the fall of the squared error that the truth itself brings is reached, and in how many data sets.
+
+    Sums over data sets with a known oracle, of before^2 - after^2 over before^2 - oracle^2.
+    """
+    reached, possible, n = 0.0, 0.0, 0
+    for case in cases:
+        before, after, oracle = (case.verdict.errors[name] for name in ("before", "after", "oracle"))
+        if before is not None and after is not None and oracle is not None:
+            reached += before.value**2 - after.value**2
+            possible += before.value**2 - oracle.value**2
+            n += 1
+    return (reached / possible if possible > 0.0 else None), n
+
+
+def calibration(cases: Iterable[Judged], edges: Sequence[float] = (0.0, 0.5, 0.8, 0.9, 0.95, 1.0)) -> list[dict]:
+    """By stated confidence: claims, mean confidence, share that is there with its interval."""
+    claims = [claim for case in cases for claim in case.judgement.claims]
+    rows = []
+    for low, high in zip(edges, edges[1:], strict=False):
+        inside = [there for stated, there in claims if low < stated <= high or stated == low == 0.0]
+        if inside:
+            stated = [value for value, _ in claims if low < value <= high or value == low == 0.0]
+            ends = binomial_interval(sum(inside), len(inside))
+            rows.append(
+                {
+                    "from": low, "to": high, "n_claims": len(inside), "stated": float(np.mean(stated)),
+                    "true": sum(inside) / len(inside), "low": ends[0], "high": ends[1],
+                }
+            )  # fmt: skip
+    return rows
+
+
+def parameter_rows(cases: Iterable[Judged]) -> list[dict]:
+    """By effect and parameter: mean truth, mean error, relative bias, coverage of the intervals."""
+    known: dict[tuple[str, str], list[Recovery]] = {}
+    for case in cases:
+        for item in case.recoveries:
+            known.setdefault((item.effect, item.parameter), []).append(item)
+    rows = []
+    for (effect, parameter), items in sorted(known.items()):
+        errors = np.array([item.found.value - item.truth for item in items])
+        size = float(np.mean([abs(item.truth) for item in items]))
+        covered = [item.is_covered for item in items if item.is_covered is not None]
+        ends = binomial_interval(sum(covered), len(covered)) if covered else (None, None)
+        rows.append(
+            {
+                "effect": effect, "parameter": parameter, "n": len(items), "truth": size,
+                "bias": float(errors.mean()), "relative_bias": float(errors.mean()) / size if size else None,
+                "rms_error": float(np.sqrt(np.mean(errors**2))), "n_intervals": len(covered),
+                "coverage": sum(covered) / len(covered) if covered else None,
+                "coverage_low": ends[0], "coverage_high": ends[1],
+            }
+        )  # fmt: skip
+    return rows
+
+
+def by_strength(cases: Iterable[Judged]) -> list[dict]:
+    """Of data sets with one effect of the library and the usual amount of data: how many are named, by strength."""
+    found: dict[tuple[str, float], list[Judged]] = {}
+    for case in cases:
+        if case.group in ("named", "half", "quarter", "double") and not case.is_sumo:
+            for name in (case.truth["variant"], "all"):
+                found.setdefault((name, case.truth["planted"][0]["strength"]), []).append(case)
+    rows = []
+    for (name, strength), items in sorted(found.items()):
+        n_named = sum(item.judgement.outcome in NAMED for item in items)
+        low, high = binomial_interval(n_named, len(items))
+        n_wrong = sum(item.judgement.outcome == "wrong" for item in items)
+        rows.append(
+            {
+                "effect": name, "strength": strength, "n": len(items), "n_named": n_named, "n_wrong": n_wrong,
+                "rate": n_named / len(items), "low": low, "high": high,
+            }
+        )  # fmt: skip
+    return rows

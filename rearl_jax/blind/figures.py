@@ -1,0 +1,47 @@
+"""The figures of a blind study: what was said to what, and how recognition grows with strength."""
+
+import numpy as np
+
+from rearl_jax.blind.results import BlindResults
+from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, panels, png, set_title
+
+
+def draw_confusion(results: BlindResults) -> bytes:
+    """PNG of the confusion matrix, rows normalised."""
+    counts = results.confusion()
+    hidden, said = counts["hidden"].tolist(), [name for name in counts.columns if name != "hidden"]
+    numbers = counts[said].to_numpy(dtype=float)
+    figure, (axes,) = panels(2.6 + 0.3 * len(said), 2.2 + 0.24 * len(hidden), generated=True)
+    axes.imshow(numbers / numbers.sum(axis=1, keepdims=True), cmap="Blues", vmin=0.0, vmax=1.3, aspect="auto")
+    axes.set_xticks(np.arange(len(said)), said, rotation=90, fontsize=7)
+    axes.set_yticks(np.arange(len(hidden)), hidden, fontsize=7)
+    for row, column in zip(*np.nonzero(numbers), strict=True):
+        axes.text(column, row, f"{numbers[row, column]:.0f}", ha="center", va="center", fontsize=7)
+    axes.set_xlabel("said")
+    axes.set_ylabel("hidden")
+    return png(figure)
+
+
+def draw_strengths(results: BlindResults) -> bytes:
+    """PNG of the share named by strength: every effect thin, all together with intervals."""
+    figure, (axes,) = panels(5.2, 3.7, generated=True)
+    effects = dict.fromkeys(row["effect"] for row in results.strengths)
+    for effect in effects:
+        rows = [row for row in results.strengths if row["effect"] == effect]
+        strength = np.array([row["strength"] for row in rows])
+        rate = np.array([row["rate"] for row in rows])
+        if effect != "all":
+            axes.plot(strength, rate, color=GREY, linewidth=0.7, alpha=0.7)
+            continue
+        low, high = (np.array([row[name] for row in rows]) for name in ("low", "high"))
+        spread = np.stack([rate - low, high - rate])
+        axes.errorbar(strength, rate, spread, color=BLUE, marker="o", capsize=3, label="all effects, 95 %", zorder=3)
+    axes.axhline(0.95, color=DARK_GREY, linestyle=":", linewidth=1.0, label="goal at usual strength")
+    axes.set_xscale("log", base=2)
+    axes.set_xticks([0.25, 0.5, 1.0, 2.0], ["1/4", "1/2", "1", "2"])
+    axes.set_ylim(-0.03, 1.03)
+    axes.set_xlabel("strength, in parts of the usual one")
+    axes.set_ylabel("share named")
+    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=FONT_SIZE)
+    set_title(axes, "Effects of the library, one hidden at a time")
+    return png(figure)

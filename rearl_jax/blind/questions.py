@@ -1,0 +1,136 @@
+"""What a blind study is asked: of which data sets, what counts, and the goal that was set before."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rearl_jax.blind.judging import Judgement, Recovery
+from rearl_jax.blind.verdicts import Verdict
+
+NAMED = ("right", "more")
+"""Outcomes in which everything hidden is named."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A data set with all that is known about it in the end."""
+
+    name: str
+    truth: Mapping[str, Any]
+    verdict: Verdict
+    judgement: Judgement
+    recoveries: tuple[Recovery, ...]
+
+    @property
+    def group(self) -> str:
+        """The set it belongs to."""
+        return self.truth["group"]
+
+    @property
+    def is_sumo(self) -> bool:
+        """Whether SUMO made it."""
+        return self.truth["source"] == "sumo"
+
+    @property
+    def hidden_kind(self) -> str:
+        """`control`, `listed`, `unlisted`, `artefact`; of two effects the kind of the first."""
+        return self.truth["planted"][0]["kind"] if self.truth["planted"] else "control"
+
+
+@dataclass(frozen=True)
+class Question:
+    """A rate that is wanted: `hit` per data set for which `of` holds, which should reach `goal`, or stay below it."""
+
+    name: str
+    title: str
+    of: Callable[[Judged], bool]
+    hit: Callable[[Judged], bool]
+    goal: float
+    at_most: bool = False
+
+
+def _in(*groups: str) -> Callable[[Judged], bool]:
+    return lambda case: case.group in groups and not case.is_sumo
+
+
+def _has(*outcomes: str) -> Callable[[Judged], bool]:
+    return lambda case: case.judgement.outcome in outcomes
+
+
+def _claims_traffic(case: Judged) -> bool:
+    """Whether something is claimed about drivers or the road that is not there."""
+    return any(kind != "artefact" for kind in case.judgement.false_kinds)
+
+
+def _with_variable(case: Judged) -> bool:
+    return case.group == "unlisted" and bool(case.truth["planted"][0]["variables"])
+
+
+def _without_variable(case: Judged) -> bool:
+    return case.group == "unlisted" and not case.truth["planted"][0]["variables"]
+
+
+def _in_sumo(*kinds: str) -> Callable[[Judged], bool]:
+    return lambda case: case.is_sumo and case.hidden_kind in kinds
+
+
+def _error_fell(case: Judged) -> bool:
+    before, after = case.verdict.errors["before"], case.verdict.errors["after"]
+    return before is not None and after is not None and after.high is not None and after.high < before.value
+
+
+def _alone(case: Judged) -> bool:
+    return case.judgement.alone
+
+
+def _in_set(case: Judged) -> bool:
+    return case.judgement.in_set
+
+
+def _is_flagged(case: Judged) -> bool:
+    return case.judgement.is_flagged or case.judgement.outcome in NAMED
+
+
+def _claims_more(case: Judged) -> bool:
+    return bool(case.judgement.false_names)
+
+
+def _both_or_flagged(case: Judged) -> bool:
+    found = case.judgement
+    return found.n_recognised == found.n_hidden or (found.n_recognised > 0 and found.is_flagged)
+
+
+def _named_in_named(case: Judged) -> bool:
+    return _in("named")(case) and case.judgement.outcome in NAMED
+
+
+def _any(case: Judged) -> bool:
+    return True
+
+
+QUESTIONS = (
+    Question("identified", "effects of the library named, usual strength", _in("named"), _has(*NAMED), 0.95),
+    Question("in_set", "the same, or among the alternatives", _in("named"), _in_set, 0.95),
+    Question("wrong_name", "something else named, usual strength", _in("named"), _has("wrong"), 0.02, True),
+    Question("half_identified", "named at half strength", _in("half"), _has(*NAMED), 0.6),
+    Question("half_wrong", "something else named at half strength", _in("half"), _has("wrong"), 0.0, True),
+    Question("half_4x_identified", "half strength, four times the data", _in("half_four_times"), _has(*NAMED), 0.9),
+    Question("short_identified", "named in records of 14 s", _in("short"), _has(*NAMED), 0.8),
+    Question("control_false", "controls with an effect named", _in("control"), _claims_traffic, 1 / 30, True),
+    Question("control_clean", "controls in which nothing was found", _in("control"), _has("right"), 0.95),
+    Question("artefact_identified", "artefacts named", _in("artefact"), _has(*NAMED), 0.9),
+    Question("artefact_as_effect", "artefacts called an effect", _in("artefact"), _claims_traffic, 0.0, True),
+    Question("confusable_in_set", "of two alike, the true one kept", _in("confusable"), _in_set, 1.0),
+    Question("confusable_alone", "of two alike, only the true one kept", _in("confusable"), _alone, 0.8),
+    Question("cancelling_false", "two that cancel: something else named", _in("cancelling"), _claims_more, 0.0, True),
+    Question("variable", "no list holds it: the right variable", _with_variable, _has(*NAMED), 0.9),
+    Question("flagged", "nothing measured explains it: said so", _without_variable, _is_flagged, 0.8),
+    Question("both_named", "two at once: both named", _in("two"), _has(*NAMED), 0.8),
+    Question("one_and_flagged", "two at once: both, or one and that more is there", _in("two"), _both_or_flagged, 1.0),
+    Question("sumo_family", "SUMO: effects named", _in_sumo("listed"), _has(*NAMED, "ambiguous"), 0.8),
+    Question("sumo_other", "SUMO: other models, said to be unexplained", _in_sumo("unlisted"), _is_flagged, 0.8),
+    Question("sumo_control", "SUMO: controls with an effect named", _in_sumo("control"), _claims_traffic, 1 / 30, True),
+    Question("error_fell", "effects named whose error fell beyond its interval", _named_in_named, _error_fell, 0.8),
+    Question("failed", "data sets on which discovery stopped with an error", _any, _has("failed"), 0.0, True),
+)
+"""What a study is asked, in the order it is shown."""

@@ -1,0 +1,137 @@
+"""The results of a blind study as tables, and the figures of its summary."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.blind.details import by_strength, calibration, oracle_share, parameter_rows
+from rearl_jax.blind.judging import OUTCOMES
+from rearl_jax.blind.questions import Judged
+from rearl_jax.blind.scores import Score, score_all
+from rearl_jax.blind.verdicts import NOTHING, UNEXPLAINED
+
+SHOWN_GROUPS = ("named", "artefact", "unlisted", "control", "sumo")
+"""Sets of the confusion matrix: one effect at its usual strength, or none."""
+
+
+@dataclass(frozen=True)
+class BlindResults:
+    """Everything a study has found.
+
+    Attributes:
+        cases: All data sets.
+    """
+
+    cases: Sequence[Judged]
+
+    @cached_property
+    def scores(self) -> list[Score]:
+        """Rates."""
+        return score_all(self.cases)
+
+    @cached_property
+    def strengths(self) -> list[dict]:
+        """See `by_strength`."""
+        return by_strength(self.cases)
+
+    @cached_property
+    def parameters(self) -> list[dict]:
+        """See `parameter_rows`."""
+        return parameter_rows(self.cases)
+
+    @cached_property
+    def calibration(self) -> list[dict]:
+        """See `calibration`."""
+        return calibration(self.cases)
+
+    def confusion(self) -> pd.DataFrame:
+        """Data sets by what was hidden (rows, `hidden`) and what was said (columns)."""
+        chosen = [case for case in self.cases if case.group in SHOWN_GROUPS]
+        hidden = dict.fromkeys(row_name(case) for case in sorted(chosen, key=_place))
+        said = [(row_name(case), column_name(case)) for case in chosen]
+        names = dict.fromkeys([*hidden, *sorted({column for _, column in said})])
+        columns = [name for name in names if any(column == name for _, column in said) and name not in _LAST]
+        columns += [name for name in _LAST if any(column == name for _, column in said)]
+        counts = pd.DataFrame(0, index=list(hidden), columns=columns)
+        for row, column in said:
+            counts.loc[row, column] += 1
+        return counts.rename_axis("hidden").reset_index()
+
+    def case_table(self) -> pd.DataFrame:
+        """One row per data set; `named` and `false` hold names joined by +."""
+        return pd.DataFrame([_row(case) for case in self.cases])
+
+    def score_table(self) -> pd.DataFrame:
+        """One row per rate."""
+        return pd.DataFrame([vars(score) | {"rate": score.rate} for score in self.scores])
+
+    def summary(self) -> dict[str, Any]:
+        """Flat figures, and the rates as a list."""
+        share, n = oracle_share(self.cases)
+        seconds = [case.verdict.seconds for case in self.cases if case.verdict.seconds is not None]
+        outcomes = [case.judgement.outcome for case in self.cases]
+        return {
+            "n_cases": len(self.cases),
+            **{f"n_{outcome}": outcomes.count(outcome) for outcome in OUTCOMES},
+            "oracle_share": share,
+            "n_oracles": n,
+            "median_seconds": float(np.median(seconds)) if seconds else None,
+            "scores": [
+                {"name": item.name, "hits": item.n_hits, "cases": item.n_cases, "rate": item.rate, "low": item.low,
+                 "high": item.high, "goal": item.goal, "is_met": item.is_met}
+                for item in self.scores
+            ],
+        }  # fmt: skip
+
+
+_LAST = (UNEXPLAINED, NOTHING, "failed")
+
+
+def row_name(case: Judged) -> str:
+    """What is hidden, as a row of the confusion matrix."""
+    if case.group == "control":
+        return "nothing hidden"
+    return f"SUMO {case.truth['variant']}" if case.is_sumo else case.truth["variant"]
+
+
+def column_name(case: Judged) -> str:
+    """What was said, as a column; the hidden thing's own name where it was recognised by another."""
+    if case.judgement.n_recognised:
+        return case.truth["planted"][0]["truths"][0] if case.is_sumo else row_name(case)
+    return case.judgement.shown
+
+
+def _place(case: Judged) -> tuple[int, str]:
+    return SHOWN_GROUPS.index(case.group), row_name(case)
+
+
+def _row(case: Judged) -> dict[str, Any]:
+    verdict, judgement = case.verdict, case.judgement
+    planted = case.truth["planted"]
+    row: dict[str, Any] = {
+        "case": case.name,
+        "set": case.group,
+        "variant": case.truth["variant"],
+        "source": case.truth["source"],
+        "hidden": "+".join(item["name"] for item in planted),
+        "strength": planted[0]["strength"] if planted else None,
+        "verdict": verdict.verdict,
+        "named": "+".join(effect.name for effect in verdict.effects),
+        "alternatives": "+".join(sorted(verdict.alternatives)),
+        "outcome": judgement.outcome,
+        "n_hidden": judgement.n_hidden,
+        "n_recognised": judgement.n_recognised,
+        "in_set": judgement.in_set,
+        "is_flagged": judgement.is_flagged,
+        "false": "+".join(judgement.false_names),
+        "n_drivers": verdict.n_drivers,
+        "seconds": verdict.seconds,
+        "message": verdict.message,
+    }
+    for name, interval in verdict.errors.items():
+        row[name] = None if interval is None else interval.value
+    return row | {"confidence": next((stated for stated, _ in judgement.claims), None)}

@@ -1,0 +1,186 @@
+"""Data set after data set: generated, shown to discovery, its verdict kept; a killed study goes on where it was.
+
+A data set lies in a folder whose name says nothing and goes when its verdict is there. Discovery gets that folder and a
+name for its results, never the case.
+"""
+
+import json
+import logging
+import math
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+from rearl_jax.blind import sealing
+from rearl_jax.blind.cases import Case, list_cases
+from rearl_jax.blind.judging import judge, recoveries
+from rearl_jax.blind.questions import Judged
+from rearl_jax.blind.sumo import check_sumo, write_sumo_dataset
+from rearl_jax.blind.traffic.catalogue import LISTED
+from rearl_jax.blind.traffic.dataset import write_dataset
+from rearl_jax.blind.verdicts import failed_verdict, read_verdict
+from rearl_jax.config.blind import BlindConfig
+from rearl_jax.whole_files import replacing
+
+log = logging.getLogger(__name__)
+
+VERDICTS, DATA = "verdicts", "data"
+"""Folders of a study."""
+
+FAILURES = (ValueError, ArithmeticError, RuntimeError)
+"""What discovery may stop with on a data set without ending the study; each is kept and counted."""
+
+FITTED_ARTEFACTS = ("lens", "clock_offset")
+"""Artefacts that are fitted; all others are read off the columns, where there is nothing to refit."""
+
+Watch = Callable[[int, int], None]
+"""Called with the steps done and their total."""
+
+
+@runtime_checkable
+class Discover(Protocol):
+    """Discovery as a study sees it."""
+
+    def __call__(self, folder: Path, study: str, oracle: str | None = None) -> dict[str, Any]:
+        """The verdict on the recordings in a folder, as in verdict.json.
+
+        Args:
+            folder: Of canonical tables.
+            study: Name of the folder of its results, under results.root.
+            oracle: Name of an effect to refit with, given after the verdict is fixed; its `error.oracle` is wanted.
+        """
+        ...
+
+
+def open_study(folder: Path, config_hash: str, blind: BlindConfig, watch: Watch) -> tuple[sealing.Protocol, list[Case]]:
+    """The protocol with its truth sealed, and the data sets; a study of other code or configuration begins anew."""
+    protocol, goes_on = sealing.open_protocol(folder, config_hash, blind.seed)
+    assert protocol.master_seed is not None
+    cases = list_cases(blind, protocol.master_seed)
+    if any(case.source == "sumo" for case in cases):
+        check_sumo()
+    if not goes_on:
+        shutil.rmtree(folder / VERDICTS, ignore_errors=True)
+        truths = {}
+        for number, case in enumerate(cases):
+            watch(number, len(cases))
+            truths[case.name] = sealing.truth_of(case)
+        protocol = sealing.seal(folder, protocol, truths)
+    watch(len(cases), len(cases))
+    return protocol, cases
+
+
+def run_cases(
+    folder: Path, study: str, cases: Sequence[Case], discover: Discover, blind: BlindConfig, watch: Watch
+) -> None:
+    """Runs discovery on every data set without a verdict; verdicts appear whole or not at all.
+
+    Args:
+        folder: Of the study.
+        study: Its name under results.root.
+        cases: All data sets, in the order in which they are run.
+        discover: Discovery.
+        blind: What is kept, and whether the oracle is asked.
+        watch: Progress.
+    """
+    for number, case in enumerate(cases):
+        watch(number, len(cases))
+        verdict, oracle = _files(folder, case)
+        name = oracle_name(case) if blind.oracle else None
+        if verdict.is_file() and (name is None or oracle.is_file()):
+            continue
+        data = folder / DATA / case.name
+        shutil.rmtree(data, ignore_errors=True)  # of a process that was killed
+        _write_data(case, data)
+        if not verdict.is_file():
+            _keep(verdict, _ask(discover, data, f"{study}/runs/{case.name}", None))
+        if name is not None:
+            # Only now, when the verdict is fixed.
+            _keep(oracle, _ask(discover, data, f"{study}/oracles/{case.name}", name))
+        if not blind.keep_data:
+            shutil.rmtree(data)
+    if not blind.keep_data:
+        shutil.rmtree(folder / DATA, ignore_errors=True)
+    watch(len(cases), len(cases))
+
+
+def judge_cases(folder: Path, protocol: sealing.Protocol, cases: Sequence[Case]) -> list[Judged]:
+    """All verdicts beside the truth, which is opened here and nowhere else.
+
+    Raises:
+        ValueError: The truth is not the one that was sealed, or a verdict is none.
+    """
+    truths = sealing.open_truth(folder, protocol)
+    judged = []
+    for case in cases:
+        path, oracle = _files(folder, case)
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        if oracle.is_file() and stored["error"]:
+            best = json.loads(oracle.read_text(encoding="utf-8"))["error"] or {}
+            stored["error"]["oracle"] = best.get("oracle")
+        try:
+            verdict = read_verdict(stored)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from error
+        truth = truths[case.name]
+        found = tuple(recoveries(truth, verdict))
+        judged.append(Judged(case.name, truth, verdict, judge(truth, verdict), found))
+    return judged
+
+
+def oracle_name(case: Case) -> str | None:
+    """The effect a refit with the truth would use; None where the library has none, or several are hidden."""
+    if case.source == "sumo" or len(case.planted) != 1:
+        return None
+    name = case.planted[0].name
+    return name if name in LISTED or name in FITTED_ARTEFACTS else None
+
+
+def time_left(done_before: int, begin: float) -> Callable[[int, int], str]:
+    """How long a study still takes, as a function of the data sets done and their total.
+
+    Args:
+        done_before: Data sets that were finished when it went on.
+        begin: When that was, on the clock of time.perf_counter [s].
+    """
+
+    def text(done: int, total: int) -> str:
+        now = done - done_before
+        if now <= 0 or done >= total:
+            return ""
+        seconds = (time.perf_counter() - begin) / now * (total - done)
+        return f", {math.ceil(seconds / 60)} min left" if seconds > 90 else f", {seconds:.0f} s left"
+
+    return text
+
+
+def count_finished(folder: Path, cases: Sequence[Case]) -> int:
+    """Data sets with a verdict."""
+    return sum(_files(folder, case)[0].is_file() for case in cases)
+
+
+def _write_data(case: Case, folder: Path) -> None:
+    if case.source == "sumo":
+        write_sumo_dataset(folder, case.scenario, case.variant)
+    else:
+        write_dataset(folder, case.scenario)
+
+
+def _ask(discover: Discover, data: Path, study: str, oracle: str | None) -> dict[str, Any]:
+    begin = time.perf_counter()
+    try:
+        return discover(data, study, oracle)
+    except FAILURES as error:
+        log.error("discovery stopped on %s: %s: %s", data.name, type(error).__name__, error)
+        return failed_verdict(f"{type(error).__name__}: {error}", time.perf_counter() - begin)
+
+
+def _files(folder: Path, case: Case) -> tuple[Path, Path]:
+    return folder / VERDICTS / f"{case.name}.json", folder / VERDICTS / f"{case.name}.oracle.json"
+
+
+def _keep(path: Path, verdict: dict[str, Any]) -> None:
+    with replacing(path) as unfinished:
+        unfinished.write_text(json.dumps(verdict, indent=1, allow_nan=False) + "\n", encoding="utf-8")

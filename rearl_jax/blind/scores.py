@@ -1,0 +1,68 @@
+"""Rates of a blind study with exact binomial intervals, each beside the goal it was given."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from scipy.stats import beta
+
+from rearl_jax.blind.questions import QUESTIONS, Judged, Question
+
+CONFIDENCE = 0.95
+"""Of the intervals of rates."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """A rate.
+
+    Attributes:
+        name: For tables.
+        title: For people.
+        n_hits, n_cases: Counted.
+        low, high: Exact interval (Clopper & Pearson 1934).
+        goal: What it should reach, in words.
+        is_met: Whether the rate itself does.
+    """
+
+    name: str
+    title: str
+    n_hits: int
+    n_cases: int
+    low: float
+    high: float
+    goal: str
+    is_met: bool
+
+    @property
+    def rate(self) -> float:
+        """Hits per case."""
+        return self.n_hits / self.n_cases
+
+
+def binomial_interval(n_hits: int, n_cases: int) -> tuple[float, float]:
+    """Exact interval of a rate.
+
+    Source: Clopper & Pearson, Biometrika 26 (1934) 404.
+    """
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    low = 0.0 if n_hits == 0 else float(beta.ppf(tail, n_hits, n_cases - n_hits + 1))
+    high = 1.0 if n_hits == n_cases else float(beta.ppf(1.0 - tail, n_hits + 1, n_cases - n_hits))
+    return low, high
+
+
+def score_all(cases: Sequence[Judged]) -> list[Score]:
+    """Every rate for which there are data sets."""
+    found = []
+    for question in QUESTIONS:
+        asked = [case for case in cases if question.of(case)]
+        if asked:
+            found.append(_scored(question, sum(map(question.hit, asked)), len(asked)))
+    return found
+
+
+def _scored(question: Question, n_hits: int, n_cases: int) -> Score:
+    low, high = binomial_interval(n_hits, n_cases)
+    rate = n_hits / n_cases
+    is_met = rate <= question.goal if question.at_most else rate >= question.goal
+    goal = f"{'≤' if question.at_most else '≥'} {100 * question.goal:.3g} %"
+    return Score(question.name, question.title, n_hits, n_cases, low, high, goal, is_met)

@@ -1,0 +1,102 @@
+"""The order that makes a study blind: the code is written down, then a seed is drawn, then the truth is sealed.
+
+`protocol.json` holds the hash of the code, the master seed and the hash of `truth.json`; both files are finished before
+discovery sees the first data set, and only the scorer opens the truth.
+"""
+
+import hashlib
+import json
+import secrets
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rearl_jax.blind.cases import Case
+from rearl_jax.blind.sumo import sumo_truth
+from rearl_jax.blind.traffic.dataset import hidden_truth
+from rearl_jax.blind.traffic.simulation import simulate
+from rearl_jax.code_version import code_hash
+from rearl_jax.whole_files import replacing
+
+PROTOCOL, TRUTH = "protocol.json", "truth.json"
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """What was fixed before anything was looked for.
+
+    Attributes:
+        code_hash: Of the sources, generator and discovery.
+        config_hash: Of the study's configuration.
+        seed_drawn: Whether the master seed was drawn, not given.
+        master_seed: Of all data sets; None until the code was written down.
+        truth_sha256: Of the sealed truth; None until it is.
+    """
+
+    code_hash: str
+    config_hash: str
+    seed_drawn: bool
+    master_seed: int | None = None
+    truth_sha256: str | None = None
+
+
+def open_protocol(folder: Path, config_hash: str, seed: int | None) -> tuple[Protocol, bool]:
+    """The protocol of a study and whether it goes on from before.
+
+    A study of other code or of another configuration begins anew.
+    """
+    path = folder / PROTOCOL
+    fresh = Protocol(code_hash(), config_hash, seed_drawn=seed is None)
+    found = _stored(path)
+    if found is not None and (found.code_hash, found.config_hash) == (fresh.code_hash, fresh.config_hash):
+        goes_on = found.truth_sha256 is not None
+        if found.master_seed is not None:
+            return found, goes_on
+    # First the code, alone, then the seed: no seed can have been chosen to suit the code.
+    _write(path, fresh)
+    drawn = replace(fresh, master_seed=secrets.randbits(32) if seed is None else seed)
+    _write(path, drawn)
+    return drawn, False
+
+
+def seal(folder: Path, protocol: Protocol, truths: Mapping[str, Any]) -> Protocol:
+    """Writes the truth and its hash; the protocol with it."""
+    content = (json.dumps(truths, indent=1, sort_keys=True, allow_nan=False) + "\n").encode()
+    with replacing(folder / TRUTH) as unfinished:
+        unfinished.write_bytes(content)
+    sealed = replace(protocol, truth_sha256=hashlib.sha256(content).hexdigest())
+    _write(folder / PROTOCOL, sealed)
+    return sealed
+
+
+def open_truth(folder: Path, protocol: Protocol) -> dict[str, Any]:
+    """The truth of every data set by its name.
+
+    Raises:
+        ValueError: It is not the one that was sealed.
+    """
+    path = folder / TRUTH
+    content = path.read_bytes()
+    if hashlib.sha256(content).hexdigest() != protocol.truth_sha256:
+        raise ValueError(f"{path} was changed after it was sealed: remove {folder} and run the study again")
+    return json.loads(content)
+
+
+def truth_of(case: Case) -> dict[str, Any]:
+    """What is hidden in a data set: planted effects, the set, the kind."""
+    hidden = sumo_truth(case.variant) if case.source == "sumo" else hidden_truth(case.scenario, simulate(case.scenario))
+    described = {"group": case.group, "variant": case.variant, "source": case.source, "seed": case.seed}
+    return described | {"changes": dict(case.changes)} | hidden
+
+
+def _stored(path: Path) -> Protocol | None:
+    try:
+        return Protocol(**json.loads(path.read_text(encoding="utf-8")))
+    except (FileNotFoundError, ValueError, TypeError):
+        return None
+
+
+def _write(path: Path, protocol: Protocol) -> None:
+    with replacing(path) as unfinished:
+        unfinished.write_text(json.dumps(asdict(protocol), indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,159 @@
+"""SUMO as a second source of traffic: another engine, other models of car following, rules nobody declared.
+
+Drivers and first vehicles are drawn as by the generator of this package; who follows, follows SUMO. The simulation runs
+in a process of its own, because libsumo holds one simulation per process.
+
+Sources: Lopez et al., Microscopic Traffic Simulation using SUMO, IEEE ITSC 2018; names of models and attributes as in
+SUMO's documentation of vehicle types.
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rearl_jax.blind.traffic.dataset import write_tables
+from rearl_jax.blind.traffic.fleet import Fleet, draw_fleet
+from rearl_jax.blind.traffic.heads import draw_profiles
+from rearl_jax.blind.traffic.measurement import measure
+from rearl_jax.blind.traffic.scenario import SUB_STEP, Scenario
+from rearl_jax.blind.traffic.simulation import COOL_DOWN, WARM_UP, Events, place_platoons
+
+STEP = 0.1
+"""Step of the simulation [s]; a frame."""
+
+LIMIT = 22.0
+"""Limit of the limited section [m/s]."""
+
+LIMITED = (900.0, 1250.0)
+"""The limited section [m]."""
+
+TRUTHS: dict[str, dict[str, Any]] = {
+    "idm": {"kind": "control", "truths": []},
+    # SUMO's lane changing forbids passing on the right above 60 km/h, which slows followers beside slower lanes.
+    "idm_no_passing_right": {"kind": "listed", "truths": ["lane_friction"]},
+    "idm_limit": {
+        "kind": "listed",
+        "truths": ["speed_limit", "bend", "grade"],
+        "parameters": {"limit": LIMIT, "start": LIMITED[0], "end": LIMITED[1]},
+    },
+    # Decisions every 0.8 s: nobody's delay, but what a delay comes nearest to.
+    "idm_action_steps": {"kind": "unlisted", "truths": ["reaction_delay", "action_points"]},
+    "eidm": {"kind": "unlisted", "truths": []},
+    "krauss": {"kind": "unlisted", "truths": []},
+    "acc": {"kind": "unlisted", "truths": []},
+    "cacc": {"kind": "unlisted", "truths": []},
+}
+"""What is the right answer to each variant."""
+
+MODELS = {"eidm": "EIDM", "krauss": "Krauss", "acc": "ACC", "cacc": "CACC"}
+"""SUMO's name of a model; IDM for all others."""
+
+
+def sumo_truth(variant: str) -> dict[str, Any]:
+    """What is hidden in a variant, in the form of the generator's."""
+    about = {"name": f"sumo_{variant}", "strength": 1.0, "variables": [], "parameters": {}} | TRUTHS[variant]
+    return {"planted": [] if about["kind"] == "control" else [about], "n_lane_changes": 0, "n_emergencies": 0}
+
+
+def check_sumo() -> None:
+    """Raises ModuleNotFoundError with the remedy where libsumo is missing."""
+    if find_spec("libsumo") is None:
+        raise ModuleNotFoundError(
+            "libsumo is not installed, which this study's second source needs: install the extra with "
+            'pip install "rearl-jax[bench]", or set blind.sumo=false'
+        )
+
+
+def write_sumo_dataset(folder: Path, scenario: Scenario, variant: str) -> None:
+    """Writes one canonical table per recording.
+
+    Args:
+        folder: Of the tables.
+        scenario: Drivers, first vehicles, noise; nothing planted.
+        variant: One of TRUTHS.
+
+    Raises:
+        ModuleNotFoundError: libsumo is not installed.
+        RuntimeError: SUMO failed; the message holds what it said.
+    """
+    check_sumo()
+    streams = np.random.default_rng([scenario.seed, 8]).spawn(2)
+    seconds = WARM_UP + scenario.duration + COOL_DOWN
+    fleet = draw_fleet(scenario, streams[0])
+    profiles = draw_profiles(scenario.n_recordings * scenario.n_lanes, seconds, scenario.pace, streams[1])
+    position, speed, _ = place_platoons(scenario, fleet, profiles)
+    parts = [
+        _run(_order(scenario, fleet, position, speed, profiles, variant, number))
+        for number in range(scenario.n_recordings)
+    ]
+    events = _events(fleet, {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]})
+    write_tables(folder, scenario, events, measure(scenario, events))
+
+
+def _order(
+    scenario: Scenario,
+    fleet: Fleet,
+    position: np.ndarray,
+    speed: np.ndarray,
+    profiles: np.ndarray,
+    variant: str,
+    number: int,
+) -> dict[str, Any]:
+    """One simulation as plain values."""
+    own = np.flatnonzero(fleet.recording == number)
+    every = round(STEP / SUB_STEP)
+    heads = profiles[number * scenario.n_lanes : (number + 1) * scenario.n_lanes, ::every]
+    names = ("desired_speed", "time_gap", "jam_gap", "max_accel", "comfort_decel", "length", "width")
+    return {
+        "variant": variant,
+        "model": MODELS.get(variant, "IDM"),
+        "action_step": 0.8 if variant == "idm_action_steps" else STEP,
+        "overtake_right": 0 if variant == "idm_no_passing_right" else 1,
+        "limit": LIMIT if variant == "idm_limit" else None,
+        "section": LIMITED,
+        "step": STEP,
+        "n_lanes": scenario.n_lanes,
+        "seed": int(scenario.seed % 2**31),
+        "position": position[own].tolist(),
+        "speed": speed[own].tolist(),
+        "lane": fleet.lane[own].tolist(),
+        "rank": fleet.rank[own].tolist(),
+        "heads": heads.tolist(),
+    } | {name: getattr(fleet, name)[own].tolist() for name in names}
+
+
+def _run(order: dict[str, Any]) -> dict[str, np.ndarray]:
+    """Positions, speeds, accelerations and lanes, [n_steps, n_vehicles]."""
+    with tempfile.TemporaryDirectory(prefix="rearl_blind_sumo_") as name:
+        asked, answered = Path(name) / "order.json", Path(name) / "events.npz"
+        asked.write_text(json.dumps(order), encoding="utf-8")
+        command = [sys.executable, "-m", "rearl_jax.blind.sumo_worker", str(asked), str(answered)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise RuntimeError(f"SUMO failed on {order['variant']}: {done.stderr.strip()[-2000:]}")
+        with np.load(answered) as found:
+            return dict(found)
+
+
+def _events(fleet: Fleet, found: dict[str, np.ndarray]) -> Events:
+    """What happened in the form of the generator's events."""
+    n_steps, n = found["position"].shape
+    return Events(
+        time=STEP * np.arange(n_steps) - WARM_UP,
+        position=found["position"],
+        speed=found["speed"],
+        acceleration=found["acceleration"],
+        wander=np.zeros((n_steps, n)),
+        lane=found["lane"].astype(np.int8),
+        leader=np.zeros((0, n), dtype=np.int32),
+        fleet=fleet,
+        effects=(),
+        section=LIMITED,
+        n_emergencies=0,
+    )

@@ -1,0 +1,156 @@
+"""One SUMO simulation in a process of its own: `python -m rearl_jax.blind.sumo_worker ORDER.json EVENTS.npz`.
+
+The first vehicle of each lane is told its speed in every step; all others are SUMO's. Nobody is removed: a vehicle that
+vanished would still be somebody's leader.
+"""
+
+import json
+import sys
+import tempfile
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+LENGTH = 12_000.0
+"""Of the road [m]; nobody reaches its end."""
+
+FASTEST = 60.0
+"""Limit of the road [m/s] that limits nobody."""
+
+_TYPE = (
+    '<vType id="t{id}" carFollowModel="{model}" length="{length}" width="{width}" maxSpeed="{v0:.3f}" minGap="{s0:.3f}"'
+    ' tau="{T:.3f}" accel="{a:.3f}" decel="{b:.3f}" emergencyDecel="9" speedFactor="1" speedDev="0" sigma="0"'
+    ' actionStepLength="{action}" laneChangeModel="LC2013" lcOvertakeRight="{right}"/>'
+)
+_VEHICLE = (
+    '<vehicle id="{id}" type="t{id}" depart="0" departLane="{lane}" departPos="{front:.3f}" departSpeed="{speed:.3f}"'
+    ' insertionChecks="none"><route edges="{edges}"/></vehicle>'
+)
+
+
+def main(order_file: str, events_file: str) -> None:
+    """Simulates an order and writes what happened."""
+    order = json.loads(Path(order_file).read_text(encoding="utf-8"))
+    with tempfile.TemporaryDirectory(prefix="rearl_blind_sumo_") as name:
+        network, routes = Path(name) / "road.net.xml", Path(name) / "traffic.rou.xml"
+        edges = _edges(order)
+        network.write_text(_network(order, edges), encoding="utf-8")
+        routes.write_text(_traffic(order, edges), encoding="utf-8")
+        found = _simulate(order, network, routes)
+        np.savez(
+            events_file,
+            position=found["position"],
+            speed=found["speed"],
+            acceleration=found["acceleration"],
+            lane=found["lane"],
+        )
+
+
+def _edges(order: dict[str, Any]) -> list[tuple[str, float, float, float]]:
+    """Name, start, end [m] and limit [m/s] of each edge."""
+    if order["limit"] is None:
+        return [("whole", 0.0, LENGTH, FASTEST)]
+    start, end = order["section"]
+    return [("before", 0.0, start, FASTEST), ("inside", start, end, order["limit"]), ("after", end, LENGTH, FASTEST)]
+
+
+def _network(order: dict[str, Any], edges: list[tuple[str, float, float, float]]) -> str:
+    """A straight road as a network file; SUMO counts lanes from the right."""
+    n = order["n_lanes"]
+    ys = [3.75 * (k - n) + 1.875 for k in range(n)]
+    shown = []
+    for name, start, end, limit in edges:
+        lanes = "".join(
+            f'<lane id="{name}_{k}" index="{k}" speed="{limit}" length="{end - start}" width="3.75"'
+            f' shape="{start},{y} {end},{y}"/>'
+            for k, y in enumerate(ys)
+        )
+        shown.append(f'<edge id="{name}" from="j{start}" to="j{end}" priority="1">{lanes}</edge>')
+    places = [edges[0][1], *(end for _, _, end, _ in edges)]
+    incoming = ["", *(" ".join(f"{name}_{k}" for k in range(n)) for name, *_ in edges)]
+    junctions, links = [], []
+    for number, (place, lanes) in enumerate(zip(places, incoming, strict=True)):
+        is_inner = 0 < number < len(places) - 1
+        requests = "".join(
+            f'<request index="{k}" response="{"0" * n}" foes="{"0" * n}" cont="0"/>' for k in range(n) if is_inner
+        )
+        junctions.append(
+            f'<junction id="j{place}" type="{"priority" if is_inner else "dead_end"}" x="{place}" y="0"'
+            f' incLanes="{lanes}" intLanes="" shape="{place},0 {place},{-3.75 * n}">{requests}</junction>'
+        )
+    for (before, *_), (after, *_) in zip(edges, edges[1:], strict=False):
+        links += [
+            f'<connection from="{before}" to="{after}" fromLane="{k}" toLane="{k}" dir="s" state="M"/>'
+            for k in range(n)
+        ]
+    return (
+        '<net version="1.20"><location netOffset="0,0" '
+        f'convBoundary="0,{-3.75 * n},{LENGTH},0" origBoundary="0,0,0,0" projParameter="!"/>'
+        f"{''.join(shown)}{''.join(junctions)}{''.join(links)}</net>"
+    )
+
+
+def _traffic(order: dict[str, Any], edges: list[tuple[str, float, float, float]]) -> str:
+    """Types and vehicles as a route file, the first in the file being the farthest ahead."""
+    lines = []
+    route = " ".join(name for name, *_ in edges)
+    for k in range(len(order["position"])):
+        lines.append(
+            _TYPE.format(
+                id=k, model=order["model"], length=order["length"][k], width=order["width"][k],
+                v0=order["desired_speed"][k] if order["rank"][k] else FASTEST, s0=order["jam_gap"][k],
+                T=order["time_gap"][k], a=order["max_accel"][k], b=order["comfort_decel"][k],
+                action=order["action_step"], right=order["overtake_right"],
+            )
+        )  # fmt: skip
+    for k in np.argsort(order["position"])[::-1].tolist():
+        lines.append(
+            _VEHICLE.format(
+                id=k, lane=order["n_lanes"] - 1 - order["lane"][k], speed=order["speed"][k], edges=route,
+                front=order["position"][k] + 0.5 * order["length"][k],
+            )
+        )  # fmt: skip
+    return f"<routes>{''.join(lines)}</routes>"
+
+
+def _simulate(order: dict[str, Any], network: Path, routes: Path) -> dict[str, np.ndarray]:
+    """Centre [m], speed, acceleration and lane of every vehicle at every step."""
+    sumo = import_module("libsumo")
+    options = (
+        f"--step-length {order['step']} --default.action-step-length {order['step']} --seed {order['seed']} --threads 1"
+        " --step-method.ballistic true --no-step-log true --no-warnings true --xml-validation never"
+        " --collision.action none --time-to-teleport -1"
+    )
+    sumo.start(["sumo", "-n", str(network), "-r", str(routes), *options.split()])
+    try:
+        sumo.simulationStep()
+        names = [str(k) for k in range(len(order["position"]))]
+        missing = sorted(set(names) - set(sumo.vehicle.getIDList()))
+        if missing:
+            raise RuntimeError(f"SUMO did not put {len(missing)} of {len(names)} vehicles on the road")
+        heads = [str(k) for k, rank in enumerate(order["rank"]) if rank == 0]
+        for name in names:
+            sumo.vehicle.setLaneChangeMode(name, 0)
+        for name in heads:
+            sumo.vehicle.setSpeedMode(name, 0)
+        rows: dict[str, list[list[float]]] = {"position": [], "speed": [], "acceleration": [], "lane": []}
+        for speeds in np.transpose(order["heads"])[1:]:
+            for name, speed in zip(heads, speeds.tolist(), strict=True):
+                sumo.vehicle.setSpeed(name, speed)
+            sumo.simulationStep()
+            # Not the odometer, which starts where each vehicle was put.
+            rows["position"].append([sumo.vehicle.getPosition(name)[0] for name in names])
+            rows["speed"].append([sumo.vehicle.getSpeed(name) for name in names])
+            rows["acceleration"].append([sumo.vehicle.getAcceleration(name) for name in names])
+            rows["lane"].append([order["n_lanes"] - 1 - sumo.vehicle.getLaneIndex(name) for name in names])
+    finally:
+        sumo.close()
+    found = {name: np.array(values) for name, values in rows.items()}
+    found["position"] = found["position"] - 0.5 * np.array(order["length"])  # SUMO's point is the front bumper
+    return found
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:3])

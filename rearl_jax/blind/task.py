@@ -1,0 +1,111 @@
+"""The task `rearl discover blind`: discovery on data sets whose hidden effects it has to find, and what it was worth.
+
+Writes into the study folder `protocol.json` and `truth.json` (before anything else), `verdicts/NAME.json` (one per data
+set), then `cases.parquet` (one row per data set), `scores.parquet`, `strengths.parquet`, `parameters.parquet`,
+`calibration.parquet`, `confusion.parquet`, `confusion.png`, `strengths.png`, `page.html`, `config.json` and, last of
+all, `summary.json`. A killed study goes on where it was; a data set with a verdict is never run again.
+"""
+
+import contextlib
+import io
+import time
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import pandas as pd
+from rich.progress import Progress
+
+from rearl_jax.blind.results import BlindResults
+from rearl_jax.blind.rounds import Discover, count_finished, judge_cases, open_study, run_cases, time_left
+from rearl_jax.blind.sealing import Protocol as SealedProtocol
+from rearl_jax.blind.terminal import print_results
+from rearl_jax.config import ResultsConfig
+from rearl_jax.config.blind import BlindConfig
+from rearl_jax.config.data import DataConfig, DataFormat
+from rearl_jax.progress import progress_bar, shown
+from rearl_jax.results import Study, config_hash
+
+
+@runtime_checkable
+class BlindTask(Protocol):
+    """The record of the task, as far as it is used here."""
+
+    study: str
+    results: ResultsConfig
+    blind: BlindConfig
+
+
+def run(config: Any) -> dict:
+    """The summary: every rate with its interval.
+
+    Raises:
+        ModuleNotFoundError: The study has data sets of SUMO, which is not installed.
+        ValueError: `blind.sets` selects none, or the sealed truth was changed.
+    """
+    return run_with(config, discovery_of(config))
+
+
+def run_with(config: BlindTask, discover: Discover) -> dict:
+    """The same with any discovery."""
+    study = Study(config.results.root, config.study, config, "discover blind", generated=True)
+    if (stored := study.begin(resume=config.results.resume)) is not None:
+        return stored
+    with progress_bar() as bar:
+        protocol, results = _judged(config, study, discover, bar)
+    seeds = {"seeds": f"blind.seed={protocol.master_seed}", "truth_sha256": str(protocol.truth_sha256)}
+    tables = {
+        "cases": results.case_table(),
+        "scores": results.score_table(),
+        "confusion": results.confusion(),
+        "strengths": pd.DataFrame(results.strengths),
+        "parameters": pd.DataFrame(results.parameters),
+        "calibration": pd.DataFrame(results.calibration),
+    }
+    for name, table in tables.items():
+        study.write_table(name, table, **seeds)
+    print_results(results, protocol)
+
+    # Only now, so that nobody waits for matplotlib and jinja2 to see the table.
+    from rearl_jax.blind.figures import draw_confusion, draw_strengths
+    from rearl_jax.blind.page import write_page
+
+    figures = {"confusion": draw_confusion(results)} if len(tables["confusion"]) else {}
+    figures |= {"strengths": draw_strengths(results)} if results.strengths else {}
+    for name, png in figures.items():
+        study.write_bytes(f"{name}.png", png)
+    study.write_text("page.html", write_page(config, results, protocol, figures))
+    summary = {"master_seed": protocol.master_seed, "truth_sha256": protocol.truth_sha256, **results.summary()}
+    study.write_summary(summary)
+    return summary
+
+
+def _judged(config: BlindTask, study: Study, discover: Discover, bar: Progress) -> tuple[SealedProtocol, BlindResults]:
+    protocol, cases = open_study(study.path, config_hash(config), config.blind, shown(bar, "truth"))
+    left = time_left(count_finished(study.path, cases), time.perf_counter())
+    line = bar.add_task("data sets", total=len(cases))
+
+    def watch(done: int, total: int) -> None:
+        bar.update(line, description=f"data sets{left(done, total)}", completed=done, total=total)
+
+    run_cases(study.path, config.study, cases, discover, config.blind, watch)
+    return protocol, BlindResults(judge_cases(study.path, protocol, cases))
+
+
+def discovery_of(config: Any) -> Discover:
+    """The task `rearl discover` as a function of a folder; what it prints is on its own pages."""
+    record = import_module("rearl_jax.config").DiscoverTask
+    carry_out = import_module("rearl_jax.discovery.task").run
+
+    def discover(folder: Path, study: str, oracle: str | None = None) -> dict[str, Any]:
+        asked = record(
+            study=study,
+            results=ResultsConfig(config.results.root),
+            data=DataConfig(format=DataFormat.table, root=str(folder)),
+            discover=replace(config.discover, oracle=oracle),
+        )
+        with contextlib.redirect_stdout(io.StringIO()):
+            return carry_out(asked)
+
+    return discover

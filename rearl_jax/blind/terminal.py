@@ -1,0 +1,56 @@
+"""The tables of a blind study on standard output."""
+
+from rich.markup import escape
+
+from rearl_jax.blind.results import BlindResults
+from rearl_jax.blind.sealing import Protocol
+from rearl_jax.console import print_notes, standard_output, titled_table
+
+_WIDTH = 120
+"""Columns the tables need."""
+
+
+def print_results(results: BlindResults, protocol: Protocol) -> None:
+    """Prints rates, what was said to what, and how the study was sealed."""
+    console = standard_output(_WIDTH)
+    table = titled_table("Blind study of discovery", generated=True)
+    for heading in ("", "hits", "of", "rate", "95 % interval", "goal", ""):
+        table.add_column(heading, justify="left" if heading == "" else "right")
+    for score in results.scores:
+        ends = f"{percent(score.low)} – {percent(score.high)}"
+        figures = (str(score.n_hits), str(score.n_cases), percent(score.rate), ends, score.goal)
+        table.add_row(escape(score.title), *figures, "reached" if score.is_met else "missed")
+    console.print(table)
+    table = titled_table("What was said, by what was hidden", generated=True)
+    for heading in ("hidden", "said", "data sets"):
+        table.add_column(heading, justify="right" if heading == "data sets" else "left")
+    counts = results.confusion()
+    for row in counts.to_dict("records"):
+        hidden = row.pop("hidden")
+        for said, n in row.items():
+            if n:
+                table.add_row(escape(str(hidden)), escape(str(said)), str(n), style=None if said == hidden else "dim")
+    console.print(table)
+    print_notes(console, notes(results, protocol))
+
+
+def notes(results: BlindResults, protocol: Protocol) -> list[str]:
+    """What else is to be known, sentence by sentence."""
+    summary = results.summary()
+    said = [
+        f"code {protocol.code_hash}, then master seed {protocol.master_seed} "
+        f"({'drawn' if protocol.seed_drawn else 'given'}), then truth sealed as {(protocol.truth_sha256 or '')[:16]}"
+    ]
+    if summary["oracle_share"] is not None:
+        said.append(
+            f"squared error: {percent(summary['oracle_share'])} of the fall that the hidden effect itself brings, "
+            f"{summary['n_oracles']} data sets"
+        )
+    if summary["median_seconds"] is not None:
+        said.append(f"median time of a verdict: {summary['median_seconds']:.1f} s")
+    return said
+
+
+def percent(share: float | None) -> str:
+    """A share as people read it."""
+    return "-" if share is None else f"{100 * share:.1f} %"

@@ -1,0 +1,33 @@
+"""One data set by hand: `python -m rearl_jax.blind.traffic NAME SEED STRENGTH FOLDER [KEY=VALUE ...]`.
+
+NAME is an effect or artefact, several joined by +, or `none`. KEY is a field of Scenario; `highd=1` writes highD's
+files of a camera's view. What is hidden is printed, not written.
+"""
+
+import json
+import sys
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from rearl_jax.blind.traffic.dataset import write_dataset
+from rearl_jax.blind.traffic.scenario import Planted, Scenario
+
+
+def main(words: list[str]) -> None:
+    """Writes the data set and prints what is hidden in it."""
+    if len(words) < 4:
+        sys.exit((__doc__ or "").strip())
+    name, seed, strength, folder, *pairs = words
+    planted = () if name == "none" else tuple(Planted(part, float(strength)) for part in name.split("+"))
+    given = {key: value for key, _, value in (pair.partition("=") for pair in pairs)}
+    as_highd = bool(int(given.pop("highd", "0")))
+    given = ({"view": "420", "frame_rate": "25"} if as_highd else {}) | given
+    types = {item.name: int if item.type is int else float for item in fields(Scenario)}
+    keys: dict[str, Any] = {key: types[key](value) for key, value in given.items()}
+    truth = write_dataset(Path(folder), Scenario(int(seed), planted, **keys), as_highd=as_highd)
+    print(json.dumps(truth, indent=1))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

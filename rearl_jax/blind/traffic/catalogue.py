@@ -1,0 +1,43 @@
+"""Everything the generator can hide in drivers and road, by the name it has in a scenario."""
+
+from rearl_jax.blind.traffic import following, headways, places, unlisted
+from rearl_jax.blind.traffic.effect import HiddenEffect
+
+LISTED: dict[str, type[HiddenEffect]] = {
+    "reaction_delay": following.SlowReaction,
+    "several_leaders": following.Foresight,
+    "leader_acceleration": following.BrakeLights,
+    "asymmetry": following.HardBraking,
+    "lane_friction": following.SlowNeighbours,
+    "speed_dependent_time_gap": headways.SpeedyDistance,
+    "variance_driven_time_gap": headways.UneasyTraffic,
+    "resignation": headways.Frustration,
+    "relaxation": headways.PatienceAfterCutIn,
+    "leader_class": headways.TruckAhead,
+    "rear_pressure": headways.Tailgated,
+    "grade": places.Slope,
+    "speed_limit": places.LimitedSection,
+    "bend": places.Curve,
+    "lane_desired_speed": places.LaneHabits,
+    "weather": places.Fog,
+}
+"""Effects that have a name everybody knows."""
+
+UNLISTED: dict[str, type[HiddenEffect]] = {
+    "lateral_offset": unlisted.OffCentre,
+    "leader_length": unlisted.LongLeader,
+    "vehicles_beside": unlisted.Company,
+    "rain": unlisted.Rain,
+    "roadworks": unlisted.Roadworks,
+    "action_points": unlisted.ActionPoints,
+    "perception_noise": unlisted.Misjudgement,
+    "dead_zone": unlisted.BlindToSlowApproach,
+    "distraction": unlisted.Distraction,
+    "smooth_distraction": unlisted.SmoothDistraction,
+}
+"""Effects without one."""
+
+COUNTERPARTS: dict[str, type[HiddenEffect]] = {"anticipation": following.Anticipation}
+"""Effects that only hide others."""
+
+HIDDEN = LISTED | UNLISTED | COUNTERPARTS

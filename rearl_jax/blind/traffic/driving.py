@@ -1,0 +1,55 @@
+"""The generator's own car following: the Intelligent Driver Model on bumper-to-bumper gaps, and who must brake anyway.
+
+Source: Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805; its desired gap is never below s0.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rearl_jax.blind.traffic.effect import HiddenEffect
+from rearl_jax.blind.traffic.moment import Moment
+
+HARDEST = 8.0
+"""Deceleration on dry asphalt [m/s^2]."""
+
+LAST_METRE = 1.0
+"""Gap [m] an emergency stop leaves."""
+
+
+def desired_over_actual(now: Moment, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
+    """s* / s [-], with the time gap of the moment."""
+    fleet, speed = now.fleet, now.speed[: now.n]
+    dynamic = speed * now.time_gap + 0.5 * speed * dv / np.sqrt(fleet.max_accel * fleet.comfort_decel)
+    return (fleet.jam_gap + np.maximum(0.0, dynamic)) / np.maximum(gap, 0.3)
+
+
+def wanted_acceleration(now: Moment, effects: Sequence[HiddenEffect]) -> np.ndarray:
+    """Acceleration of the model with everything that is hidden in it [m/s^2], before noise and emergencies."""
+    fleet, speed = now.fleet, now.speed[: now.n]
+    gap, dv = now.gap_to(now.leader), speed - now.speed[now.leader]
+    now.time_gap, now.desired_speed = fleet.time_gap, fleet.desired_speed
+    for effect in effects:
+        gap, dv = effect.perceive(gap, dv, now)
+        now.time_gap = effect.time_gap(now.time_gap, now)
+        now.desired_speed = effect.desired_speed(now.desired_speed, now)
+    interaction = desired_over_actual(now, gap, dv) ** 2
+    for effect in effects:
+        interaction = effect.interaction(interaction, now)
+    value = fleet.max_accel * (1.0 - (speed / now.desired_speed) ** 4 - interaction)
+    for effect in effects:
+        value = effect.acceleration(value, now)
+    for effect in effects:
+        value = effect.respond(value, now)
+    return value
+
+
+def with_emergencies(value: np.ndarray, now: Moment) -> tuple[np.ndarray, np.ndarray]:
+    """Accelerations that nobody crashes with [m/s^2], and who has an emergency.
+
+    It is one where the way to a standstill at the hardest braking ends behind that of the leader by less than the last
+    metre (Gipps, Transp. Res. B 15 (1981) 105, without reaction time). The model alone never comes there.
+    """
+    ahead = now.gap_to(now.leader) + now.speed[now.leader] ** 2 / (2.0 * HARDEST)
+    is_emergency = now.speed[: now.n] ** 2 / (2.0 * HARDEST) + LAST_METRE > ahead
+    return np.where(is_emergency, -HARDEST, np.maximum(value, -HARDEST)), is_emergency

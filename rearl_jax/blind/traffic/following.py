@@ -1,0 +1,109 @@
+"""Hidden effects on how drivers react to those ahead and behind."""
+
+import numpy as np
+
+from rearl_jax.blind.traffic.driving import desired_over_actual
+from rearl_jax.blind.traffic.effect import HiddenEffect
+from rearl_jax.blind.traffic.moment import Moment
+from rearl_jax.blind.traffic.scenario import SUB_STEP
+
+
+class SlowReaction(HiddenEffect):
+    """What the driver wants is carried out 0.7 s later."""
+
+    truths = ("reaction_delay",)
+
+    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+        """An empty past."""
+        self.parameters = {"delay": 0.7 * self.strength}
+        self._steps = max(1, round(0.7 * self.strength / SUB_STEP))
+        self._past: list[np.ndarray] = []
+
+    def respond(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """The wish of a moment ago."""
+        self._past.append(value)
+        return self._past.pop(0) if len(self._past) > self._steps else self._past[0]
+
+
+class Anticipation(HiddenEffect):
+    """The driver reacts to the gap and the own speed expected 0.7 s ahead.
+
+    Source: Treiber, Kesting & Helbing, Physica A 360 (2006) 71, section 3.3 (temporal anticipation).
+    """
+
+    truths = ("reaction_delay",)
+
+    def perceive(self, gap: np.ndarray, dv: np.ndarray, now: Moment) -> tuple[np.ndarray, np.ndarray]:
+        """Extrapolated at constant acceleration, the leader at constant speed."""
+        ahead = 0.7 * self.strength
+        return np.maximum(gap - ahead * dv, 0.3), dv + ahead * now.acceleration[: now.n]
+
+
+class Foresight(HiddenEffect):
+    """Interactions with three vehicles ahead are summed with falling coefficients, each on its share of the gap.
+
+    Source: Treiber, Kesting & Helbing, Physica A 360 (2006) 71, eq. 14, without the normalisation.
+    """
+
+    truths = ("several_leaders",)
+
+    def interaction(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """The sum; a vehicle that is not there adds nothing."""
+        for places, coefficient in ((2, 0.25), (3, 0.08)):
+            other = now.ahead(places)
+            between = sum(now.length[now.ahead(place)] for place in range(1, places))
+            gap = (now.gap_to(other) - between) / places
+            term = desired_over_actual(now, gap, now.speed[: now.n] - now.speed[other]) ** 2
+            value = value + self.strength * coefficient * np.minimum(term, 9.0)
+        return value
+
+
+class BrakeLights(HiddenEffect):
+    """Half of the leader's acceleration is felt, through a low-pass of 0.3 s, less the farther away the leader is."""
+
+    truths = ("leader_acceleration",)
+    lag, sight = 0.3, 150.0  # s, m
+
+    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+        """Nothing felt yet."""
+        self._felt = np.zeros(now.n)
+
+    def observe(self, now: Moment, dt: float) -> None:
+        """The low-pass."""
+        self._felt = self._felt + dt / self.lag * (now.acceleration[now.leader] - self._felt)
+
+    def acceleration(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """More or less by what is felt."""
+        near = np.maximum(0.0, 1.0 - now.gap_to(now.leader) / self.sight)
+        return value + 0.5 * self.strength * near * self._felt
+
+
+class HardBraking(HiddenEffect):
+    """Approaching is answered more strongly than falling back; both saturate."""
+
+    truths = ("asymmetry",)
+
+    def acceleration(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """Less while approaching."""
+        dv = now.speed[: now.n] - now.speed[now.leader]
+        followed = now.gap_to(now.leader) < 150.0
+        return value - 0.22 * self.strength * followed * np.clip(dv, 0.0, 6.0)
+
+
+class SlowNeighbours(HiddenEffect):
+    """The nearest vehicle ahead on a lane beside holds back who is faster, in proportion up to 6 m/s."""
+
+    truths = ("lane_friction",)
+
+    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+        """Its strength."""
+        self.parameters = {"gain": 0.6 * self.strength}
+
+    def acceleration(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """Less where the neighbour is slower."""
+        offsets = now.offsets_beside()
+        offsets = np.where((offsets > -8.0) & (offsets < 45.0), offsets, np.inf)
+        column = np.argmin(offsets, axis=1)
+        there = np.isfinite(offsets[np.arange(now.n), column])
+        faster_by = now.speed[: now.n] - now.speed[now.index_in_recording(column)]
+        return value - 0.6 * self.strength * there * np.clip(faster_by / 6.0, 0.0, 1.0)

@@ -1,0 +1,107 @@
+"""Hidden effects on the time gap drivers want."""
+
+import numpy as np
+
+from rearl_jax.blind.traffic.effect import HiddenEffect
+from rearl_jax.blind.traffic.moment import Moment
+
+
+class SpeedyDistance(HiddenEffect):
+    """The time gap grows linearly with speed; it is the driver's own at 16 m/s."""
+
+    truths = ("speed_dependent_time_gap",)
+
+    def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """Longer at high speed."""
+        return value * np.maximum(0.4, 1.0 + 0.35 * self.strength * (now.speed[: now.n] - 16.0) / 20.0)
+
+
+class UneasyTraffic(HiddenEffect):
+    """The time gap grows with the mean absolute deviation of the speeds of five vehicles, the own one among them."""
+
+    truths = ("variance_driven_time_gap",)
+
+    def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """Longer in uneven traffic."""
+        own, speeds = now.speed[: now.n], [now.speed[: now.n]]
+        for places in range(1, 5):
+            other = now.ahead(places)
+            speeds.append(np.where(other == now.n, speeds[-1], now.speed[other]))
+        all_speeds = np.stack(speeds)
+        mean = all_speeds.mean(axis=0)
+        deviation = np.abs(all_speeds - mean).mean(axis=0) / np.maximum(mean, 3.0)
+        return value * (1.0 + 3.5 * self.strength * np.where(own > 0.0, deviation, deviation))
+
+
+class Frustration(HiddenEffect):
+    """Time spent below the desired speed lengthens the time gap linearly.
+
+    Source: Treiber & Helbing, Phys. Rev. E 68 (2003) 046119, T = T0 (beta + (1 - beta) level), with 15 s of memory.
+    """
+
+    truths = ("resignation",)
+    memory = 15.0  # s
+
+    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+        """The present level of service."""
+        self._level = now.speed[: now.n] / now.fleet.desired_speed
+
+    def observe(self, now: Moment, dt: float) -> None:
+        """A sliding level."""
+        self._level = self._level + dt / self.memory * (now.speed[: now.n] / now.fleet.desired_speed - self._level)
+
+    def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """Longer after a queue."""
+        return value * (1.0 + 0.8 * self.strength * (1.0 - self._level))
+
+
+class PatienceAfterCutIn(HiddenEffect):
+    """After a change of the leader the time gap found there is accepted and given up linearly within 20 s."""
+
+    truths = ("relaxation",)
+    patience = 20.0  # s
+
+    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+        """Nobody has changed."""
+        self._leader = now.leader.copy()
+        self._since, self._found = np.full(now.n, np.inf), np.full(now.n, np.inf)
+
+    def observe(self, now: Moment, dt: float) -> None:
+        """The time since the last change, and the time gap then."""
+        new = now.leader != self._leader
+        self._leader = now.leader.copy()
+        found = now.gap_to(now.leader) / np.maximum(now.speed[: now.n], 1.0)
+        self._found = np.where(new, found, self._found)
+        self._since = np.where(new, 0.0, self._since + dt)
+
+    def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """Shorter for a while."""
+        left = np.maximum(0.0, 1.0 - self._since / self.patience)
+        short = np.minimum(np.where(np.isfinite(self._found), self._found, value) - value, 0.0)
+        return np.maximum(0.25, value + min(self.strength, 1.3) * left * short)
+
+
+class TruckAhead(HiddenEffect):
+    """Behind a truck the time gap is longer by 40 %."""
+
+    truths = ("leader_class",)
+
+    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+        """Its strength."""
+        self.parameters = {"gain": 0.34 * self.strength}
+
+    def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """Longer behind a truck."""
+        return np.where(now.is_truck[now.leader], value * 1.405**self.strength, value)
+
+
+class Tailgated(HiddenEffect):
+    """A follower within 1.8 s presses, linearly the more the closer."""
+
+    truths = ("rear_pressure",)
+
+    def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """Shorter under pressure."""
+        behind = now.gap_behind() / np.maximum(now.speed[now.follower], 3.0)
+        pressure = np.clip((1.8 - behind) / 1.4, 0.0, 1.0)
+        return value * np.maximum(0.35, 1.0 - 0.55 * self.strength * pressure)

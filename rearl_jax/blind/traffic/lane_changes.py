@@ -1,0 +1,69 @@
+"""Forced lane changes: at drawn times somebody moves over into a gap, short ones included."""
+
+import numpy as np
+
+from rearl_jax.blind.traffic.moment import Moment
+from rearl_jax.blind.traffic.scenario import Scenario
+
+RETRY = 0.5
+"""Time [s] after which a change that found no gap is tried again."""
+
+REST = 8.0
+"""Time [s] a driver who has changed stays."""
+
+
+class ForcedChanges:
+    """When who changes; every recording has its own times."""
+
+    def __init__(self, scenario: Scenario, n: int, rng: np.random.Generator) -> None:
+        self._rng, self._per = rng, scenario.n_vehicles
+        share = (np.arange(scenario.lane_changes) + 0.5) / max(scenario.lane_changes, 1)
+        jitter = rng.uniform(-0.3, 0.3, (scenario.n_recordings, scenario.lane_changes))
+        times = 1.0 + (scenario.duration - 6.0) * (share + jitter / max(scenario.lane_changes, 1))
+        self._due = [list(line) for line in times]
+        self._changed = np.full(n, -np.inf)
+
+    def carry_out(self, now: Moment) -> None:
+        """Moves those over whose time has come, and finds the neighbours anew."""
+        moved = False
+        for recording, due in enumerate(self._due):
+            if due and due[0] <= now.time:
+                chosen = self._choose(now, recording)
+                if chosen is None:
+                    due[0] = now.time + RETRY
+                    continue
+                due.pop(0)
+                vehicle, lane = chosen
+                now.lane[vehicle], self._changed[vehicle] = lane, now.time
+                now.look_along()
+                moved = True
+        if moved:
+            now.look_along()
+
+    def _choose(self, now: Moment, recording: int) -> tuple[int, int] | None:
+        """A vehicle and its new lane, at random of all that would survive it; None without any."""
+        members = np.arange(recording * self._per, (recording + 1) * self._per)
+        place, speed, lane = now.position[members], now.speed[members], now.lane[members]
+        found = []
+        for own in range(self._per):
+            if now.fleet.rank[members[own]] == 0 or now.time - self._changed[members[own]] < REST:
+                continue
+            for target in {max(lane[own] - 1, 0), min(lane[own] + 1, now.n_lanes - 1)} - {lane[own]}:
+                if self._fits(own, np.flatnonzero(lane == target), place, speed, now.length[members]):
+                    found.append((int(members[own]), int(target)))
+        return found[int(self._rng.integers(len(found)))] if found else None
+
+    def _fits(self, own: int, there: np.ndarray, place: np.ndarray, speed: np.ndarray, length: np.ndarray) -> bool:
+        """Whether somebody is ahead there and both gaps allow it without hard braking."""
+        ahead, behind = there[place[there] > place[own]], there[place[there] <= place[own]]
+        if ahead.size == 0:
+            return False
+        leader = ahead[np.argmin(place[ahead])]
+        gap = place[leader] - place[own] - 0.5 * (length[leader] + length[own])
+        if gap < 4.0 + 0.35 * speed[own] + 2.0 * max(0.0, speed[own] - speed[leader]) or gap > 80.0:
+            return False
+        if behind.size == 0:
+            return True
+        follower = behind[np.argmax(place[behind])]
+        gap = place[own] - place[follower] - 0.5 * (length[follower] + length[own])
+        return bool(gap > 4.0 + 0.35 * speed[follower] + 2.5 * max(0.0, speed[follower] - speed[own]))

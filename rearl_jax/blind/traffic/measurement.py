@@ -1,0 +1,142 @@
+"""What a data provider releases of what really happened: frames, noise, derived speeds, and faults."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import savgol_filter
+
+from rearl_jax.blind.traffic.scenario import Scenario
+from rearl_jax.blind.traffic.simulation import WARM_UP, Events
+
+LANE_WIDTH = 3.75
+"""[m]"""
+
+CHANGE_TIME = 4.0
+"""Time of the sideways motion of a lane change [s], half of it before the marking is crossed."""
+
+LATERAL_NOISE = 0.04
+"""Standard deviation of the measured place across the road [m]."""
+
+DERIVATIVE_TIME = 1.1
+"""Window over which a provider fits the parabola whose slope is the speed [s]."""
+
+GATE = 0.95
+"""Error of a position [m] beyond which a tracker takes it for another vehicle."""
+
+PAD = 4.4
+"""Time before and after the recording that is measured too [s]; filters and late columns reach into it."""
+
+LATEST = 0.5
+"""Bound of clock offsets [s]."""
+
+ARTEFACTS = (
+    "lens", "clock_offset", "position_lag", "speed_lag", "speed_scale", "position_scale", "smoothing", "position_noise",
+)  # fmt: skip
+"""Faults by their name in a scenario."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Measured columns, arrays [n_frames, n]; `seen` says which vehicles are in the view of the camera."""
+
+    position: np.ndarray
+    lateral: np.ndarray
+    lane: np.ndarray
+    speed: np.ndarray
+    acceleration: np.ndarray
+    seen: np.ndarray
+
+
+def measure(scenario: Scenario, events: Events) -> Frames:
+    """The columns as released."""
+    fault = {item.name: item.strength for item in scenario.planted if item.name in ARTEFACTS}
+    rng = np.random.default_rng([scenario.seed, 6])
+    rate = scenario.frame_rate
+    pad, n_frames = round(PAD * rate), round(scenario.duration * rate) + 1
+    time = (np.arange(-pad, n_frames + pad)) / rate
+    position = _sampled(events, time, _clock_offsets(events, fault, rng))
+    true = position
+    position = position + _lens(position, fault, events)
+    position = position * (1.0 + 0.05 * fault.get("position_scale", 0.0))
+    position = position + _errors(scenario, position.shape, fault, rng)
+    if "smoothing" in fault:
+        position = gaussian_filter1d(position, 0.9 * fault["smoothing"] * rate, axis=0, mode="nearest")
+    window = 2 * round(0.5 * DERIVATIVE_TIME * rate) + 1
+    speed, acceleration = (
+        np.asarray(savgol_filter(position, window, 2, deriv=order, delta=1.0 / rate, axis=0)) for order in (1, 2)
+    )
+    speed = np.maximum(0.0, speed * (1.0 + 0.05 * fault.get("speed_scale", 0.0)))
+
+    def released(column: np.ndarray, late_by: float = 0.0) -> np.ndarray:
+        begin = pad - round(late_by * rate)
+        return column[begin : begin + n_frames]
+
+    begin, length = seen_road(scenario, events)
+    lane, lateral = _across(scenario, events, time[pad : pad + n_frames], rng)
+    late = {name: 0.5 * fault.get(name, 0.0) for name in ("position_lag", "speed_lag")}
+    return Frames(
+        released(position, late["position_lag"]) - begin,
+        lateral,
+        lane,
+        released(speed, late["speed_lag"]),
+        np.clip(released(acceleration, late["speed_lag"]), -30.0, 30.0),
+        (released(true) >= begin) & (released(true) <= begin + length),
+    )
+
+
+def _sampled(events: Events, time: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """Positions at the times of the frames on every vehicle's own clock [m]."""
+    if not offsets.any():
+        steps = np.searchsorted(events.time, time - 1e-6)
+        return events.position[steps]
+    columns = (np.interp(time + o, events.time, x) for o, x in zip(offsets, events.position.T, strict=True))
+    return np.stack(list(columns), axis=1)
+
+
+def _clock_offsets(events: Events, fault: dict[str, float], rng: np.random.Generator) -> np.ndarray:
+    """How much every vehicle's logger is early [s]."""
+    drawn = rng.standard_normal(events.position.shape[1])
+    return np.clip(0.2 * fault.get("clock_offset", 0.0) * drawn, -LATEST, LATEST)
+
+
+def _lens(position: np.ndarray, fault: dict[str, float], events: Events) -> np.ndarray:
+    """A smooth shift of up to 5 m that depends on the place in the picture [m]."""
+    if "lens" not in fault:
+        return np.zeros_like(position)
+    first = events.position[round(WARM_UP / (events.time[1] - events.time[0]))].mean()
+    return 5.0 * fault["lens"] * np.sin(2.0 * np.pi * (position - first) / 520.0)
+
+
+def _errors(
+    scenario: Scenario, shape: tuple[int, ...], fault: dict[str, float], rng: np.random.Generator
+) -> np.ndarray:
+    """Errors of measured positions [m], white or as a smoothing tracker leaves them."""
+    drawn = rng.standard_normal(shape)
+    if scenario.noise_time > 0.0:
+        drawn = gaussian_filter1d(drawn, scenario.noise_time * scenario.frame_rate, axis=0, mode="wrap")
+        drawn /= drawn.std()
+    size = scenario.position_noise * (1.0 + 3.0 * fault.get("position_noise", 0.0))
+    return np.clip(size * drawn, -GATE, GATE)
+
+
+def _across(
+    scenario: Scenario, events: Events, time: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lane and place across the road [m] in every frame."""
+    steps = np.searchsorted(events.time, time - 1e-6)
+    lane = events.lane[steps]
+    dt = events.time[1] - events.time[0]
+    place = events.wander[steps] + LANE_WIDTH * (events.lane[0] + 0.5)
+    for step, vehicle in zip(*np.nonzero(np.diff(events.lane, axis=0)), strict=True):
+        share = np.clip((time - events.time[0] - (step + 1) * dt) / CHANGE_TIME + 0.5, 0.0, 1.0)
+        jump = int(events.lane[step + 1, vehicle]) - int(events.lane[step, vehicle])
+        place[:, vehicle] += LANE_WIDTH * jump * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    return lane, place + LATERAL_NOISE * rng.standard_normal(place.shape)
+
+
+def seen_road(scenario: Scenario, events: Events) -> tuple[float, float]:
+    """Where the recorded part of the road begins and how long it is [m]: all of it, or what a camera sees."""
+    if scenario.view is None:
+        return 0.0, np.inf
+    return 0.5 * (sum(events.section) - scenario.view), scenario.view

@@ -1,0 +1,89 @@
+"""One moment of the traffic as drivers see it: who is ahead, behind and beside, how far and how fast.
+
+Arrays over vehicles have one element more than there are vehicles: the last stands for nobody, very far ahead.
+"""
+
+import numpy as np
+
+from rearl_jax.blind.traffic.fleet import Fleet
+from rearl_jax.blind.traffic.scenario import Scenario
+
+FAR = 1.0e7
+"""Distance to nobody [m]."""
+
+BESIDE_REFRESH = 5
+"""Sub-steps after which the neighbours on other lanes are looked up again."""
+
+
+class Moment:
+    """The state of all vehicles and the neighbours that follow from it.
+
+    Attributes:
+        time: Since the recording began [s]; negative before.
+        step: Number of the sub-step.
+        position, speed, acceleration, length, is_truck: Of every vehicle, and of nobody.
+        lane: 0 = leftmost; without nobody, as are the following.
+        leader, follower: Index of the vehicle ahead and behind on the lane, n for nobody.
+        wander: Place in the lane, positive to the right [m].
+        time_gap, desired_speed: What the driver wants at the moment, effects included.
+    """
+
+    def __init__(self, scenario: Scenario, fleet: Fleet, position: np.ndarray, speed: np.ndarray) -> None:
+        self.fleet, self.n_lanes, self._shape = fleet, scenario.n_lanes, (scenario.n_recordings, scenario.n_vehicles)
+        self.n = len(position)
+        self.time, self.step = 0.0, 0
+        self.position, self.speed = np.append(position, FAR), np.append(speed, 30.0)
+        self.acceleration = np.zeros(self.n + 1)
+        self.length, self.is_truck = np.append(fleet.length, 0.0), np.append(fleet.is_truck, False)
+        self.lane = fleet.lane.copy()
+        self.wander = np.zeros(self.n)
+        self.time_gap, self.desired_speed = fleet.time_gap, fleet.desired_speed
+        self._beside_step, self._beside = -BESIDE_REFRESH, np.zeros((0, 0))
+        self.look_along()
+
+    def look_along(self) -> None:
+        """Finds leaders and followers anew; they stay the same until somebody changes lanes."""
+        group = self.fleet.recording * self.n_lanes + self.lane
+        order = np.lexsort((self.position[: self.n], group))
+        same = group[order[1:]] == group[order[:-1]]
+        self.leader, self.follower = np.full(self.n, self.n), np.full(self.n, self.n)
+        self.leader[order[:-1][same]] = order[1:][same]
+        self.follower[order[1:][same]] = order[:-1][same]
+        self._next = np.append(self.leader, self.n)
+
+    def ahead(self, places: int) -> np.ndarray:
+        """Index of the vehicle so many places ahead on the lane, n for nobody."""
+        found = self.leader
+        for _ in range(places - 1):
+            found = self._next[found]
+        return found
+
+    def gap_to(self, other: np.ndarray) -> np.ndarray:
+        """Bumper to bumper, forward to a vehicle ahead [m]; FAR for nobody."""
+        own = slice(0, self.n)
+        distance = self.position[other] - self.position[own] - 0.5 * (self.length[other] + self.length[own])
+        return np.where(other == self.n, FAR, distance)
+
+    def gap_behind(self) -> np.ndarray:
+        """Bumper to bumper, back to the follower [m]; FAR for nobody."""
+        own = slice(0, self.n)
+        other = self.follower
+        distance = self.position[own] - self.position[other] - 0.5 * (self.length[other] + self.length[own])
+        return np.where(other == self.n, FAR, distance)
+
+    def offsets_beside(self) -> np.ndarray:
+        """How far ahead each vehicle of the recording is of each other on a lane next to it [m], [n, n_vehicles].
+
+        Infinite for all others; up to BESIDE_REFRESH sub-steps old.
+        """
+        if self.step - self._beside_step >= BESIDE_REFRESH:
+            place, lane = self.position[: self.n].reshape(self._shape), self.lane.reshape(self._shape)
+            offset = place[:, None, :] - place[:, :, None]
+            is_beside = np.abs(lane[:, None, :] - lane[:, :, None]) == 1
+            self._beside = np.where(is_beside, offset, np.inf).reshape(self.n, -1)
+            self._beside_step = self.step
+        return self._beside
+
+    def index_in_recording(self, column: np.ndarray) -> np.ndarray:
+        """Index of the vehicle that a column of `offsets_beside` stands for."""
+        return self.fleet.recording * self._shape[1] + column

@@ -1,0 +1,102 @@
+"""Hidden effects of the road and of the weather."""
+
+import numpy as np
+
+from rearl_jax.blind.traffic.effect import HiddenEffect
+from rearl_jax.blind.traffic.moment import Moment
+
+
+def share_inside(position: np.ndarray, section: tuple[float, float], edge: float) -> np.ndarray:
+    """How much of a section is felt, rising along half a cosine over `edge` [m] around its ends."""
+    start, end = section
+    rise = np.clip((position - start) / edge + 0.5, 0.0, 1.0)
+    fall = np.clip((end - position) / edge + 0.5, 0.0, 1.0)
+    return 0.25 * (1.0 - np.cos(np.pi * rise)) * (1.0 - np.cos(np.pi * fall))
+
+
+class Slope(HiddenEffect):
+    """An uphill section."""
+
+    truths = ("grade",)
+
+    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+        """The section."""
+        self._section = section
+        self.parameters = {"push": -0.35 * self.strength, "start": section[0], "end": section[1]}
+
+    def acceleration(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """Less uphill."""
+        return value - 0.35 * self.strength * share_inside(now.position[: now.n], self._section, 40.0)
+
+
+class LimitedSection(HiddenEffect):
+    """A section on which the desired speed is cut, entered over 40 m."""
+
+    truths = ("speed_limit", "bend")
+
+    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+        """The section."""
+        self._section = section
+        self._limit = self._highest()
+        self.parameters = {"limit": self._limit, "start": section[0], "end": section[1]}
+
+    def _highest(self) -> float:
+        """Speed nobody wants to exceed there [m/s]."""
+        return 32.0 - 9.0 * self.strength
+
+    def desired_speed(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """At most the limit."""
+        share = share_inside(now.position[: now.n], self._section, 40.0)
+        return value - share * np.maximum(0.0, value - self._limit)
+
+
+class Curve(LimitedSection):
+    """A bend of 220 m radius; the comfortable lateral acceleration falls with strength."""
+
+    truths = ("bend", "speed_limit")
+    radius = 220.0
+
+    def _highest(self) -> float:
+        """Speed at the comfortable lateral acceleration [m/s]."""
+        return float(np.sqrt(self.radius * max(0.5, 4.3 - 2.0 * self.strength)))
+
+
+class LaneHabits(HiddenEffect):
+    """Drivers want to drive 12 % faster on the leftmost and 12 % slower on the rightmost lane."""
+
+    truths = ("lane_desired_speed",)
+
+    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+        """Both ends."""
+        change = 0.12 * self.strength
+        self.parameters = {"leftmost": float(np.log1p(change)), "rightmost": float(np.log1p(-change))}
+
+    def desired_speed(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """By the lane."""
+        side = (now.lane == 0).astype(float) - (now.lane == now.n_lanes - 1)
+        return value * (1.0 + 0.12 * self.strength * side)
+
+
+class Fog(HiddenEffect):
+    """From 22 s on visibility falls for 10 s: drivers want less speed and more distance."""
+
+    truths = ("weather",)
+
+    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+        """What becomes of the desired speed and of the time gap."""
+        self.parameters = {
+            "slower": -float(np.log1p(-0.18 * min(self.strength, 3.0))),
+            "wider": float(np.log1p(0.45 * self.strength)),
+            "onset": 27.0,
+        }
+
+    def desired_speed(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """Lower."""
+        return value * (1.0 - 0.18 * min(self.strength, 3.0) * self._density(now))
+
+    def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """Longer."""
+        return value * (1.0 + 0.45 * self.strength * self._density(now))
+
+    def _density(self, now: Moment) -> float:
+        return float(np.clip((now.time - 22.0) / 10.0, 0.0, 1.0))

@@ -1,0 +1,65 @@
+"""What a generated data set is: how many vehicles, for how long, measured how, and what is hidden in it."""
+
+from dataclasses import dataclass
+
+SUB_STEP = 0.02
+"""Step of the integration [s]; a tenth of the shortest time in the model."""
+
+
+@dataclass(frozen=True)
+class Planted:
+    """A hidden effect or artefact by the name the generator knows it by; 1 is its usual strength."""
+
+    name: str
+    strength: float = 1.0
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One data set.
+
+    Attributes:
+        seed: Of everything random; two data sets with one seed and one fleet have the same drivers.
+        planted: What is hidden; nothing in a control.
+        n_recordings: Recordings of the same road, none of which shares a driver with another.
+        n_vehicles: Vehicles per recording, a multiple of the lanes; the first of each lane follows nobody.
+        n_lanes: Lanes of the one carriageway.
+        duration: Recorded time [s].
+        frame_rate: Frames per second [1/s]; a whole number of sub-steps fits between two.
+        lane_changes: Forced lane changes per recording.
+        spacing: Distances at the start as a share of those drivers want [-].
+        pace: Speeds of the first vehicles as a share of the usual ones [-].
+        spread: Differences between drivers as a share of the usual ones [-].
+        driver_noise: Standard deviation of a driver's random acceleration [m/s^2].
+        position_noise: Standard deviation of measured positions [m].
+        noise_time: Time over which errors of positions are correlated [s]; 0 for white noise.
+        view: Length of the road a camera sees [m]; None where every vehicle is seen all the time.
+    """
+
+    seed: int
+    planted: tuple[Planted, ...] = ()
+    n_recordings: int = 3
+    n_vehicles: int = 39
+    n_lanes: int = 3
+    duration: float = 60.0
+    frame_rate: float = 10.0
+    lane_changes: int = 12
+    spacing: float = 1.0
+    pace: float = 1.0
+    spread: float = 1.0
+    driver_noise: float = 0.15
+    position_noise: float = 0.1
+    noise_time: float = 0.0
+    view: float | None = None
+
+    def __post_init__(self) -> None:
+        """Raise ValueError for what cannot be simulated."""
+        if self.n_vehicles % self.n_lanes or self.n_vehicles < 2 * self.n_lanes:
+            raise ValueError(f"n_vehicles must be a multiple of {self.n_lanes} lanes, got {self.n_vehicles}")
+        if abs(self.steps_per_frame * SUB_STEP * self.frame_rate - 1.0) > 1e-9:
+            raise ValueError(f"frame_rate must leave whole steps of {SUB_STEP} s between frames, got {self.frame_rate}")
+
+    @property
+    def steps_per_frame(self) -> int:
+        """Sub-steps between two frames."""
+        return round(1.0 / (self.frame_rate * SUB_STEP))

@@ -1,0 +1,155 @@
+"""The traffic of a data set, all its recordings at once: from a scenario to what really happened, step by step.
+
+Positions follow the ballistic rule, x + (v + v') dt / 2 (Treiber & Kanagaraj, Physica A 419 (2015) 183).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from rearl_jax.blind.traffic.catalogue import HIDDEN
+from rearl_jax.blind.traffic.driving import wanted_acceleration, with_emergencies
+from rearl_jax.blind.traffic.effect import HiddenEffect
+from rearl_jax.blind.traffic.fleet import Fleet, draw_fleet
+from rearl_jax.blind.traffic.heads import draw_profiles
+from rearl_jax.blind.traffic.lane_changes import ForcedChanges
+from rearl_jax.blind.traffic.moment import Moment
+from rearl_jax.blind.traffic.scenario import SUB_STEP, Scenario
+
+WARM_UP = 12.0
+"""Time before the recording [s]."""
+
+COOL_DOWN = 5.0
+"""Time after it [s], for what is measured too late."""
+
+NOISE_TIME = 1.5
+"""Time over which a driver's random acceleration is remembered [s]."""
+
+WANDER, WANDER_TIME = 0.25, 4.0
+"""Standard deviation [m] and memory [s] of the place in the lane."""
+
+MARGIN = 60.0
+"""Road [m] behind the last vehicle when the recording begins."""
+
+
+@dataclass(frozen=True)
+class Events:
+    """What really happened: arrays [n_steps, n] over sub-steps and vehicles.
+
+    Attributes:
+        time: Of each step since the recording began [s], [n_steps].
+        position, speed, acceleration, wander: [m], [m/s], [m/s^2], [m].
+        lane: 0 = leftmost.
+        leader: Index of the vehicle ahead, n for nobody.
+        fleet: The vehicles.
+        effects: What was hidden.
+        section: Part of the road most vehicles reach and leave [m].
+        n_emergencies: Steps of vehicles in which somebody had to brake whatever the model said.
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    speed: np.ndarray
+    acceleration: np.ndarray
+    wander: np.ndarray
+    lane: np.ndarray
+    leader: np.ndarray
+    fleet: Fleet
+    effects: tuple[HiddenEffect, ...]
+    section: tuple[float, float]
+    n_emergencies: int
+
+
+def simulate(scenario: Scenario) -> Events:
+    """The traffic of all recordings of a data set."""
+    streams = np.random.default_rng([scenario.seed, 5]).spawn(6)
+    seconds = WARM_UP + scenario.duration + COOL_DOWN
+    fleet = draw_fleet(scenario, streams[0])
+    profiles = draw_profiles(scenario.n_recordings * scenario.n_lanes, seconds, scenario.pace, streams[1])
+    heads = np.flatnonzero(fleet.rank == 0)
+    effects = tuple(HIDDEN[item.name](item.strength) for item in scenario.planted if item.name in HIDDEN)
+    position, speed, travelled = place_platoons(scenario, fleet, profiles)
+    now = Moment(scenario, fleet, position, speed)
+    now.time = -WARM_UP
+    section = _common_section(scenario, now, travelled, heads, streams[2])
+    for effect in effects:
+        effect.begin(now, section, streams[5])
+    n_steps = profiles.shape[1] - 1
+    noise = _ornstein_uhlenbeck(n_steps, now.n, NOISE_TIME, streams[3]) * scenario.driver_noise
+    wander = np.clip(WANDER * _ornstein_uhlenbeck(n_steps, now.n, WANDER_TIME, streams[4]), -0.65, 0.65)
+    log, n_emergencies = _drive(now, effects, profiles, noise, wander, ForcedChanges(scenario, now.n, streams[2]))
+    time = SUB_STEP * np.arange(n_steps) - WARM_UP
+    return Events(
+        time, **log, wander=wander, fleet=fleet, effects=effects, section=section, n_emergencies=n_emergencies
+    )  # fmt: skip
+
+
+def _drive(
+    now: Moment,
+    effects: Sequence[HiddenEffect],
+    profiles: np.ndarray,
+    noise: np.ndarray,
+    wander: np.ndarray,
+    changes: ForcedChanges,
+) -> tuple[dict[str, np.ndarray], int]:
+    """What happens step by step, [n_steps, n], and in how many steps somebody had an emergency."""
+    n_steps, own, heads = len(noise), slice(0, now.n), np.flatnonzero(now.fleet.rank == 0)
+    log = {name: np.empty((n_steps, now.n)) for name in ("position", "speed", "acceleration")}
+    log |= {"lane": np.empty((n_steps, now.n), dtype=np.int8), "leader": np.empty((n_steps, now.n), dtype=np.int32)}
+    n_emergencies = 0
+    for step in range(n_steps):
+        now.step, now.time, now.wander = step, step * SUB_STEP - WARM_UP, wander[step]
+        changes.carry_out(now)
+        for effect in effects:
+            effect.observe(now, SUB_STEP)
+        value, in_emergency = with_emergencies(wanted_acceleration(now, effects) + noise[step], now)
+        value[heads] = (profiles[:, step + 1] - profiles[:, step]) / SUB_STEP
+        faster = np.maximum(0.0, now.speed[own] + SUB_STEP * value)
+        log["position"][step], log["speed"][step] = now.position[own], now.speed[own]
+        log["lane"][step], log["leader"][step] = now.lane, now.leader
+        now.acceleration[own] = log["acceleration"][step] = (faster - now.speed[own]) / SUB_STEP
+        now.position[own] += 0.5 * SUB_STEP * (now.speed[own] + faster)
+        now.speed[own] = faster
+        n_emergencies += int(np.count_nonzero(in_emergency & (now.fleet.rank > 0)))
+    return log, n_emergencies
+
+
+def place_platoons(scenario: Scenario, fleet: Fleet, profiles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions [m] and speeds [m/s] at the start, and the way of the first vehicles, [n_heads, n_steps] [m].
+
+    Everybody is about as far from the leader as the driver wants.
+    """
+    per_lane = scenario.n_vehicles // scenario.n_lanes
+    speed = np.minimum(np.repeat(profiles[:, 0], per_lane), 0.85 * fleet.desired_speed)
+    wanted = fleet.jam_gap + fleet.time_gap * speed
+    gap = scenario.spacing * wanted / np.sqrt(1.0 - (speed / fleet.desired_speed) ** 4)
+    length = fleet.length.reshape(-1, per_lane)
+    step = gap.reshape(-1, per_lane) + 0.5 * (length + np.roll(length, 1, axis=1))
+    step[:, 0] = 0.0
+    way = np.cumsum(0.5 * SUB_STEP * (profiles[:, 1:] + profiles[:, :-1]), axis=1)
+    travelled = np.concatenate([np.zeros((len(profiles), 1)), way], axis=1)
+    # A lane that will fall behind begins ahead, so that lanes are beside each other in the middle of the recording.
+    place = -np.cumsum(step, axis=1) - 0.5 * (travelled[:, -1:] - travelled[:, -1:].mean())
+    speed[fleet.rank == 0] = profiles[:, 0]
+    return (place - place.min() + MARGIN).ravel(), speed, travelled
+
+
+def _common_section(
+    scenario: Scenario, now: Moment, travelled: np.ndarray, heads: np.ndarray, rng: np.random.Generator
+) -> tuple[float, float]:
+    """A section of the road that most vehicles reach and leave during the recording [m]."""
+    middle = travelled[:, travelled.shape[1] // 2]
+    platoon = now.position[heads].mean() - now.position[: now.n].min()
+    centre = float(np.mean(now.position[heads] + middle) - 0.45 * platoon + rng.uniform(-60.0, 60.0))
+    half = float(rng.uniform(100.0, 170.0)) if scenario.view is None else 0.25 * scenario.view
+    return centre - half, centre + half
+
+
+def _ornstein_uhlenbeck(n_steps: int, n: int, memory: float, rng: np.random.Generator) -> np.ndarray:
+    """Processes of unit variance, [n_steps, n]."""
+    kept = np.exp(-SUB_STEP / memory)
+    drawn = np.sqrt(1.0 - kept**2) * rng.standard_normal((n_steps, n))
+    drawn[0] = rng.standard_normal(n)
+    return np.asarray(lfilter([1.0], [1.0, -kept], drawn, axis=0))

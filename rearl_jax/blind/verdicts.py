@@ -1,0 +1,106 @@
+"""What discovery has said about a data set, read from its verdict."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+NOTHING, UNEXPLAINED, FAILED = "nothing", "unexplained", "failed"
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A figure and its 90 % interval; the ends are None where there is none."""
+
+    value: float
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect a verdict claims.
+
+    Attributes:
+        name: As in the library of effects, or of an artefact.
+        kind: `artefact` for faults of the measurement, `generic` for a dependence without a name, else of traffic.
+        parameters: By name.
+        variables: What a generic effect depends on.
+        confidence: Stated probability that it is there; None where nothing is stated.
+    """
+
+    name: str
+    kind: str
+    parameters: Mapping[str, Interval]
+    variables: frozenset[str]
+    confidence: float | None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A verdict.
+
+    Attributes:
+        verdict: `named`, `artefact`, `unexplained`, `nothing`; `failed` where discovery stopped with an error.
+        effects: What is claimed, the strongest first.
+        alternatives: Names of candidates that explain the data about as well as what is claimed.
+        errors: `before`, `after`, `floor`, `oracle` of the closed-loop error; None where unknown.
+        n_drivers: Drivers the error was measured on.
+        seconds: Time it took.
+        message: Of the error that stopped discovery.
+    """
+
+    verdict: str
+    effects: tuple[NamedEffect, ...]
+    alternatives: frozenset[str]
+    errors: Mapping[str, Interval | None]
+    n_drivers: int | None
+    seconds: float | None
+    message: str = ""
+
+
+def read_verdict(stored: Mapping[str, Any]) -> Verdict:
+    """The record of a verdict.json.
+
+    Raises:
+        ValueError: A key is missing or holds something else.
+    """
+    try:
+        effects = tuple(_effect(item) for item in stored["effects"])
+        error = stored["error"] or {}
+        return Verdict(
+            verdict=str(stored["verdict"]),
+            effects=effects,
+            alternatives=frozenset(item["name"] for item in stored["candidates"] if item.get("ambiguous", False)),
+            errors={name: _interval(error.get(name)) for name in ("before", "after", "floor", "oracle")},
+            n_drivers=error.get("n_drivers"),
+            seconds=stored["seconds"],
+            message=str(stored.get("message", "")),
+        )
+    except (KeyError, TypeError, AttributeError) as missing:
+        raise ValueError(f"a verdict must have verdict, effects, candidates, error, seconds: {missing!r}") from missing
+
+
+def failed_verdict(message: str, seconds: float) -> dict[str, Any]:
+    """A verdict for discovery that stopped with an error."""
+    nothing: dict[str, Any] = {"effects": [], "candidates": [], "error": None, "data": None}
+    return {"verdict": FAILED, **nothing, "seconds": seconds, "message": message}
+
+
+def _effect(item: Mapping[str, Any]) -> NamedEffect:
+    parameters = {name: _interval(value) for name, value in item["parameters"].items()}
+    return NamedEffect(
+        name=item["name"],
+        kind=item["kind"],
+        parameters={name: value for name, value in parameters.items() if value is not None},
+        variables=frozenset(item.get("variables") or ()),
+        confidence=item.get("confidence"),
+    )
+
+
+def _interval(value: Any) -> Interval | None:
+    """From a number, or from `value`, `low`, `high`."""
+    if value is None:
+        return None
+    if isinstance(value, Mapping):
+        return None if value["value"] is None else Interval(value["value"], value.get("low"), value.get("high"))
+    return Interval(float(value), None, None) if isinstance(value, (int, float)) else None

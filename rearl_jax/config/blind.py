@@ -1,0 +1,35 @@
+"""Configuration of the blind study of discovery."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from rearl_jax.config._key import key
+
+
+class StudySize(Enum):
+    """How many data sets are generated."""
+
+    small = "small"
+    medium = "medium"
+    full = "full"
+
+
+@dataclass(unsafe_hash=True)
+class BlindConfig:
+    """Data sets whose hidden effects discovery has to find"""
+
+    size: StudySize = key(StudySize.small, "data sets of a study; small: one per question, medium: 137, full: 747")
+    seed: int | None = key(
+        None, "master seed of all data sets; null: drawn when the study begins, after the code's hash is written down"
+    )
+    sets: str = key("*", "shell pattern on the sets that are run, such as control* or half; * takes all")
+    sumo: bool = key(True, "generate data sets with SUMO too, in the sizes that have any; needs the extra `bench`")
+    oracle: bool = key(False, "after each verdict, refit with what was hidden, to know the smallest error there is")
+    keep_data: bool = key(False, "leave the generated recordings in the study's folder instead of removing them")
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its range."""
+        if self.seed is not None and not 0 <= self.seed < 2**32:
+            raise ValueError(f"seed must be within 0 and {2**32 - 1} or null, got {self.seed}")
+        if not self.sets:
+            raise ValueError("sets must be a shell pattern such as *, got an empty text")

@@ -1,0 +1,38 @@
+"""Keys of discovery: what the traffic model lacks, found in measured trajectories."""
+
+from dataclasses import dataclass
+
+from rearl_jax.config._key import key
+
+
+@dataclass(unsafe_hash=True)
+class DiscoverConfig:
+    """Closing the loop with measured data."""
+
+    seed: int = key(0, "of the split of drivers, the simulated nulls and the resampling")
+    replicates: int = key(
+        30,
+        "drives simulated again without any missing effect, against which evidence is measured; fewer than 20 "
+        "make the threshold itself uncertain",
+    )
+    max_drivers: int = key(
+        240, "drivers used at most, drawn at random from those who follow long enough; more take longer and see more"
+    )
+    confidence: float = key(0.9, "of all intervals [-]")
+    draws: int = key(1000, "resamples of drivers for the intervals of errors")
+    oracle: str | None = key(
+        None,
+        "name of an effect whose error is reported as that of an oracle, nothing else is looked for; for generated "
+        "data whose effect is known",
+    )
+
+    def check(self) -> None:
+        """Ranges."""
+        if self.replicates < 2:
+            raise ValueError(f"replicates must be at least 2, got {self.replicates}")
+        if self.max_drivers < 9:
+            raise ValueError(f"max_drivers must be at least 9, three for each part of the data, got {self.max_drivers}")
+        if not 0.5 <= self.confidence < 1.0:
+            raise ValueError(f"confidence must be within 0.5 and 1, got {self.confidence}")
+        if self.draws < 100:
+            raise ValueError(f"draws must be at least 100, got {self.draws}")

@@ -1,0 +1,85 @@
+"""Drivers who do not act all the time."""
+
+from dataclasses import field, replace
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from rearl_jax.core.effects.effect import Effect, Parameter
+from rearl_jax.core.effects.randomness import standard_uniform
+from rearl_jax.core.effects.stimulus import Stimulus
+from rearl_jax.core.gap_idm import FollowingParams, free_term, gap_interaction
+
+SITUATION = (
+    *("speed", "has_leader", "gap", "leader_speed", "leader_acceleration", "has_second", "second_gap"),
+    *("second_speed", "has_third", "third_speed", "has_follower", "follower_gap", "follower_speed"),
+    *("beside_speed", "n_beside"),
+)
+"""What a driver has in mind between two decisions; place and time go on."""
+
+
+class InMind(eqx.Module):
+    """What drivers remember of their last decision.
+
+    Attributes:
+        count: Ticks so far.
+        situation: The situation then, in the order of `SITUATION`.
+    """
+
+    count: Int[Array, ""]
+    situation: Float[Array, "fields *n"]
+
+
+class ActionPoints(Effect):
+    """Drivers look again at random times, or when what they should do has changed a lot; in between they keep on."""
+
+    mean_time: Float[Array, "*#n"]
+    threshold: Float[Array, "*#n"]
+    seed: Int[Array, "*#seeds"] = field(default_factory=lambda: jnp.zeros((), jnp.int32))
+
+    name: ClassVar[str] = "action_points"
+    kind: ClassVar[str] = "random"
+    equation: ClassVar[str] = (
+        "a = f(situation at the last action point); a new one at rate 1 / mean_time, and where IDM's f has changed by "
+        "more than threshold"
+    )
+    source: ClassVar[str] = "after Treiber & Kesting, Transp. Res. B 117 (2018) 613 (action points)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("mean_time", "s", "mean time between decisions at random", off=0.0, low=0.0, high=10.0, scale=1.0),
+        Parameter("threshold", "m/s^2", "change that is acted on at once", 0.5, 0.0, 5.0, 0.3, is_strength=False),
+    )
+
+    def begin(self, seen: Stimulus, params: FollowingParams, tick: float) -> InMind:
+        """A decision at the start."""
+        return InMind(jnp.zeros((), jnp.int32), _situation(seen))
+
+    def remember(self, memory: InMind, seen: Stimulus, params: FollowingParams, tick: float) -> InMind:
+        """The situation, where the driver looks again."""
+        count = memory.count + 1
+        # Where mean_time is 0 every moment is a decision: no draw is 1.
+        chance = 1 - jnp.exp(-tick / jnp.maximum(self.mean_time, 1e-6))
+        now, change = _situation(seen), _idm(seen, params) - _idm(_restored(seen, memory), params)
+        is_new_leader = seen.has_leader != memory.situation[SITUATION.index("has_leader")]
+        looks = standard_uniform(self.seed, 3, count, now[0]) < chance
+        looks = looks | (jnp.abs(change) > self.threshold) | is_new_leader
+        return InMind(count, jnp.where(looks, now, memory.situation))
+
+    def perceive(self, seen: Stimulus, memory: InMind) -> Stimulus:
+        """The situation of the last decision."""
+        return _restored(seen, memory)
+
+
+def _situation(seen: Stimulus) -> Float[Array, "fields *n"]:
+    return jnp.stack(jnp.broadcast_arrays(*(getattr(seen, name) for name in SITUATION)))
+
+
+def _restored(seen: Stimulus, memory: InMind) -> Stimulus:
+    return replace(seen, **dict(zip(SITUATION, memory.situation, strict=True)))
+
+
+def _idm(seen: Stimulus, params: FollowingParams) -> Float[Array, "*n"]:
+    """Acceleration of the bare model [m/s^2]."""
+    pull = gap_interaction(seen.gap, seen.speed, seen.speed - seen.leader_speed, params)
+    return params.max_accel * (1 - free_term(seen.speed, params.desired_speed) - seen.has_leader * pull)

@@ -1,0 +1,21 @@
+"""What only a simulation knows: who wants to change lanes."""
+
+from jaxtyping import Array, Float
+
+from rearl_jax.core.effects.stimulus import Stimulus
+
+
+class SimulatedStimulus(Stimulus):
+    """What a driver sees in simulated traffic: also who ahead on a lane beside wants to come to the own lane.
+
+    Recordings do not tell: they show changes, not wishes.
+
+    Attributes:
+        has_entrant: Whether somebody ahead on a lane beside is changing to the own lane, or would if there were room.
+        entrant_gap: To the nearest of them, bumper to bumper [m]; OUT_OF_SIGHT without one.
+        entrant_speed: Its speed [m/s]; the own without one.
+    """
+
+    has_entrant: Float[Array, "*#n"]
+    entrant_gap: Float[Array, "*#n"]
+    entrant_speed: Float[Array, "*#n"]

@@ -1,0 +1,121 @@
+"""Effects on the choice of the lane: what a change gains beside the own acceleration.
+
+`incentive` gets and gives the gain of a change to one side [m/s^2], which is held against the driver's threshold.
+"""
+
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rearl_jax.core.effects.effect import Effect, Parameter
+from rearl_jax.core.effects.side_lane import SideLane
+from rearl_jax.core.effects.stimulus import Stimulus
+
+PASSING_SPEED = 60 / 3.6
+"""Speed [m/s] up to which everybody may be passed on the right, in congestion."""
+
+
+class KeepRight(Effect):
+    """Drivers go back to the right lane."""
+
+    bias: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "keep_right"
+    kind: ClassVar[str] = "lane_change"
+    equation: ClassVar[str] = "gain of the right lane + bias, gain of the left lane - bias"
+    source: ClassVar[str] = "Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86 (asymmetric rules)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("bias", "m/s^2", "what the right lane is worth", off=0.0, low=-2.0, high=2.0, scale=0.3),
+    )
+
+    def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """More to the right, less to the left."""
+        return value + side.direction * self.bias
+
+
+class NoPassingOnTheRight(Effect):
+    """Drivers do not go to the right to pass a slower leader: there they may not drive faster than on the own lane."""
+
+    weight: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "no_passing_on_the_right"
+    kind: ClassVar[str] = "lane_change"
+    equation: ClassVar[str] = "gain of the right lane - weight max(0, gain) above 60 km/h; weight 1 forbids it"
+    source: ClassVar[str] = "Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86 (European passing rule)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("weight", "-", "part of the gain that does not count", off=0.0, low=0.0, high=1.0, scale=0.5),
+    )
+
+    def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """Less to the right, where it would pay."""
+        if side.direction < 0:
+            return value
+        return value - self.weight * jnp.where(seen.speed > PASSING_SPEED, jnp.maximum(value, 0.0), 0.0)
+
+
+class Politeness(Effect):
+    """Drivers mind what a change does to those behind."""
+
+    weight: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "politeness"
+    kind: ClassVar[str] = "lane_change"
+    equation: ClassVar[str] = "gain of a change + weight (what the followers on both lanes gain together)"
+    source: ClassVar[str] = "Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86 (politeness)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("weight", "-", "weight of the others", off=0.0, low=-0.5, high=2.0, scale=0.3),
+    )
+
+    def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """With the others' gain."""
+        return value + self.weight * side.gain_of_others
+
+
+class MovingOver(Effect):
+    """A close follower makes the driver go to the right."""
+
+    gain: Float[Array, "*#n"]
+    pressing_time_gap: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "moving_over"
+    kind: ClassVar[str] = "lane_change"
+    equation: ClassVar[str] = (
+        "gain of the right lane + gain / (1 + exp((z - z0) / 0.25 s)), z the follower's time gap, z0 pressing_time_gap"
+    )
+    source: ClassVar[str] = "own form, as of the effect rear_pressure on the time gap"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gain", "m/s^2", "what giving way is worth under pressure", 0.0, -1.0, 3.0, 0.5),
+        Parameter("pressing_time_gap", "s", "follower's time gap z0 that presses", 1.0, 0.3, 2.5, 0.3, False),
+    )
+
+    def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """More to the right under pressure."""
+        if side.direction < 0:
+            return value
+        behind = jnp.maximum(seen.follower_gap, 0.5) / (jnp.maximum(seen.follower_speed, 0.0) + 2.0)
+        pressure = jax.nn.sigmoid((self.pressing_time_gap - behind) / 0.25)
+        return value + self.gain * seen.has_follower * pressure
+
+
+class TruckAversion(Effect):
+    """Drivers do not like to be behind a truck."""
+
+    gain: Float[Array, "*#n"]
+    reach: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "truck_aversion"
+    kind: ClassVar[str] = "lane_change"
+    equation: ClassVar[str] = "gain of a change + gain (exp(-s / reach) behind a truck - the same of the lane beside)"
+    source: ClassVar[str] = "own form; after Moridpour, Rose & Sarvi, J. Transp. Eng. 136 (2010) 973 (trucks and lanes)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gain", "m/s^2", "what a lane without a truck is worth", off=0.0, low=-2.0, high=3.0, scale=0.5),
+        Parameter("reach", "m", "gap at which that has fallen to 1/e", 80.0, 10.0, 500.0, 50.0, is_strength=False),
+    )
+
+    def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """Away from trucks."""
+        here = seen.has_leader * seen.leader_is_truck * jnp.exp(-seen.gap / self.reach)
+        there = side.has_leader * side.leader_is_truck * jnp.exp(-side.gap / self.reach)
+        return value + self.gain * (here - there)

@@ -1,0 +1,127 @@
+"""What is random in drivers: how they accelerate and what they take distances and speeds for."""
+
+from dataclasses import field, replace
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from rearl_jax.core.effects.effect import Effect, Parameter
+from rearl_jax.core.effects.randomness import standard_normal
+from rearl_jax.core.effects.stimulus import Stimulus
+from rearl_jax.core.gap_idm import FollowingParams
+
+
+class Fluctuation(eqx.Module):
+    """Ornstein-Uhlenbeck processes of variance 1, one per vehicle.
+
+    Attributes:
+        count: Ticks so far.
+        value: Present values [-].
+    """
+
+    count: Int[Array, ""]
+    value: Float[Array, "vehicles *scenarios"]
+
+
+def begin_fluctuation(
+    seed: Int[Array, "*#seeds"], stream: int, like: Float[Array, "vehicles *scenarios"]
+) -> Fluctuation:
+    """Processes that have always been going on; arguments as of `standard_normal`."""
+    count = jnp.zeros((), jnp.int32)
+    return Fluctuation(count, standard_normal(seed, stream, count, like))
+
+
+def fluctuate(
+    before: Fluctuation, seed: Int[Array, "*#seeds"], stream: int, time: Float[Array, "*#n"], tick: float
+) -> Fluctuation:
+    """The processes one tick later, exactly whatever the tick.
+
+    Args:
+        before: The processes.
+        seed: One per scenario, or one for all.
+        stream: As at the beginning.
+        time: Correlation time [s].
+        tick: Time since the last call [s].
+
+    Source: Gillespie, Phys. Rev. E 54 (1996) 2084 (exact update of the process).
+    """
+    kept = jnp.exp(-tick / time)
+    count = before.count + 1
+    fresh = standard_normal(seed, stream, count, before.value)
+    return Fluctuation(count, before.value * kept + jnp.sqrt(1 - kept * kept) * fresh)
+
+
+def _no_seed() -> Int[Array, ""]:
+    return jnp.zeros((), jnp.int32)
+
+
+class AccelerationNoise(Effect):
+    """Drivers accelerate a little more or less than they mean to, for a while."""
+
+    sd: Float[Array, "*#n"]
+    time: Float[Array, "*#n"]
+    seed: Int[Array, "*#seeds"] = field(default_factory=_no_seed)
+
+    name: ClassVar[str] = "acceleration_noise"
+    kind: ClassVar[str] = "random"
+    equation: ClassVar[str] = "a + sd w, w an Ornstein-Uhlenbeck process of variance 1 and correlation time `time`"
+    source: ClassVar[str] = (
+        "Treiber, Kesting & Helbing, Physica A 360 (2006) 71; Laval, Toth & Zhou, Transp. Res. B 70 (2014) 228"
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("sd", "m/s^2", "standard deviation of the noise", off=0.0, low=0.0, high=3.0, scale=0.2),
+        Parameter("time", "s", "its correlation time", 1.5, 0.05, 60.0, 1.0, is_strength=False),
+    )
+
+    def begin(self, seen: Stimulus, params: FollowingParams, tick: float) -> Fluctuation:
+        """The noise at the start."""
+        return begin_fluctuation(self.seed, 0, seen.speed)
+
+    def remember(self, memory: Fluctuation, seen: Stimulus, params: FollowingParams, tick: float) -> Fluctuation:
+        """The noise now."""
+        return fluctuate(memory, self.seed, 0, self.time, tick)
+
+    def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: Fluctuation) -> Float[Array, "*n"]:
+        """With the noise."""
+        return value + self.sd * memory.value
+
+
+class PerceptionNoise(Effect):
+    """Drivers misjudge gaps in proportion to the gap, and approach rates in proportion to it too, for a while."""
+
+    gap_error: Float[Array, "*#n"]
+    rate_error: Float[Array, "*#n"]
+    time: Float[Array, "*#n"]
+    seed: Int[Array, "*#seeds"] = field(default_factory=_no_seed)
+
+    name: ClassVar[str] = "perception_noise"
+    kind: ClassVar[str] = "random"
+    equation: ClassVar[str] = (
+        "s -> s exp(gap_error w1), dv -> dv + rate_error s w2, w Ornstein-Uhlenbeck processes of variance 1"
+    )
+    source: ClassVar[str] = "Treiber, Kesting & Helbing, Physica A 360 (2006) 71 (human driver model)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gap_error", "-", "relative error of the gap", off=0.0, low=0.0, high=0.5, scale=0.05),
+        Parameter("rate_error", "1/s", "error of the approach rate per gap", off=0.0, low=0.0, high=0.1, scale=0.01),
+        Parameter("time", "s", "correlation time of both", 20.0, 0.05, 120.0, 10.0, is_strength=False),
+    )
+
+    def begin(self, seen: Stimulus, params: FollowingParams, tick: float) -> tuple[Fluctuation, Fluctuation]:
+        """The errors at the start."""
+        gap = begin_fluctuation(self.seed, 1, seen.speed)
+        return gap, begin_fluctuation(self.seed, 2, seen.speed)
+
+    def remember(
+        self, memory: tuple[Fluctuation, Fluctuation], seen: Stimulus, params: FollowingParams, tick: float
+    ) -> tuple[Fluctuation, Fluctuation]:
+        """The errors now."""
+        gap = fluctuate(memory[0], self.seed, 1, self.time, tick)
+        return gap, fluctuate(memory[1], self.seed, 2, self.time, tick)
+
+    def perceive(self, seen: Stimulus, memory: tuple[Fluctuation, Fluctuation]) -> Stimulus:
+        """Gap and leader's speed as they are taken to be."""
+        gap = seen.gap * jnp.exp(self.gap_error * memory[0].value)
+        leader_speed = seen.leader_speed - self.rate_error * seen.gap * seen.has_leader * memory[1].value
+        return replace(seen, gap=gap, leader_speed=leader_speed)

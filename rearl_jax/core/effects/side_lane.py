@@ -1,0 +1,32 @@
+"""What a driver who may change lanes sees of the lane on one side."""
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+
+class SideLane(eqx.Module):
+    """A lane beside the own one, arrays over the vehicles; flags are 0 or 1.
+
+    Where nobody is there, gaps are OUT_OF_SIGHT, speeds the own, and the flag is 0.
+
+    Attributes:
+        direction: -1 for the lane on the left, +1 for that on the right.
+        has_leader: Whether somebody is ahead on it.
+        gap: To that vehicle, bumper to bumper [m].
+        leader_speed: Its speed [m/s].
+        leader_is_truck: Whether it is a truck.
+        has_follower: Whether somebody is behind on it.
+        follower_gap: To that vehicle, bumper to bumper [m].
+        follower_speed: Its speed [m/s].
+        gain_of_others: What the followers on both lanes would gain together by the change [m/s^2].
+    """
+
+    direction: int = eqx.field(static=True)
+    has_leader: Float[Array, "*#n"]
+    gap: Float[Array, "*#n"]
+    leader_speed: Float[Array, "*#n"]
+    leader_is_truck: Float[Array, "*#n"]
+    has_follower: Float[Array, "*#n"]
+    follower_gap: Float[Array, "*#n"]
+    follower_speed: Float[Array, "*#n"]
+    gain_of_others: Float[Array, "*#n"]

@@ -1,0 +1,82 @@
+"""How long the present leader has been the leader, and what its coming did to the gap."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from rearl_jax.core.order import NOBODY
+
+NEVER_CHANGED = 60.0
+"""Time since the leader changed where it has not, and the longest that is told apart [s]."""
+
+MOST_GAP_LOST = 60.0
+"""Bound of the gap that is lost at once [m]."""
+
+IN_SIGHT = 200.0
+"""Gap [m] from which on a new leader changes nothing."""
+
+TIME_GAPS = (0.25, 9.0)
+"""Range of the time gap right after a change [s]; the upper end where there was none."""
+
+SLOWEST = 5.0
+"""Least speed a time gap is taken of [m/s]."""
+
+
+class Encounter(eqx.Module):
+    """What each driver remembers of the last change of its leader.
+
+    Attributes:
+        leader: Index of the present leader, NOBODY for none.
+        gap: To it, bumper to bumper [m].
+        time_since_change: Since it became the leader [s].
+        gap_lost: What the gap lost at that moment [m].
+        time_gap: Time gap right after it [s].
+    """
+
+    leader: Int[Array, "vehicles *scenarios"]
+    gap: Float[Array, "vehicles *scenarios"]
+    time_since_change: Float[Array, "vehicles *scenarios"]
+    gap_lost: Float[Array, "vehicles *scenarios"]
+    time_gap: Float[Array, "vehicles *scenarios"]
+
+
+def first_encounter(leader: Int[Array, "vehicles *scenarios"], gap: Float[Array, "vehicles *scenarios"]) -> Encounter:
+    """The leader at the start, as if it had always been there.
+
+    Args:
+        leader: Index of each vehicle's leader, NOBODY for none.
+        gap: To it, bumper to bumper [m].
+    """
+    nothing = jnp.zeros_like(gap)
+    return Encounter(leader, gap, nothing + NEVER_CHANGED, nothing, nothing + TIME_GAPS[1])
+
+
+def meet(
+    before: Encounter,
+    leader: Int[Array, "vehicles *scenarios"],
+    gap: Float[Array, "vehicles *scenarios"],
+    speed: Float[Array, "vehicles *scenarios"],
+    tick: float,
+) -> Encounter:
+    """What is remembered one tick later.
+
+    Args:
+        before: What was remembered.
+        leader: Index of the present leader.
+        gap: To it, bumper to bumper [m].
+        speed: Own speed [m/s].
+        tick: Time since the last call [s].
+    """
+    is_new = (leader != before.leader) & (leader != NOBODY)
+    is_alone = leader == NOBODY
+    is_near = jnp.minimum(before.gap, gap) < IN_SIGHT
+    lost = jnp.where(is_near, jnp.clip(before.gap - gap, 0.0, MOST_GAP_LOST), 0.0)
+    since = jnp.minimum(before.time_since_change + tick, NEVER_CHANGED)
+    time_gap = jnp.clip(gap / jnp.maximum(speed, SLOWEST), *TIME_GAPS)
+    return Encounter(
+        leader=leader,
+        gap=gap,
+        time_since_change=jnp.where(is_new, 0.0, jnp.where(is_alone, NEVER_CHANGED, since)),
+        gap_lost=jnp.where(is_new, lost, jnp.where(is_alone, 0.0, before.gap_lost)),
+        time_gap=jnp.where(is_new, time_gap, before.time_gap),
+    )

@@ -1,0 +1,120 @@
+"""Traffic whose drivers follow on the gap between bumpers, with effects: what takes the place of highway-env's rules.
+
+Roads, clock, steering, the rules of changing lanes (when, how safe, which side) and collisions stay as they are.
+"""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, PyTree
+
+from rearl_jax.core.affected import if_any
+from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.encounter import Encounter, first_encounter, meet
+from rearl_jax.core.following import begin_effects, present_params, respond, take_in
+from rearl_jax.core.gap_idm import FollowingParams, free_term
+from rearl_jax.core.gap_lanes import Gains, Outlook, compare_lanes, wished_side
+from rearl_jax.core.lane_search import bumper_gap, find_ahead
+from rearl_jax.core.mobil import Prospects
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.neighbours import View, sort_if_large
+from rearl_jax.core.neighbours import perceive as view_of
+from rearl_jax.core.state import Controller, TrafficState
+from rearl_jax.core.stimuli import in_front, look_around, stimulus, traits_of
+
+LEAST_DESIRED_SPEED = 0.1
+"""Least desired speed [m/s]; what absent vehicles have would divide by zero."""
+
+
+class DriverMemory(eqx.Module):
+    """What drivers remember from tick to tick.
+
+    Attributes:
+        n_ticks: Ticks since the start.
+        encounter: Since when the leader has been the leader.
+        effects: What each effect remembers.
+        wished_side: -1 or +1 for drivers who at their last decision wanted to change to the left or right and found no
+            room, else 0.
+    """
+
+    n_ticks: Int[Array, ""]
+    encounter: Encounter
+    effects: tuple[PyTree, ...]
+    wished_side: Int[Array, "vehicles *scenarios"]
+
+
+def begin_driving(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
+    """The state with what its drivers need at the start: their desired speeds and their memory.
+
+    The same state for drivers without `following`.
+    """
+    if drivers.following is None:
+        return state
+    wanted = jnp.broadcast_to(drivers.following.desired_speed, state.x.shape)
+    wanted = jnp.where(state.controller == Controller.IDM, wanted, state.desired_speed)
+    state = sort_if_large(replace(state, desired_speed=wanted))
+    view = view_of(state, model)
+    traits = traits_of(state, view, drivers)
+    around = look_around(state, view, traits)
+    encounter = first_encounter(around.ahead[0].index, bumper_gap(around.ahead[0], traits))
+    seen = stimulus(state, view, traits, around, encounter, view.lane, jnp.zeros((), state.x.dtype), model)
+    held = begin_effects(drivers.effects, seen, _own_params(state, drivers, model), model.tick)
+    return replace(state, memory=DriverMemory(jnp.int32(0), encounter, held, jnp.zeros_like(state.target_lane)))
+
+
+def weigh_driving(
+    state: TrafficState, view: View, drivers: Drivers, model: TrafficModel
+) -> tuple[TrafficState, Prospects, Gains]:
+    """The state with what drivers now remember, their accelerations on the lanes in reach, and what changes gain.
+
+    On the own lane and on the one it is changing to, a driver accelerates as the effects say; the latter is seen as it
+    is, without delay or error. Lanes are compared by car following alone, with the driver's present desired speed and
+    time gap, which stand in for the followers' too as in highway-env; then effects act on the gain.
+
+    Raises:
+        ValueError: The drivers have no memory yet.
+    """
+    memory = state.memory
+    if memory is None:
+        raise ValueError("drivers with `following` have a memory: start from begin_driving(state, drivers, model)")
+    traits = traits_of(state, view, drivers)
+    around = look_around(state, view, traits)
+    leader = around.ahead[0]
+    encounter = meet(memory.encounter, leader.index, bumper_gap(leader, traits), traits.speed, model.tick)
+    wanted_lane = jnp.where(view.lane == state.target_lane, view.lane + memory.wished_side, state.target_lane)
+    time = memory.n_ticks.astype(state.x.dtype) * model.tick
+    seen = stimulus(state, view, traits, around, encounter, wanted_lane, time, model)
+    effects, params = drivers.effects, _own_params(state, drivers, model)
+    perceived, held = take_in(seen, params, effects, memory.effects, model.tick)
+    present = present_params(perceived, params, effects, held)
+    at_rest_after = -jnp.maximum(state.speed, 0.0) / model.tick
+
+    def on_target_lane() -> Float[Array, "vehicles *scenarios"]:
+        (ahead,) = find_ahead(state, view, traits, state.target_lane, 1)
+        there = replace(seen, **in_front(ahead, traits), has_second=jnp.zeros_like(state.x))
+        return respond(there, present_params(there, params, effects, held), effects, held)
+
+    is_changing = (state.controller != Controller.ABSENT) & (view.lane != state.target_lane)
+    nothing = jnp.zeros_like(state.x)
+    own = jnp.maximum(respond(perceived, present, effects, held), at_rest_after)
+    target = jnp.maximum(if_any(is_changing, on_target_lane, nothing), at_rest_after)
+    gains, wishes = (nothing, nothing), memory.wished_side
+    prospects = Prospects(own, target, *(nothing,) * 6)
+    if model.lane_changes:
+        traits = eqx.tree_at(lambda t: t.free, traits, free_term(traits.speed, present.desired_speed))
+        outlook = Outlook(traits, leader, seen, present, held)
+        prospects, gains = compare_lanes(state, view, outlook, drivers, model)
+        prospects = replace(prospects, own=own, target=target)
+        wishes = wished_side(state, view, prospects, gains, drivers, model, before=wishes)
+    memory = DriverMemory(memory.n_ticks + 1, encounter, held, wishes)
+    return replace(state, memory=memory), prospects, gains
+
+
+def _own_params(state: TrafficState, drivers: Drivers, model: TrafficModel) -> FollowingParams:
+    """The drivers' parameters with the desired speeds of the state, under the road's limit."""
+    assert drivers.following is not None  # only then are these rules used
+    desired_speed = jnp.clip(state.desired_speed, LEAST_DESIRED_SPEED, model.speed_limit)
+    full = jax.tree.map(lambda values: jnp.broadcast_to(values, state.x.shape), drivers.following)
+    return replace(full, desired_speed=desired_speed)

@@ -1,0 +1,64 @@
+"""What the final model leaves behind: is it noise, or is there more?
+
+Source: Meissner & Glasner, arXiv:2406.06707, for the joint view of states and terms; excess kurtosis as a test of
+normality, Jarque & Bera, Int. Stat. Rev. 55 (1987) 163; variance that depends on the situation, Breusch & Pagan,
+Econometrica 47 (1979) 1287.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.discovery.measured import Measured
+from rearl_jax.discovery.procedure import Search
+from rearl_jax.discovery.solver import Solver
+from rearl_jax.discovery.verdict import Adequacy
+
+
+def adequacy(solver: Solver, found: Search) -> Adequacy:
+    """Moments of the final model's innovations, and the candidate that is most surprising still."""
+    world, last = found.last.world, found.rounds[-1]
+    (surprise,) = solver.innovations([world])
+    weight = world.data.weight
+    variance = (surprise**2 * weight).sum() / weight.sum()
+    fourth = (surprise**4 * weight).sum() / weight.sum()
+    pair = weight[1:] * weight[:-1]
+    neighbours = (surprise[1:] * surprise[:-1] * pair).sum() / pair.sum()
+    name = max(last.surprise, key=lambda key: last.surprise[key])
+    return Adequacy(
+        kurtosis=float(fourth / variance**2 - 3),
+        autocorrelation=float(neighbours / variance),
+        unequal_noise=unequal_noise(surprise, world.data),
+        remaining=(name, float(last.surprise[name])),
+    )
+
+
+def unequal_noise(surprise: Float[np.ndarray, "steps pieces"], data: Measured) -> dict[str, float]:
+    """How surely the size of innovations depends on the situation: standard normal figures where it does not.
+
+    Drivers are compared with themselves, and each driver has one vote.
+
+    Args:
+        surprise: Innovations [m].
+        data: The drivers.
+    """
+    around, weight = data.around, data.weight
+    gap = np.maximum(around.leader_rear - (data.smooth + data.length / 2), 1.0)
+    situations = {
+        "gap": np.log(gap),
+        "speed": data.smooth_speed,
+        "approach_rate": np.abs(data.smooth_speed - around.leader_speed),
+    }
+
+    def driver_mean(values: np.ndarray) -> np.ndarray:
+        total, count = (
+            np.bincount(data.driver, part.sum(axis=0), data.n_drivers) for part in (values * weight, weight)
+        )
+        return (total / np.maximum(count, 1.0))[data.driver]
+
+    relative = surprise**2 / driver_mean(surprise**2) - 1.0
+    found = {}
+    for name, values in situations.items():
+        vote = relative * (values - driver_mean(values)) * weight
+        votes = np.bincount(data.driver, vote.sum(axis=0), data.n_drivers)
+        found[name] = float(votes.sum() / np.sqrt((votes**2).sum()))
+    return found

@@ -1,0 +1,177 @@
+"""Error of a model on drivers that took no part in finding it, before and after, against what no model could do better.
+
+Every model has the same freedom on these drivers: each finds its own five parameters, everything else stays as it was
+found on others. Then it is simulated behind the measured leader, without correction.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.discovery.measured import Measured
+from rearl_jax.discovery.null import driver_noise
+from rearl_jax.discovery.observer import CLOSED_LOOP
+from rearl_jax.discovery.refit import Fit, on_others
+from rearl_jax.discovery.solver import Solver, World, replace_gain
+
+FARTHEST = 60.0
+"""Bound of a position error [m]: a simulation that has lost its leader is lost, however far."""
+
+NOISY_RUNS, FLOOR_RUNS = 6, 2
+"""Realisations of the drivers' noise that the energy score and the floor rest on."""
+
+TYPICAL_ERROR = 1.0
+"""Closed-loop gap error [m] against which the population's spread is weighed when a driver is calibrated to the gap."""
+
+MEASURES = (
+    "gap_rmse",
+    "gap_nrmse",
+    "speed_rmse",
+    "gap_rmse_uncalibrated",
+    "one_step",
+    "energy_score",
+    "log_likelihood",
+)
+"""What is reported of each driver: closed-loop gap error [m], the same over the root mean square gap [-] and the speed
+error [m/s], the driver's parameters calibrated to the gap as is usual; the gap error with the parameters that predict
+best from one moment to the next [m]; error in predicting the next position [m]; energy score of noisy simulations [m];
+log-likelihood [nats].
+"""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A figure with its interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class ModelErrors:
+    """Errors of one model, driver by driver.
+
+    Attributes:
+        by_driver: Each measure of each driver.
+        floor: Closed-loop gap error that the drivers' own noise makes alone [m], by driver.
+    """
+
+    by_driver: dict[str, Float[np.ndarray, " drivers"]]
+    floor: Float[np.ndarray, " drivers"]
+
+
+def model_errors(solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: int) -> dict[str, ModelErrors]:
+    """Errors of fitted models on other drivers, with the same noise for all."""
+    worlds = on_others(solver, data, list(fits.values()))
+    return {name: _errors(solver, world, fit, seed) for (name, fit), world in zip(fits.items(), worlds, strict=True)}
+
+
+def _errors(solver: Solver, world: World, fit: Fit, seed: int) -> ModelErrors:
+    data = world.data
+    calibrated = _calibrated_to_gap(solver, world)
+    deviation, uncalibrated = (
+        np.clip(solver.innovations([one], CLOSED_LOOP)[0], -FARTHEST, FARTHEST) for one in (calibrated, world)
+    )
+    (surprise,) = solver.innovations([world])
+    rng = np.random.default_rng(seed)
+    noisy = []
+    for _ in range(NOISY_RUNS):
+        known = driver_noise(fit.noise, data.y.shape, data.dt, rng)
+        pieces = replace(replace_gain(world.pieces, CLOSED_LOOP), known=known)
+        (one,) = solver.innovations([replace(world, pieces=pieces)], CLOSED_LOOP)
+        noisy.append(np.clip(one, -FARTHEST, FARTHEST))
+    drawn = np.stack(noisy)
+    gap = data.around.leader_rear - (data.smooth + data.length / 2)
+    speed = np.gradient(deviation - (data.y - data.smooth), data.dt, axis=0)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return _mean_per_driver(values, data)
+
+    rmse = np.sqrt(mean(deviation**2))
+    pairs = [(i, j) for i in range(len(drawn)) for j in range(i)]
+    spread = np.mean([np.sqrt(mean((drawn[i] - drawn[j]) ** 2)) for i, j in pairs], axis=0)
+    away = np.mean([np.sqrt(mean(one**2)) for one in drawn], axis=0)
+    return ModelErrors(
+        {
+            "gap_rmse": rmse,
+            "gap_nrmse": rmse / np.sqrt(mean(gap**2)),
+            "speed_rmse": np.sqrt(mean(speed**2)),
+            "gap_rmse_uncalibrated": np.sqrt(mean(uncalibrated**2)),
+            "one_step": np.sqrt(mean(surprise**2)),
+            "energy_score": away - spread / 2,
+            "log_likelihood": world.penalised(),
+        },
+        _floor(solver, calibrated, fit, seed),
+    )
+
+
+def _calibrated_to_gap(solver: Solver, world: World) -> World:
+    """The same drivers with parameters that simulate the gap best."""
+    start = replace(
+        world,
+        pieces=replace_gain(world.pieces, CLOSED_LOOP),
+        variance=TYPICAL_ERROR**2,
+        z=world.z.copy(),
+        sums=None,
+        log=[],
+    )
+    solver.solve([start], iterations=20, tolerance=0.1)
+    return start
+
+
+def _floor(solver: Solver, world: World, fit: Fit, seed: int) -> Float[np.ndarray, " drivers"]:
+    """Gap error [m] that remains where the model is right: its own noisy drives, calibrated to in the same way."""
+    data, total = world.data, np.zeros(world.data.n_drivers)
+    rng = np.random.default_rng([seed, 1])
+    for _ in range(FLOOR_RUNS):
+        known = driver_noise(fit.noise, data.y.shape, data.dt, rng)
+        noisy = replace(world, pieces=replace(world.pieces, known=known))
+        (behind,) = solver.innovations([noisy], CLOSED_LOOP)
+        driven = data.y - np.clip(behind, -FARTHEST, FARTHEST) + fit.noise.position * rng.standard_normal(data.y.shape)
+        again = replace(world, pieces=replace(world.pieces, y=driven), z=world.z.copy(), sums=None, log=[])
+        solver.solve([again], iterations=12, tolerance=0.1)
+        (left,) = solver.innovations([again], CLOSED_LOOP)
+        total += _mean_per_driver(np.clip(left, -FARTHEST, FARTHEST) ** 2, data)
+    return np.sqrt(total / FLOOR_RUNS)
+
+
+def _mean_per_driver(values: np.ndarray, data: Measured) -> Float[np.ndarray, " drivers"]:
+    """Mean over the moments of each driver that count."""
+    total, count = (
+        np.bincount(data.driver, part.sum(axis=0), data.n_drivers) for part in (values * data.weight, data.weight)
+    )
+    return total / np.maximum(count, 1.0)
+
+
+def pooled(values: Float[np.ndarray, " drivers"], measure: str) -> float:
+    """One figure of all drivers: root mean square of errors, sum of log-likelihoods, mean of scores."""
+    if measure == "log_likelihood":
+        return float(values.sum())
+    if measure == "energy_score":
+        return float(values.mean())
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def with_interval(
+    values: Sequence[Float[np.ndarray, " drivers"]], measure: str, confidence: float, draws: int, seed: int
+) -> list[Interval]:
+    """Figures of several models with intervals from resampling drivers, the same ones for all, and of the difference of
+    the first two, which comes last.
+    """
+    rng = np.random.default_rng(seed)
+    n = len(values[0])
+    samples = [rng.integers(0, n, n) for _ in range(draws)]
+    share = [(1 - confidence) / 2, (1 + confidence) / 2]
+    resampled = np.array([[pooled(one[sample], measure) for sample in samples] for one in values])
+    found = [
+        Interval(pooled(one, measure), *(float(q) for q in np.quantile(row, share)))
+        for one, row in zip(values, resampled, strict=True)
+    ]
+    if len(values) > 1:
+        change = found[1].value - found[0].value
+        low, high = np.quantile(resampled[1] - resampled[0], share)
+        found.append(Interval(change, float(low), float(high)))
+    return found

@@ -1,0 +1,169 @@
+"""What any acceleration beside the model would do to the innovations, and how much of it is there.
+
+An acceleration b(t) changes the innovations by what the observer makes of it; whatever a driver's own mean and own
+parameters could imitate is taken out. The rest, least squares on white innovations, says how much of b there is:
+without bias (b knows nothing of the future) and with the smallest error. Every question is answered from one small
+matrix and vector per driver, so drivers can be resampled and left out at no cost.
+
+Source: score test, Rao (1948); partial regression, Frisch & Waugh, Econometrica 1 (1933) 387.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float
+
+from rearl_jax.core.effects.stimulus import Stimulus
+from rearl_jax.core.following import begin_effects, follow
+from rearl_jax.core.gap_idm import FollowingParams
+from rearl_jax.discovery.candidates import effects_at
+from rearl_jax.discovery.drivers import NAMES, following_params
+from rearl_jax.discovery.residuals import Residuals
+from rearl_jax.discovery.solver import Solver
+
+TIME_GAP = NAMES.index("time_gap")
+
+AT_ONCE = 64
+"""Accelerations that are passed through the observer side by side."""
+
+FORGOTTEN = 1e-12
+"""Change of an innovation [m] that is none."""
+
+
+@dataclass(frozen=True)
+class Votes:
+    """What each driver says about how much there is of each acceleration, own mean and own parameters taken out.
+
+    Attributes:
+        gram: Products of the columns.
+        score: Products of the columns with the innovations.
+        square: Of the innovations.
+        variance: Mean squared innovation [m^2].
+    """
+
+    gram: Float[np.ndarray, "drivers columns columns"]
+    score: Float[np.ndarray, "drivers columns"]
+    square: Float[np.ndarray, " drivers"]
+    variance: float
+
+    def of(self, columns: Sequence[int] | np.ndarray | slice) -> "Votes":
+        """Of some columns."""
+        return Votes(self.gram[:, columns][:, :, columns], self.score[:, columns], self.square, self.variance)
+
+
+@dataclass(frozen=True)
+class Answers:
+    """How the model's acceleration answers in every moment.
+
+    Attributes:
+        x: Its derivative by the own place [1/s^2].
+        v: By the own speed [1/s].
+        own: By the logarithms of the driver's own parameters [m/s^2].
+    """
+
+    x: Float[np.ndarray, "steps pieces"]
+    v: Float[np.ndarray, "steps pieces"]
+    own: Float[np.ndarray, "own steps pieces"]
+
+
+def answers(left: Residuals) -> Answers:
+    """Derivatives of the car-following model where the observer was; added effects change them little."""
+    data, seen = left.world.data, left.stimulus()
+    usual = following_params(jnp.asarray(left.world.z[data.driver].T), data.is_truck.astype(float))
+
+    def wanted(x: Array, v: Array, logs: Array) -> Array:
+        params = jax.tree.map(lambda value, log: value * jnp.exp(log), usual, FollowingParams(*logs))
+        moved = replace(seen, gap=seen.gap - (x - seen.position), speed=v)
+        return follow(moved, params, (), (), data.dt)[0]
+
+    at = (jnp.asarray(left.x), jnp.asarray(left.v), jnp.zeros((len(NAMES), *left.x.shape)))
+    _, back = jax.vjp(wanted, *at)
+    x, v, own = back(jnp.ones(left.x.shape, at[0].dtype))
+    return Answers(np.asarray(x, float), np.asarray(v, float), np.asarray(own, float))
+
+
+def felt(
+    pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers
+) -> Float[np.ndarray, "columns steps pieces"]:
+    """Change of the innovations [m] by accelerations of 1 m/s^2 times `pushed`."""
+    out = np.empty(pushed.shape, np.float32)
+    for first in range(0, len(pushed), AT_ONCE):
+        out[first : first + AT_ONCE] = _felt(pushed[first : first + AT_ONCE], left, answer)
+    # What has all but died away would only cost time: processors are slow with denormal numbers.
+    return np.where(np.abs(out) < FORGOTTEN, np.float32(0), out)
+
+
+def _felt(pushed: np.ndarray, left: Residuals, answer: Answers) -> np.ndarray:
+    dt, gain = left.world.data.dt, left.noise.gain(left.world.data.dt)
+    out = np.empty_like(pushed)
+    x, v, o, last = (np.zeros((len(pushed), pushed.shape[2])) for _ in range(4))
+    for t in range(pushed.shape[1]):
+        slope = out[:, t] = -x
+        x, v, o = x + gain[0] * slope, v + gain[1] * slope, o + gain[2] * slope
+        wanted = answer.x[t] * (x + v * (dt / 2) + last * (dt * dt / 8)) + answer.v[t] * (v + last * (dt / 2))
+        last = wanted + pushed[:, t] + o
+        x, v, o = x + dt * (v + last * (dt / 2)), v + dt * last, gain[3] * o
+    return out
+
+
+def votes(pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers) -> Votes:
+    """Votes of all drivers on accelerations; +1 of a column is 1 m/s^2 times `pushed`."""
+    own = np.concatenate([np.ones((1, *left.x.shape)), answer.own])
+    columns = np.concatenate([felt(own, left, answer), felt(pushed, left, answer)])
+    # What the drivers did and the model did not leaves innovations of the other sign.
+    return _voted(-columns, left.innovation, len(own), left)
+
+
+def plain_votes(
+    target: Float[np.ndarray, "steps pieces"],
+    pushed: Float[np.ndarray, "columns steps pieces"],
+    left: Residuals,
+    answer: Answers,
+) -> Votes:
+    """The same on an acceleration itself [m/s^2], not on innovations: for shares that people can read."""
+    own = np.concatenate([np.ones((1, *left.x.shape)), answer.own])
+    return _voted(np.concatenate([own, pushed]).astype(np.float32), target, len(own), left)
+
+
+def added_acceleration(solver: Solver, left: Residuals) -> Float[np.ndarray, "steps pieces"]:
+    """By how much what was added to the model changes its acceleration, moment by moment [m/s^2]."""
+    data, layout = left.world.data, solver.layout
+    params = following_params(jnp.asarray(left.world.z[data.driver].T), data.is_truck.astype(float))
+    theta = jnp.repeat(jnp.asarray(left.world.theta)[:, None], len(data.driver), axis=1)
+    effects = effects_at(theta, layout, jax.tree.map(jnp.asarray, layout.knots), left.world.active)
+
+    def step(memory: tuple, now: Stimulus) -> tuple[tuple, Array]:
+        with_it, memory = follow(now, params, effects, memory, data.dt)
+        return memory, with_it - follow(now, params, (), (), data.dt)[0]
+
+    seen = left.stimulus()
+    first = begin_effects(effects, jax.tree.map(lambda values: values[0], seen), params, data.dt)
+    return np.asarray(jax.jit(lambda memory, rows: lax.scan(step, memory, rows)[1])(first, seen), float)
+
+
+@jax.jit
+def _products(rows: Float[Array, "columns moments"]) -> Float[Array, "columns columns"]:
+    """Of all rows with each other: many small ones, which numpy's threads would wait on each other for."""
+    return rows @ rows.T
+
+
+def _voted(columns: np.ndarray, target: np.ndarray, n_own: int, left: Residuals) -> Votes:
+    """Products driver by driver, the first `n_own` columns taken out."""
+    data = left.world.data
+    p = len(columns) - n_own
+    gram, score, square = np.zeros((data.n_drivers, p, p)), np.zeros((data.n_drivers, p)), np.zeros(data.n_drivers)
+    counts = (data.weight > 0).astype(np.float32)
+    for driver in range(data.n_drivers):
+        pieces = np.flatnonzero(data.driver == driver)
+        w = (columns[:, :, pieces] * counts[:, pieces]).reshape(len(columns), -1)
+        y = (target[:, pieces] * counts[:, pieces]).ravel().astype(np.float32)
+        own, rest = w[:n_own], w[n_own:]
+        size = np.sqrt((own**2).mean(axis=1, keepdims=True)) + 1e-12
+        basis = np.linalg.qr((own / size).T)[0]
+        rest, y = rest - (rest @ basis) @ basis.T, y - basis @ (basis.T @ y)
+        gram[driver], score[driver], square[driver] = _products(rest), rest @ y, y @ y
+    return Votes(gram, score, square, float(square.sum() / max((data.weight > 0).sum(), 1)))

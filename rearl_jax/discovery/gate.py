@@ -1,0 +1,173 @@
+"""A look at the data before any model: do their columns agree with each other, and how noisy are they?
+
+What is found here is a measurement artefact whatever drivers do.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rearl_jax.data.records import Recording
+from rearl_jax.discovery.smoothing import cut_off, position_noise, smoothed, thinned
+
+CERTAIN = 5.0
+"""Standard deviations from which a disagreement is certain."""
+
+LEAST_LAG = 0.15
+"""Lag between columns that matters [s]."""
+
+LEAST_SCALE = 0.015
+"""Relative difference of columns that matters [-]."""
+
+NOISY = 0.25
+"""Standard deviation of positions [m] beyond what cameras over motorways have (highD, pNEUMA: below 0.1 to 0.2)."""
+
+BANDS = (1.1, 1.6, 2.2, 3.2, 4.5, 6.4, 9.0, 12.8)
+"""Edges of frequency bands, half an octave each [rad/s]."""
+
+STEEPEST = 0.05
+"""Least ratio of the accelerations' power an octave apart: what drivers and engines do falls by a quarter at most, and
+noise makes it rise.
+"""
+
+SPECTRUM_TIME = 10.0
+"""Window of the spectrum [s]."""
+
+LOWEST_FREQUENCY = 2.0
+"""Cut-off [rad/s] of the comparison: slower than any noise, faster than any drift."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An artefact that the columns themselves show.
+
+    Attributes:
+        name: As in the verdict.
+        alternatives: Others that would look the same.
+        parameter: Name of its number.
+        unit: Of the number.
+        value: The number.
+        deviation: Its standard deviation.
+        words: What was seen, in one sentence.
+    """
+
+    name: str
+    alternatives: tuple[str, ...]
+    parameter: str
+    unit: str
+    value: float
+    deviation: float
+    words: str
+
+
+def gate(recordings: Sequence[Recording]) -> list[Finding]:
+    """What the columns show of lags, scales and noise."""
+    lag, scale = _speed_against_position(recordings)
+    found = []
+    if lag is not None and abs(lag[0]) > max(LEAST_LAG, CERTAIN * lag[1]):
+        late, other = ("speed", "position") if lag[0] > 0 else ("position", "speed")
+        found.append(
+            Finding(
+                f"{late}_lag",
+                (),
+                "lag",
+                "s",
+                abs(lag[0]),
+                lag[1],
+                f"the {late} column is {abs(lag[0]):.2f} s late against the {other} column",
+            )
+        )
+    if scale is not None and abs(scale[0]) > max(LEAST_SCALE, CERTAIN * scale[1]):
+        found.append(
+            Finding(
+                "speed_scale",
+                ("position_scale",),
+                "factor",
+                "-",
+                1 + scale[0],
+                scale[1],
+                f"the speed column is {1 + scale[0]:.3f} times the derivative of the position column",
+            )
+        )
+    noise = [_noise(recording) for recording in recordings]
+    typical = float(np.median(noise))
+    if typical > NOISY:
+        spread = float(np.std(noise) / np.sqrt(len(noise))) if len(noise) > 1 else 0.05 * typical
+        words = f"positions scatter by {typical:.2f} m, more than a motorway camera's"
+        found.append(Finding("position_noise", (), "sd", "m", typical, spread, words))
+    smoothing = _smoothing_time(recordings)
+    if smoothing is not None:
+        words = f"positions have been smoothed over about {smoothing:.1f} s before they were released"
+        found.append(Finding("smoothing", (), "time", "s", smoothing, 0.2 * smoothing, words))
+    return found
+
+
+def _smoothing_time(recordings: Sequence[Recording]) -> float | None:
+    """Standard deviation [s] of the Gaussian kernel that would make the spectrum fall as it does; None for none."""
+    powers, dt = [], 0.1
+    for recording in recordings:
+        table, dt = thinned(recording)
+        position = table["position"].to_numpy()
+        n = 2 * int(SPECTRUM_TIME / dt / 2)
+        window = np.hanning(n)
+        for start, stop in zip(*_tracks(table), strict=True):
+            acceleration = np.diff(position[start:stop], 2) / dt**2
+            for k in range(0, len(acceleration) - n + 1, n):
+                piece = acceleration[k : k + n]
+                powers.append(np.abs(np.fft.rfft((piece - piece.mean()) * window)) ** 2)
+    if len(powers) < 10:
+        return None
+    power = np.median(powers, axis=0)
+    frequency = 2 * np.pi * np.fft.rfftfreq(2 * (len(power) - 1), dt)
+    edges = [edge for edge in BANDS if edge < np.pi / dt / 2]
+    levels = [
+        power[(frequency >= low) & (frequency < high)].mean() for low, high in zip(edges[:-1], edges[1:], strict=True)
+    ]
+    ratios = [later / earlier for earlier, later in zip(levels[:-2], levels[2:], strict=True)]
+    if not ratios or min(ratios) > STEEPEST:
+        return None
+    k = int(np.argmin(ratios))
+    low, high = (np.sqrt(edges[j] * edges[j + 1]) for j in (k, k + 2))
+    return float(np.sqrt(np.log(0.25 / ratios[k]) / (high**2 - low**2)))
+
+
+def _noise(recording: Recording) -> float:
+    table, _ = thinned(recording)
+    return position_noise(table["position"].to_numpy(), *_tracks(table))
+
+
+def _tracks(table) -> tuple[np.ndarray, np.ndarray]:
+    track, frame = table["track_id"].to_numpy(), table["frame"].to_numpy()
+    starts = np.flatnonzero(np.r_[True, (track[1:] != track[:-1]) | (frame[1:] != frame[:-1] + 1)])
+    return starts, np.r_[starts[1:], len(track)]
+
+
+def _speed_against_position(
+    recordings: Sequence[Recording],
+) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
+    """Lag of the speed column [s] and its relative size [-] against the derivative of the position, with deviations."""
+    grams, sides = [], []
+    for recording in recordings:
+        table, dt = thinned(recording)
+        position, speed = table["position"].to_numpy(), table["speed"].to_numpy()
+        frequency = min(cut_off(_noise(recording), dt), LOWEST_FREQUENCY)
+        for start, stop in zip(*_tracks(table), strict=True):
+            if (stop - start) * dt < 6.0:
+                continue
+            _, v, a = smoothed(position[start:stop], dt, frequency)
+            # The integral of the column, smoothed in the same way: its derivative has lost what v has lost.
+            driven = np.concatenate([[0.0], np.cumsum((speed[start + 1 : stop] + speed[start : stop - 1]) / 2) * dt])
+            _, column, _ = smoothed(driven, dt, frequency)
+            inner = slice(int(1.5 / dt), -int(1.5 / dt))
+            basis = np.stack([v[inner], -a[inner]], axis=1)
+            grams.append(basis.T @ basis)
+            sides.append(basis.T @ (column - v)[inner])
+    if len(grams) < 3:
+        return None, None
+    gram, side = np.array(grams), np.array(sides)
+    fitted = np.linalg.solve(gram.sum(axis=0) + 1e-9 * np.eye(2), side.sum(axis=0))
+    votes = side - gram @ fitted
+    inverse = np.linalg.inv(gram.sum(axis=0) + 1e-9 * np.eye(2))
+    deviation = np.sqrt(np.diag(inverse @ (votes.T @ votes) @ inverse))
+    return (float(fitted[1]), float(deviation[1])), (float(fitted[0]), float(deviation[0]))

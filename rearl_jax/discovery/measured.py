@@ -1,0 +1,151 @@
+"""Measured drivers: what each did, and what it saw, in arrays that the observer runs through.
+
+A long track is cut into pieces that share one driver. Everything but the own motion is measured and given, so drivers
+are independent of each other.
+"""
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+_OF_LEADER = ("leader_rear", "leader_centre", "leader_speed", "leader_acceleration", "time_since_change")
+_OF_SECOND = ("second_rear", "second_speed", "third_speed")
+_OF_FOLLOWER = ("follower_front", "follower_speed")
+
+_JUMP = 6.0
+"""Change [m] or [m/s] from one moment to the next that is no motion: somebody else is there."""
+
+
+class Surroundings(eqx.Module):
+    """What is measured around a driver, `[n_steps, n_pieces]`; leaders' positions are those of rear bumpers.
+
+    Attributes:
+        time: Since the start of the recording [s].
+        lane, is_leftmost, is_rightmost, lateral_offset: As in `Stimulus`.
+        has_leader: Whether there is one.
+        leader_rear: Its rear bumper [m].
+        leader_centre: Its centre [m].
+        leader_speed: [m/s].
+        leader_acceleration: [m/s^2].
+        leader_length: [m].
+        leader_is_truck: Whether it is one.
+        has_second, second_rear, second_speed: The rear bumper as if the leader between had no length.
+        has_third, third_speed: The one ahead of that.
+        has_follower, follower_front, follower_speed: The vehicle behind.
+        beside_speed, n_beside: As in `Stimulus`.
+        time_since_change, gap_lost, time_gap_at_change: As in `Stimulus`.
+    """
+
+    time: Float[Any, "*steps pieces"]
+    lane: Float[Any, "*steps pieces"]
+    is_leftmost: Float[Any, "*steps pieces"]
+    is_rightmost: Float[Any, "*steps pieces"]
+    lateral_offset: Float[Any, "*steps pieces"]
+    has_leader: Float[Any, "*steps pieces"]
+    leader_rear: Float[Any, "*steps pieces"]
+    leader_centre: Float[Any, "*steps pieces"]
+    leader_speed: Float[Any, "*steps pieces"]
+    leader_acceleration: Float[Any, "*steps pieces"]
+    leader_length: Float[Any, "*steps pieces"]
+    leader_is_truck: Float[Any, "*steps pieces"]
+    has_second: Float[Any, "*steps pieces"]
+    second_rear: Float[Any, "*steps pieces"]
+    second_speed: Float[Any, "*steps pieces"]
+    has_third: Float[Any, "*steps pieces"]
+    third_speed: Float[Any, "*steps pieces"]
+    has_follower: Float[Any, "*steps pieces"]
+    follower_front: Float[Any, "*steps pieces"]
+    follower_speed: Float[Any, "*steps pieces"]
+    beside_speed: Float[Any, "*steps pieces"]
+    n_beside: Float[Any, "*steps pieces"]
+    time_since_change: Float[Any, "*steps pieces"]
+    gap_lost: Float[Any, "*steps pieces"]
+    time_gap_at_change: Float[Any, "*steps pieces"]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Pieces of measured drives and who drove them.
+
+    Attributes:
+        y: Measured position of the own centre [m].
+        weight: 1 where the moment counts, 0 where it is left out or padding.
+        smooth, smooth_speed: The own motion, smoothed [m], [m/s].
+        around: What was around.
+        length: Own length [m].
+        is_truck: Whether the own vehicle is a truck.
+        driver: Index of the driver of each piece, 0 to n_drivers - 1.
+        vehicle: Track of each piece, unique over all recordings.
+        leader: Track of the leader of every moment, -1 without one.
+        recording: Index of the recording of each piece.
+        dt: Time between moments [s].
+        noise: Standard deviation of the measured positions [m].
+    """
+
+    y: Float[np.ndarray, "steps pieces"]
+    weight: Float[np.ndarray, "steps pieces"]
+    smooth: Float[np.ndarray, "steps pieces"]
+    smooth_speed: Float[np.ndarray, "steps pieces"]
+    around: Surroundings
+    length: Float[np.ndarray, " pieces"]
+    is_truck: Bool[np.ndarray, " pieces"]
+    driver: Int[np.ndarray, " pieces"]
+    vehicle: Int[np.ndarray, " pieces"]
+    leader: Int[np.ndarray, "*steps pieces"]
+    recording: Int[np.ndarray, " pieces"]
+    dt: float
+    noise: float
+
+    @property
+    def n_drivers(self) -> int:
+        """Number of drivers."""
+        return int(self.driver.max()) + 1 if len(self.driver) else 0
+
+    @property
+    def seconds(self) -> float:
+        """Driver-seconds that count [s]."""
+        return float(np.sum(self.weight) * self.dt)
+
+    def halfway(self) -> Surroundings:
+        """What is seen in the middle between each moment and the next; that of the moment where something jumps."""
+        around = self.around
+        last = np.zeros_like(self.y[:1])
+        same = self.leader[1:] == self.leader[:-1]
+
+        def middle(name: str) -> np.ndarray:
+            values = getattr(around, name)
+            step = np.concatenate([(values[1:] - values[:-1]) / 2, last])
+            smooth = same
+            if name in _OF_SECOND:
+                smooth = same & (around.has_second[1:] == around.has_second[:-1])
+                smooth = smooth & (np.abs(values[1:] - values[:-1]) < _JUMP)
+            if name in _OF_FOLLOWER:
+                smooth = np.abs(values[1:] - values[:-1]) < _JUMP
+            return values + np.where(np.concatenate([smooth, last[:, : same.shape[1]] > 0]), step, 0.0)
+
+        changed = {name: middle(name) for name in (*_OF_LEADER, *_OF_SECOND, *_OF_FOLLOWER)}
+        return dataclasses.replace(around, **changed)
+
+    def select(self, pieces: np.ndarray) -> "Measured":
+        """Some pieces; drivers are numbered anew in their order."""
+        renumbered = np.unique(self.driver[pieces], return_inverse=True)[1]
+        return Measured(
+            y=self.y[:, pieces],
+            weight=self.weight[:, pieces],
+            smooth=self.smooth[:, pieces],
+            smooth_speed=self.smooth_speed[:, pieces],
+            around=jax.tree.map(lambda values: values[:, pieces], self.around),
+            length=self.length[pieces],
+            is_truck=self.is_truck[pieces],
+            driver=renumbered,
+            vehicle=self.vehicle[pieces],
+            leader=self.leader[:, pieces],
+            recording=self.recording[pieces],
+            dt=self.dt,
+            noise=self.noise,
+        )

@@ -1,0 +1,154 @@
+"""Sums over time of what the observer fails to predict, and of its derivatives, for every piece.
+
+The least-squares steps, the screen and the evidence need no more of the derivatives than their products summed over
+time, so these are formed where they are computed and the derivatives themselves are never kept.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from rearl_jax.core.batch import ScenarioMap, select_scenarios
+from rearl_jax.discovery.candidates import Knots, Layout, effects_at, lens_at
+from rearl_jax.discovery.drivers import following_params
+from rearl_jax.discovery.observer import Pieces, innovations
+from rearl_jax.discovery.robust import kept_share, robust_square
+from rearl_jax.discovery.sensitivity import look_along
+
+N_DRIVER = 5
+"""Parameters of a driver's own."""
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Sums over the weighted moments of each piece; p directions, those of the driver first.
+
+    Attributes:
+        square: Of squared innovations [m^2].
+        gradient: Of innovation times derivative.
+        gram: Of derivative times derivative.
+        count: Of weights.
+    """
+
+    square: Float[np.ndarray, " pieces"]
+    gradient: Float[np.ndarray, "pieces directions"]
+    gram: Float[np.ndarray, "pieces directions directions"]
+    count: Float[np.ndarray, " pieces"]
+
+
+class Programs:
+    """The compiled programs of one data configuration: number of steps, time step, places of theta.
+
+    A program holds what is active and nothing else: with one effect it takes a twentieth of the time of all at once.
+    """
+
+    def __init__(self, layout: Layout, dt: float) -> None:
+        self.layout, self.dt = layout, dt
+        self._made: dict[tuple, ScenarioMap] = {}
+
+    def free(self, active: tuple[str, ...]) -> tuple[int, ...]:
+        """Places of theta that belong to active candidates, in order."""
+        return tuple(place for name in active for place in self.layout.candidates[name].free)
+
+    def innovations(self, active: tuple[str, ...]) -> Callable[[dict], np.ndarray]:
+        """Measured minus predicted positions [m] with these candidates."""
+
+        def run(a: dict) -> Array:
+            return self._surprise(a["z"], a["theta"], a["knots"], a["pieces"], active)
+
+        return self._program(("innovations", active), run, WIDEST)
+
+    def sums(self, active: tuple[str, ...]) -> Callable[[dict], dict]:
+        """Sums with the derivatives by the drivers' own parameters and by those of the active candidates."""
+        places = jnp.asarray(self.free(active), int)
+
+        def run(a: dict) -> dict:
+            theta = jnp.broadcast_to(a["theta"], (self.layout.size, a["z"].shape[1]))
+
+            def surprise(point: Array) -> Array:
+                changed = theta.at[places].set(point[N_DRIVER:]) if len(places) else theta
+                return self._surprise(point[:N_DRIVER], changed, a["knots"], a["pieces"], active)
+
+            point = jnp.concatenate([a["z"], theta[places]])
+            return _sums(surprise, point, a["pieces"])
+
+        return self._program(("sums", active), run, WIDEST if len(places) < 8 else WIDEST // 4)
+
+    def look(self, places: tuple[int, ...], groups: tuple[tuple[int, ...], ...], n_kept: int) -> Callable[[dict], dict]:
+        """`sensitivity.look_along` for these places."""
+
+        def run(a: dict) -> dict:
+            knots = _squeezed(a["knots"])
+            return look_along(
+                a["z"], a["theta"], a["pieces"], self.layout, knots, places, groups, n_kept, a["following"], self.dt
+            )
+
+        return self._program(("look", places, groups, n_kept), run, WIDEST // 4)
+
+    def _surprise(
+        self, z: Array, theta: Array, knots: Knots, pieces: Pieces, active: tuple[str, ...]
+    ) -> Float[Array, "steps pieces"]:
+        knots = _squeezed(knots)
+        effects = effects_at(theta, self.layout, knots, active)
+        lens = lens_at(theta, self.layout, knots) if "lens" in active else None
+        return innovations(pieces, following_params(z, pieces.is_truck), effects, lens, None, self.dt)
+
+    def _program(self, key: tuple, run: Callable[[dict], object], widest: int) -> Callable[[dict], Any]:
+        if key not in self._made:
+            self._made[key] = ScenarioMap(run, chunk=widest)
+        program = self._made[key]
+
+        def call(arguments: dict) -> Any:
+            n = arguments["z"].shape[-1]
+            knots = jax.tree.map(lambda values: np.asarray(values)[:, None], self.layout.knots)
+            result = program(_widened(arguments | {"knots": knots}, n, _width(n, widest)))
+            return jax.tree.map(lambda values: values[..., :n], result)
+
+        return call
+
+
+WIDEST = 128
+"""Pieces that one core takes at a time in programs of few directions."""
+
+_WIDTHS = (2, 4, 6, 8, 12, 16, 20, 24, 28, 32, 40, 48, 64, 80, 96, 112, 128)
+
+
+def _width(n: int, widest: int) -> int:
+    """Pieces to fill up to: few different numbers, so that few programs are compiled."""
+    cores = len(jax.local_devices())
+    share = -(-n // cores)
+    return n if share > widest else cores * next(width for width in _WIDTHS if width >= share)
+
+
+def _widened(arguments: dict, n: int, width: int) -> dict:
+    """Arguments filled up with their own last piece."""
+    columns = np.minimum(np.arange(width), n - 1)
+    return select_scenarios(arguments, columns, n) if width > n else arguments
+
+
+def _squeezed(knots: Knots) -> Knots:
+    return jax.tree.map(lambda values: values[:, 0], knots)
+
+
+def _sums(surprise: Callable[[Array], Array], point: Array, pieces: Pieces) -> dict[str, Array]:
+    """Innovations, then everything that is summed over time."""
+    p, n = point.shape
+
+    def along(tangent: Array) -> tuple[Array, Array]:
+        return jax.jvp(surprise, (point,), (tangent,))
+
+    unit = jnp.broadcast_to(jnp.eye(p)[:, :, None], (p, p, n))
+    value, slopes = jax.vmap(along, out_axes=(None, 0))(unit)  # slopes: [directions, steps, pieces]
+    weight = jnp.asarray(pieces.weight)
+    weighted = slopes * (weight * kept_share(value, pieces.deviation))
+    return {
+        "square": jnp.sum(weight * robust_square(value, pieces.deviation), axis=0),
+        "count": jnp.sum(weight, axis=0),
+        "gradient": jnp.einsum("dtn,tn->dn", weighted, value),
+        "gram": jnp.einsum("dtn,etn->den", weighted, slopes),
+    }

@@ -1,0 +1,220 @@
+"""The observer: a driver model that is held to the measured positions, and what it fails to predict.
+
+State of a driver: position x, speed v, and o, what the driver does beside the model (an Ornstein-Uhlenbeck process).
+Each step predicts with the model and corrects by a gain times the innovation, measured minus predicted position.
+
+    gain 0: the closed-loop simulation, whose errors are those readers expect;
+    steady-state Kalman gain: innovations of a right model are white, so tests on them are calibrated.
+
+Source: prediction-error method, Ljung, System Identification (1999), chapter 7; Kalman, J. Basic Eng. 82 (1960) 35.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float
+
+from rearl_jax.core.effects.effect import Effect
+from rearl_jax.core.effects.stimulus import Stimulus
+from rearl_jax.core.following import begin_effects, follow
+from rearl_jax.core.gap_idm import FollowingParams
+from rearl_jax.discovery.lens import Lens
+from rearl_jax.discovery.measured import Measured, Surroundings
+
+GAIN_ITERATIONS = 600
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What the observer takes for random.
+
+    Attributes:
+        acceleration: Standard deviation of what drivers do beside the model [m/s^2].
+        time: Its correlation time [s].
+        position: Standard deviation of measured positions [m].
+    """
+
+    acceleration: float
+    time: float
+    position: float
+
+    def gain(self, dt: float) -> Float[np.ndarray, "5"]:
+        """Steady-state Kalman gain of x [-], v [1/s], o [1/s^2]; what is left of o after a step [-]; innovation
+        variance [m^2].
+        """
+        kept = np.exp(-dt / self.time)
+        step = np.array([[1.0, dt, dt * dt / 2], [0.0, 1.0, dt], [0.0, 0.0, kept]])
+        shock = np.diag([0.0, 0.0, self.acceleration**2 * (1 - kept**2)])
+        variance, measured = np.eye(3), max(self.position, 1e-4) ** 2
+        for _ in range(GAIN_ITERATIONS):
+            variance = step @ variance @ step.T + shock
+            innovation = variance[0, 0] + measured
+            gain = variance[:, 0] / innovation
+            variance = variance - np.outer(gain, variance[0])
+        return np.array([*gain, kept, innovation])
+
+
+CLOSED_LOOP = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
+"""The gain that never corrects: a simulation behind the measured leader."""
+
+
+class Pieces(eqx.Module):
+    """What the observer runs through, the pieces last.
+
+    Attributes:
+        y: Measured position [m].
+        weight: 1 where the moment counts.
+        start: Position [m] and speed [m/s] at the first moment.
+        seen: What is around, in the middle between each moment and the next.
+        length: Own length [m].
+        is_truck: 1 for trucks.
+        gain: As of `Noise.gain`.
+        deviation: Standard deviation of innovations [m], beyond some multiples of which a moment is an outlier.
+        known: Acceleration beside the model that is given [m/s^2]; one row of zeros for none.
+    """
+
+    y: Float[Any, "steps pieces"]
+    weight: Float[Any, "steps pieces"]
+    start: Float[Any, "two pieces"]
+    seen: Surroundings
+    length: Float[Any, " pieces"]
+    is_truck: Float[Any, " pieces"]
+    gain: Float[Any, "five pieces"]
+    deviation: Float[Any, " pieces"]
+    known: Float[Any, "#steps pieces"]
+
+
+def innovations(
+    pieces: Pieces,
+    params: FollowingParams,
+    effects: tuple[Effect, ...],
+    lens: Lens | None,
+    shift: Float[Array, "#steps pieces"] | None,
+    dt: float,
+) -> Float[Array, "steps pieces"]:
+    """Measured minus predicted position in every moment [m]; 0 in the first.
+
+    Args:
+        pieces: What was measured.
+        params: Of the drivers.
+        effects: What acts on them beyond IDM.
+        lens: Distortion of positions by the camera; None for none.
+        shift: By how much the clock of the leader's logger is ahead of the own [s]; None for one clock.
+        dt: Time between moments [s].
+    """
+    pieces = jax.tree.map(jnp.asarray, pieces)
+    length, gain = pieces.length, pieces.gain
+    around = pieces.seen if shift is None else synchronised(pieces.seen, shift)
+
+    def seen(x: Array, v: Array, now: Surroundings) -> Stimulus:
+        return stimulus(x, v, length, pieces.is_truck, now if lens is None else straightened(now, lens))
+
+    def step(carry: tuple, now: tuple[Array, Surroundings, Array]) -> tuple[tuple, Array]:
+        (x, v, o, last, memory), (y, halfway, extra) = carry, now
+        surprise = y - (x if lens is None else x + lens.bend(x))
+        x, v, o = x + gain[0] * surprise, v + gain[1] * surprise, o + gain[2] * surprise
+        # The model is asked for the middle of the step, so that a step does not count as a reaction time.
+        halfway_x, halfway_v = x + v * (dt / 2) + last * (dt * dt / 8), jnp.maximum(v + last * (dt / 2), 0.0)
+        wanted, memory = follow(seen(halfway_x, halfway_v, halfway), params, effects, memory, dt)
+        acceleration = wanted + o + extra
+        faster = jnp.maximum(v + acceleration * dt, 0.0)
+        return (x + dt * (v + faster) / 2, faster, gain[3] * o, acceleration, memory), surprise
+
+    x, v = pieces.start if lens is None else straightened_start(pieces.start, lens)
+    nothing = jnp.zeros_like(x)
+    memory = begin_effects(effects, seen(x, v, jax.tree.map(lambda values: values[0], around)), params, dt)
+    extra = jnp.broadcast_to(pieces.known, pieces.y.shape)
+    _, surprises = lax.scan(step, (x, v, nothing, nothing, memory), (pieces.y, around, extra))
+    return surprises
+
+
+def stimulus(
+    x: Float[Any, "*n"],
+    v: Float[Any, "*n"],
+    length: Float[Any, " pieces"],
+    is_truck: Float[Any, " pieces"],
+    now: Surroundings,
+) -> Stimulus:
+    """What drivers at x [m] with speed v [m/s] see of what was measured."""
+    x, v, length, is_truck, now = jax.tree.map(jnp.asarray, (x, v, length, is_truck, now))
+    front, rear = x + length / 2, x - length / 2
+    return Stimulus(
+        time=now.time,
+        position=x,
+        lane=now.lane,
+        is_leftmost=now.is_leftmost,
+        is_rightmost=now.is_rightmost,
+        lateral_offset=now.lateral_offset,
+        speed=v,
+        length=length,
+        is_truck=is_truck,
+        has_leader=now.has_leader,
+        gap=now.leader_rear - front,
+        leader_speed=now.leader_speed,
+        leader_acceleration=now.leader_acceleration,
+        leader_length=now.leader_length,
+        leader_is_truck=now.leader_is_truck,
+        has_second=now.has_second,
+        second_gap=now.second_rear - front,
+        second_speed=now.second_speed,
+        has_third=now.has_third,
+        third_speed=now.third_speed,
+        has_follower=now.has_follower,
+        follower_gap=rear - now.follower_front,
+        follower_speed=now.follower_speed,
+        beside_speed=now.beside_speed,
+        n_beside=now.n_beside,
+        time_since_change=now.time_since_change,
+        gap_lost=now.gap_lost,
+        time_gap_at_change=now.time_gap_at_change,
+    )
+
+
+def straightened(around: Surroundings, lens: Lens) -> Surroundings:
+    """Leaders where they were before the camera bent the picture."""
+    # The distortion belongs to the true place, which is found by going back twice.
+    place = around.leader_centre - lens.bend(around.leader_centre - lens.bend(around.leader_centre))
+    bent = around.has_leader * (around.leader_centre - place)
+    slope = around.has_leader * lens.slope(place)
+    return replace(around, leader_rear=around.leader_rear - bent, leader_speed=around.leader_speed / (1 + slope))
+
+
+def straightened_start(start: Float[Array, "two pieces"], lens: Lens) -> tuple[Array, Array]:
+    """Position and speed at the first moment before the camera bent the picture. How the distortion itself is searched
+    does not look at them: the observer has forgotten them when moments begin to count.
+    """
+    x, v = lax.stop_gradient(start)
+    lens = lax.stop_gradient(lens)
+    x = x - lens.bend(x - lens.bend(x))
+    return x, v / (1 + lens.slope(x))
+
+
+def synchronised(around: Surroundings, shift: Float[Array, "#steps pieces"]) -> Surroundings:
+    """Leaders at the own time, where their clock is ahead by `shift` [s]."""
+    ahead = around.has_leader * shift
+    return replace(
+        around,
+        leader_rear=around.leader_rear + ahead * around.leader_speed,
+        leader_speed=around.leader_speed + ahead * around.leader_acceleration,
+    )
+
+
+def pieces_of(data: Measured, gain: Float[np.ndarray, "5"]) -> Pieces:
+    """The pieces of measured drives as the observer takes them, all with one gain."""
+    n = len(data.driver)
+    return Pieces(
+        y=data.y,
+        weight=data.weight,
+        start=np.stack([data.smooth[0], data.smooth_speed[0]]),
+        seen=data.halfway(),
+        length=data.length,
+        is_truck=data.is_truck.astype(float),
+        gain=np.repeat(np.asarray(gain)[:, None], n, axis=1),
+        deviation=np.full(n, np.sqrt(gain[4])),
+        known=np.zeros((1, n)),
+    )

@@ -1,0 +1,273 @@
+"""From measured drivers to what the model lacks: calibrate, screen, fit, check on other drivers, and again."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rearl_jax.discovery.candidates import Layout
+from rearl_jax.discovery.clocks import NAME, corrected
+from rearl_jax.discovery.decision import (
+    FREEDOM_PRICE,
+    LEAST_GAIN,
+    LEAST_TOTAL,
+    WORST_CHECK,
+    Trial,
+    not_told_apart,
+    ranked,
+    trial,
+)
+from rearl_jax.discovery.families import are_kin, with_families
+from rearl_jax.discovery.measured import Measured
+from rearl_jax.discovery.noise import calibrate
+from rearl_jax.discovery.null import Null
+from rearl_jax.discovery.refit import Fit, on_others, rebased, refit
+from rearl_jax.discovery.screen import Score, clocks_in, evidences, scores
+from rearl_jax.discovery.solver import Solver
+
+FIRING_SURPRISE, FIRING_EXCESS = 4.5, 3.0
+"""A candidate fires where its evidence lies this many standard deviations and nats above that of the null."""
+
+WORTH_FITTING = 2.0
+"""Excess [nats] from which one of the first is fitted even if it does not fire."""
+
+FITTED = 5
+"""How many of the first are fitted."""
+
+LATER_TOTAL = 12.0
+"""Least total [nats] of an effect beside another one."""
+
+KIN_SHARE = 0.25
+"""Least total of an effect beside one that it may be a remainder of, as a share of that one's total [-]."""
+
+CLOCK_LOOKS = 2
+"""How often clocks are looked at and put right."""
+
+MOST_EFFECTS = 3
+"""Effects that are added one after the other at most."""
+
+Report = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Round:
+    """One turn of the loop.
+
+    Attributes:
+        base: The model at its beginning.
+        evidence: Of every candidate [nats].
+        excess: Above the null's mean [nats].
+        surprise: The same in standard deviations of the null [-].
+        firing: Candidates that fire, with their families.
+        trials: All that were fitted.
+        held: Those that are believed, the best first.
+    """
+
+    base: Fit
+    evidence: dict[str, float]
+    excess: dict[str, float]
+    surprise: dict[str, float]
+    firing: frozenset[str]
+    trials: list[Trial]
+    held: list[Trial]
+
+    @property
+    def chosen(self) -> Trial | None:
+        """What is added."""
+        return self.held[0] if self.held else None
+
+    @property
+    def alternatives(self) -> list[Trial]:
+        """What cannot be told apart from it."""
+        return not_told_apart(self.held)[1:] if self.held else []
+
+
+@dataclass(frozen=True)
+class ClockCheck:
+    """Clocks that differ, found in the fitted drivers and checked in the others.
+
+    Attributes:
+        base: The calibrated model on the data as they were.
+        gain, check: Evidence in both above the null's mean, less what freedom costs [nats].
+        spread: Standard deviation of the offsets [s].
+    """
+
+    base: Fit
+    gain: float
+    check: float
+    spread: float
+
+    @property
+    def total(self) -> float:
+        """What it is compared by [nats]."""
+        return self.gain + self.check
+
+
+@dataclass
+class Search:
+    """Everything that was found, round by round.
+
+    Attributes:
+        layout: What was looked for.
+        null: Evidence where nothing is missing.
+        first_scores: Of the calibrated model.
+        clocks: Differences between clocks, where the data were corrected for them.
+        rounds: One per effect that was added, and the last one, which added none.
+    """
+
+    layout: Layout
+    null: Null
+    first_scores: dict[str, Score]
+    clocks: ClockCheck | None = None
+    rounds: list[Round] = field(default_factory=list)
+
+    @property
+    def before(self) -> Fit:
+        """The calibrated model on the data as they were."""
+        return self.first if self.clocks is None else self.clocks.base
+
+    @property
+    def first(self) -> Fit:
+        """The calibrated model without additions."""
+        return self.rounds[0].base
+
+    @property
+    def last(self) -> Fit:
+        """The model with all that was added."""
+        chosen = self.rounds[-1].chosen
+        return chosen.fit if chosen is not None else self.rounds[-1].base
+
+    @property
+    def added(self) -> list[Trial]:
+        """What was added, in order."""
+        return [one.chosen for one in self.rounds if one.chosen is not None]
+
+
+def search(
+    solver: Solver, fitted: Measured, checked: Measured, null_for: Callable[[Fit], Null], report: Report
+) -> Search:
+    """The loop: until nothing more fires, or nothing that fires is believed.
+
+    Args:
+        solver: Fits.
+        fitted: Drivers everything is fitted to.
+        checked: Other drivers, for the check.
+        null_for: The null of the calibrated model.
+        report: Called with what is being done, and how far it is.
+    """
+    report("calibrating drivers", 0, 1)
+    world, noise = calibrate(solver, fitted)
+    base = Fit(None, world, noise)
+    null = null_for(base)
+    (seen,) = scores(solver, [world])
+    found = Search(solver.layout, null, seen)
+    clocks = _check_clocks(solver, base, seen, checked, null)
+    while len(found.added) <= MOST_EFFECTS:
+        one = _round(solver, base, checked, null, report, found.added)
+        if clocks is not None and not found.rounds and (one.chosen is None or clocks.total > one.chosen.total):
+            # The data are put right, and the loop begins again.
+            found.clocks, clocks = clocks, None
+            fitted, checked = (with_clocks(solver, part, base) for part in (fitted, checked))
+            world, noise = calibrate(solver, fitted)
+            base = Fit(None, world, noise)
+            continue
+        found.rounds.append(one)
+        if one.chosen is None:
+            break
+        base = one.chosen.fit
+    return found
+
+
+def _check_clocks(
+    solver: Solver, base: Fit, seen: dict[str, Score], checked: Measured, null: Null
+) -> ClockCheck | None:
+    """Whether the vehicles' clocks differ, by the fitted drivers and by the others; None if not."""
+    own = clocks_in(base.world, seen)
+    evidence = {NAME: own.evidence}
+    if own.evidence < own.pairs:
+        return None
+    if null.surprise(evidence)[NAME] < FIRING_SURPRISE or null.excess(evidence)[NAME] < FIRING_EXCESS:
+        return None
+    (other,) = on_others(solver, checked, [base])
+    theirs = clocks_in(other, scores(solver, [other])[0]).evidence
+    gain = null.excess(evidence)[NAME] - FREEDOM_PRICE
+    check = null.excess({NAME: theirs})[NAME]
+    if gain < LEAST_GAIN or gain + check < LEAST_TOTAL or check < WORST_CHECK:
+        return None
+    return ClockCheck(base, gain, check, float(np.std(own.offset)))
+
+
+def with_clocks(solver: Solver, data: Measured, base: Fit) -> Measured:
+    """Drivers with their clocks put right, under the calibrated model; each look begins where the last one ended."""
+    for _ in range(CLOCK_LOOKS):
+        (world,) = on_others(solver, data, [base])
+        data = corrected(data, clocks_in(world, scores(solver, [world])[0]))
+    return data
+
+
+def _round(solver: Solver, base: Fit, checked: Measured, null: Null, report: Report, added: list[Trial]) -> Round:
+    layout, number = solver.layout, len(added)
+    report(f"looking for effects, round {number + 1}", 0, 1)
+    (seen,) = scores(solver, [base.world])
+    seen_names = [name for name in layout.candidates if name not in base.world.active]
+    evidence = {name: value for name, value in evidences(base.world, seen, layout).items() if name in seen_names}
+    excess, surprise = null.excess(evidence), null.surprise(evidence)
+    firing = {name for name in evidence if surprise[name] > FIRING_SURPRISE and excess[name] > FIRING_EXCESS}
+    if number == MOST_EFFECTS or not firing:
+        return Round(base, evidence, excess, surprise, frozenset(firing), [], [])
+    order = sorted(evidence, key=lambda name: -excess[name])
+    tried = {name for name in order[:FITTED] if excess[name] > WORTH_FITTING}
+    known = set(evidence)
+    firing = with_families(firing, known)
+    tried = with_families({name for name in order[:2] if name in tried}, known) | tried
+    names = [name for name in order if name in tried]
+    fits = refit(
+        solver, base, [layout.candidates[name] for name in names], seen, lambda k, n: report("fitting candidates", k, n)
+    )
+    base = rebased(solver, base, fits)
+    report("checking on other drivers", 0, 1)
+    other_base, *others = on_others(solver, checked, [base, *fits.values()])
+    trials = [
+        trial(solver, fit, base.world, other, other_base) for fit, other in zip(fits.values(), others, strict=True)
+    ]
+    held = [one for one in ranked(trials) if one.candidate.name in firing and _is_news(one, added)]
+    return Round(base, evidence, excess, surprise, frozenset(firing), trials, held)
+
+
+def _is_news(one: Trial, added: list[Trial]) -> bool:
+    """Whether an effect is more than what another form of an earlier one would have taken in."""
+    if added and one.total < LATER_TOTAL:
+        return False
+
+    def may_be_remainder(other: Trial) -> bool:
+        # A free curve approximates whatever it is, and fits what any other form has left.
+        is_free = "generic" in (one.candidate.kind, other.candidate.kind)
+        return is_free or are_kin(one.candidate.name, other.candidate.name)
+
+    return all(one.total > KIN_SHARE * other.total for other in added if may_be_remainder(other))
+
+
+def split_drivers(data: Measured, shares: tuple[float, ...], seed: int) -> list[Measured]:
+    """Parts of the data that share no driver: whole recordings where there are enough of them, else drivers at random.
+
+    Args:
+        data: All drivers.
+        shares: Of each part; they sum to 1.
+        seed: Of the order of drivers.
+    """
+    recordings = np.unique(data.recording)
+    owner = np.full(len(data.driver), -1)
+    if len(recordings) >= len(shares):
+        sizes = {int(one): int((data.recording == one).sum()) for one in recordings}
+        filled = np.zeros(len(shares))
+        for one in sorted(sizes, key=lambda key: (-sizes[key], key)):
+            part = int(np.argmin(filled / np.array(shares)))
+            owner[data.recording == one] = part
+            filled[part] += sizes[one]
+    else:
+        rng = np.random.default_rng(seed)
+        order = rng.permutation(data.n_drivers)
+        edges = np.round(np.cumsum(shares) * data.n_drivers).astype(int)
+        part_of = np.searchsorted(edges, np.argsort(order), side="right")
+        owner = part_of[data.driver]
+    return [data.select(np.flatnonzero(owner == part)) for part in range(len(shares))]

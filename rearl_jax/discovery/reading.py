@@ -1,0 +1,227 @@
+"""From recordings to measured drivers: positions smoothed, surroundings looked up, tracks cut into pieces."""
+
+from collections.abc import Sequence
+
+import jax
+import numpy as np
+import pandas as pd
+
+from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
+from rearl_jax.core.encounter import MOST_GAP_LOST, NEVER_CHANGED
+from rearl_jax.data.records import Recording
+from rearl_jax.discovery.measured import Measured, Surroundings
+from rearl_jax.discovery.smoothing import cut_off, position_noise, smoothed, thinned
+from rearl_jax.discovery.surroundings import NOBODY, look_around
+
+SHORTEST = 6.0
+"""Shortest record of a driver that is used [s]."""
+
+LONGEST = 65.0
+"""Longest piece of a record [s]; longer ones are cut."""
+
+SETTLING = 1.5
+"""Time the observer needs to settle at the start of a piece, or after a stretch that is left out [s]."""
+
+LEAST_USED = 4.0
+"""Least time that must be left for a driver to be used [s]."""
+
+_STEPS_UNIT = 64
+"""Numbers of steps are rounded up to multiples of it, so that few programs are compiled."""
+
+_OWN = ("y", "weight", "smooth", "smooth_speed")
+
+
+def measure(recordings: Sequence[Recording], position_lag: float = 0.0) -> Measured:
+    """All drivers of the recordings who follow somebody long enough.
+
+    Args:
+        recordings: Canonical recordings of equal frame rate.
+        position_lag: By how much positions are late [s]; lanes and places in them are put to the same clock.
+
+    Raises:
+        ValueError: The frame rates differ, or nobody follows anybody long enough.
+    """
+    rates = {recording.info.frame_rate for recording in recordings}
+    if len(rates) > 1:
+        raise ValueError(
+            f"the recordings have different frame rates ({', '.join(f'{rate:g}' for rate in sorted(rates))} 1/s): "
+            "choose recordings of one rate with data.recordings"
+        )
+    tables = [thinned(recording) for recording in recordings]
+    dt = tables[0][1]
+    rows = [_Rows(table, dt, round(position_lag / dt)) for table, _ in tables]
+    noise = float(np.median([part.noise for part in rows]))
+    most = max((part.longest for part in rows), default=0)
+    n_steps = min(int(LONGEST / dt), most)
+    n_steps = -(-n_steps // _STEPS_UNIT) * _STEPS_UNIT
+    pieces, offset = [], 0
+    for index, part in enumerate(rows):
+        pieces.append(part.pieces(n_steps, noise, index, offset))
+        offset += part.n_tracks
+    found = [piece for piece in pieces if len(piece.driver)]
+    if not found:
+        raise ValueError(
+            f"nobody follows a leader for {LEAST_USED:g} s in these recordings: the lanes or leaders may be missing, "
+            "or tracks may be cut into fragments; `rearl prepare` shows what was left out"
+        )
+    joined = Measured(
+        around=jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *(piece.around for piece in found)),
+        dt=dt,
+        noise=noise,
+        **{
+            name: np.concatenate([getattr(piece, name) for piece in found], axis=-1)
+            for name in (*_OWN, "length", "is_truck", "driver", "vehicle", "leader", "recording")
+        },
+    )
+    return joined.select(np.arange(len(joined.driver)))
+
+
+class _Rows:
+    """The rows of one recording with everything that is seen from each."""
+
+    def __init__(self, table: pd.DataFrame, dt: float, late_by: int) -> None:
+        self.dt = dt
+        track, frame = table["track_id"].to_numpy(), table["frame"].to_numpy()
+        new = np.flatnonzero(np.r_[True, (track[1:] != track[:-1]) | (frame[1:] != frame[:-1] + 1)])
+        self.starts, self.stops = new, np.r_[new[1:], len(track)]
+        self.n_tracks = int(track.max()) + 1 if len(track) else 0
+        if late_by:
+            first = np.repeat(self.starts, self.stops - self.starts)
+            before = np.maximum(np.arange(len(track)) - late_by, first)
+            earlier = {name: table[name].to_numpy()[before] for name in ("lane", "lateral", "leader_id")}
+            table = table.assign(**earlier)
+        self.table = table
+        self.position = table["position"].to_numpy()
+        self.noise = position_noise(self.position, self.starts, self.stops)
+        self.longest = int((self.stops - self.starts).max(initial=0))
+
+    def pieces(self, n_steps: int, noise: float, recording: int, offset: int) -> Measured:
+        """All usable pieces of the recording."""
+        dt, table = self.dt, self.table
+        x, v, a = (np.empty(len(self.position)) for _ in range(3))
+        frequency = cut_off(noise, dt)
+        for start, stop in zip(self.starts, self.stops, strict=True):
+            x[start:stop], v[start:stop], a[start:stop] = smoothed(self.position[start:stop], dt, frequency)
+        columns, leader = self._columns(x, v, a)
+        weight = self._weight(columns["has_leader"])
+        cuts = [
+            (start + k, min(start + k + n_steps, stop))
+            for start, stop in zip(self.starts, self.stops, strict=True)
+            for k in range(0, stop - start, n_steps)
+        ]
+        cuts = [
+            (start, stop)
+            for start, stop in cuts
+            if (stop - start) * dt >= SHORTEST and weight[start + int(SETTLING / dt) : stop].sum() * dt >= LEAST_USED
+        ]
+        first = np.array([start for start, _ in cuts], int)
+        last = np.array([stop for _, stop in cuts], int)
+        index = np.minimum(first + np.arange(n_steps)[:, None], last - 1) if cuts else np.empty((n_steps, 0), int)
+        real = np.arange(n_steps)[:, None] < last - first
+        settled = np.arange(n_steps)[:, None] >= int(SETTLING / dt)
+        values = {name: column[index] for name, column in columns.items()}
+        track = table["track_id"].to_numpy()[index[0]].astype(np.int64) if cuts else np.empty(0, np.int64)
+        length = table["length"].to_numpy()
+        is_truck = (table["vehicle_class"] == "truck").to_numpy()
+        return Measured(
+            y=self.position[index],
+            weight=weight[index] * real * settled,
+            smooth=x[index],
+            smooth_speed=v[index],
+            around=Surroundings(**values),
+            length=length[index[0]],
+            is_truck=is_truck[index[0]],
+            driver=track + offset,
+            vehicle=track + offset,
+            leader=np.where(leader[index] >= 0, leader[index] + offset, NOBODY),
+            recording=np.full(len(cuts), recording),
+            dt=dt,
+            noise=noise,
+        )
+
+    def _columns(self, x: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
+        """What is seen from every row, and the leader's track."""
+        table = self.table
+        around = look_around(table, v)
+        length = table["length"].to_numpy()
+        is_truck = (table["vehicle_class"] == "truck").to_numpy()
+        track = table["track_id"].to_numpy().astype(np.int64)
+        lane = table["lane"].to_numpy(dtype=np.float64, na_value=0.0)
+
+        def of(row: np.ndarray, values: np.ndarray, otherwise: np.ndarray | float) -> np.ndarray:
+            return np.where(row != NOBODY, values[row], otherwise)
+
+        one, rear = around.leader, x - length / 2
+        two = of(one, one, NOBODY).astype(int)
+        three = np.where(two != NOBODY, one[two], NOBODY)
+        front = x + length / 2
+        leader_speed = of(one, v, v)
+        second_speed = of(two, v, leader_speed)
+        leader = of(one, track, NOBODY).astype(np.int64)
+        gap = of(one, rear, front + OUT_OF_SIGHT) - front
+        since, lost, headway = _changes(self.starts, self.stops, leader, gap, v, self.dt)
+        columns = {
+            "time": table["time"].to_numpy(),
+            "lane": lane,
+            "is_leftmost": (lane == 0).astype(float),
+            "is_rightmost": (lane == lane.max()).astype(float),
+            "lateral_offset": _offset_in_lane(table),
+            "has_leader": (one != NOBODY).astype(float),
+            "leader_rear": of(one, rear, front + OUT_OF_SIGHT),
+            "leader_centre": of(one, x, x + OUT_OF_SIGHT),
+            "leader_speed": leader_speed,
+            "leader_acceleration": of(one, a, 0.0),
+            "leader_length": of(one, length, 4.5),
+            "leader_is_truck": of(one, is_truck.astype(float), 0.0),
+            "has_second": (two != NOBODY).astype(float),
+            "second_rear": of(two, rear, front + OUT_OF_SIGHT) - of(two, of(one, length, 0.0), 0.0),
+            "second_speed": second_speed,
+            "has_third": (three != NOBODY).astype(float),
+            "third_speed": of(three, v, second_speed),
+            "has_follower": (around.follower != NOBODY).astype(float),
+            "follower_front": of(around.follower, front, rear - OUT_OF_SIGHT),
+            "follower_speed": of(around.follower, v, v),
+            "beside_speed": np.minimum(around.beside_speed, OUT_OF_SIGHT),
+            "n_beside": around.n_beside,
+            "time_since_change": since,
+            "gap_lost": lost,
+            "time_gap_at_change": headway,
+        }
+        return columns, leader
+
+    def _weight(self, has_leader: np.ndarray) -> np.ndarray:
+        """1 where a leader has been seen for a moment: without one, it may be out of the picture."""
+        n = max(1, round(1.0 / self.dt))
+        absent = np.r_[0, np.cumsum(has_leader == 0)]
+        row = np.arange(len(has_leader))
+        first = np.repeat(self.starts, self.stops - self.starts)
+        return (absent[row + 1] == absent[np.maximum(row - n, first)]).astype(float)
+
+
+def _offset_in_lane(table: pd.DataFrame) -> np.ndarray:
+    """Distance from the mean lateral position of the lane [m], positive to the right; 0 where unknown."""
+    lateral = table["lateral"].to_numpy()
+    if not np.isfinite(lateral).any():
+        return np.zeros(len(table))
+    street = [table["direction"], table["lane"]]
+    centre = table.groupby(street, observed=True, dropna=False)["lateral"].transform("median").to_numpy()
+    return np.nan_to_num(lateral - centre)
+
+
+def _changes(
+    starts: np.ndarray, stops: np.ndarray, leader: np.ndarray, gap: np.ndarray, speed: np.ndarray, dt: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time since somebody else became the leader [s], the gap lost then [m], the time gap right after it [s]."""
+    n = len(leader)
+    since, lost, headway = np.full(n, NEVER_CHANGED), np.zeros(n), np.full(n, 9.0)
+    for start, stop in zip(starts, stops, strict=True):
+        changes = start + 1 + np.flatnonzero(leader[start + 1 : stop] != leader[start : stop - 1])
+        for k in changes:
+            if leader[k] == NOBODY:
+                since[k:stop], lost[k:stop] = NEVER_CHANGED, 0.0
+                continue
+            since[k:stop] = np.minimum(np.arange(stop - k) * dt, NEVER_CHANGED)
+            near = min(gap[k - 1], gap[k]) < 200.0
+            lost[k:stop] = np.clip(gap[k - 1] - gap[k], 0.0, MOST_GAP_LOST) if near else 0.0
+            headway[k:stop] = np.clip(gap[k] / max(speed[k], 5.0), 0.25, 9.0)
+    return since, lost, headway

@@ -1,0 +1,95 @@
+"""What was found, as a model that every task can load."""
+
+import numpy as np
+
+from rearl_jax import __version__
+from rearl_jax.core.effects import EFFECTS
+from rearl_jax.discovery.candidates import Candidate, Layout
+from rearl_jax.discovery.decision import Trial
+from rearl_jax.discovery.drivers import CAR, NAMES, SPREAD, TRUCK
+from rearl_jax.discovery.measured import Measured
+from rearl_jax.discovery.refit import Fit
+from rearl_jax.models.record import DriverClass, EffectValues, RepairedModel, Source
+
+LEAST_SHARE = 0.02
+"""Share of trucks below which they are no class of their own [-]."""
+
+
+def repaired_model(
+    first: Fit, last: Fit, added: list[Trial], data: Measured, layout: Layout, data_id: str, study: str
+) -> RepairedModel:
+    """The calibrated drivers with and without the effects that were found; artefacts are no part of a model.
+
+    Args:
+        first: The calibrated model without additions.
+        last: With all of them.
+        added: What was added.
+        data: The drivers it was fitted to.
+        layout: Where numbers are in theta.
+        data_id: Identity of the recordings.
+        study: Name of the study.
+    """
+    effects = [
+        effect_values(trial.candidate, last.world.theta, layout)
+        for trial in added
+        if trial.candidate.kind != "artefact"
+    ]
+    return RepairedModel(
+        source=Source(data_id, study, __version__),
+        population=population(last, data),
+        baseline=population(first, data),
+        effects=effects,
+    )
+
+
+def population(fit: Fit, data: Measured) -> dict[str, DriverClass]:
+    """Drivers by class, with the scatter of the calibrated drivers around their mean."""
+    world, found = fit.world, {}
+    truck = world.truck
+    lengths = np.zeros(data.n_drivers)
+    lengths[data.driver] = data.length
+    for number, (name, usual) in enumerate((("car", CAR), ("truck", TRUCK))):
+        members = truck == number
+        share = float(members.mean())
+        if share < LEAST_SHARE:
+            continue
+        away = (world.z[members] - world.mean[number]) * SPREAD
+        # The calibrated scatter shrinks where the data say little about a parameter: the prior fills that up.
+        own = away.T @ away / max(members.sum(), 1)
+        covariance = own + np.diag(np.maximum(SPREAD**2 - np.diag(own), 0.0)) * _unknown(fit, members)
+        found[name] = DriverClass(
+            share=share,
+            log_mean=dict(zip(NAMES, (np.log(usual) + SPREAD * world.mean[number]).tolist(), strict=True)),
+            log_covariance=((covariance + covariance.T) / 2).tolist(),
+            noise_sd=fit.noise.acceleration,
+            noise_time=fit.noise.time,
+            length=float(lengths[members].mean()),
+            length_sd=float(lengths[members].std()),
+        )
+    total = sum(one.share for one in found.values())
+    return {name: DriverClass(**{**one.__dict__, "share": one.share / total}) for name, one in found.items()}
+
+
+def _unknown(fit: Fit, members: np.ndarray) -> np.ndarray:
+    """Share of each parameter's prior variance that the data left, on average [-]."""
+    assert fit.world.sums is not None
+    gram = fit.world.sums.gram[members][:, : len(NAMES), : len(NAMES)] / fit.world.variance
+    left = np.einsum("dii->di", np.linalg.inv(gram + np.eye(len(NAMES))))
+    return np.clip(left.mean(axis=0), 0.0, 1.0)
+
+
+def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> EffectValues:
+    """A candidate as the effect of the library that does the same."""
+    if candidate.name in EFFECTS:
+        names = [parameter.name for parameter in EFFECTS[candidate.name].parameters]
+        return EffectValues(candidate.name, dict(zip(names, (float(theta[p]) for p in candidate.free), strict=True)))
+    (variable,) = candidate.variables
+    values = theta[list(candidate.free)]
+    if variable == "position":
+        knots, centre = layout.knots.position, np.zeros(len(values))
+    else:
+        knots, centre = layout.knots.curve[variable], layout.knots.centre[variable]
+    # Weights sum to 1, so a curve less its mean is the curve of the values less that mean.
+    values = values - values @ np.asarray(centre)
+    parameters = {"values": values.tolist(), "knots": np.asarray(knots).tolist()}
+    return EffectValues(candidate.name.partition(".")[0], parameters, variable)

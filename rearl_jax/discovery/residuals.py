@@ -1,0 +1,159 @@
+"""What a calibrated model leaves of measured drives: innovations, an acceleration beside the model, a gap error.
+
+The acceleration residual is the smoothed state o of the observer: what the driver did beside the model, given the whole
+drive. Of the estimates at hand it errs least. The observer's own o comes late and takes back part of what lasts; o and
+the correction of the speed over a step are right on average but pass all measurement noise on; a differentiated speed
+less the model's wish needs a cut-off of its own. The smoothed o has no delay, keeps what lasts longer than a second,
+and follows from the innovations alone, so it is right for every effect that the observer can run.
+
+It is for people to look at. Drivers' noise moves speed and gap, so it goes together with both even where nothing is
+missing; what depends on what is therefore measured on the innovations (`forcing`), which no past explains.
+
+Source: fixed-interval smoother by backward recursion of the innovations, de Jong, Ann. Stat. 17 (1989) 1073.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.core.effects.stimulus import Stimulus
+from rearl_jax.discovery.candidates import lens_at
+from rearl_jax.discovery.errors import FARTHEST
+from rearl_jax.discovery.measured import Surroundings
+from rearl_jax.discovery.observer import CLOSED_LOOP, Noise, stimulus, straightened
+from rearl_jax.discovery.refit import Fit
+from rearl_jax.discovery.solver import Solver, World
+
+LAGS_FOR = 3.0
+"""Time over which autocorrelations are looked at [s]."""
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """What a world leaves.
+
+    Attributes:
+        world: Which.
+        noise: Its observer's.
+        innovation: Measured minus predicted position [m].
+        acceleration: Smoothed acceleration beside the model [m/s^2].
+        gap: Simulated minus measured gap, simulated without correction with the same parameters [m].
+        x, v: Centre [m] and speed [m/s] of the driver halfway to the next moment, as the observer expects them from
+            what was measured before.
+        seen: What was around halfway, as the observer takes it.
+    """
+
+    world: World
+    noise: Noise
+    innovation: Float[np.ndarray, "steps pieces"]
+    acceleration: Float[np.ndarray, "steps pieces"]
+    gap: Float[np.ndarray, "steps pieces"]
+    x: Float[np.ndarray, "steps pieces"]
+    v: Float[np.ndarray, "steps pieces"]
+    seen: Surroundings
+
+    def stimulus(self) -> Stimulus:
+        """What the drivers saw halfway, `[n_steps, n_pieces]`."""
+        data = self.world.data
+        truck = jnp.asarray(data.is_truck, float)
+        own = (jnp.asarray(self.x), jnp.asarray(self.v), jnp.asarray(data.length))
+        return jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(*own, truck, jax.tree.map(jnp.asarray, self.seen))
+
+    def spread(self) -> float:
+        """Standard deviation of the acceleration residual [m/s^2]."""
+        weight = self.world.data.weight
+        return float(np.sqrt((self.acceleration**2 * weight).sum() / max(weight.sum(), 1.0)))
+
+    def autocorrelation(self) -> Float[np.ndarray, " lags"]:
+        """Of the innovations, one moment apart and more, up to LAGS_FOR [-]."""
+        data = self.world.data
+        counted, found = self.innovation * data.weight, []
+        for lag in range(1, min(round(LAGS_FOR / data.dt), len(data.weight) - 1) + 1):
+            pairs = max((data.weight[lag:] * data.weight[:-lag]).sum(), 1.0)
+            found.append((counted[lag:] * counted[:-lag]).sum() / pairs)
+        return np.array(found) / max((counted**2).sum() / max(data.weight.sum(), 1.0), 1e-12)
+
+
+def residuals_of(solver: Solver, worlds: Sequence[World], fits: Sequence[Fit]) -> list[Residuals]:
+    """Residuals of solved worlds, one fit each for its noise."""
+    return [_residuals(solver, world, fit.noise) for world, fit in zip(worlds, fits, strict=True)]
+
+
+def _residuals(solver: Solver, world: World, noise: Noise) -> Residuals:
+    data = world.data
+    (innovation,) = (np.asarray(part, float) for part in solver.innovations([world]))
+    (gap,) = (
+        np.clip(np.asarray(part, float), -FARTHEST, FARTHEST) for part in solver.innovations([world], CLOSED_LOOP)
+    )
+    gain, seen = noise.gain(data.dt), data.halfway()
+    expected = data.y.astype(np.float32).astype(float) - innovation
+    if "lens" in world.active:
+        lens = lens_at(world.theta[:, None], solver.layout, solver.layout.knots)
+        expected = expected - np.asarray(lens.bend(expected))
+        seen = straightened(seen, lens)
+    corrected = expected + gain[0] * innovation
+    later = np.concatenate([expected[1:], expected[-1:]])
+    v = (later - corrected) / data.dt
+    v[-1] = v[-2]
+    return Residuals(
+        world=world,
+        noise=noise,
+        innovation=innovation,
+        acceleration=smoothed_acceleration(innovation, data.weight, noise, data.dt),
+        gap=gap,
+        x=corrected + v * (data.dt / 2),
+        v=np.maximum(v, 0.0),
+        seen=seen,
+    )
+
+
+def smoothed_acceleration(
+    innovation: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarray, "steps pieces"], noise: Noise, dt: float
+) -> Float[np.ndarray, "steps pieces"]:
+    """What drivers did beside the model in every moment, given the whole drive [m/s^2].
+
+    Args:
+        innovation: Of the observer with the gain of `noise` [m].
+        weight: 1 where a moment counts; after the last of them a drive has ended.
+        noise: As the observer takes it.
+        dt: Time between moments [s].
+    """
+    gain, loop, covariance = _steady_state(noise, dt)
+    ended = np.cumsum(weight[::-1] > 0, axis=0)[::-1] == 0
+    known = np.where(ended, 0.0, innovation)
+    before, o = np.zeros_like(known), np.zeros(known.shape[1])
+    for t in range(len(known)):
+        before[t] = o
+        o = gain[3] * (o + gain[2] * known[t])
+    ahead, out = np.zeros((3, known.shape[1])), np.empty_like(known)
+    for t in range(len(known) - 1, -1, -1):
+        ahead = loop.T @ ahead
+        ahead[0] += known[t] / gain[4]
+        out[t] = before[t] + covariance[2] @ ahead
+    return np.where(ended, 0.0, out)
+
+
+def smoothing_error(noise: Noise, dt: float) -> float:
+    """Standard deviation of the smoothed acceleration around the true one, where the noise is as assumed [m/s^2]."""
+    gain, loop, covariance = _steady_state(noise, dt)
+    information = np.zeros((3, 3))
+    information[0, 0] = 1 / gain[4]
+    ahead = np.linalg.solve(np.eye(9) - np.kron(loop.T, loop.T), information.ravel()).reshape(3, 3)
+    left = covariance - covariance @ ahead @ covariance
+    return float(np.sqrt(max(left[2, 2], 0.0)))
+
+
+def _steady_state(
+    noise: Noise, dt: float
+) -> tuple[Float[np.ndarray, "5"], Float[np.ndarray, "3 3"], Float[np.ndarray, "3 3"]]:
+    """Gain, transition of the prediction error, and covariance of the prediction of x, v, o."""
+    gain = noise.gain(dt)
+    step = np.array([[1.0, dt, dt * dt / 2], [0.0, 1.0, dt], [0.0, 0.0, gain[3]]])
+    shock = np.diag([0.0, 0.0, noise.acceleration**2 * (1 - gain[3] ** 2)])
+    loop = step - step @ np.outer(gain[:3], [1.0, 0.0, 0.0])
+    covariance = np.linalg.solve(np.eye(9) - np.kron(loop, step), shock.ravel()).reshape(3, 3)
+    return gain, loop, covariance

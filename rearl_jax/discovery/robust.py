@@ -1,0 +1,22 @@
+"""Huber's loss: beyond some standard deviations an error counts linearly, so that no single moment decides.
+
+Source: Huber, Ann. Math. Stat. 35 (1964) 73.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+OUTLYING = 4.0
+"""Standard deviations beyond which an innovation is an outlier; Gaussian noise hardly ever gets there."""
+
+
+def kept_share(error: Float[Array, "*n"], deviation: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+    """Weight of an error in a least-squares step [-]: 1 unless it is an outlier."""
+    size, bound = jnp.abs(error), OUTLYING * deviation
+    return jnp.where(size <= bound, 1.0, bound / jnp.maximum(size, 1e-12))
+
+
+def robust_square(error: Float[Array, "*n"], deviation: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+    """The square of an error, growing linearly for an outlier."""
+    size, bound = jnp.abs(error), OUTLYING * deviation
+    return jnp.where(size <= bound, error * error, bound * (2 * size - bound))

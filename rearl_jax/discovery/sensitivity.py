@@ -1,0 +1,136 @@
+"""Derivatives of the innovations along very many directions at once, for the screen.
+
+Along every direction only the observer's own state (position, speed, what the driver does beside the model, the last
+acceleration) is carried; how the model's acceleration answers to state and parameters comes from one reverse pass per
+moment. Exact as long as what effects remember does not act, which is so where they are off; where such an effect has
+been added, `moments.Programs.sums` carries its memory along too.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float
+
+from rearl_jax.core.following import begin_effects, follow
+from rearl_jax.discovery.candidates import Knots, Layout, effects_at, lens_at
+from rearl_jax.discovery.drivers import following_params
+from rearl_jax.discovery.measured import Surroundings
+from rearl_jax.discovery.observer import Pieces, stimulus, straightened, straightened_start, synchronised
+from rearl_jax.discovery.robust import kept_share
+
+
+class Tangents(NamedTuple):
+    """Derivatives of the observer's state along each direction, `[directions, pieces]`."""
+
+    x: Float[Array, "directions pieces"]
+    v: Float[Array, "directions pieces"]
+    o: Float[Array, "directions pieces"]
+    last: Float[Array, "directions pieces"]
+
+
+def look_along(
+    z: Float[Array, "own pieces"],
+    theta: Float[Array, "parameters pieces"],
+    pieces: Pieces,
+    layout: Layout,
+    knots: Knots,
+    places: Sequence[int],
+    groups: Sequence[Sequence[int]],
+    n_kept: int,
+    following: Float[Array, "leaders steps pieces"],
+    dt: float,
+) -> dict[str, Float[Array, "*any pieces"]]:
+    """Sums over time for the drivers' own directions and for single places of theta.
+
+    Args:
+        z: Standardised parameters of the drivers.
+        theta: What has been added.
+        pieces: What was measured.
+        layout: Where everything is in theta.
+        knots: Of the curves.
+        places: Places that are looked along, those that have been added already first.
+        groups: Which of the places belong together, as positions in `places`.
+        n_kept: How many have been added already.
+        following: 1 where a driver follows its k-th usual leader, whose clock may be ahead.
+        dt: Time between moments [s].
+
+    Returns:
+        `gradient` (innovation times derivative, own directions first), `nuisance` (derivatives along own directions and
+        what has been added, times all), `block_k` (derivatives of group k times each other; the last group is the
+        leaders' clocks, whose directions come last).
+    """
+    pieces = jax.tree.map(jnp.asarray, pieces)
+    n_own, n = z.shape
+    chosen = jnp.asarray(places)
+    lens, first_lens = lens_at(theta, layout, knots), layout.places["lens"][0]
+    n_clocks = following.shape[0]
+    size, n_nuisance = n_own + len(places) + n_clocks, n_own + n_kept
+    lens_rows = jnp.asarray([n_own + k for k, place in enumerate(places) if place in layout.places["lens"]], int)
+    lens_knots = jnp.asarray([place - first_lens for place in places if place in layout.places["lens"]], int)
+
+    def wanted(point: tuple, memory: tuple, now: Surroundings) -> tuple[Array, tuple]:
+        x, v, own, added, shift = point
+        around = synchronised(straightened(now, lens_at(added, layout, knots)), shift)
+        seen = stimulus(x, v, pieces.length, pieces.is_truck, around)
+        acceleration, memory = follow(
+            seen, following_params(own, pieces.is_truck), effects_at(added, layout, knots), memory, dt
+        )
+        return jnp.sum(acceleration), (acceleration, memory)
+
+    answer = jax.grad(wanted, has_aux=True)
+
+    def step(carry: tuple, now: tuple) -> tuple[tuple, None]:
+        (x, v, o, last, memory), tangents, total = carry
+        y, weight, around, extra, follows = now
+        surprise = y - x - lens.bend(x)
+        slope = -(1 + lens.slope(x)) * tangents.x
+        slope = slope.at[lens_rows].add(-lens.weights(x)[lens_knots])
+        weight = weight * kept_share(surprise, pieces.deviation)
+        weighted = weight * slope
+        total = {
+            "gradient": total["gradient"] + weighted * surprise,
+            "nuisance": total["nuisance"] + weighted[:n_nuisance, None] * slope[None],
+            "blocks": tuple(
+                block + weighted[part][:, None] * slope[part][None]
+                for block, part in zip(total["blocks"], parts, strict=True)
+            ),
+        }
+        gain = pieces.gain
+        x, v, o = x + gain[0] * surprise, v + gain[1] * surprise, o + gain[2] * surprise
+        d = Tangents(
+            tangents.x + gain[0] * slope, tangents.v + gain[1] * slope, tangents.o + gain[2] * slope, tangents.last
+        )
+        later = v + last * (dt / 2)
+        halfway = (x + v * (dt / 2) + last * (dt * dt / 8), jnp.maximum(later, 0.0))
+        by, (acceleration, memory) = answer((*halfway, z, theta, jnp.zeros_like(x)), memory, around)
+        forcing = jnp.concatenate([by[2], by[3][chosen], by[4] * follows])
+        d_wanted = by[0] * (d.x + d.v * (dt / 2) + d.last * (dt * dt / 8))
+        d_wanted = d_wanted + by[1] * (later > 0) * (d.v + d.last * (dt / 2)) + forcing
+        acceleration, d_acceleration = acceleration + o + extra, d_wanted + d.o
+        free = v + acceleration * dt
+        faster, d_faster = jnp.maximum(free, 0.0), (free > 0) * (d.v + d_acceleration * dt)
+        tangents = Tangents(d.x + dt * (d.v + d_faster) / 2, d_faster, gain[3] * d.o, d_acceleration)
+        return ((x + dt * (v + faster) / 2, faster, gain[3] * o, acceleration, memory), tangents, total), None
+
+    groups = [*groups, range(len(places), len(places) + n_clocks)]
+    parts = [jnp.asarray([n_own + k for k in group], int) for group in groups]
+    nothing = jnp.zeros((size, n))
+    total = {
+        "gradient": nothing,
+        "nuisance": jnp.zeros((n_nuisance, size, n)),
+        "blocks": tuple(jnp.zeros((len(group), len(group), n)) for group in groups),
+    }
+    x, v = straightened_start(pieces.start, lens)
+    first = jax.tree.map(lambda values: values[0], pieces.seen)
+    seen = stimulus(x, v, pieces.length, pieces.is_truck, first)
+    memory = begin_effects(effects_at(theta, layout, knots), seen, following_params(z, pieces.is_truck), dt)
+    carry = ((x, v, jnp.zeros_like(x), jnp.zeros_like(x), memory), Tangents(*(nothing,) * 4), total)
+    extra = jnp.broadcast_to(pieces.known, pieces.y.shape)
+    (_, _, total), _ = lax.scan(
+        step, carry, (pieces.y, pieces.weight, pieces.seen, extra, jnp.moveaxis(following, 1, 0))
+    )
+    blocks = {f"block_{k}": block for k, block in enumerate(total["blocks"])}
+    return {"gradient": total["gradient"], "nuisance": total["nuisance"], **blocks}

@@ -1,0 +1,242 @@
+"""The task `rearl discover`: measured trajectories in; what the traffic model lacks out.
+
+Writes into the study folder `null.parquet` (evidence where nothing is missing), `residuals.parquet` and
+`maps.parquet` (what the calibrated model leaves, and on what it depends, before and after), `drivers.parquet`
+(calibrated parameters), `candidates.parquet`, `errors.parquet` (before and after, of every report driver),
+`model.yaml`, figures, `page.html`, `verdict.json`, `config.json` and, last of all, `summary.json`.
+"""
+
+import json
+import logging
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from rich.progress import Progress
+
+from rearl_jax.config import DiscoverTask
+from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
+from rearl_jax.data.records import Recording
+from rearl_jax.discovery import tables, terminal
+from rearl_jax.discovery.adequacy import adequacy
+from rearl_jax.discovery.errors import model_errors
+from rearl_jax.discovery.gate import Finding, gate
+from rearl_jax.discovery.layout import layout_of
+from rearl_jax.discovery.measured import Measured
+from rearl_jax.discovery.moments import Programs
+from rearl_jax.discovery.noise import calibrate
+from rearl_jax.discovery.null import Null, null_of
+from rearl_jax.discovery.procedure import FIRING_SURPRISE, Search, search, split_drivers, with_clocks
+from rearl_jax.discovery.reading import measure
+from rearl_jax.discovery.refit import Fit, rebased, refit
+from rearl_jax.discovery.repaired import repaired_model
+from rearl_jax.discovery.screen import scores
+from rearl_jax.discovery.solver import Solver
+from rearl_jax.discovery.uncertainty import known
+from rearl_jax.discovery.verdict import (
+    Named,
+    candidate_rows,
+    differing_clocks,
+    found_in_columns,
+    named_trial,
+    unseen,
+    verdict_of,
+)
+from rearl_jax.models.file import write_model
+from rearl_jax.progress import progress_bar, shown
+from rearl_jax.results import Study
+
+log = logging.getLogger(__name__)
+
+SHARES = (1 / 3, 1 / 3, 1 / 3)
+"""Shares of drivers that are fitted, checked and reported."""
+
+NULL_TABLE = "null"
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The data, in parts that share no driver, and what their columns show."""
+
+    recordings: Sequence[str]
+    findings: list[Finding]
+    fitted: Measured
+    checked: Measured
+    reported: Measured
+    notes: tuple[str, ...]
+
+
+def run(config: DiscoverTask) -> dict:
+    """The verdict, as in verdict.json.
+
+    Raises:
+        FileNotFoundError, ValueError: There are no recordings, one is bad, or too few drivers follow a leader.
+    """
+    begin = time.perf_counter()
+    study = Study(
+        config.results.root,
+        config.study,
+        config,
+        "discover",
+        data_id(config.data),
+        generated=is_generated(config.data),
+    )
+    if study.begin(resume=config.results.resume) is not None:
+        return json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
+    with progress_bar() as bar:
+        parts = read_parts(config, bar)
+        solver = Solver(Programs(layout_of(parts.fitted), parts.fitted.dt))
+        if config.discover.oracle is not None:
+            verdict = _oracle(config, solver, parts)
+        else:
+            verdict = _verdict(config, study, solver, parts, bar)
+    verdict["seconds"] = time.perf_counter() - begin
+    study.write_text("verdict.json", json.dumps(verdict, indent=1, allow_nan=False) + "\n")
+    terminal.print_verdict(verdict, generated=is_generated(config.data))
+    study.write_summary(tables.summary(verdict))
+    return verdict
+
+
+def read_parts(config: DiscoverTask, bar: Progress) -> Parts:
+    """Recordings read, looked at and split.
+
+    Raises:
+        ValueError: Too few drivers follow a leader long enough.
+    """
+    say = shown(bar, "reading recordings")
+    recordings: list[Recording] = []
+    for recording in iterate_recordings(config.data):
+        recordings.append(recording)
+        say(len(recordings), len(recordings))
+    findings = gate(recordings)
+    late = next((finding.value for finding in findings if finding.name == "position_lag"), 0.0)
+    data = measure(recordings, late)
+    notes = tuple(dict.fromkeys(note for one in recordings for note in one.info.notes))
+    if data.n_drivers < 9:
+        raise ValueError(
+            f"{data.n_drivers} drivers follow a leader long enough, at least 9 are needed to fit, check and report on "
+            "different ones: choose more recordings (data.recordings), or longer ones"
+        )
+    if data.n_drivers > config.discover.max_drivers:
+        rng = np.random.default_rng(config.discover.seed)
+        kept = rng.choice(data.n_drivers, config.discover.max_drivers, replace=False)
+        data = data.select(np.flatnonzero(np.isin(data.driver, kept)))
+    fitted, checked, reported = split_drivers(data, SHARES, config.discover.seed)
+    return Parts([one.info.id for one in recordings], findings, fitted, checked, reported, notes)
+
+
+def _verdict(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, bar: Progress) -> dict[str, Any]:
+    options = config.discover
+    line = bar.add_task("calibrating drivers", total=None)
+    replicates = shown(bar, "simulated nulls")
+
+    def report(words: str, done: int, total: int) -> None:
+        bar.update(line, description=words, completed=done, total=total)
+
+    def null_for(base: Fit) -> Null:
+        if study.owns(NULL_TABLE):  # of a run that was killed
+            return tables.read_null(study.path / f"{NULL_TABLE}.parquet")
+        null = null_of(solver, base.world, base.noise, options.replicates, options.seed, replicates)
+        study.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
+        return null
+
+    found = search(solver, parts.fitted, parts.checked, null_for, report)
+    report("reporting", 0, 1)
+    left = adequacy(solver, found)
+    errors = model_errors(solver, parts.reported, {"before": found.before}, options.seed)
+    if found.added or found.clocks is not None:
+        reported = parts.reported
+        if found.clocks is not None:
+            reported = with_clocks(solver, reported, found.clocks.base)
+        errors |= model_errors(solver, reported, {"after": found.last}, options.seed)
+    effects = _effects(solver, found, parts.findings, options.confidence)
+    word = verdict_of(found, parts.findings, left)
+    verdict = {
+        "verdict": word,
+        "effects": [effect.plain() for effect in effects],
+        "candidates": candidate_rows(found),
+        "unseen": unseen(found, found.null.threshold(FIRING_SURPRISE)),
+        "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
+        "adequacy": {
+            "kurtosis": left.kurtosis,
+            "autocorrelation": left.autocorrelation,
+            "unequal_noise": left.unequal_noise,
+            "remaining": {"name": left.remaining[0], "surprise": left.remaining[1]},
+        },
+        "data": _described(config, parts),
+    }
+    seeds = {"seeds": f"discover.seed={options.seed}"}
+    study.write_table("candidates", pd.DataFrame(tables.candidate_table(verdict)), **seeds)
+    study.write_table("errors", tables.error_table(errors), **seeds)
+    study.write_table("drivers", tables.driver_table(solver, found), **seeds)
+    model = repaired_model(
+        found.first, found.last, found.added, parts.fitted, solver.layout, data_id(config.data), config.study
+    )
+    write_model(study.path / "model.yaml", model)
+    return verdict
+
+
+def _effects(solver: Solver, found: Search, findings: Sequence[Finding], confidence: float) -> list[Named]:
+    """What is claimed: what the columns show, then what was added, with the numbers of the final model."""
+    effects = [found_in_columns(finding, confidence) for finding in findings]
+    if any(finding.name == "smoothing" for finding in findings):
+        return effects  # what drivers seem to do may be what the smoothing left of it: candidates, not claims
+    if found.clocks is not None:
+        effects.append(differing_clocks(found.clocks))
+    deviations = known(solver, found.last.world).theta
+    first = 0
+    for one in found.rounds:
+        trial = one.chosen
+        if trial is None:
+            continue
+        size = len(trial.candidate.free)
+        own = deviations[first : first + size]
+        effects.append(named_trial(trial, one.trials, found.last.world.theta, own, solver.layout, confidence))
+        first += size
+    return effects
+
+
+def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any]:
+    """Error of the model that was told the effect; nothing else is looked for."""
+    name = config.discover.oracle
+    candidates = solver.layout.candidates
+    if name not in candidates:
+        known_names = ", ".join(sorted(candidates))
+        raise ValueError(f"discover.oracle={name} is none of the candidates for these data: {known_names}")
+    world, noise = calibrate(solver, parts.fitted)
+    base = Fit(None, world, noise)
+    (seen,) = scores(solver, [world])
+    fits = refit(solver, base, [candidates[name]], seen)
+    base = rebased(solver, base, fits)
+    errors = model_errors(solver, parts.reported, {"before": base, "oracle": fits[name]}, config.discover.seed)
+    options = config.discover
+    return {
+        "verdict": "named",
+        "effects": [],
+        "candidates": [],
+        "unseen": [],
+        "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
+        "adequacy": None,
+        "data": _described(config, parts),
+    }
+
+
+def _described(config: DiscoverTask, parts: Parts) -> dict[str, Any]:
+    return {
+        "id": data_id(config.data),
+        "recordings": len(parts.recordings),
+        "generated": is_generated(config.data),
+        "drivers": {
+            "fitted": parts.fitted.n_drivers,
+            "checked": parts.checked.n_drivers,
+            "reported": parts.reported.n_drivers,
+        },
+        "driver_seconds": parts.fitted.seconds + parts.checked.seconds + parts.reported.seconds,
+        "step": parts.fitted.dt,
+        "position_noise": parts.fitted.noise,
+        "findings": [finding.words for finding in parts.findings],
+        "notes": list(parts.notes),
+    }

@@ -1,0 +1,226 @@
+"""The verdict: what was missing, how sure, and what could not be told apart; as the content of verdict.json.
+
+verdict      named | artefact | unexplained | nothing
+effects      [{name, kind: driver | road | artefact | generic, parameters: {name: {value, low, high, unit}},
+               variables, confidence, evidence}]
+candidates   [{name, kind, evidence, surprise, gain, check, ambiguous, told_apart_by}], the best first
+unseen       [{name, strength, unit}]: what an effect would have needed to be seen in these data
+error        {measure, before, after, change, floor, oracle, n_drivers}, each figure {value, low, high}
+adequacy     {kurtosis, autocorrelation, remaining}: what is left after everything that was added
+data         {id, recordings, drivers: {fitted, checked, reported}, seconds, step, position_noise, notes}
+seconds      how long it took
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rearl_jax.core.effects import EFFECTS
+from rearl_jax.discovery.candidates import TWINS, Candidate, Layout
+from rearl_jax.discovery.clocks import NAME
+from rearl_jax.discovery.decision import Trial
+from rearl_jax.discovery.families import told_apart_by
+from rearl_jax.discovery.gate import Finding
+from rearl_jax.discovery.procedure import ClockCheck, Search
+from rearl_jax.discovery.uncertainty import interval
+
+MOST_KURTOSIS = 0.1
+"""Excess kurtosis of the innovations beyond which something not smooth is left [-]."""
+
+MOST_REMAINING = 8.0
+"""Surprise of another candidate beyond which what was added is not all [-]."""
+
+RELIABILITY = 0.98
+"""Upper bound of a stated confidence: what the procedure has reached on generated data."""
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """What the final model leaves behind.
+
+    Attributes:
+        kurtosis: Excess kurtosis of the innovations [-].
+        autocorrelation: Of innovations one moment apart [-].
+        unequal_noise: How surely the size of innovations depends on a situation, in standard deviations [-].
+        remaining: The candidate with the largest surprise, and its surprise.
+    """
+
+    kurtosis: float
+    autocorrelation: float
+    unequal_noise: dict[str, float]
+    remaining: tuple[str, float]
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether the innovations look like those of a smooth model."""
+        return self.kurtosis <= MOST_KURTOSIS
+
+
+@dataclass(frozen=True)
+class Named:
+    """One entry of `effects`."""
+
+    name: str
+    kind: str
+    parameters: dict[str, dict[str, Any]]
+    variables: tuple[str, ...]
+    confidence: float
+    evidence: float | None
+
+    def plain(self) -> dict[str, Any]:
+        """As in verdict.json."""
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "parameters": self.parameters,
+            "variables": list(self.variables),
+            "confidence": self.confidence,
+            "evidence": self.evidence,
+        }
+
+
+def public_name(candidate: Candidate) -> str:
+    """Name of a candidate in files: curves are told apart by their variable, not by their name."""
+    return candidate.name.partition(".")[0]
+
+
+def named_trial(
+    trial: Trial,
+    others: Sequence[Trial],
+    theta: np.ndarray,
+    deviations: np.ndarray,
+    layout: Layout,
+    confidence: float,
+) -> Named:
+    """A believed candidate as an effect of the verdict.
+
+    Args:
+        trial: The candidate.
+        others: What was fitted beside it.
+        theta: Numbers of the final model.
+        deviations: Standard deviations of the candidate's places, in order.
+        layout: Where its numbers are.
+        confidence: Of the intervals.
+    """
+    candidate = trial.candidate
+    parameters = {}
+    for name, unit, place, deviation in zip(
+        parameter_names(candidate), parameter_units(candidate), candidate.free, deviations, strict=True
+    ):
+        value = float(theta[place])
+        low, high = interval(value, float(deviation), confidence)
+        low, high = max(low, float(layout.low[place])), min(high, float(layout.high[place]))
+        parameters[name] = {"value": value, "low": low, "high": high, "unit": unit}
+    rivals = [0.0, *(one.total for one in others if one is not trial)]
+    share = 1.0 / (1.0 + float(np.exp(np.clip(np.array(rivals) - trial.total, -50, 50)).sum()))
+    return Named(
+        public_name(candidate),
+        candidate.kind,
+        parameters,
+        candidate.variables,
+        min(share, RELIABILITY),
+        trial.total,
+    )
+
+
+def parameter_names(candidate: Candidate) -> list[str]:
+    """Names of what is fitted."""
+    if candidate.name in EFFECTS:
+        return [parameter.name for parameter in EFFECTS[candidate.name].parameters]
+    return [f"value_{k}" for k in range(len(candidate.free))]
+
+
+def parameter_units(candidate: Candidate) -> list[str]:
+    """Units of what is fitted."""
+    if candidate.name in EFFECTS:
+        return [parameter.unit for parameter in EFFECTS[candidate.name].parameters]
+    unit = {"lens": "m", "time_gap_dependence": "-"}.get(public_name(candidate), "m/s^2")
+    return [unit] * len(candidate.free)
+
+
+def found_in_columns(finding: Finding, confidence: float) -> Named:
+    """An artefact that the columns show, as an effect of the verdict; nothing was fitted, so there is no evidence."""
+    low, high = interval(finding.value, finding.deviation, confidence)
+    number = {"value": finding.value, "low": low, "high": high, "unit": finding.unit}
+    return Named(finding.name, "artefact", {finding.parameter: number}, (), RELIABILITY, None)
+
+
+def differing_clocks(check: ClockCheck) -> Named:
+    """Clocks that differ, as an effect of the verdict."""
+    return Named(
+        NAME,
+        "artefact",
+        {"sd": {"value": check.spread, "low": None, "high": None, "unit": "s"}},
+        ("clock",),
+        RELIABILITY,
+        check.total,
+    )
+
+
+def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) -> str:
+    """One word: named, artefact, unexplained or nothing."""
+    added = [trial.candidate.kind for trial in search.added]
+    if any(finding.name == "smoothing" for finding in findings):
+        return "artefact"  # what drivers seem to do is what the smoothing left of it
+    if any(kind in ("driver", "road") for kind in added):
+        return "named" if adequacy.is_smooth else "unexplained"
+    if "artefact" in added or findings or search.clocks is not None:
+        return "artefact"
+    if added or search.rounds[-1].firing or not adequacy.is_smooth:
+        return "unexplained"
+    return "nothing"
+
+
+def candidate_rows(search: Search) -> list[dict[str, Any]]:
+    """All candidates of the first round, those that were fitted first and by their total, then by evidence."""
+    first = search.rounds[0]
+    trials = {trial.candidate.name: trial for one in reversed(search.rounds) for trial in one.trials}
+    ambiguous = {trial.candidate.name for one in search.rounds for trial in one.alternatives}
+    chosen = [trial.candidate.name for trial in search.added]
+    for name in chosen:
+        ambiguous |= set(TWINS.get(name, ()))
+    names = sorted(
+        first.evidence, key=lambda name: (-trials[name].total if name in trials else np.inf, -first.surprise[name])
+    )
+    rows = []
+    for name in names:
+        candidate, trial = search.layout.candidates[name], trials.get(name)
+        rows.append(
+            {
+                "name": public_name(candidate),
+                "kind": candidate.kind,
+                "variables": list(candidate.variables),
+                "evidence": first.evidence[name],
+                "surprise": first.surprise[name],
+                "gain": None if trial is None else trial.gain,
+                "check": None if trial is None else trial.check,
+                "ambiguous": name in ambiguous,
+                "told_apart_by": told_apart_by(name, chosen) if name in ambiguous else None,
+            }
+        )
+    for name in chosen:
+        for twin in TWINS.get(name, ()):
+            row = next(row for row in rows if row["name"] == name)
+            rows.insert(1, {**row, "name": twin, "ambiguous": True, "told_apart_by": told_apart_by(twin, chosen)})
+    return rows
+
+
+def unseen(search: Search, threshold: dict[str, float]) -> list[dict[str, Any]]:
+    """For every named effect, the strength from which it would have been seen in these data.
+
+    Args:
+        search: With the scores of the first round.
+        threshold: Evidence from which a candidate fires [nats].
+    """
+    rows = []
+    for name, score in search.first_scores.items():
+        candidate = search.layout.candidates.get(name)
+        if candidate is None or name not in EFFECTS or candidate.look != candidate.free[: len(candidate.look)]:
+            continue
+        parameter = EFFECTS[name].parameters[0]
+        needed = max(threshold[name], 3.0) + 0.5 * np.log1p(score.information[0, 0] * parameter.scale**2)
+        strength = float(np.sqrt(2 * needed / max(score.information[0, 0], 1e-12)))
+        rows.append({"name": name, "parameter": parameter.name, "strength": strength, "unit": parameter.unit})
+    return rows

@@ -1,0 +1,238 @@
+"""`model.yaml`: a repaired model written, and read with every key checked.
+
+schema: 1
+source: {data_id: ..., study: ..., code_version: ...}
+population: {car: {share: ..., log_mean: {...}, log_covariance: [[...], ...], noise_sd: ..., ...}, truck: {...}}
+effects: [{name: ..., parameters: {...}}, ...]
+baseline: {car: {...}, truck: {...}}
+"""
+
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from rearl_jax.config._schema import nearest
+from rearl_jax.core.effects import EFFECTS, VARIABLES
+from rearl_jax.models.record import (
+    CAR,
+    PARAMETERS,
+    SCHEMA,
+    TRUCK,
+    DriverClass,
+    EffectValues,
+    RepairedModel,
+    Source,
+)
+from rearl_jax.whole_files import replacing
+
+RANGES = {
+    "share": (0.0, 1.0),
+    "noise_sd": (0.0, 3.0),
+    "noise_time": (0.05, 60.0),
+    "length": (1.0, 40.0),
+    "length_sd": (0.0, 10.0),
+}
+"""Bounds of a class's numbers, units as of `DriverClass`."""
+
+LOG_RANGES = {
+    "desired_speed": (math.log(1.0), math.log(100.0)),
+    "time_gap": (math.log(0.05), math.log(10.0)),
+    "jam_gap": (math.log(0.1), math.log(20.0)),
+    "max_accel": (math.log(0.05), math.log(10.0)),
+    "comfort_decel": (math.log(0.05), math.log(20.0)),
+}
+"""Bounds of the means of the logarithms."""
+
+CURVE = ("values", "knots")
+"""Parameters of a curve, which are lists; an effect with a `variable` is one."""
+
+
+class BadModelError(ValueError):
+    """A model file that cannot be used: which file, which key, and what to do."""
+
+
+def write_model(path: str | Path, model: RepairedModel) -> None:
+    """Writes a model, which is checked first; the file appears whole or not at all.
+
+    Raises:
+        BadModelError: The model could not be read back.
+    """
+    plain = asdict(model)
+    content = _plain(
+        {"schema": SCHEMA, **{name: plain[name] for name in ("source", "population", "effects", "baseline")}}
+    )
+    for effect in content["effects"]:
+        if effect["variable"] is None:
+            del effect["variable"]
+    _checked(Path(path), content)
+    with replacing(Path(path)) as unfinished:
+        unfinished.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+
+
+def read_model(path: str | Path) -> RepairedModel:
+    """The model in a file.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        BadModelError: A key is missing, unknown or outside its bounds.
+    """
+    path = Path(path)
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise FileNotFoundError(f"model={path}: there is no such file; `rearl discover` writes model.yaml") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise BadModelError(f"{path} is no YAML: {error}") from error
+    return _checked(path, content)
+
+
+def model_id(path: str | Path) -> str:
+    """Identity of a model file: a hash of its content."""
+    return f"model-{hashlib.sha256(Path(path).read_bytes()).hexdigest()[:12]}"
+
+
+def _plain(value: Any) -> Any:
+    """Dictionaries, lists, texts and Python numbers only."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_plain(part) for part in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+class _Reader:
+    """Parts of a file, each with the name it is complained about by."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def refuse(self, key: str, problem: str) -> BadModelError:
+        return BadModelError(f"{self._path}: {key} {problem}")
+
+    def mapping(self, value: Any, key: str, names: Sequence[str], optional: Sequence[str] = ()) -> dict[str, Any]:
+        """A mapping with exactly these keys."""
+        if not isinstance(value, dict):
+            raise self.refuse(key, f"must be a mapping with {', '.join(names)}, got {value!r}")
+        for name in value:
+            if name not in (*names, *optional):
+                known = (*names, *optional)
+                raise self.refuse(f"{key}.{name}", f"is no key; nearest: {nearest(str(name), known)}")
+        for name in names:
+            if name not in value:
+                raise self.refuse(f"{key}.{name}", "is missing: write it, or let `rearl discover` write the file")
+        return value
+
+    def number(self, value: Any, key: str, low: float, high: float) -> float:
+        """A number within bounds."""
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise self.refuse(key, f"must be a finite number, got {value!r} (YAML wants 1.0e-3, not 1e-3)")
+        if not low <= value <= high:
+            raise self.refuse(key, f"must be within {low:g} and {high:g}, got {value:g}")
+        return float(value)
+
+    def numbers(self, value: Any, key: str, low: float, high: float) -> list[float]:
+        """A list of numbers within bounds."""
+        if not isinstance(value, list) or not value:
+            raise self.refuse(key, f"must be a list of numbers, got {value!r}")
+        return [self.number(item, f"{key}[{place}]", low, high) for place, item in enumerate(value)]
+
+    def text(self, value: Any, key: str) -> str:
+        """A text that says something."""
+        if not isinstance(value, str) or not value:
+            raise self.refuse(key, f"must be a text, got {value!r}")
+        return value
+
+
+def _checked(path: Path, content: Any) -> RepairedModel:
+    reader = _Reader(path)
+    whole = reader.mapping(content, "the file", ("schema", "source", "population", "effects", "baseline"))
+    if whole["schema"] != SCHEMA:
+        raise reader.refuse(
+            "schema", f"is {whole['schema']!r}, but this version reads {SCHEMA}: write the model again with it"
+        )
+    names = [item.name for item in fields(Source)]
+    source = reader.mapping(whole["source"], "source", names)
+    population, baseline = (_population(reader, whole[name], name) for name in ("population", "baseline"))
+    if population.keys() != baseline.keys():
+        raise reader.refuse("baseline", f"must have the classes of population: {', '.join(population)}")
+    for kind, drivers in population.items():
+        for name in ("share", "length", "length_sd"):
+            if getattr(drivers, name) != getattr(baseline[kind], name):
+                raise reader.refuse(f"baseline.{kind}.{name}", f"must equal population.{kind}.{name}: same vehicles")
+    if not isinstance(whole["effects"], list):
+        raise reader.refuse("effects", f"must be a list, [] for none, got {whole['effects']!r}")
+    effects = [_effect(reader, value, f"effects[{place}]") for place, value in enumerate(whole["effects"])]
+    called = [(effect.name, effect.variable) for effect in effects]
+    for place, name in enumerate(called):
+        if name in called[:place]:
+            raise reader.refuse(f"effects[{place}].name", f"{name[0]} is there twice: write each effect once")
+    return RepairedModel(
+        Source(**{name: reader.text(source[name], f"source.{name}") for name in names}),
+        population,
+        baseline,
+        tuple(effects),
+    )
+
+
+def _population(reader: _Reader, value: Any, key: str) -> dict[str, DriverClass]:
+    classes = reader.mapping(value, key, (CAR,), (TRUCK,))
+    found = {name: _drivers(reader, part, f"{key}.{name}") for name, part in classes.items()}
+    total = sum(drivers.share for drivers in found.values())
+    if abs(total - 1) > 1e-6:
+        raise reader.refuse(key, f"has shares with the sum {total:g}: they must add up to 1")
+    return {name: found[name] for name in (CAR, TRUCK) if name in found}
+
+
+def _drivers(reader: _Reader, value: Any, key: str) -> DriverClass:
+    part = reader.mapping(value, key, [item.name for item in fields(DriverClass)])
+    means = reader.mapping(part["log_mean"], f"{key}.log_mean", PARAMETERS)
+    mean = {name: reader.number(means[name], f"{key}.log_mean.{name}", *LOG_RANGES[name]) for name in PARAMETERS}
+    name, rows = f"{key}.log_covariance", part["log_covariance"]
+    if not isinstance(rows, list) or len(rows) != len(PARAMETERS):
+        raise reader.refuse(name, f"must have {len(PARAMETERS)} rows, in the order {', '.join(PARAMETERS)}")
+    covariance = [reader.numbers(row, f"{name}[{place}]", -25.0, 25.0) for place, row in enumerate(rows)]
+    if {len(row) for row in covariance} != {len(PARAMETERS)}:
+        raise reader.refuse(name, f"must have {len(PARAMETERS)} columns, in the order {', '.join(PARAMETERS)}")
+    matrix = np.array(covariance)
+    if not np.allclose(matrix, matrix.T, atol=1e-9) or np.linalg.eigvalsh(matrix).min() < -1e-9:
+        raise reader.refuse(name, "must be symmetric and positive semidefinite, as a covariance is")
+    others = {item: reader.number(part[item], f"{key}.{item}", *bounds) for item, bounds in RANGES.items()}
+    return DriverClass(log_mean=mean, log_covariance=covariance, **others)
+
+
+def _effect(reader: _Reader, value: Any, key: str) -> EffectValues:
+    part = reader.mapping(value, key, ("name", "parameters"), ("variable",))
+    name = part["name"]
+    if name not in EFFECTS:
+        known = ", ".join(EFFECTS)
+        raise reader.refuse(f"{key}.name", f"is {name!r}; nearest: {nearest(str(name), EFFECTS)}; effects: {known}")
+    kind = EFFECTS[name]
+    given = reader.mapping(part["parameters"], f"{key}.parameters", [item.name for item in kind.parameters])
+    is_curve = "variable" in {item.name for item in fields(kind)}
+    parameters = {}
+    for item in kind.parameters:
+        read = reader.numbers if is_curve and item.name in CURVE else reader.number
+        parameters[item.name] = read(given[item.name], f"{key}.parameters.{item.name}", item.low, item.high)
+    variable = part.get("variable")
+    if is_curve:
+        _check_curve(reader, parameters, variable, key)
+    elif variable is not None:
+        raise reader.refuse(f"{key}.variable", f"means nothing to {name}: leave it out")
+    return EffectValues(name, parameters, variable)
+
+
+def _check_curve(reader: _Reader, parameters: dict[str, Any], variable: Any, key: str) -> None:
+    if variable not in VARIABLES:
+        raise reader.refuse(f"{key}.variable", f"is {variable!r}, but must be one of {', '.join(VARIABLES)}")
+    knots = np.array(parameters["knots"])
+    steps = np.diff(knots)
+    if len(knots) < 2 or len(knots) != len(parameters["values"]):
+        raise reader.refuse(f"{key}.parameters.knots", "must be at least two, as many as values")
+    if steps.min() <= 0 or not np.allclose(steps, steps[0], rtol=1e-4):
+        raise reader.refuse(f"{key}.parameters.knots", "must rise in equal steps")

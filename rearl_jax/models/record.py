@@ -1,0 +1,90 @@
+"""A repaired traffic model: the drivers as they were calibrated with and without effects, and the effects.
+
+Plain numbers and texts only, so that a model can be written by hand.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+SCHEMA = 1
+"""Version of the file's layout."""
+
+PARAMETERS = ("desired_speed", "time_gap", "jam_gap", "max_accel", "comfort_decel")
+"""Parameters of a driver, in the order of every covariance; units as of `core.gap_idm.FollowingParams`."""
+
+CAR, TRUCK = "car", "truck"
+
+
+@dataclass(frozen=True)
+class DriverClass:
+    """Drivers of one class of vehicles. Their parameters are log-normal.
+
+    Attributes:
+        share: Of all vehicles [-].
+        log_mean: Mean of the logarithm of each of `PARAMETERS`, by name.
+        log_covariance: Covariance of these logarithms, rows and columns in the order of `PARAMETERS`.
+        noise_sd: Standard deviation of the acceleration that no model explains [m/s^2].
+        noise_time: Its correlation time [s].
+        length: Mean length of the vehicles [m].
+        length_sd: Its standard deviation [m].
+    """
+
+    share: float
+    log_mean: Mapping[str, float]
+    log_covariance: Sequence[Sequence[float]]
+    noise_sd: float
+    noise_time: float
+    length: float
+    length_sd: float
+
+
+@dataclass(frozen=True)
+class EffectValues:
+    """An effect with its numbers.
+
+    Attributes:
+        name: One of `core.effects.EFFECTS`.
+        parameters: Values of all its parameters, by name; a list for a curve.
+        variable: What a curve depends on, as of `dependence`; None for effects that are no curves.
+    """
+
+    name: str
+    parameters: Mapping[str, float | Sequence[float]]
+    variable: str | None = None
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a model comes from.
+
+    Attributes:
+        data_id: Identity of the recordings it was calibrated on.
+        study: Name of the study.
+        code_version: Version of the code.
+    """
+
+    data_id: str
+    study: str
+    code_version: str
+
+
+@dataclass(frozen=True)
+class RepairedModel:
+    """A traffic model that was repaired by effects.
+
+    Attributes:
+        source: Where it comes from.
+        population: Drivers by class, `car` and perhaps `truck`, calibrated together with the effects.
+        effects: What acts on them beyond car following.
+        baseline: The same drivers calibrated without effects; classes, shares and lengths as in `population`.
+    """
+
+    source: Source
+    population: Mapping[str, DriverClass]
+    baseline: Mapping[str, DriverClass]
+    effects: Sequence[EffectValues] = field(default_factory=tuple)
+
+
+def diagonal(log_sd: Mapping[str, float]) -> list[list[float]]:
+    """Covariance of independent parameters, from the standard deviations of their logarithms by name."""
+    return [[log_sd[row] ** 2 if row == column else 0.0 for column in PARAMETERS] for row in PARAMETERS]

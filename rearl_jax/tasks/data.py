@@ -1,0 +1,74 @@
+"""Tasks that read recordings and say what is in them."""
+
+from rearl_jax.tasks.task import Task
+
+DATA = (
+    Task(
+        words="prepare",
+        run="rearl_jax.data.prepare:run",
+        config="rearl_jax.config:PrepareTask",
+        summary="read recordings, check them, write canonical tables and scenes",
+        description=(
+            "Reads trajectory recordings (highD family, NGSIM tables, OpenACC, canonical tables, the shipped "
+            "US-101 set), checks every row, converts units once and writes canonical Parquet tables and 60 s "
+            "scenes. data=generated first writes new recordings in the highD three-file format."
+        ),
+        examples=(
+            "rearl prepare",
+            "rearl prepare data=highd data.root=/data/highD study=highd",
+            "rearl prepare data=generated study=generated generator.n_recordings=4",
+        ),
+    ),
+    Task(
+        words="cluster",
+        run="rearl_jax.clustering.task:run",
+        config="rearl_jax.config:ClusterTask",
+        summary="cluster tracks and scenes and pick representative scenes",
+        description=(
+            "Clusters all tracks by speed, position and spacing under the Frechet distance ((k,l)-clustering), "
+            "scenes by the shares of these clusters (k-means), and picks the representative scenes that "
+            "detection uses. bo.enabled=true first searches k, l and the iterations. Prints a table, writes "
+            "Parquet and figures."
+        ),
+        examples=(
+            "rearl cluster",
+            "rearl cluster data=highd data.root=/data/highD study=highd_clusters",
+            "rearl cluster bo.enabled=true bo.n_calls=100 study=search",
+        ),
+    ),
+    Task(
+        words="discover",
+        run="rearl_jax.discovery.task:run",
+        config="rearl_jax.config:DiscoverTask",
+        summary="find out what the traffic model lacks in measured trajectories",
+        description=(
+            "Calibrates every driver, looks at what the model cannot predict, tells which effect or which fault of the "
+            "measurement that comes from, adds it, checks it on other drivers and reports the error before and after "
+            "on drivers that took no part. A killed study goes on where it was. Prints the verdict, writes it as "
+            "verdict.json, the repaired model as model.yaml, Parquet, figures and one HTML page."
+        ),
+        examples=(
+            "rearl discover",
+            "rearl discover data=highd data.root=/data/highD study=highd_effects",
+            "rearl discover data.root=FOLDER data.format=highd study=NAME",
+            "rearl evaluate model=results/highd_effects/model.yaml",
+        ),
+        x64=True,
+    ),
+    Task(
+        words="discover blind",
+        run="rearl_jax.blind.task:run",
+        config="rearl_jax.config:DiscoverBlindTask",
+        summary="what discovery is worth: hidden effects it has to find",
+        description=(
+            "Generates data sets with hidden effects and artefacts from an independent generator and from SUMO, seals "
+            "what is hidden, runs discovery on each and scores it. A killed study goes on where it was. Prints tables, "
+            "writes Parquet, figures and one HTML page."
+        ),
+        examples=(
+            "rearl discover blind",
+            "rearl discover blind blind.size=full blind.oracle=true study=blind_full results.resume=true",
+        ),
+        x64=True,
+    ),
+)

@@ -1,0 +1,29 @@
+"""Where the files lie that come with the package: configuration and sweeps."""
+
+from pathlib import Path
+
+
+def conf_dir() -> Path:
+    """The folder of the configuration files: inside the package in a wheel, beside it in a checkout.
+
+    Raises:
+        FileNotFoundError: Neither exists, the installation is incomplete.
+    """
+    return _beside("conf")
+
+
+def sweeps_dir() -> Path:
+    """The folder of the sweep files, which lies where `conf_dir` does.
+
+    Raises:
+        FileNotFoundError: There is none, the installation is incomplete.
+    """
+    return _beside("sweeps")
+
+
+def _beside(name: str) -> Path:
+    package = Path(__file__).resolve().parents[1]
+    for folder in (package / name, package.parent / name):
+        if folder.is_dir():
+            return folder
+    raise FileNotFoundError(f"{package / name} is missing: incomplete installation, install again")

@@ -1,0 +1,82 @@
+"""Tasks that put results beside the paper's tables and figures."""
+
+from rearl_jax.tasks.task import Task
+
+STUDIES = (
+    Task(
+        words="study table1",
+        run="rearl_jax.study.table1:run",
+        config="rearl_jax.config:StudyTable1Task",
+        summary="the methods beside each other and beside the paper's Table 1",
+        description=(
+            "Evaluates every row (base, PPO, CRITICAL, the closed loop with its controls, with table1.llm=true a "
+            "language model) as `rearl evaluate` does, each in a folder of its own below rows/, and puts them beside "
+            "the figures of the paper, with what differs between the two. A killed study goes on where it was. Prints "
+            "the table and what follows from it, writes Parquet, a figure and one HTML page."
+        ),
+        examples=(
+            "rearl study table1",
+            "rearl study table1 table1.rows=[base,matcher_rank,idle] study=three",
+            "rearl study table1 data=highd data.root=/data/highD study=highd_table1",
+            "rearl study table1 table1.llm=true decision.server=http://HOST:8000/v1 table1.llm_interval=1",
+        ),
+    ),
+    Task(
+        words="study table3",
+        run="rearl_jax.study.table3:run",
+        config="rearl_jax.config:StudyTable3Task",
+        summary="the threshold pairs beside the paper's Table 3",
+        description=(
+            "Runs `rearl sweep thresholds` in the folder sweep/ and puts thresholds, best pair and Pareto set beside "
+            "what is known of the paper's. Prints a table, writes Parquet, a figure and one HTML page."
+        ),
+        examples=("rearl study table3", "rearl study table3 data=highd data.root=/data/highD study=highd_table3"),
+    ),
+    Task(
+        words="study table4",
+        run="rearl_jax.study.table4:run",
+        config="rearl_jax.config:StudyTable4Task",
+        summary="the time of ten consecutive decisions beside the paper's Table 4",
+        description=(
+            "Measures ten consecutive decision steps as `rearl bench loop` does, one scenario and many at a time, "
+            "detection and decision apart, and puts them beside the paper's inference times. Reads no data: the "
+            "references are synthetic. Prints a table, writes Parquet, a figure and one HTML page."
+        ),
+        examples=("rearl study table4", "rearl study table4 table4.llm=true decision.server=http://HOST:8000/v1"),
+    ),
+    Task(
+        words="study fig6",
+        run="rearl_jax.study.fig6:run",
+        config="rearl_jax.config:StudyFig6Task",
+        summary="the errors of the methods second by second, as in the paper's Fig. 6",
+        description=(
+            "Evaluates the rows of Table 1 and shows Hellinger distance and spacing error of every row second by "
+            "second, beside base and real against real. table1.kept_in=study_table1 uses the rows that `rearl study "
+            "table1` has evaluated. Prints a table, writes Parquet, a figure and one HTML page."
+        ),
+        examples=("rearl study fig6", "rearl study fig6 table1.kept_in=study_table1"),
+    ),
+    Task(
+        words="study fig7",
+        run="rearl_jax.study.fig7:run",
+        config="rearl_jax.config:StudyFig7Task",
+        summary="the errors of base and their percentiles, as in the paper's Fig. 7",
+        description=(
+            "Simulates base on the threshold scenes and shows the distributions of Hellinger distance and spacing "
+            "error with the percentiles that become thresholds, beside the paper's. Prints a table, writes Parquet, a "
+            "figure and one HTML page."
+        ),
+        examples=("rearl study fig7", "rearl study fig7 mape.definition=C"),
+    ),
+    Task(
+        words="study fig8",
+        run="rearl_jax.study.fig8:run",
+        config="rearl_jax.config:StudyFig8Task",
+        summary="the clusters of scenes and their representatives, as in the paper's Fig. 8",
+        description=(
+            "Runs `rearl cluster` in the folder cluster/ and shows the scenes on a t-SNE map with clusters and "
+            "representatives, beside the paper's numbers. Prints a table, writes Parquet, figures and one HTML page."
+        ),
+        examples=("rearl study fig8", "rearl study fig8 data=highd data.root=/data/highD study=highd_fig8"),
+    ),
+)

@@ -1,0 +1,55 @@
+"""One task of `rearl`: its words, what it does, where its function and its configuration record are.
+
+Standard library only.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Task:
+    """One task. `run`, `config` and `collect` are addresses `module:name`; the function takes the record.
+
+    `collect` puts the cells of a multirun together: it takes the record with what all cells share, and for each cell
+    the values of the swept keys. `implied` names overrides that keys of a group imply.
+    """
+
+    words: str
+    run: str
+    config: str
+    summary: str
+    description: str
+    examples: tuple[str, ...]
+    x64: bool = False
+    collect: str | None = None
+    implied: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def config_name(self) -> str:
+        """Name of the task's file in conf/ without its ending, `bench core` -> `bench_core`."""
+        return self.words.replace(" ", "_")
+
+    def load_config(self) -> type:
+        """The class of the task's configuration record."""
+        return _load(self.config)
+
+    def defaults(self) -> Any:
+        """The configuration record with every key at its default."""
+        return self.load_config()()
+
+    def load_run(self) -> Callable[[Any], dict]:
+        """The function of the task; importing it imports JAX and whatever else the task needs."""
+        return _load(self.run)
+
+    def load_collect(self) -> Callable[[Any, list[dict[str, str]]], None]:
+        """The function that puts cells together."""
+        assert self.collect is not None
+        return _load(self.collect)
+
+
+def _load(address: str) -> Any:
+    module, _, name = address.partition(":")
+    return getattr(import_module(module), name)

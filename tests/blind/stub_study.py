@@ -1,0 +1,57 @@
+"""The blind study with a stub in the place of discovery, as a process of its own.
+
+`python -m tests.blind.stub_study ROOT [DIE_AFTER]`: kills itself with SIGKILL inside that data set.
+"""
+
+import os
+import signal
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rearl_jax.blind.task import run_with
+from rearl_jax.config import ResultsConfig
+from rearl_jax.config._key import key
+from rearl_jax.config.blind import BlindConfig
+
+
+@dataclass(unsafe_hash=True)
+class StubTask:
+    """The task with the groups the study itself reads."""
+
+    study: str = key("blind", "name")
+    results: ResultsConfig = key(ResultsConfig, "results")
+    blind: BlindConfig = key(BlindConfig, "blind")
+
+
+def task(root: Path, **blind) -> StubTask:
+    """The small study with a master seed."""
+    return StubTask(results=ResultsConfig(str(root)), blind=replace(BlindConfig(seed=11), **blind))
+
+
+class Stub:
+    """Names what the length of the first file says, and counts how often it is asked."""
+
+    def __init__(self, log: Path, die_after: int | None = None) -> None:
+        self.log, self.die_after = log, die_after
+
+    def __call__(self, folder: Path, study: str, oracle: str | None = None) -> dict:
+        """A verdict that depends on the data only."""
+        files = sorted(folder.iterdir())
+        assert len(files) == 3
+        with self.log.open("a") as log:
+            log.write(f"{folder.name} {oracle}\n")
+        if self.die_after is not None and len(self.log.read_text().splitlines()) > self.die_after:
+            os.kill(os.getpid(), signal.SIGKILL)
+        name = ("grade", "reaction_delay", None)[files[0].stat().st_size % 3]
+        effects = [] if name is None else [{"name": name, "kind": "driver", "parameters": {}, "confidence": 0.9}]
+        error = {"measure": "m", "before": 3.0, "after": 2.0, "floor": None, "oracle": 1.0 if oracle else None}
+        return {
+            "verdict": "named" if effects else "nothing", "effects": effects, "candidates": [],
+            "error": error | {"n_drivers": 36}, "data": {}, "seconds": 0.1,
+        }  # fmt: skip
+
+
+if __name__ == "__main__":
+    root = Path(sys.argv[1])
+    run_with(task(root), Stub(root / "asked.txt", int(sys.argv[2]) if len(sys.argv) > 2 else None))

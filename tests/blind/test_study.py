@@ -1,0 +1,233 @@
+"""The order of a blind study, that nothing leaks, and that it can be killed at any time."""
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from rearl_jax.blind.cases import list_cases
+from rearl_jax.blind.rounds import judge_cases, open_study, run_cases
+from rearl_jax.blind.sealing import open_protocol, open_truth
+from rearl_jax.blind.task import run_with
+from rearl_jax.config.blind import BlindConfig, StudySize
+from rearl_jax.results import config_hash
+from tests.blind.stub_study import Stub, task
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def silent(done, total):
+    pass
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """Folder of a finished study and what was asked."""
+    root = tmp_path_factory.mktemp("results")
+    summary = run_with(task(root), Stub(root / "asked.txt"))
+    return root, summary
+
+
+def test_a_study_writes_everything(finished):
+    root, summary = finished
+    folder = root / "blind"
+    assert summary["n_cases"] == 6
+    names = {"cases", "scores", "strengths", "parameters", "calibration", "confusion"}
+    assert {f"{name}.parquet" for name in names} <= {path.name for path in folder.iterdir()}
+    cases = pd.read_parquet(folder / "cases.parquet")
+    assert sorted(cases["variant"]) == ["default", "grade", "lens", "rain", "reaction_delay", "reaction_delay+grade"]
+    stored = json.loads((folder / "summary.json").read_text())
+    assert stored["generated"] is True
+    assert {row["name"] for row in stored["scores"]} >= {"identified", "control_false", "artefact_as_effect"}
+    assert stored["oracle_share"] is None
+    page = (folder / "page.html").read_text()
+    assert "How it was kept blind" in page
+    assert "Generated recordings" in page
+    for name in ("confusion.png", "strengths.png"):
+        assert (folder / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_truth_is_sealed(finished):
+    root, summary = finished
+    folder = root / "blind"
+    protocol = json.loads((folder / "protocol.json").read_text())
+    content = (folder / "truth.json").read_bytes()
+    assert hashlib.sha256(content).hexdigest() == protocol["truth_sha256"] == summary["truth_sha256"]
+    assert protocol["code_hash"] == json.loads((folder / "summary.json").read_text())["code_hash"]
+    assert protocol["seed_drawn"] is False
+
+
+def test_each_data_set_was_asked_for_once_and_the_data_are_gone(finished):
+    root, _ = finished
+    asked = (root / "asked.txt").read_text().split("\n")[:-1]
+    assert len(asked) == len(set(asked)) == 6
+    assert all(line.endswith(" None") for line in asked)
+    assert not (root / "blind" / "data").exists()
+
+
+def test_discovery_needs_no_truth(tmp_path):
+    """The truth file is taken away while discovery runs; only the scorer misses it."""
+    config = task(tmp_path)
+    folder = tmp_path / "blind"
+    folder.mkdir()
+    protocol, cases = open_study(folder, config_hash(config), config.blind, silent)
+    sealed = (folder / "truth.json").read_bytes()
+    (folder / "truth.json").unlink()
+    seen = []
+
+    def discover(data, study, oracle=None):
+        seen.append((data.name, study, oracle, {path.suffix for path in data.iterdir()}))
+        assert list(data.rglob("*.json")) == []
+        return Stub(tmp_path / "asked.txt")(data, study, oracle)
+
+    run_cases(folder, "blind", cases[:2], discover, config.blind, silent)
+    assert len(seen) == 2
+    for data, study, oracle, suffixes in seen:
+        assert int(data, 16) >= 0
+        assert study == f"blind/runs/{data}"
+        assert oracle is None
+        assert suffixes == {".parquet"}
+    with pytest.raises(FileNotFoundError):
+        judge_cases(folder, protocol, cases[:2])
+    (folder / "truth.json").write_bytes(sealed.replace(b"grade", b"weather"))
+    with pytest.raises(ValueError, match="was changed after it was sealed"):
+        open_truth(folder, protocol)
+
+
+def test_code_is_written_down_before_a_seed_is_drawn(tmp_path, monkeypatch):
+    from rearl_jax.blind import sealing
+
+    def draw(bits):
+        stored = json.loads((tmp_path / "protocol.json").read_text())
+        assert stored["code_hash"] == sealing.code_hash()
+        assert stored["master_seed"] is None
+        return 77
+
+    monkeypatch.setattr(sealing.secrets, "randbits", draw)
+    protocol, goes_on = open_protocol(tmp_path, "c", None)
+    assert (protocol.master_seed, protocol.seed_drawn, goes_on) == (77, True, False)
+    again, _ = open_protocol(tmp_path, "c", None)
+    assert again == protocol
+    other, goes_on = open_protocol(tmp_path, "another configuration", 5)
+    assert (other.master_seed, other.seed_drawn, goes_on) == (5, False, False)
+
+
+def test_a_killed_study_goes_on_where_it_was(tmp_path, finished):
+    whole, _ = finished
+
+    def run(*words):
+        command = [sys.executable, "-m", "tests.blind.stub_study", str(tmp_path), *words]
+        return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300, env=os.environ)
+
+    assert run("3").returncode == -signal.SIGKILL
+    assert len(list((tmp_path / "blind" / "verdicts").iterdir())) == 3
+    done = run()
+    assert done.returncode == 0, done.stderr
+    asked = (tmp_path / "asked.txt").read_text().splitlines()
+    assert len(asked) == 7  # the fourth twice: it had no verdict yet
+    assert len(set(asked)) == 6
+    for name in ("cases", "scores", "confusion"):
+        ours, theirs = (pd.read_parquet(root / "blind" / f"{name}.parquet") for root in (tmp_path, whole))
+        pd.testing.assert_frame_equal(ours, theirs)
+
+
+def test_a_data_set_that_discovery_stumbles_over_is_counted(tmp_path):
+    def discover(data, study, oracle=None):
+        raise ValueError("too few drivers")
+
+    summary = run_with(task(tmp_path, sets="named"), discover)
+    assert summary["n_failed"] == summary["n_cases"] == 2
+    cases = pd.read_parquet(tmp_path / "blind" / "cases.parquet")
+    assert set(cases["message"]) == {"ValueError: too few drivers"}
+
+
+def test_the_oracle_is_asked_after_the_verdict(tmp_path):
+    config = task(tmp_path, sets="named", oracle=True)
+    stub = Stub(tmp_path / "asked.txt")
+
+    def discover(data, study, oracle=None):
+        if oracle is not None:
+            assert (tmp_path / "blind" / "verdicts" / f"{data.name}.json").is_file()
+        return stub(data, study, oracle)
+
+    summary = run_with(config, discover)
+    assert sorted(line.split()[1] for line in stub.log.read_text().splitlines()) == [
+        "None",
+        "None",
+        "grade",
+        "reaction_delay",
+    ]
+    assert summary["n_oracles"] == 2
+    assert summary["oracle_share"] == pytest.approx((9 - 4) / (9 - 1))
+
+
+def test_sets_are_as_large_as_the_study_needs():
+    cases = list_cases(BlindConfig(size=StudySize.full), 1)
+    by_set = pd.Series([case.group for case in cases]).value_counts()
+    assert by_set["control"] >= 100
+    singles = {case.variant for case in cases if case.group in ("named", "artefact")}
+    assert len(singles) >= 20
+    repeats = pd.Series([case.variant for case in cases if case.group in ("named", "artefact")]).value_counts()
+    assert repeats.min() >= 10
+    assert len({case.variant for case in cases if case.group == "two"}) >= 10
+    assert (
+        by_set[["half", "half_four_times", "quarter", "double", "unlisted", "confusable", "cancelling", "sumo"]].min()
+        >= 10
+    )
+    assert len({case.name for case in cases}) == len(cases) == len({case.seed for case in cases})
+    assert [case.name for case in cases] != sorted(case.name for case in cases)
+
+
+def test_another_master_seed_is_another_study_in_another_order():
+    one, same, other = (list_cases(BlindConfig(), seed) for seed in (1, 1, 2))
+    assert one == same
+    assert not {case.name for case in one} & {case.name for case in other}
+
+
+def test_every_data_set_of_the_full_study_can_be_asked_for():
+    for case in list_cases(BlindConfig(size=StudySize.full), 3):
+        assert case.scenario.seed == case.seed
+    with pytest.raises(ValueError, match="selects none of control, named, artefact, unlisted, two"):
+        list_cases(BlindConfig(sets="no such set"), 1)
+
+
+@pytest.mark.parametrize(("keys", "message"), [({"seed": -1}, "seed"), ({"sets": ""}, "sets")])
+def test_wrong_keys_are_refused(keys, message):
+    with pytest.raises(ValueError, match=message):
+        BlindConfig(**keys).check()
+
+
+def test_discovery_gets_a_folder_and_nothing_else(tmp_path, monkeypatch):
+    from types import SimpleNamespace
+
+    from rearl_jax.blind import task as module
+
+    asked = []
+
+    def carry_out(record):
+        asked.append(record)
+        print("a table")
+        return {"verdict": "nothing"}
+
+    homes = {
+        "rearl_jax.config": SimpleNamespace(DiscoverTask=SimpleNamespace),
+        "rearl_jax.discovery.task": SimpleNamespace(run=carry_out),
+    }
+    monkeypatch.setattr(module, "import_module", homes.__getitem__)
+    config = task(tmp_path)
+    config.discover = BlindConfig()  # any record
+    monkeypatch.setattr(module, "replace", lambda record, **changes: changes)
+    discover = module.discovery_of(config)
+    assert discover(tmp_path / "data", "blind/runs/x") == {"verdict": "nothing"}
+    assert discover(tmp_path / "data", "blind/oracles/x", "grade") == {"verdict": "nothing"}
+    first, second = asked
+    assert (first.study, first.data.format.name, first.data.root) == ("blind/runs/x", "table", str(tmp_path / "data"))
+    assert first.discover == {"oracle": None}
+    assert second.discover == {"oracle": "grade"}
+    assert vars(first).keys() == {"study", "results", "data", "discover"}

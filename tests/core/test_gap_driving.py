@@ -1,0 +1,120 @@
+"""Drivers who follow on the gap between bumpers: symmetries of their traffic, and what decisions do to them."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rearl_jax.core import neighbours
+from rearl_jax.core.effects import EFFECTS
+from rearl_jax.core.effects.noise import AccelerationNoise
+from rearl_jax.core.gap_driving import begin_driving
+from rearl_jax.core.gap_idm import FollowingParams
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.rollout import rollout
+from rearl_jax.core.state import Controller, make_state
+from rearl_jax.core.step import tick
+from tests.core.simulation import default_drivers
+
+MODEL = TrafficModel(n_lanes=3, ticks_per_second=10, speed_limit=32.0)
+N_VEHICLES, N_SCENARIOS, N_SECONDS = 7, 6, 10
+PRESENT = slice(None, N_VEHICLES)
+
+
+def traffic(n_slots, dtype=np.float64, controller=Controller.IDM, rng_seed=0):
+    """Random traffic in the first slots, nobody in the others; drivers with an effect of each kind."""
+    rng = np.random.default_rng(rng_seed)
+    shape = (N_VEHICLES, N_SCENARIOS)
+
+    def padded(values, filling):
+        return np.concatenate([values, np.full((n_slots - N_VEHICLES, N_SCENARIOS), filling)])
+
+    x = np.cumsum(rng.uniform(8.0, 18.0, shape), axis=0)
+    y = rng.integers(0, 3, shape) * 4.0
+    speed = rng.uniform(14.0, 26.0, shape)
+    kinds = padded(np.full(shape, int(controller)), int(Controller.ABSENT)).astype(np.int32)
+    state = make_state(padded(x, 0.0), padded(y, 0.0), padded(speed, 0.0), MODEL, controller=kinds, dtype=dtype)
+    own = [padded(rng.uniform(low, high, shape), low) for low, high in RANGES]
+    following = FollowingParams(*(jnp.asarray(values, dtype) for values in own))
+    drivers = default_drivers((n_slots, N_SCENARIOS), dtype, accel_limit=9.0, length=padded(np.full(shape, 4.5), 4.5))
+    seed = jnp.arange(N_SCENARIOS, dtype=jnp.int32)[None]
+    effects = (
+        EFFECTS["reaction_delay"](jnp.asarray(0.3, dtype)),
+        EFFECTS["several_leaders"](jnp.asarray(0.3, dtype), jnp.asarray(0.5, dtype)),
+        EFFECTS["lane_friction"](jnp.asarray(0.5, dtype), jnp.asarray(5.0, dtype)),
+        AccelerationNoise(jnp.asarray(0.2, dtype), jnp.asarray(1.5, dtype), seed),
+        EFFECTS["politeness"](jnp.asarray(0.3, dtype)),
+        EFFECTS["cooperation"](jnp.asarray(0.8, dtype), jnp.asarray(2.0, dtype)),
+    )
+    return state, replace(drivers, following=following, effects=effects)
+
+
+RANGES = ((20.0, 31.0), (0.8, 1.8), (2.0, 3.0), (1.0, 2.0), (1.5, 2.5))
+
+
+def simulate(state, drivers, model=MODEL):
+    run = jax.jit(lambda state, drivers: rollout(begin_driving(state, drivers, model), drivers, model, n_seconds=10))
+    return jax.tree.map(np.asarray, run(state, drivers)[1])
+
+
+@pytest.fixture(scope="module")
+def small():
+    return simulate(*traffic(N_VEHICLES))
+
+
+def test_traffic_has_what_the_symmetries_are_about(small):
+    assert (np.diff(small.lane, axis=0) != 0).sum() > 5
+    assert np.isfinite(small.x).all()
+    assert small.speed.min() >= -1e-9  # nobody drives backwards
+    assert small.crashed.mean() < 0.2
+
+
+def test_absent_vehicles_and_the_sorted_road_change_nothing(small):
+    large = neighbours.LARGEST_SMALL_TRAFFIC + 1
+    found = simulate(*traffic(large))
+    for name in ("x", "y", "speed", "acceleration"):
+        np.testing.assert_allclose(getattr(found, name)[:, PRESENT], getattr(small, name), rtol=1e-8, atol=1e-8)
+    np.testing.assert_array_equal(found.lane[:, PRESENT], small.lane)
+
+
+@pytest.mark.slow  # a program of its own
+def test_single_precision_stays_near(small):
+    found = simulate(*traffic(N_VEHICLES, np.float32))
+    assert found.x.dtype == np.float32
+    assert np.isfinite(found.x).all()
+    # Noise differs with the type; positions do not part in the first second.
+    assert np.abs(found.x[0] - small.x[0]).max() < 1.0
+
+
+def test_vehicles_under_decisions_keep_their_distance_by_the_same_rules():
+    model = replace(MODEL, meta_follows=True, lane_changes=False)
+    state, drivers = traffic(N_VEHICLES, controller=Controller.META)
+    drivers = replace(drivers, effects=())
+    after = jax.jit(lambda state: tick(begin_driving(state, drivers, model), drivers, model))(state)
+    unhindered = (state.desired_speed - state.speed) / 0.6
+    assert (np.asarray(after.acceleration) <= np.asarray(unhindered) + 1e-12).all()
+    assert (np.asarray(after.acceleration) < np.asarray(unhindered) - 0.1).any()
+    np.testing.assert_array_equal(after.desired_speed, state.desired_speed)  # decided, not the driver's
+
+
+def test_a_driver_without_memory_is_refused():
+    state, drivers = traffic(N_VEHICLES)
+    with pytest.raises(ValueError, match="begin_driving"):
+        tick(state, drivers, MODEL)
+
+
+@pytest.mark.slow  # a minute of compiling
+def test_gradients_of_a_rollout_are_finite_and_right():
+    state, drivers = traffic(N_VEHICLES)
+    model = replace(MODEL, lane_changes=False, collisions=False)
+
+    def loss(gain):
+        changed = replace(drivers, effects=(EFFECTS["grade"](gain, jnp.asarray(0.0), jnp.asarray(1e4)),))
+        return jnp.sum(rollout(begin_driving(state, changed, model), changed, model, n_seconds=3)[1].x) / 100
+
+    value, slope = jax.jit(jax.value_and_grad(loss))(jnp.asarray(0.1))
+    ends = [float(jax.jit(loss)(jnp.asarray(0.1 + step))) for step in (-1e-5, 1e-5)]
+    assert np.isfinite(value)
+    assert float(slope) == pytest.approx((ends[1] - ends[0]) / 2e-5, rel=1e-5)

@@ -1,0 +1,118 @@
+"""`rearl evaluate model=...`: four rows from the same initial states, their interventions, and what names the model."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.models.drivers import GAIN, model
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    from rearl_jax.models.file import write_model
+
+    path = tmp_path_factory.mktemp("model") / "model.yaml"
+    write_model(path, model(GAIN))
+    return str(path)
+
+
+def config_of(path, **changes):
+    from rearl_jax.config import EvaluateTask
+    from rearl_jax.config.evaluation import EvaluationConfig
+
+    return EvaluateTask(model=path, eval=EvaluationConfig(n_runs=1), **changes)
+
+
+def test_identity_is_that_of_data_and_model(path, tmp_path):
+    from rearl_jax.evaluation.traffic import inputs_id
+    from rearl_jax.models.file import model_id, write_model
+
+    before = inputs_id(config_of(path))
+    assert before.endswith(f", {model_id(path)}")
+    assert inputs_id(config_of(None)) == before.partition(",")[0]
+    changed = tmp_path / "model.yaml"
+    write_model(changed, model())
+    assert inputs_id(config_of(str(changed))) != before
+
+
+def test_drivers_of_their_own_are_refused(path):
+    from rearl_jax.config.evaluation import Method, Variant
+    from rearl_jax.evaluation.traffic import numbers_of
+
+    for method in (Method.ppo, Method.critical):
+        with pytest.raises(ValueError, match=f"method={method.name} has drivers of its own"):
+            numbers_of(config_of(path, method=method, variant=Variant.repaired))
+    with pytest.raises(ValueError, match="variant=all is for rearl evaluate"):
+        numbers_of(config_of(path))
+    assert numbers_of(config_of(None)) is None
+
+
+def test_variants_differ_by_drivers_and_effects_alone(path):
+    from rearl_jax.config.evaluation import Variant
+    from rearl_jax.evaluation.traffic import numbers_of
+
+    with_effects = numbers_of(config_of(path, variant=Variant.repaired))
+    without = numbers_of(config_of(path, variant=Variant.calibrated))
+    assert [effect.name for effect in with_effects.effects] == ["leader_acceleration"]
+    assert without.effects == ()
+    np.testing.assert_array_equal(with_effects.length, without.length)
+    assert (with_effects.mean != without.mean).any()
+
+
+def test_rows_of_table_1_with_a_model(path):
+    from rearl_jax.config import StudyTable1Task
+    from rearl_jax.config.evaluation import Method, Variant
+    from rearl_jax.config.study import Table1Config
+    from rearl_jax.study.rows import chosen_rows, row_record
+
+    names = [row.name for row in chosen_rows(Table1Config(), path)]
+    assert names[-3:] == ["calibrated", "repaired", "repaired_matcher"]
+    assert not {"calibrated", "repaired"} & {row.name for row in chosen_rows(Table1Config())}
+    with pytest.raises(ValueError, match="set model=MODEL.YAML"):
+        chosen_rows(Table1Config(rows=("repaired",)))
+    task = StudyTable1Task(model=path)
+    records = {row.name: row_record(row, task) for row in chosen_rows(Table1Config(), path)}
+    assert records["base"].model is None  # highway-env's
+    assert (records["repaired"].model, records["repaired"].variant) == (path, Variant.repaired)
+    assert records["repaired_matcher"].method is Method.rearl
+
+
+@pytest.mark.slow  # four programs
+def test_four_rows_side_by_side(path, tmp_path, capsys):
+    from rearl_jax.config import ResultsConfig
+    from rearl_jax.evaluation import task
+
+    config = config_of(path, results=ResultsConfig(root=str(tmp_path)))
+    rows = task.run(config)["rows"]
+    names = ["base", "base_effect", "rearl", "rearl_effect"]
+    assert [row["method"] for row in rows][:4] == names
+    folder = tmp_path / "evaluate"
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "rearl + effect: " in printed
+    assert "leader_acceleration (gain 0.5, reach 60)" in printed
+
+    runs = pd.read_parquet(folder / "runs.parquet")
+    assert set(runs["method"]) >= set(names)
+    decisions = pd.read_parquet(folder / "decisions.parquet")
+    for row in rows[2:4]:
+        own = decisions[decisions["method"] == row["method"]]
+        accepted = own[["left", "keep", "right", "faster", "slower"]].to_numpy().sum()
+        assert row["interventions"] == accepted > 0
+        assert row["triggered_seconds"] == own["triggered"].sum()
+        minutes = len(own) * 10 / 60
+        assert row["interventions_per_vehicle_minute"] == pytest.approx(accepted / minutes)
+    assert rows[0]["interventions"] is None
+    # The same initial states: nothing but the drivers' reactions differs in the first second.
+    frames = pd.read_parquet(folder / "frames.parquet").query("frame == 0").set_index(["method", "scene_id"])
+    spacing = [frames.loc[name, "spacing"].to_numpy(float) for name in names]
+    assert np.abs(spacing[0] - spacing[1]).max() < 1.0
+    np.testing.assert_array_equal(spacing[0], spacing[2])
+    np.testing.assert_array_equal(spacing[1], spacing[3])
+    assert "rearl + effect against" in (folder / "page.html").read_text(encoding="utf-8")
+
+    again = replace(config, results=ResultsConfig(root=str(tmp_path), resume=True))
+    stored = json.loads((folder / "summary.json").read_text())
+    assert task.run(again)["rows"] == stored
