@@ -358,6 +358,13 @@ def test_configuration_files_are_found_in_a_wheel_and_in_a_checkout(monkeypatch,
     assert folders.conf_dir() == tmp_path / "site" / "rearl_jax" / "conf"
 
 
+def test_the_longer_of_two_tasks_with_the_same_first_word_is_meant():
+    from rearl_jax.cli import command_line
+
+    assert command_line._task(["discover", "blind", "study=x"]).words == "discover blind"
+    assert command_line._task(["discover", "study=blind"]).words == "discover"
+
+
 @pytest.mark.slow
 def test_wheel_holds_configuration_and_recordings(tmp_path):
     root = Path(__file__).resolve().parents[1]

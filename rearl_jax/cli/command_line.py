@@ -85,7 +85,8 @@ def _parser() -> argparse.ArgumentParser:
 def _task(words: list[str]) -> Task:
     if "=" in words[0]:
         raise UsageError(f"name a task before {words[0]!r}: rearl TASK {words[0]}")
-    for task in tasks.TASKS:
+    # `discover blind` before `discover`.
+    for task in sorted(tasks.TASKS, key=lambda task: -len(task.words.split())):
         if words[: len(task.words.split())] == task.words.split():
             return task
     said = " ".join(word for word in words[:2] if "=" not in word)

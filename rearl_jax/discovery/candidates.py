@@ -108,11 +108,11 @@ class Knots(eqx.Module):
         centre: Mean weight of these knots in the data [-].
     """
 
-    position: Float[Any, " knots"]
-    time: Float[Any, " knots"]
-    lens: Float[Any, " knots"]
-    curve: dict[str, Float[Any, " knots"]]
-    centre: dict[str, Float[Any, " knots"]]
+    position: Float[Any, " position_knots"]
+    time: Float[Any, " time_knots"]
+    lens: Float[Any, " lens_knots"]
+    curve: dict[str, Float[Any, " curve_knots"]]
+    centre: dict[str, Float[Any, " curve_knots"]]
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,6 @@ FURTHEST = 4.0
 
 def following_params(z: Float[Array, "own pieces"], is_truck: Float[Array | np.ndarray, " pieces"]) -> FollowingParams:
     """Car-following parameters of drivers whose standardised parameters are z."""
-    truck = jnp.asarray(is_truck)
+    truck = jnp.asarray(is_truck)[None]
     usual = jnp.log(CAR)[:, None] * (1 - truck) + jnp.log(TRUCK)[:, None] * truck
     return FollowingParams(*jnp.exp(usual + jnp.asarray(SPREAD)[:, None] * z))

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from matplotlib.patches import Patch
 from scipy.stats import norm
 
 from rearl_jax.discovery.drivers import NAMES
@@ -60,8 +61,7 @@ def draw_evidence(
             ("D", BLUE, "none", "gain on other drivers"),
         )
     ]
-    band = axes.barh([], [], color=LIGHT_GREY, label="by chance")
-    handles = [*marks, band]
+    handles = [*marks, Patch(color=LIGHT_GREY, label="by chance")]
     labels = [str(handle.get_label()) for handle in handles]
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=8)
     return png(figure)
@@ -119,13 +119,13 @@ def draw_innovations(left: Mapping[str, Residuals], *, generated: bool) -> bytes
 def draw_parameters(table: pd.DataFrame, *, generated: bool) -> bytes:
     """PNG of the fitted drivers' own parameters; `table` as drivers.parquet."""
     figure, axes = panels(7.2, 2.6, columns=len(NAMES), generated=generated)
-    models = [model for model in COLOURS if (table["model"] == model).any()]
+    models = [model for model in COLOURS if model in set(table["model"])]
     for panel, name in zip(axes, NAMES, strict=True):
         for place, model in enumerate(models):
-            part = table[table["model"] == model].sort_values("driver")
+            part = table.loc[table["model"] == model]
             values = part[name].to_numpy()
             beside = place + 0.5 * (np.argsort(np.argsort(values)) / max(len(values) - 1, 1) - 0.5)
-            truck = part["truck"].to_numpy()
+            truck = part["truck"].to_numpy(bool)
             panel.plot(beside[~truck], values[~truck], "o", color=COLOURS[model], markersize=2.5)
             panel.plot(beside[truck], values[truck], "s", color=COLOURS[model], markersize=4, mfc="none")
             panel.hlines(np.median(values), place - 0.32, place + 0.32, color=DARK_GREY, linewidth=1.2)
@@ -148,7 +148,9 @@ def draw_example(left: Mapping[str, Residuals], errors: Mapping[str, ModelErrors
     seen = np.where(counts[used], gap, np.nan)
     above.plot(time, seen, color=DARK_GREY, linewidth=2.0, label="measured")
     for model, one in left.items():
-        off = np.where(counts, one.gap[:, piece], np.nan)[used]
+        # The simulated gap itself has no measurement noise.
+        noise = one.world.data.y[:, piece] - one.world.data.smooth[:, piece]
+        off = np.where(counts, one.gap[:, piece] - noise, np.nan)[used]
         above.plot(time, seen + off, color=COLOURS[model], linewidth=1.3, label=f"simulated {model}")
         below.plot(
             time, np.where(counts, one.acceleration[:, piece], np.nan)[used], color=COLOURS[model], linewidth=1.2

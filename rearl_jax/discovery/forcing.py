@@ -10,6 +10,7 @@ Source: score test, Rao (1948); partial regression, Frisch & Waugh, Econometrica
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -145,25 +146,31 @@ def added_acceleration(solver: Solver, left: Residuals) -> Float[np.ndarray, "st
     return np.asarray(jax.jit(lambda memory, rows: lax.scan(step, memory, rows)[1])(first, seen), float)
 
 
-@jax.jit
-def _products(rows: Float[Array, "columns moments"]) -> Float[Array, "columns columns"]:
-    """Of all rows with each other: many small ones, which numpy's threads would wait on each other for."""
-    return rows @ rows.T
-
-
-def _voted(columns: np.ndarray, target: np.ndarray, n_own: int, left: Residuals) -> Votes:
+def _voted(
+    columns: Float[np.ndarray, "columns steps pieces"],
+    target: Float[np.ndarray, "steps pieces"],
+    n_own: int,
+    left: Residuals,
+) -> Votes:
     """Products driver by driver, the first `n_own` columns taken out."""
     data = left.world.data
-    p = len(columns) - n_own
-    gram, score, square = np.zeros((data.n_drivers, p, p)), np.zeros((data.n_drivers, p)), np.zeros(data.n_drivers)
-    counts = (data.weight > 0).astype(np.float32)
+    counts, target = (data.weight > 0).astype(np.float32), target.astype(np.float32)
+    found = []
     for driver in range(data.n_drivers):
         pieces = np.flatnonzero(data.driver == driver)
-        w = (columns[:, :, pieces] * counts[:, pieces]).reshape(len(columns), -1)
-        y = (target[:, pieces] * counts[:, pieces]).ravel().astype(np.float32)
-        own, rest = w[:n_own], w[n_own:]
-        size = np.sqrt((own**2).mean(axis=1, keepdims=True)) + 1e-12
-        basis = np.linalg.qr((own / size).T)[0]
-        rest, y = rest - (rest @ basis) @ basis.T, y - basis @ (basis.T @ y)
-        gram[driver], score[driver], square[driver] = _products(rest), rest @ y, y @ y
-    return Votes(gram, score, square, float(square.sum() / max((data.weight > 0).sum(), 1)))
+        rows = (columns[:, :, pieces] * counts[:, pieces]).reshape(len(columns), -1)
+        found.append(_products(rows, (target[:, pieces] * counts[:, pieces]).ravel(), n_own))
+    gram, score, square = (np.stack([np.asarray(one[k], float) for one in found]) for k in range(3))
+    return Votes(gram, score, square, float(square.sum() / max(counts.sum(), 1.0)))
+
+
+@partial(jax.jit, static_argnums=2)
+def _products(
+    rows: Float[Array, "columns moments"], target: Float[Array, " moments"], n_own: int
+) -> tuple[Float[Array, "others others"], Float[Array, " others"], Float[Array, ""]]:
+    """Of the other rows with each other and with the target, and of the target with itself, the own rows taken out."""
+    own, rest = rows[:n_own], rows[n_own:]
+    size = jnp.sqrt(jnp.mean(own**2, axis=1, keepdims=True)) + 1e-12
+    basis = jnp.linalg.qr((own / size).T)[0]
+    rest, target = rest - (rest @ basis) @ basis.T, target - basis @ (basis.T @ target)
+    return rest @ rest.T, rest @ target, target @ target

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from rearl_jax.discovery.atlas import Atlas
 from rearl_jax.discovery.maps import Curve, ranked
@@ -15,7 +16,8 @@ SHOWN = 6
 LEAST_REACH = 0.3
 """Half height of the smallest map [m/s^2]: what is smaller shall look small."""
 
-_ADDED = ":"
+COLUMNS = 3
+"""Maps beside each other."""
 
 
 def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, generated: bool) -> bytes:
@@ -23,28 +25,29 @@ def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, 
 
     Args:
         atlases: `before`, and `after` where something was added.
-        added: Acceleration that was added, at the knots of each variable.
+        added: Acceleration that was added, at the knots of the variables that it depends on.
         generated: Whether the data are no measurements.
     """
     best = shown_maps(atlases)
-    figure, axes = panels(7.2, 2.2 * -(-len(best) // 3) + 0.7, rows=-(-len(best) // 3), columns=3, generated=generated)
+    n_rows = -(-len(best) // COLUMNS)
+    figure, axes = _grid(7.2, 2.2 * n_rows + 0.7, n_rows, COLUMNS, generated=generated)
     reach = max(LEAST_REACH, *(np.abs(curve.value).max() for curve in best)) * 1.15
     for panel, curve in zip(axes, best, strict=False):
-        panel.tick_params(labelbottom=True)
-        panel.sharex(panel)
         _draw(panel, curve, VERMILION, "before")
         name = curve.basis.variable.name
         if "after" in atlases and name in atlases["after"].curves:
             _draw(panel, atlases["after"].curves[name], BLUE, "after")
         if name in added:
-            panel.plot(curve.basis.knots, added[name], _ADDED, color=DARK_GREY, linewidth=1.6, label="what was added")
+            panel.plot(curve.basis.knots, added[name], ":", color=DARK_GREY, linewidth=1.6, label="what was added")
         panel.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
         panel.set_ylim(-reach, reach)
         unit = curve.basis.variable.unit
+        share = next(one.frequency for one in atlases["before"].selected if one.variable == name)
+        panel.set_title(f"selected in {100 * share:.0f} % of the halves", loc="left", fontsize=7, color=DARK_GREY)
         panel.set_xlabel(f"{curve.basis.variable.title} [{unit}]", fontsize=8)
     for panel in axes[len(best) :]:
         panel.set_visible(False)
-    for panel in axes[::3]:
+    for panel in axes[::COLUMNS]:
         panel.set_ylabel("acceleration left [m/s²]", fontsize=8)
     handles = {str(line.get_label()): line for line in axes[0].get_lines() if not str(line.get_label()).startswith("_")}
     figure.legend(
@@ -70,7 +73,7 @@ def _draw(panel: Axes, curve: Curve, colour: str, label: str) -> None:
 def draw_planes(atlases: Mapping[str, Atlas], *, generated: bool) -> bytes:
     """PNG of the maps over two variables: before above, after below."""
     pairs = list(atlases["before"].planes)
-    figure, axes = panels(7.2, 2.9 * len(atlases), rows=len(atlases), columns=len(pairs), generated=generated)
+    figure, axes = _grid(7.2, 2.9 * len(atlases), len(atlases), len(pairs), generated=generated)
     planes = [(model, atlas.planes[pair]) for model, atlas in atlases.items() for pair in pairs]
     reach = max(LEAST_REACH, *(np.nanmax(np.abs(plane.value)) for _, plane in planes if np.isfinite(plane.value).any()))
     mesh = None
@@ -79,9 +82,21 @@ def draw_planes(atlases: Mapping[str, Atlas], *, generated: bool) -> bytes:
         mesh = panel.pcolormesh(
             plane.across_edges, plane.up_edges, plane.value, cmap="RdBu_r", vmin=-reach, vmax=reach, rasterized=True
         )
-        panel.tick_params(labelbottom=True)
         panel.set(xlabel=f"{plane.across.title} [{plane.across.unit}]", ylabel=f"{plane.up.title} [{plane.up.unit}]")
         set_title(panel, model)
     if mesh is not None:
         figure.colorbar(mesh, ax=axes, pad=0.02, aspect=30).set_label("acceleration left [m/s²]", fontsize=FONT_SIZE)
     return png(figure)
+
+
+def _grid(width: float, height: float, rows: int, columns: int, *, generated: bool) -> tuple[Figure, list[Axes]]:
+    """A figure [inch] whose panels each have a horizontal scale of their own."""
+    figure, (whole,) = panels(width, height, generated=generated)
+    whole.remove()
+    axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
+    for panel in axes:
+        panel.tick_params(labelsize=8)
+        panel.spines[["top", "right"]].set_visible(False)
+        panel.xaxis.label.set_size(8)
+        panel.yaxis.label.set_size(8)
+    return figure, axes

@@ -26,6 +26,9 @@ LEAST_SHARE = 0.005
 USUAL = 1.0
 """Standard deviation of the prior of a curve's values [m/s^2]: only what the data say nothing about is held back."""
 
+USUAL_IN_FIELDS = 0.2
+"""The same for the fields of a plane, of which each holds few moments [m/s^2]."""
+
 HALVINGS = 10
 """Times the drivers are cut in halves."""
 
@@ -98,14 +101,18 @@ def basis_of(variable: Reaction, weight: Float[np.ndarray, "steps pieces"]) -> B
     return Basis(variable, knots, empty.columns(used[:, None]).mean(axis=(1, 2)))
 
 
-def fitted(votes: Votes, drivers: np.ndarray | None = None) -> Float[np.ndarray, " columns"]:
-    """Values that explain the innovations best; `drivers` says how often each driver counts."""
+def fitted(
+    votes: Votes, drivers: Float[np.ndarray, " drivers"] | None = None, usual: float = USUAL
+) -> Float[np.ndarray, " columns"]:
+    """Values that explain the innovations best; `drivers` says how often each driver counts, `usual` how large values
+    are usually.
+    """
     gram, score = (
         (votes.gram.sum(axis=0), votes.score.sum(axis=0))
         if drivers is None
         else (np.tensordot(drivers, votes.gram, 1), drivers @ votes.score)
     )
-    return np.linalg.solve(gram + votes.variance / USUAL**2 * np.eye(len(score)), score)
+    return np.linalg.solve(gram + votes.variance / usual**2 * np.eye(len(score)), score)
 
 
 def curve_of(basis: Basis, votes: Mapping[str, tuple[Votes, Votes]], confidence: float, draws: int, seed: int) -> Curve:
@@ -188,7 +195,7 @@ def plane_of(
     variables: Sequence[Reaction], edges: Sequence[np.ndarray], share: Float[np.ndarray, " fields"], votes: Votes
 ) -> Plane:
     """The map of two variables; `share` of the moments in each field."""
-    values = fitted(votes)
+    values = fitted(votes, usual=USUAL_IN_FIELDS)
     values = values - values @ share
     value = np.where(share > LEAST_SHARE, values, np.nan).reshape(FIELDS, FIELDS)
     return Plane(variables[0], variables[1], edges[0], edges[1], value)

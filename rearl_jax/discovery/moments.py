@@ -145,9 +145,10 @@ def _sums(surprise: Callable[[Array], Array], point: Array, pieces: Pieces) -> d
     unit = jnp.broadcast_to(jnp.eye(p)[:, :, None], (p, p, n))
     value, slopes = jax.vmap(along, out_axes=(None, 0))(unit)  # slopes: [directions, steps, pieces]
     weight = jnp.asarray(pieces.weight)
-    weighted = slopes * (weight * kept_share(value, pieces.deviation))
+    deviation = jnp.asarray(pieces.deviation)[None]
+    weighted = slopes * (weight * kept_share(value, deviation))[None]
     return {
-        "square": jnp.sum(weight * robust_square(value, pieces.deviation), axis=0),
+        "square": jnp.sum(weight * robust_square(value, deviation), axis=0),
         "count": jnp.sum(weight, axis=0),
         "gradient": jnp.einsum("dtn,tn->dn", weighted, value),
         "gram": jnp.einsum("dtn,etn->den", weighted, slopes),

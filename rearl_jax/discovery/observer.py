@@ -141,7 +141,8 @@ def stimulus(
     now: Surroundings,
 ) -> Stimulus:
     """What drivers at x [m] with speed v [m/s] see of what was measured."""
-    x, v, length, is_truck, now = jax.tree.map(jnp.asarray, (x, v, length, is_truck, now))
+    x, v, now = jax.tree.map(jnp.asarray, (x, v, now))
+    length, is_truck = (jnp.broadcast_to(jnp.asarray(own), x.shape) for own in (length, is_truck))
     front, rear = x + length / 2, x - length / 2
     return Stimulus(
         time=now.time,

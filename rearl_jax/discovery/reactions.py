@@ -64,7 +64,12 @@ class Reaction:
     @property
     def title(self) -> str:
         """As people say it."""
-        return _TITLES.get(self.name, self.name.replace("_", " "))
+        return title_of(self.name)
+
+
+def title_of(name: str) -> str:
+    """A variable as people say it."""
+    return _TITLES.get(name, name.replace("_", " "))
 
 
 _TITLES = {
@@ -73,10 +78,10 @@ _TITLES = {
     "leader_acceleration": "leader's acceleration",
     "leader_length": "leader's length",
     "second_gap": "gap to the second leader",
-    "second_approach_rate": "approach rate to the second leader",
+    "second_approach_rate": "approach to the second leader",
     "follower_gap": "follower's gap",
-    "follower_approach_rate": "follower's approach rate",
-    "speed_beside": "speed above the slowest beside",
+    "follower_approach_rate": "follower's approach",
+    "speed_beside": "speed above slowest beside",
     "speeds_ahead": "unequal speeds ahead",
     "past_speed": f"own speed, mean of {MEMORY:g} s",
     "lateral_offset": "offset in the lane, right positive",

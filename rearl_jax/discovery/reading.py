@@ -148,7 +148,7 @@ class _Rows:
         track = table["track_id"].to_numpy().astype(np.int64)
         lane = table["lane"].to_numpy(dtype=np.float64, na_value=0.0)
 
-        def of(row: np.ndarray, values: np.ndarray, otherwise: np.ndarray | float) -> np.ndarray:
+        def of(row: np.ndarray, values: np.ndarray, otherwise: np.ndarray | float | int) -> np.ndarray:
             return np.where(row != NOBODY, values[row], otherwise)
 
         one, rear = around.leader, x - length / 2

@@ -92,8 +92,8 @@ def _residuals(solver: Solver, world: World, noise: Noise) -> Residuals:
     gain, seen = noise.gain(data.dt), data.halfway()
     expected = data.y.astype(np.float32).astype(float) - innovation
     if "lens" in world.active:
-        lens = lens_at(world.theta[:, None], solver.layout, solver.layout.knots)
-        expected = expected - np.asarray(lens.bend(expected))
+        lens = lens_at(jnp.asarray(world.theta)[:, None], solver.layout, solver.layout.knots)
+        expected = expected - np.asarray(lens.bend(jnp.asarray(expected)))
         seen = straightened(seen, lens)
     corrected = expected + gain[0] * innovation
     later = np.concatenate([expected[1:], expected[-1:]])

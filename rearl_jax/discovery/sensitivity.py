@@ -86,12 +86,12 @@ def look_along(
         (x, v, o, last, memory), tangents, total = carry
         y, weight, around, extra, follows = now
         surprise = y - x - lens.bend(x)
-        slope = -(1 + lens.slope(x)) * tangents.x
+        slope = -(1 + lens.slope(x))[None] * tangents.x
         slope = slope.at[lens_rows].add(-lens.weights(x)[lens_knots])
         weight = weight * kept_share(surprise, pieces.deviation)
-        weighted = weight * slope
+        weighted = weight[None] * slope
         total = {
-            "gradient": total["gradient"] + weighted * surprise,
+            "gradient": total["gradient"] + weighted * surprise[None],
             "nuisance": total["nuisance"] + weighted[:n_nuisance, None] * slope[None],
             "blocks": tuple(
                 block + weighted[part][:, None] * slope[part][None]
@@ -101,18 +101,18 @@ def look_along(
         gain = pieces.gain
         x, v, o = x + gain[0] * surprise, v + gain[1] * surprise, o + gain[2] * surprise
         d = Tangents(
-            tangents.x + gain[0] * slope, tangents.v + gain[1] * slope, tangents.o + gain[2] * slope, tangents.last
+            tangents.x + gain[:1] * slope, tangents.v + gain[1:2] * slope, tangents.o + gain[2:3] * slope, tangents.last
         )
         later = v + last * (dt / 2)
         halfway = (x + v * (dt / 2) + last * (dt * dt / 8), jnp.maximum(later, 0.0))
         by, (acceleration, memory) = answer((*halfway, z, theta, jnp.zeros_like(x)), memory, around)
-        forcing = jnp.concatenate([by[2], by[3][chosen], by[4] * follows])
-        d_wanted = by[0] * (d.x + d.v * (dt / 2) + d.last * (dt * dt / 8))
-        d_wanted = d_wanted + by[1] * (later > 0) * (d.v + d.last * (dt / 2)) + forcing
+        forcing = jnp.concatenate([by[2], by[3][chosen], by[4][None] * follows])
+        d_wanted = by[0][None] * (d.x + d.v * (dt / 2) + d.last * (dt * dt / 8))
+        d_wanted = d_wanted + jnp.where(later > 0, by[1], 0.0)[None] * (d.v + d.last * (dt / 2)) + forcing
         acceleration, d_acceleration = acceleration + o + extra, d_wanted + d.o
         free = v + acceleration * dt
-        faster, d_faster = jnp.maximum(free, 0.0), (free > 0) * (d.v + d_acceleration * dt)
-        tangents = Tangents(d.x + dt * (d.v + d_faster) / 2, d_faster, gain[3] * d.o, d_acceleration)
+        faster, d_faster = jnp.maximum(free, 0.0), jnp.where((free > 0)[None], d.v + d_acceleration * dt, 0.0)
+        tangents = Tangents(d.x + dt * (d.v + d_faster) / 2, d_faster, gain[3:4] * d.o, d_acceleration)
         return ((x + dt * (v + faster) / 2, faster, gain[3] * o, acceleration, memory), tangents, total), None
 
     groups = [*groups, range(len(places), len(places) + n_clocks)]

@@ -1,7 +1,8 @@
 """One data set by hand: `python -m rearl_jax.blind.traffic NAME SEED STRENGTH FOLDER [KEY=VALUE ...]`.
 
 NAME is an effect or artefact, several joined by +, or `none`. KEY is a field of Scenario; `highd=1` writes highD's
-files of a camera's view. What is hidden is printed, not written.
+files of a camera's view. An effect on the choice of the lane brings free lane changes with it, as does free_changes=1.
+What is hidden is printed, not written.
 """
 
 import json
@@ -10,8 +11,9 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from rearl_jax.blind.traffic.catalogue import LANE_CHOICE
 from rearl_jax.blind.traffic.dataset import write_dataset
-from rearl_jax.blind.traffic.scenario import Planted, Scenario
+from rearl_jax.blind.traffic.scenario import FREE_CHANGES, Planted, Scenario
 
 
 def main(words: list[str]) -> None:
@@ -23,8 +25,10 @@ def main(words: list[str]) -> None:
     given = {key: value for key, _, value in (pair.partition("=") for pair in pairs)}
     as_highd = bool(int(given.pop("highd", "0")))
     given = ({"view": "420", "frame_rate": "25"} if as_highd else {}) | given
-    types = {item.name: int if item.type is int else float for item in fields(Scenario)}
+    types = {item.name: float if item.type not in (int, bool) else int for item in fields(Scenario)}
     keys: dict[str, Any] = {key: types[key](value) for key, value in given.items()}
+    if keys.get("free_changes") or any(item.name in LANE_CHOICE for item in planted):
+        keys = {**FREE_CHANGES} | keys
     truth = write_dataset(Path(folder), Scenario(int(seed), planted, **keys), as_highd=as_highd)
     print(json.dumps(truth, indent=1))
 

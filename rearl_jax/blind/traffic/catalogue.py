@@ -1,6 +1,6 @@
 """Everything the generator can hide in drivers and road, by the name it has in a scenario."""
 
-from rearl_jax.blind.traffic import following, headways, places, unlisted
+from rearl_jax.blind.traffic import following, headways, lane_choice, places, unlisted
 from rearl_jax.blind.traffic.effect import HiddenEffect
 
 LISTED: dict[str, type[HiddenEffect]] = {
@@ -41,3 +41,13 @@ COUNTERPARTS: dict[str, type[HiddenEffect]] = {"anticipation": following.Anticip
 """Effects that only hide others."""
 
 HIDDEN = LISTED | UNLISTED | COUNTERPARTS
+"""Everything that acts on how drivers follow."""
+
+LANE_CHOICE: dict[str, type[HiddenEffect]] = {
+    "politeness": lane_choice.GoodManners,
+    "keep_right": lane_choice.BackToTheRight,
+    "no_passing_on_the_right": lane_choice.NoUndertaking,
+    "moving_over": lane_choice.GivingWay,
+    "truck_aversion": lane_choice.AwayFromTrucks,
+}
+"""Effects on the choice of the lane; they act in free changes only, see `scenario.FREE_CHANGES`."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rearl_jax.blind.traffic.catalogue import HIDDEN, LISTED
+from rearl_jax.blind.traffic.catalogue import HIDDEN, LANE_CHOICE, LISTED
 from rearl_jax.blind.traffic.highd import write_highd
 from rearl_jax.blind.traffic.measurement import ARTEFACTS, LANE_WIDTH, Frames, measure, seen_road
 from rearl_jax.blind.traffic.scenario import Scenario
@@ -31,8 +31,11 @@ def write_dataset(folder: Path, scenario: Scenario, *, as_highd: bool = False) -
         ValueError: The scenario hides something the generator does not know, or is nothing highD can hold.
     """
     for item in scenario.planted:
-        if item.name not in HIDDEN and item.name not in ARTEFACTS:
-            raise ValueError(f"{item.name!r} is nothing to hide: one of {', '.join([*HIDDEN, *ARTEFACTS])}")
+        if item.name not in (*HIDDEN, *LANE_CHOICE, *ARTEFACTS):
+            names = ", ".join([*HIDDEN, *LANE_CHOICE, *ARTEFACTS])
+            raise ValueError(f"{item.name!r} is nothing to hide: one of {names}")
+        if item.name in LANE_CHOICE and not scenario.free_changes:
+            raise ValueError(f"{item.name!r} acts on free lane changes only: set free_changes=1")
     events = simulate(scenario)
     write = write_highd if as_highd else write_tables
     write(folder, scenario, events, measure(scenario, events))
@@ -58,7 +61,7 @@ def hidden_truth(scenario: Scenario, events: Events) -> dict[str, Any]:
             continue
         effect = next(known)
         parameters = {name: value - begin * (name in PLACES) for name, value in effect.parameters.items()}
-        kind = "listed" if item.name in LISTED else "unlisted"
+        kind = "listed" if item.name in LISTED | LANE_CHOICE else "unlisted"
         entry |= {"kind": kind, "truths": list(effect.truths), "variables": list(effect.variables)}
         planted.append(entry | {"parameters": {name: float(value) for name, value in parameters.items()}})
     n_changes = int(np.count_nonzero(np.diff(events.lane, axis=0)))

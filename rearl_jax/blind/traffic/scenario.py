@@ -1,9 +1,18 @@
 """What a generated data set is: how many vehicles, for how long, measured how, and what is hidden in it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 SUB_STEP = 0.02
 """Step of the integration [s]; a tenth of the shortest time in the model."""
+
+FREE_CHANGES: Mapping[str, int | float] = {
+    "free_changes": True,
+    "n_vehicles": 360,
+    "duration": 240.0,
+    "frame_rate": 10.0,
+}
+"""A scenario of some hundred free lane changes per recording."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +36,7 @@ class Scenario:
         duration: Recorded time [s].
         frame_rate: Frames per second [1/s]; a whole number of sub-steps fits between two.
         lane_changes: Forced lane changes per recording.
+        free_changes: Whether drivers change lanes where it pays, instead of the forced changes.
         spacing: Distances at the start as a share of those drivers want [-].
         pace: Speeds of the first vehicles as a share of the usual ones [-].
         spread: Differences between drivers as a share of the usual ones [-].
@@ -44,6 +54,7 @@ class Scenario:
     duration: float = 60.0
     frame_rate: float = 10.0
     lane_changes: int = 12
+    free_changes: bool = False
     spacing: float = 1.0
     pace: float = 1.0
     spread: float = 1.0

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from rearl_jax.blind.traffic.catalogue import HIDDEN
+from rearl_jax.blind.traffic.catalogue import HIDDEN, LANE_CHOICE
 from rearl_jax.blind.traffic.driving import wanted_acceleration, with_emergencies
 from rearl_jax.blind.traffic.effect import HiddenEffect
 from rearl_jax.blind.traffic.fleet import Fleet, draw_fleet
+from rearl_jax.blind.traffic.free_changes import FreeChanges
 from rearl_jax.blind.traffic.heads import draw_profiles
 from rearl_jax.blind.traffic.lane_changes import ForcedChanges
 from rearl_jax.blind.traffic.moment import Moment
@@ -69,7 +70,8 @@ def simulate(scenario: Scenario) -> Events:
     fleet = draw_fleet(scenario, streams[0])
     profiles = draw_profiles(scenario.n_recordings * scenario.n_lanes, seconds, scenario.pace, streams[1])
     heads = np.flatnonzero(fleet.rank == 0)
-    effects = tuple(HIDDEN[item.name](item.strength) for item in scenario.planted if item.name in HIDDEN)
+    known = HIDDEN | LANE_CHOICE
+    effects = tuple(known[item.name](item.strength) for item in scenario.planted if item.name in known)
     position, speed, travelled = place_platoons(scenario, fleet, profiles)
     now = Moment(scenario, fleet, position, speed)
     now.time = -WARM_UP
@@ -79,7 +81,10 @@ def simulate(scenario: Scenario) -> Events:
     n_steps = profiles.shape[1] - 1
     noise = _ornstein_uhlenbeck(n_steps, now.n, NOISE_TIME, streams[3]) * scenario.driver_noise
     wander = np.clip(WANDER * _ornstein_uhlenbeck(n_steps, now.n, WANDER_TIME, streams[4]), -0.65, 0.65)
-    log, n_emergencies = _drive(now, effects, profiles, noise, wander, ForcedChanges(scenario, now.n, streams[2]))
+    changes = ForcedChanges(scenario, now.n, streams[2])
+    if scenario.free_changes:
+        changes = FreeChanges(scenario, now.n, effects, streams[2])
+    log, n_emergencies = _drive(now, effects, profiles, noise, wander, changes)
     time = SUB_STEP * np.arange(n_steps) - WARM_UP
     return Events(
         time, **log, wander=wander, fleet=fleet, effects=effects, section=section, n_emergencies=n_emergencies
@@ -92,7 +97,7 @@ def _drive(
     profiles: np.ndarray,
     noise: np.ndarray,
     wander: np.ndarray,
-    changes: ForcedChanges,
+    changes: ForcedChanges | FreeChanges,
 ) -> tuple[dict[str, np.ndarray], int]:
     """What happens step by step, [n_steps, n], and in how many steps somebody had an emergency."""
     n_steps, own, heads = len(noise), slice(0, now.n), np.flatnonzero(now.fleet.rank == 0)

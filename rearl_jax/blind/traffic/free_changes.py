@@ -1,0 +1,160 @@
+"""Free lane changes: twice a second everybody compares the lanes and changes at random, the more likely the more it pays.
+
+What a change pays is the own acceleration it gains (Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86); the
+choice is a logit of it (McFadden, in: Frontiers in Econometrics (1974) 105).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rearl_jax.blind.traffic.effect import HiddenEffect
+from rearl_jax.blind.traffic.moment import FAR, Moment
+from rearl_jax.blind.traffic.scenario import Scenario
+
+PERIOD = 25
+"""Sub-steps from one decision to the next."""
+
+REST = 5.0
+"""Time [s] a driver who has changed stays."""
+
+LEAST_GAP = 3.0
+"""Gap [m] ahead and behind that there must be."""
+
+HARDEST = 3.0
+"""Deceleration [m/s^2] that a change may ask of the driver or of the one behind."""
+
+THRESHOLD, SCATTER = 0.3, 0.15
+"""Gain [m/s^2] at which half of those change who may, and the scale of the logit [m/s^2]."""
+
+READINESS = 0.4
+"""Probability that somebody to whom it would pay very much changes at a decision [-]."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A change to one side as every vehicle sees it.
+
+    Attributes:
+        side: -1 to the left, +1 to the right.
+        leader, rear: Who would be ahead and behind, n for nobody.
+        gap, rear_gap: Bumper to bumper to them [m]; FAR for nobody.
+        gain: In own acceleration [m/s^2].
+        cost_to_rear: What the one behind there would lose [m/s^2], positive.
+        gift_to_follower: What the present follower would gain [m/s^2].
+        is_possible: Whether the lane exists, there is room, and nobody would have to brake too hard.
+    """
+
+    side: int
+    leader: np.ndarray
+    rear: np.ndarray
+    gap: np.ndarray
+    rear_gap: np.ndarray
+    gain: np.ndarray
+    cost_to_rear: np.ndarray
+    gift_to_follower: np.ndarray
+    is_possible: np.ndarray
+
+
+class FreeChanges:
+    """When who changes, by what it pays."""
+
+    def __init__(self, scenario: Scenario, n: int, effects: Sequence[HiddenEffect], rng: np.random.Generator) -> None:
+        self._effects, self._rng = effects, rng
+        self._changed = np.full(n, -np.inf)
+
+    def carry_out(self, now: Moment) -> None:
+        """Moves those over who have decided to; of those who would meet, one."""
+        if now.step % PERIOD:
+            return
+        rested = (now.time - self._changed >= REST) & (now.fleet.rank > 0)
+        decided, choices = [], (weigh(now, -1), weigh(now, +1))
+        for choice in choices:
+            value = choice.gain
+            for effect in self._effects:
+                value = effect.gain_of_change(value, choice, now)
+            chance = READINESS / (1.0 + np.exp(np.clip((THRESHOLD - value) / SCATTER, -50.0, 50.0)))
+            decided.append(choice.is_possible & rested & (self._rng.random(now.n) < chance))
+        involved = np.zeros(now.n + 1, dtype=bool)
+        moved = False
+        for vehicle in self._rng.permutation(np.flatnonzero(decided[0] | decided[1])):
+            sides = [k for k in (0, 1) if decided[k][vehicle]]
+            choice = choices[sides[int(self._rng.integers(len(sides)))]]
+            others = [now.leader[vehicle], now.follower[vehicle], choice.leader[vehicle], choice.rear[vehicle]]
+            met = np.array([vehicle, *(other for other in others if other < now.n)])
+            if involved[met].any():
+                continue
+            involved[met] = True
+            now.lane[vehicle] += choice.side
+            self._changed[vehicle] = now.time
+            moved = True
+        if moved:
+            now.look_along()
+
+
+def weigh(now: Moment, side: int) -> Choice:
+    """What a change to one side would be for every vehicle."""
+    own = slice(0, now.n)
+    leader, rear = _neighbours(now, side)
+    speed = now.speed
+    gap, rear_gap = now.gap_to(leader), _gap_behind(now, rear)
+    gain = now.fleet.max_accel * (
+        _pull(now, np.arange(now.n), now.gap_to(now.leader), speed[now.leader])
+        - _pull(now, np.arange(now.n), gap, speed[leader])
+    )
+    behind_me = _pull(now, rear, rear_gap, speed[own])
+    before = _pull(now, rear, gap + rear_gap + now.length[own], speed[leader])
+    follower = now.follower
+    follower_gap = now.gap_behind()
+    freed_gap = follower_gap + now.gap_to(now.leader) + now.length[own]
+    gift = _pull(now, follower, follower_gap, speed[own]) - _pull(now, follower, freed_gap, speed[now.leader])
+    accel = np.append(now.fleet.max_accel, 0.0)
+    rear_after = accel[rear] * (_free(now)[rear] - behind_me)
+    own_after = now.fleet.max_accel * (_free(now)[own] - _pull(now, np.arange(now.n), gap, speed[leader]))
+    lane = now.lane + side
+    # Nobody passes the first vehicle of a lane: it sees nobody and does not react.
+    fits = (leader < now.n) & (gap > LEAST_GAP) & (rear_gap > LEAST_GAP) & (now.leader < now.n)
+    fits &= (lane >= 0) & (lane < now.n_lanes) & (own_after > -HARDEST) & (rear_after > -HARDEST)
+    return Choice(
+        side, leader, rear, gap, rear_gap, gain, accel[rear] * (behind_me - before), accel[follower] * gift, fits
+    )
+
+
+def _neighbours(now: Moment, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """Who is ahead and behind of each vehicle on the lane on one side, n for nobody."""
+    place = now.position[: now.n]
+    group = now.fleet.recording * (now.n_lanes + 2) + now.lane + 1
+    order = np.lexsort((place, group))
+    span = np.ptp(place) + 1.0
+    line = (group * span + place - place.min())[order]
+    there = np.searchsorted(line, (group + side) * span + place - place.min(), side="right")
+    ahead, behind = np.append(order, now.n)[there], np.append(now.n, order)[there]
+    groups = np.append(group, -1)
+    return np.where(groups[ahead] == group + side, ahead, now.n), np.where(
+        groups[behind] == group + side, behind, now.n
+    )
+
+
+def _gap_behind(now: Moment, rear: np.ndarray) -> np.ndarray:
+    own = slice(0, now.n)
+    distance = now.position[own] - now.position[rear] - 0.5 * (now.length[rear] + now.length[own])
+    return np.where(rear == now.n, FAR, distance)
+
+
+def _free(now: Moment) -> np.ndarray:
+    """1 - (v / v0)^4 of every vehicle, and of nobody [-]."""
+    return 1.0 - np.append((now.speed[: now.n] / now.desired_speed) ** 4, 0.0)
+
+
+def _pull(now: Moment, who: np.ndarray, gap: np.ndarray, speed_ahead: np.ndarray) -> np.ndarray:
+    """(s* / s)^2 of some vehicles behind somebody [-]; 0 for nobody."""
+    fleet, speed = now.fleet, now.speed[who]
+
+    def of(values: np.ndarray) -> np.ndarray:
+        return np.append(values, 1.0)[who]
+
+    root = 2.0 * np.sqrt(of(fleet.max_accel) * of(fleet.comfort_decel))
+    dynamic = speed * of(now.time_gap) + speed * (speed - speed_ahead) / root
+    wanted = of(fleet.jam_gap) + np.maximum(0.0, dynamic)
+    return np.where(who == now.n, 0.0, (wanted / np.maximum(gap, 0.3)) ** 2)

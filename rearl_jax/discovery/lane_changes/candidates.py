@@ -1,0 +1,158 @@
+"""What may count in the choice of the lane beside the own acceleration: one or more columns per candidate."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.core.effects.lane_changes import PASSING_SPEED
+from rearl_jax.discovery.lane_changes.opportunities import Opportunities
+
+Column = Float[np.ndarray, " rows"]
+
+MOST_GAIN = 2.0
+"""Bound of accelerations gained or lost [m/s^2]: what lies beyond counts no more, and is mostly error."""
+
+NEAR, PASSED_BY = 80.0, 1.0
+"""Gap [m] within which somebody on the own lane would be passed, and how much faster [m/s] it may be even so."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """One way in which a candidate may act.
+
+    Attributes:
+        column: What is added to the incentive, per unit of the effect's strength.
+        shape: Parameters of the effect that are fixed in this form, with units.
+    """
+
+    column: Callable[[Opportunities], Column]
+    shape: tuple[tuple[str, float, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class LaneCandidate:
+    """Something that may count.
+
+    Attributes:
+        name: Of the effect in the library, or `lane_choice_dependence`.
+        kind: `driver`, or `generic` for what no effect stands for.
+        variables: What it depends on.
+        strength: Parameter of the effect that multiplies the column, with its unit.
+        low, high: Values the strength may have.
+        forms: Ways in which it may act; the best one stands for it.
+    """
+
+    name: str
+    kind: str
+    variables: tuple[str, ...]
+    strength: tuple[str, str]
+    low: float
+    high: float
+    forms: tuple[Form, ...]
+
+    @property
+    def key(self) -> str:
+        """Name that no other candidate has."""
+        return self.name if self.kind == "driver" else f"{self.name}.{self.variables[0]}"
+
+
+def own_gain(table: Opportunities) -> Column:
+    """Own acceleration gained, bounded [m/s^2]."""
+    return np.clip(table.incentive, -MOST_GAIN, MOST_GAIN)
+
+
+def _politeness(table: Opportunities) -> Column:
+    others = np.clip(table.rear_gain, -MOST_GAIN, MOST_GAIN) + np.clip(table.follower_gain, -MOST_GAIN, MOST_GAIN)
+    return others
+
+
+def _unused_gain(table: Opportunities) -> Column:
+    """The gain on the right that does not count."""
+    fast = (table.side > 0) & (table.speed > PASSING_SPEED)
+    return -np.where(fast, np.clip(table.incentive, 0.0, MOST_GAIN), 0.0)
+
+
+def _undertaking(table: Opportunities) -> Column:
+    """-1 m/s^2 where somebody slower is near on the own lane and the change goes to the right."""
+    passes = (table.gap < NEAR) & (table.leader_speed < table.speed + PASSED_BY) & (table.speed > PASSING_SPEED)
+    return -((table.side > 0) & passes).astype(float)
+
+
+def _pressure(pressing: float) -> Callable[[Opportunities], Column]:
+    """As in `MovingOver`: the follower's time gap against the one that presses."""
+
+    def column(table: Opportunities) -> Column:
+        behind = np.maximum(table.follower_gap, 0.5) / (np.maximum(table.follower_speed, 0.0) + 2.0)
+        return np.where(table.side > 0, 1.0 / (1.0 + np.exp(np.clip((behind - pressing) / 0.25, -50.0, 50.0))), 0.0)
+
+    return column
+
+
+def _truck(reach: float) -> Callable[[Opportunities], Column]:
+    """As in `TruckAversion`: the own lane's truck less that of the lane beside."""
+
+    def column(table: Opportunities) -> Column:
+        here = table.leader_is_truck * np.exp(-np.maximum(table.gap, 0.0) / reach)
+        return here - table.side_leader_is_truck * np.exp(-np.maximum(table.side_gap, 0.0) / reach)
+
+    return column
+
+
+def _faster_lane(table: Opportunities) -> Column:
+    return np.clip(table.side_leader_speed - table.leader_speed, -8.0, 8.0) / 5.0
+
+
+CANDIDATES = (
+    LaneCandidate(
+        "keep_right", "driver", ("side",), ("bias", "m/s^2"), -2.0, 2.0, (Form(lambda table: table.side.astype(float)),)
+    ),
+    LaneCandidate("politeness", "driver", ("gain_of_others",), ("weight", "-"), -0.5, 2.0, (Form(_politeness),)),
+    LaneCandidate(
+        "no_passing_on_the_right",
+        "driver",
+        ("side", "leader_speed"),
+        ("weight", "-"),
+        0.0,
+        1.0,
+        (Form(_unused_gain), Form(_undertaking)),
+    ),
+    LaneCandidate(
+        "moving_over",
+        "driver",
+        ("side", "follower_gap"),
+        ("gain", "m/s^2"),
+        -1.0,
+        3.0,
+        tuple(Form(_pressure(z), (("pressing_time_gap", z, "s"),)) for z in (0.6, 1.0, 1.5)),
+    ),
+    LaneCandidate(
+        "truck_aversion",
+        "driver",
+        ("leader_class",),
+        ("gain", "m/s^2"),
+        -2.0,
+        3.0,
+        tuple(Form(_truck(reach), (("reach", reach, "m"),)) for reach in (40.0, 80.0, 200.0)),
+    ),
+    LaneCandidate(
+        "cooperation",
+        "driver",
+        ("rear_braking",),
+        ("weight", "-"),
+        0.0,
+        5.0,
+        (Form(lambda table: np.clip(table.rear_braking, 0.0, MOST_GAIN)),),
+    ),
+    *(
+        LaneCandidate("lane_choice_dependence", "generic", (variable,), ("slope", "m/s^2"), -9.0, 9.0, (Form(column),))
+        for variable, column in (
+            ("own_class", lambda table: table.is_truck.astype(float)),
+            ("speed", lambda table: (table.speed - 22.0) / 5.0),
+            ("speed_of_lanes", _faster_lane),
+            ("rear_gap", lambda table: np.clip(table.rear_gap, 0.0, 60.0) / 30.0),
+        )
+    ),
+)
+"""Everything that is looked for."""

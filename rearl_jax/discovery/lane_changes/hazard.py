@@ -1,0 +1,145 @@
+"""The chance that an opportunity is taken: a logit in the own gain, and what a further column would add to it.
+
+Source: discrete choice of lanes, Ahmed, thesis, MIT (1999), ch. 3; Toledo, Koutsopoulos & Ben-Akiva, Transp. Res. Rec.
+1857 (2003) 30. Score test: Rao, Proc. Camb. Phil. Soc. 44 (1948) 50; variance by drivers, whose decisions are not
+independent: Liang & Zeger, Biometrika 73 (1986) 13.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+RIDGE = 1e-3
+"""Precision of a weak prior of every coefficient [-]: keeps a fit finite where a column never varies with the choice."""
+
+KNOT_SHARES = (0.25, 0.5, 0.75, 0.9)
+"""Shares of the gains of those who change at which the log-odds may bend."""
+
+
+@dataclass(frozen=True)
+class Logit:
+    """A fitted logit.
+
+    Attributes:
+        coefficients: Of the columns [log-odds per unit].
+        covariance: Of the coefficients, by the scatter between drivers.
+    """
+
+    coefficients: Float[np.ndarray, " columns"]
+    covariance: Float[np.ndarray, "columns columns"]
+
+    def log_likelihood(
+        self, columns: Float[np.ndarray, "rows columns"], taken: Bool[np.ndarray, " rows"]
+    ) -> Float[np.ndarray, " rows"]:
+        """Of every opportunity [nats]."""
+        odds = columns @ self.coefficients
+        return taken * odds - np.logaddexp(0.0, odds)
+
+
+@dataclass(frozen=True)
+class ScoreTest:
+    """A column that is not in the model, tested by the slope of the likelihood along it.
+
+    Attributes:
+        z: Slope in standard deviations between drivers; positive where more of it means more changes.
+        step: Coefficient that one step of Fisher scoring would give it.
+    """
+
+    z: float
+    step: float
+
+
+def knots(gain: Float[np.ndarray, " rows"], taken: Bool[np.ndarray, " rows"]) -> Float[np.ndarray, " knots"]:
+    """Gains at which the log-odds may bend [m/s^2]."""
+    return np.quantile(gain[taken], KNOT_SHARES)
+
+
+def baseline(gain: Float[np.ndarray, " rows"], bends: Float[np.ndarray, " knots"]) -> Float[np.ndarray, "rows columns"]:
+    """Columns of a constant and of a broken line in the own gain."""
+    return np.column_stack([np.ones(len(gain)), gain, *(np.maximum(gain - bend, 0.0) for bend in bends)])
+
+
+def fit(
+    columns: Float[np.ndarray, "rows columns"],
+    taken: Bool[np.ndarray, " rows"],
+    driver: Int[np.ndarray, " rows"],
+    iterations: int = 40,
+) -> Logit:
+    """The most likely logit, by Newton steps that are halved where they lead away.
+
+    Args:
+        columns: Of the model.
+        taken: Whether each opportunity was taken.
+        driver: Whose it was, 0 to some number.
+        iterations: At most.
+    """
+    size = columns.shape[1]
+    beta = np.zeros(size)
+
+    def value(at: np.ndarray) -> float:
+        odds = columns @ at
+        return float((taken * odds - np.logaddexp(0.0, odds)).sum() - 0.5 * RIDGE * at @ at)
+
+    best = value(beta)
+    for _ in range(iterations):
+        gradient, information = _slopes(columns, taken, beta)
+        step = np.linalg.solve(information, gradient)
+        while (new := value(beta + step)) < best and np.abs(step).max() > 1e-9:
+            step = step / 2
+        beta, gain, best = beta + step, new - best, new
+        if gain < 1e-8:
+            break
+    _, information = _slopes(columns, taken, beta)
+    votes = _by_driver(columns * (taken - _chance(columns, beta))[:, None], driver)
+    inverse = np.linalg.inv(information)
+    n = max(int((np.abs(votes).sum(axis=1) > 0).sum()), 2)
+    return Logit(beta, inverse @ (votes.T @ votes * n / (n - 1)) @ inverse)
+
+
+def score_test(
+    model: Logit,
+    columns: Float[np.ndarray, "rows columns"],
+    taken: Bool[np.ndarray, " rows"],
+    driver: Int[np.ndarray, " rows"],
+    extra: Float[np.ndarray, " rows"],
+) -> ScoreTest:
+    """What a further column would add to a fitted model.
+
+    Args:
+        model: Fitted to these columns.
+        columns: Of the model.
+        taken: Whether each opportunity was taken.
+        driver: Whose it was.
+        extra: The further column.
+    """
+    chance = _chance(columns, model.coefficients)
+    weight = chance * (1.0 - chance)
+    weighted = columns * weight[:, None]
+    shared = np.linalg.solve(columns.T @ weighted + RIDGE * np.eye(columns.shape[1]), weighted.T @ extra)
+    own = extra - columns @ shared
+    votes = _by_driver((own * (taken - chance))[:, None], driver)[:, 0]
+    spread = float(np.sqrt((votes**2).sum()))
+    information = float((weight * own * extra).sum())
+    total = float(votes.sum())
+    if spread <= 0.0 or information <= 1e-9:
+        return ScoreTest(0.0, 0.0)  # the column never varies, or nobody had a choice
+    return ScoreTest(total / spread, total / information)
+
+
+def _chance(columns: np.ndarray, beta: np.ndarray) -> np.ndarray:
+    return 1.0 / (1.0 + np.exp(-np.clip(columns @ beta, -50.0, 50.0)))
+
+
+def _slopes(columns: np.ndarray, taken: np.ndarray, beta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient and information of the penalised log-likelihood."""
+    chance = _chance(columns, beta)
+    weight = chance * (1.0 - chance)
+    information = columns.T @ (columns * weight[:, None]) + RIDGE * np.eye(len(beta))
+    return columns.T @ (taken - chance) - RIDGE * beta, information
+
+
+def _by_driver(values: np.ndarray, driver: np.ndarray) -> np.ndarray:
+    """Sums of each column over the drivers' rows."""
+    n = int(driver.max()) + 1 if len(driver) else 0
+    return np.stack([np.bincount(driver, column, n) for column in values.T], axis=1)

@@ -1,0 +1,58 @@
+"""Who is ahead and behind on the own lane and on those beside, as rows of a table."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Int
+
+NOBODY = -1
+
+_LANES = 64
+"""More lanes than any carriageway has, with room for the neighbours' numbers."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The next vehicles on one lane, as rows of the table, NOBODY where there is none."""
+
+    leader: Int[np.ndarray, " rows"]
+    rear: Int[np.ndarray, " rows"]
+
+
+def next_on_lanes(table: pd.DataFrame) -> dict[int, Pair]:
+    """The next vehicles of every row on the lane to the left (-1), the own one (0) and that to the right (+1).
+
+    Args:
+        table: Rows with `frame`, `direction`, `lane` (none unknown) and `position`.
+    """
+    frame = table["frame"].to_numpy()
+    position = table["position"].to_numpy()
+    street = (frame - frame.min()) * 4 + table["direction"].to_numpy(np.int64)
+    street = street * _LANES + table["lane"].to_numpy(np.int64) + 1
+    # One sortable number: streets apart by more than the road is long. Ranks keep it exact in long recordings.
+    streets = np.unique(street)
+    span = float(np.ptp(position)) + 1.0
+    place = position - position.min()
+    order = np.lexsort((position, street))
+    line = np.searchsorted(streets, street)[order] * span + place[order]
+    pairs = {}
+    for side in (-1, 0, 1):
+        rank = np.searchsorted(streets, street + side)
+        exists = (rank < len(streets)) & (streets[np.minimum(rank, len(streets) - 1)] == street + side)
+        here = rank * span + place
+        first = np.searchsorted(line, here, side="right" if side == 0 else "left")
+        behind = np.searchsorted(line, here, side="left") - 1
+        pairs[side] = Pair(
+            *(_row(number, order, street, street + side, exists) for number in (first, behind)),
+        )
+    return pairs
+
+
+def _row(
+    number: np.ndarray, order: np.ndarray, street: np.ndarray, wanted: np.ndarray, exists: np.ndarray
+) -> Int[np.ndarray, " rows"]:
+    """Rows by their number in the order, where they are on the wanted street."""
+    inside = exists & (number >= 0) & (number < len(order))
+    row = order[np.clip(number, 0, len(order) - 1)]
+    return np.where(inside & (street[row] == wanted), row, NOBODY)

@@ -1,0 +1,219 @@
+"""Opportunities to change lanes: twice a second every driver and side with room, and whether a change follows.
+
+An opportunity is left out where what it pays cannot be seen: nobody ahead on the own or the other lane (the leader may
+be out of the picture), an unknown place behind, a lane that exists on part of the road only (changes there are forced).
+What is left out depends on what is seen before the decision, never on the decision, so nothing is biased by it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool, Float, Int
+
+from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
+from rearl_jax.data.records import Recording
+from rearl_jax.discovery.lane_changes.incentives import KnownDrivers, acceleration
+from rearl_jax.discovery.lane_changes.motion import with_motion
+from rearl_jax.discovery.lane_changes.neighbours import NOBODY, Pair, next_on_lanes
+from rearl_jax.discovery.smoothing import thinned
+
+PERIOD = 0.5
+"""Time from one opportunity to the next, within which a change counts as taken [s]."""
+
+REST = 6.0
+"""Time after a change in which no other one is an opportunity [s]."""
+
+LEAST_GAP = 3.0
+"""Gap ahead and behind that is room [m]."""
+
+HARDEST = 2.0
+"""Deceleration that a change may ask of the driver or of the one behind [m/s^2]. Source: usual safe deceleration of
+MOBIL, as in the simulation; beyond it nobody would change, whatever it paid.
+"""
+
+SLOWEST = 3.0
+"""Speed below which nobody changes lanes by choice [m/s]."""
+
+SEEN_BEHIND = 60.0
+"""Length of road behind that must be in the picture where nobody is seen there [m]."""
+
+WHOLE_LANE = 0.8
+"""Share of the road that a lane must cover; others are ramps [-]."""
+
+
+@dataclass(frozen=True)
+class Opportunities:
+    """One row per opportunity: the driver, the own lane, and the lane on one side.
+
+    Attributes:
+        vehicle: Number of the vehicle, unique over the recordings, as in `Measured.vehicle`.
+        recording: Index of the recording.
+        side: -1 to the left, +1 to the right.
+        changes: Whether the driver changes to that side within PERIOD.
+        incentive: Own acceleration gained [m/s^2].
+        rear_gain: What the one behind on that lane gains, by its own parameters [m/s^2]; negative where it loses.
+        follower_gain: What the present follower gains [m/s^2].
+        speed: Own speed [m/s].
+        gap, leader_speed, leader_is_truck: The leader on the own lane [m], [m/s].
+        side_gap, side_leader_speed, side_leader_is_truck: The one on that lane.
+        rear_gap: To the one behind there [m]; OUT_OF_SIGHT for nobody.
+        rear_braking: How much less it accelerates than it would behind its leader [m/s^2]; 0 for nobody.
+        follower_gap, follower_speed: The present follower; OUT_OF_SIGHT and the own speed for nobody.
+        is_truck: Whether the own vehicle is one.
+    """
+
+    vehicle: Int[np.ndarray, " rows"]
+    recording: Int[np.ndarray, " rows"]
+    side: Int[np.ndarray, " rows"]
+    changes: Bool[np.ndarray, " rows"]
+    incentive: Float[np.ndarray, " rows"]
+    rear_gain: Float[np.ndarray, " rows"]
+    follower_gain: Float[np.ndarray, " rows"]
+    speed: Float[np.ndarray, " rows"]
+    gap: Float[np.ndarray, " rows"]
+    leader_speed: Float[np.ndarray, " rows"]
+    leader_is_truck: Bool[np.ndarray, " rows"]
+    side_gap: Float[np.ndarray, " rows"]
+    side_leader_speed: Float[np.ndarray, " rows"]
+    side_leader_is_truck: Bool[np.ndarray, " rows"]
+    rear_gap: Float[np.ndarray, " rows"]
+    rear_braking: Float[np.ndarray, " rows"]
+    follower_gap: Float[np.ndarray, " rows"]
+    follower_speed: Float[np.ndarray, " rows"]
+    is_truck: Bool[np.ndarray, " rows"]
+
+    def take(self, rows: np.ndarray) -> "Opportunities":
+        """Some of the rows."""
+        return Opportunities(**{name: getattr(self, name)[rows] for name in _NAMES})
+
+
+_NAMES = tuple(Opportunities.__dataclass_fields__)
+
+
+def opportunities(recordings: Sequence[Recording], drivers: KnownDrivers) -> tuple[Opportunities, str]:
+    """All opportunities of the recordings, and why there are none, or "".
+
+    Args:
+        recordings: Canonical recordings.
+        drivers: Calibrated parameters, by the numbers that `measure` gives to the vehicles of these recordings.
+    """
+    parts, words, offset = [], [], 0
+    for number, recording in enumerate(recordings):
+        table, dt = thinned(recording)
+        tracks = int(table["track_id"].max()) + 1 if len(table) else 0
+        part, word = _of_recording(table, dt, offset, number, drivers)
+        parts.append(part)
+        words.append(word)
+        offset += tracks
+    joined = _joined(parts) if parts else _empty()
+    return joined, "" if len(joined.side) or not words else words[0]
+
+
+def _of_recording(
+    table: pd.DataFrame, dt: float, offset: int, number: int, drivers: KnownDrivers
+) -> tuple[Opportunities, str]:
+    """Those of one recording."""
+    if not table["lane"].notna().any():
+        return _empty(), "the data have no lanes"
+    moving = with_motion(table, dt)
+    rows = moving[moving["lane"].notna() & (moving["frame"] % max(1, round(PERIOD / dt)) == 0)].reset_index(drop=True)
+    if rows.groupby("direction")["lane"].nunique().max() < 2:
+        return _empty(), "there is one lane per direction"
+    around = next_on_lanes(rows)
+    vehicle = rows["track_id"].to_numpy(np.int64) + offset
+    is_truck = (rows["vehicle_class"] == "truck").to_numpy()
+    scene = _Scene(rows, drivers.of_vehicles(vehicle, is_truck), vehicle, is_truck, number)
+    joined = _joined([scene.side(side, around[0], around[side]) for side in (-1, 1)])
+    word = "" if len(joined.side) else "nobody has a leader on the own lane and on one beside it, and room to change"
+    return joined, word
+
+
+class _Scene:
+    """The rows of one recording at the moments of opportunities."""
+
+    def __init__(
+        self, rows: pd.DataFrame, own: np.ndarray, vehicle: np.ndarray, is_truck: np.ndarray, recording: int
+    ) -> None:
+        self.own, self.vehicle, self.is_truck, self.recording = own, vehicle, is_truck, recording
+        names = ("position", "speed", "acceleration", "length", "since_change", "to_change", "next_step")
+        self.x, self.v, self.a, self.length, self.since, self.until, self.step = (
+            rows[name].to_numpy() for name in names
+        )
+        self.left_in_record = rows["left_in_record"].to_numpy()
+        self.lane, self.direction = rows["lane"].to_numpy(np.int64), rows["direction"].to_numpy(np.int64)
+        self.upstream = rows.groupby("direction")["position"].transform("min").to_numpy()
+        spans = rows.groupby(["direction", "lane"])["position"].agg(np.ptp)
+        longest = spans.groupby("direction").max()
+        self.whole = {
+            (int(direction), int(lane))  # type: ignore[call-overload]
+            for (direction, lane), span in spans.items()  # type: ignore[misc]
+            if span >= WHOLE_LANE * longest[direction]
+        }
+
+    def side(self, side: int, here: Pair, there: Pair) -> Opportunities:
+        """Opportunities to change to one side, with the vehicles on the own lane and on that one."""
+        leader, follower, ahead, rear = here.leader, here.rear, there.leader, there.rear
+        chosen = np.flatnonzero(self._may_change(side) & (leader != NOBODY) & (ahead != NOBODY))
+        near_edge = self.x[chosen] - self.upstream[chosen] < SEEN_BEHIND
+        chosen = chosen[~near_edge | ((rear[chosen] != NOBODY) & (follower[chosen] != NOBODY))]
+        leader, follower, ahead, rear = (rows[chosen] for rows in (leader, follower, ahead, rear))
+        v, own = self.v[chosen], self.own[:, chosen]
+        gap, side_gap = self._gap(chosen, leader), self._gap(chosen, ahead)
+        rear_gap, follower_gap = self._gap(rear, chosen), self._gap(follower, chosen)
+        stays = acceleration(own, v, gap, self.v[leader], np.ones(len(chosen), bool))
+        changed = acceleration(own, v, side_gap, self.v[ahead], np.ones(len(chosen), bool))
+        rear_after, rear_before = self._behind(rear, chosen), self._behind(rear, ahead)
+        gift = self._behind(follower, leader) - self._behind(follower, chosen)
+        fits = (side_gap > LEAST_GAP) & (rear_gap > LEAST_GAP) & (changed > -HARDEST) & (rear_after > -HARDEST)
+        found = Opportunities(
+            vehicle=self.vehicle[chosen],
+            recording=np.full(len(chosen), self.recording),
+            side=np.full(len(chosen), side),
+            changes=(self.until[chosen] <= PERIOD + 1e-9) & (self.step[chosen] == side),
+            incentive=changed - stays,
+            rear_gain=rear_after - rear_before,
+            follower_gain=gift,
+            speed=v,
+            gap=gap,
+            leader_speed=self.v[leader],
+            leader_is_truck=self.is_truck[leader],
+            side_gap=side_gap,
+            side_leader_speed=self.v[ahead],
+            side_leader_is_truck=self.is_truck[ahead],
+            rear_gap=rear_gap,
+            rear_braking=np.where(rear == NOBODY, 0.0, rear_before - self.a[rear]),
+            follower_gap=follower_gap,
+            follower_speed=np.where(follower == NOBODY, v, self.v[follower]),
+            is_truck=self.is_truck[chosen],
+        )
+        return found.take(np.flatnonzero(fits))
+
+    def _may_change(self, side: int) -> np.ndarray:
+        """Rows of drivers who are on a whole lane, with one on that side, and have stayed for a while."""
+        whole = np.zeros(len(self.x), bool)
+        for direction, lane in self.whole:
+            if (direction, lane + side) in self.whole:
+                whole |= (self.direction == direction) & (self.lane == lane)
+        return whole & (self.since >= REST) & (self.left_in_record >= PERIOD - 1e-9) & (self.v > SLOWEST)
+
+    def _gap(self, behind: np.ndarray, front: np.ndarray) -> np.ndarray:
+        """Bumper to bumper [m]; OUT_OF_SIGHT where one of the two is nobody."""
+        gap = self.x[front] - self.x[behind] - (self.length[front] + self.length[behind]) / 2
+        return np.where((behind == NOBODY) | (front == NOBODY), OUT_OF_SIGHT, gap)
+
+    def _behind(self, who: np.ndarray, front: np.ndarray) -> np.ndarray:
+        """Acceleration of vehicles behind others [m/s^2]; 0 for nobody."""
+        value = acceleration(self.own[:, who], self.v[who], self._gap(who, front), self.v[front], front != NOBODY)
+        return np.where(who == NOBODY, 0.0, value)
+
+
+def _empty() -> Opportunities:
+    kinds = {"vehicle": int, "recording": int, "side": int, "changes": bool, "is_truck": bool}
+    kinds |= {"leader_is_truck": bool, "side_leader_is_truck": bool}
+    return Opportunities(**{name: np.empty(0, kinds.get(name, float)) for name in _NAMES})
+
+
+def _joined(parts: Sequence[Opportunities]) -> Opportunities:
+    return Opportunities(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in _NAMES})

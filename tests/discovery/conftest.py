@@ -1,0 +1,69 @@
+"""Small generated data sets and what was measured in them, each made once."""
+
+from functools import cache
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def folder_of(tmp_path_factory):
+    """Folder of a data set of three recordings with one thing hidden."""
+
+    @cache
+    def make(name: str | None = None, strength: float = 1.0, **changes):
+        from rearl_jax.blind.traffic import Planted, Scenario
+        from rearl_jax.blind.traffic.dataset import write_dataset
+
+        folder = tmp_path_factory.mktemp("data")
+        planted = () if name is None else (Planted(name, strength),)
+        write_dataset(folder, Scenario(11, planted, **({"n_vehicles": 15, "duration": 40.0} | changes)))
+        return folder
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def recordings_of(folder_of):
+    """Recordings of such a data set."""
+
+    @cache
+    def read(name: str | None = None, strength: float = 1.0, **changes):
+        from rearl_jax.config.data import DataConfig, DataFormat
+        from rearl_jax.data.recordings import iterate_recordings
+
+        folder = folder_of(name, strength, **changes)
+        return tuple(iterate_recordings(DataConfig(format=DataFormat.table, root=str(folder))))
+
+    return read
+
+
+@pytest.fixture(scope="session")
+def measured_of(recordings_of):
+    """Measured drivers of the first recording."""
+
+    @cache
+    def measure_first(name: str | None = None, strength: float = 1.0, **changes):
+        from rearl_jax.discovery.reading import measure
+
+        return measure(recordings_of(name, strength, **changes)[:1])
+
+    return measure_first
+
+
+@pytest.fixture(scope="session")
+def solver(measured_of):
+    """A solver for the control."""
+    from rearl_jax.discovery.layout import layout_of
+    from rearl_jax.discovery.moments import Programs
+    from rearl_jax.discovery.solver import Solver
+
+    data = measured_of()
+    return Solver(Programs(layout_of(data), data.dt))
+
+
+@pytest.fixture(scope="session")
+def calibrated(solver, measured_of):
+    """The control, calibrated, and its noise."""
+    from rearl_jax.discovery.noise import calibrate
+
+    return calibrate(solver, measured_of())

@@ -1,0 +1,114 @@
+"""From recordings to measured drivers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rearl_jax.data.records import Recording
+from rearl_jax.discovery import reading, smoothing
+from rearl_jax.discovery.procedure import split_drivers
+from rearl_jax.discovery.surroundings import NOBODY, look_around
+
+
+def scene(**columns):
+    """Vehicles at one moment of a road with two lanes."""
+    n = len(columns["position"])
+    table = pd.DataFrame({"frame": 0, "direction": 1, "track_id": np.arange(n), "leader_id": pd.NA, **columns})
+    return table.astype({"leader_id": "Int64", "lane": "Int8", "direction": "int8"})
+
+
+def test_leaders_followers_and_neighbours_are_those_a_person_would_name():
+    table = scene(position=[10.0, 30.0, 50.0, 35.0, 200.0], lane=[0, 0, 0, 1, 1])
+    around = look_around(table, np.array([20.0, 21.0, 22.0, 12.0, 5.0]))
+    assert around.leader.tolist() == [1, 2, NOBODY, 4, NOBODY]
+    assert around.follower.tolist() == [NOBODY, 0, 1, NOBODY, 3]
+    assert around.beside_speed.tolist() == [12.0, 12.0, 12.0, 20.0, np.inf]
+    assert around.n_beside.tolist() == [1, 1, 1, 3, 0]
+
+
+def test_a_leader_that_the_source_states_counts():
+    table = scene(position=[10.0, 30.0, 50.0], lane=[0, 0, 0])
+    table["leader_id"] = pd.array([2, pd.NA, pd.NA], dtype="Int64")
+    assert look_around(table, np.full(3, 20.0)).leader.tolist() == [2, NOBODY, NOBODY]
+
+
+def test_smoothing_keeps_a_parabola_and_takes_noise_away():
+    dt, rng = 0.1, np.random.default_rng(0)
+    time = np.arange(200) * dt
+    driven = 5 + 20 * time + 0.4 * time**2
+    x, v, a = smoothing.smoothed(driven, dt, 3.0)
+    np.testing.assert_allclose(x, driven, atol=1e-6)
+    np.testing.assert_allclose(v[2:-2], (20 + 0.8 * time)[2:-2], atol=1e-6)
+    np.testing.assert_allclose(a[5:-5], 0.8, atol=1e-4)
+    noisy = driven + 0.1 * rng.standard_normal(200)
+    assert np.std(smoothing.smoothed(noisy, dt, 3.0)[0] - driven) < 0.05
+    assert smoothing.position_noise(noisy, np.array([0]), np.array([200])) == pytest.approx(0.1, rel=0.25)
+    assert smoothing.cut_off(0.1, dt) == pytest.approx(smoothing.CUT_OFF)
+    assert smoothing.cut_off(0.4, dt) < smoothing.CUT_OFF < smoothing.cut_off(0.01, dt)
+
+
+def test_neighbouring_frames_become_one(recordings_of):
+    recording = recordings_of()[0]
+    fast = Recording(replace(recording.info, frame_rate=25.0), recording.table)
+    table, dt = smoothing.thinned(fast)
+    assert dt == pytest.approx(3 / 25)
+    first = recording.table[recording.table["track_id"] == table["track_id"].iloc[0]]
+    whole = first[first["frame"] // 3 == table["frame"].iloc[1]]
+    assert len(whole) == 3
+    assert table["position"].iloc[1] == pytest.approx(whole["position"].mean())
+
+
+def test_every_driver_with_a_leader_is_measured(recordings_of, measured_of):
+    data, recording = measured_of(), recordings_of()[0]
+    assert data.n_drivers == 12  # fifteen vehicles, the first of three lanes follow nobody
+    assert data.dt == pytest.approx(0.1)
+    assert data.noise == pytest.approx(0.1, rel=0.2)
+    # The moments that count are those with a leader, and none of padding.
+    assert data.weight[: int(reading.SETTLING / data.dt)].sum() == 0
+    assert (data.around.has_leader[data.weight > 0] == 1).all()
+    assert data.seconds < 12 * 40.0
+    gap = data.around.leader_rear - (data.smooth + data.length / 2)
+    assert gap[data.weight > 0].min() > 0
+    vehicle = recording.table[recording.table["track_id"] == data.vehicle[0]]
+    np.testing.assert_array_equal(data.y[: len(vehicle), 0], vehicle["position"])
+
+
+def test_a_cut_in_is_remembered(measured_of):
+    data = measured_of()
+    since, lost = data.around.time_since_change, data.around.gap_lost
+    assert (lost > 1.0).any(), "nobody cut in"
+    step, piece = np.argwhere((since[1:] == 0) & (lost[1:] > 1.0))[0] + (1, 0)
+    gap = data.around.leader_rear - (data.smooth + data.length / 2)
+    assert lost[step, piece] == pytest.approx(min(gap[step - 1, piece] - gap[step, piece], 60.0))
+    assert since[step + 5, piece] == pytest.approx(5 * data.dt)
+    assert data.leader[step, piece] != data.leader[step - 1, piece]
+    halfway = data.halfway()
+    # Nothing is averaged over the moment in which somebody else is ahead.
+    assert halfway.leader_rear[step - 1, piece] == data.around.leader_rear[step - 1, piece]
+    smooth = data.leader[step, piece] == data.leader[step + 1, piece]
+    assert smooth
+    expected = (data.around.leader_rear[step, piece] + data.around.leader_rear[step + 1, piece]) / 2
+    assert halfway.leader_rear[step, piece] == pytest.approx(expected)
+
+
+def test_parts_share_no_driver(recordings_of):
+    together = reading.measure(recordings_of())
+    parts = split_drivers(together, (1 / 3, 1 / 3, 1 / 3), 0)
+    assert [len(np.unique(part.recording)) for part in parts] == [1, 1, 1]
+    alone = split_drivers(reading.measure(recordings_of()[:1]), (0.4, 0.3, 0.3), 0)
+    vehicles = [set(part.vehicle.tolist()) for part in alone]
+    assert sum(len(one) for one in vehicles) == 12 == len(set.union(*vehicles))
+    assert min(len(one) for one in vehicles) >= 3
+
+
+def test_nobody_who_follows_is_an_error(recordings_of):
+    recording = recordings_of()[0]
+    table = recording.table
+    alone = Recording(recording.info, table[table["track_id"] == table["track_id"].iloc[0]].reset_index(drop=True))
+    with pytest.raises(ValueError, match="nobody follows a leader"):
+        reading.measure([alone])
+    other = Recording(replace(recording.info, frame_rate=5.0), recording.table)
+    with pytest.raises(ValueError, match=r"data\.recordings"):
+        reading.measure([recording, other])
