@@ -17,19 +17,25 @@ from rearl_jax.discovery.verdict import Adequacy
 def adequacy(solver: Solver, found: Search) -> Adequacy:
     """Moments of the final model's innovations, and the candidate that is most surprising still."""
     world, last = found.last.world, found.rounds[-1]
-    (surprise,) = solver.innovations([world])
+    (surprise,), (before,) = solver.innovations([world]), solver.innovations([found.first.world])
     weight = world.data.weight
     variance = (surprise**2 * weight).sum() / weight.sum()
-    fourth = (surprise**4 * weight).sum() / weight.sum()
     pair = weight[1:] * weight[:-1]
     neighbours = (surprise[1:] * surprise[:-1] * pair).sum() / pair.sum()
     name = max(last.surprise, key=lambda key: last.surprise[key])
     return Adequacy(
-        kurtosis=float(fourth / variance**2 - 3),
+        kurtosis=kurtosis(surprise, weight),
+        kurtosis_before=kurtosis(before, weight),
         autocorrelation=float(neighbours / variance),
         unequal_noise=unequal_noise(surprise, world.data),
         remaining=(name, float(last.surprise[name])),
     )
+
+
+def kurtosis(surprise: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarray, "steps pieces"]) -> float:
+    """Excess kurtosis of the innovations that count [-]."""
+    square, fourth = ((surprise**power * weight).sum() / weight.sum() for power in (2, 4))
+    return float(fourth / square**2 - 3)
 
 
 def unequal_noise(surprise: Float[np.ndarray, "steps pieces"], data: Measured) -> dict[str, float]:

@@ -4,9 +4,11 @@ Source: spread of calibrated parameters, Kesting & Treiber, Transp. Res. Rec. 20
 motorways, Treiber & Kesting, Traffic Flow Dynamics (2013), table 11.2.
 """
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from rearl_jax.core.gap_idm import FollowingParams
 
@@ -25,7 +27,7 @@ FURTHEST = 4.0
 """Bound of a standardised parameter [-]."""
 
 
-def following_params(z: Float[Array, "own pieces"], is_truck: Float[Array | np.ndarray, " pieces"]) -> FollowingParams:
+def following_params(z: Float[Any, "own pieces"], is_truck: Float[Any, " pieces"]) -> FollowingParams:
     """Car-following parameters of drivers whose standardised parameters are z."""
     truck = jnp.asarray(is_truck)[None]
     usual = jnp.log(CAR)[:, None] * (1 - truck) + jnp.log(TRUCK)[:, None] * truck

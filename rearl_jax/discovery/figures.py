@@ -50,6 +50,9 @@ def draw_evidence(
     axes.set_yticks(places, [title for _, title, _ in shown])
     axes.set_ylim(len(shown) - 0.5, -0.5)
     axes.set_xscale("symlog", linthresh=10)
+    low, high = axes.get_xlim()
+    axes.set_xlim(min(low, -10.0), max(high, 20.0))
+    axes.xaxis.set_major_formatter("{x:g}")
     axes.axvline(0.0, color=GREY, linewidth=0.8)
     axes.grid(axis="y", color=LIGHT_GREY, linewidth=0.5)
     axes.set_xlabel("nats (linear up to 10)")
@@ -145,7 +148,8 @@ def draw_example(left: Mapping[str, Residuals], errors: Mapping[str, ModelErrors
     used = slice(int(np.flatnonzero(counts)[0]), int(np.flatnonzero(counts)[-1]) + 1)
     time = data.around.time[used, piece]
     gap = (data.around.leader_rear - data.smooth - data.length / 2)[used, piece]
-    seen = np.where(counts[used], gap, np.nan)
+    leader = data.leader[used, piece]
+    seen = np.where(counts[used] & (leader == np.roll(leader, 1)), gap, np.nan)  # no line from one leader to the next
     above.plot(time, seen, color=DARK_GREY, linewidth=2.0, label="measured")
     for model, one in left.items():
         # The simulated gap itself has no measurement noise.

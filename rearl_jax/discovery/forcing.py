@@ -23,7 +23,7 @@ from rearl_jax.core.following import begin_effects, follow
 from rearl_jax.core.gap_idm import FollowingParams
 from rearl_jax.discovery.candidates import effects_at
 from rearl_jax.discovery.drivers import NAMES, following_params
-from rearl_jax.discovery.residuals import Residuals
+from rearl_jax.discovery.residuals import Residuals, smoothed_acceleration
 from rearl_jax.discovery.solver import Solver
 
 TIME_GAP = NAMES.index("time_gap")
@@ -32,7 +32,7 @@ AT_ONCE = 64
 """Accelerations that are passed through the observer side by side."""
 
 FORGOTTEN = 1e-12
-"""Change of an innovation [m] that is none."""
+"""Innovation [m] or acceleration [m/s^2] that is none."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,8 @@ class Answers:
 def answers(left: Residuals) -> Answers:
     """Derivatives of the car-following model where the observer was; added effects change them little."""
     data, seen = left.world.data, left.stimulus()
-    usual = following_params(jnp.asarray(left.world.z[data.driver].T), data.is_truck.astype(float))
+    params = following_params(jnp.asarray(left.world.z[data.driver].T), data.is_truck.astype(float))
+    usual = jax.tree.map(lambda value: jnp.broadcast_to(value, left.x.shape), params)
 
     def wanted(x: Array, v: Array, logs: Array) -> Array:
         params = jax.tree.map(lambda value, log: value * jnp.exp(log), usual, FollowingParams(*logs))
@@ -94,8 +95,7 @@ def felt(
     out = np.empty(pushed.shape, np.float32)
     for first in range(0, len(pushed), AT_ONCE):
         out[first : first + AT_ONCE] = _felt(pushed[first : first + AT_ONCE], left, answer)
-    # What has all but died away would only cost time: processors are slow with denormal numbers.
-    return np.where(np.abs(out) < FORGOTTEN, np.float32(0), out)
+    return _flushed(out)
 
 
 def _felt(pushed: np.ndarray, left: Residuals, answer: Answers) -> np.ndarray:
@@ -113,10 +113,33 @@ def _felt(pushed: np.ndarray, left: Residuals, answer: Answers) -> np.ndarray:
 
 def votes(pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers) -> Votes:
     """Votes of all drivers on accelerations; +1 of a column is 1 m/s^2 times `pushed`."""
+    columns, n_own = _left_behind(pushed, left, answer)
+    return _voted(columns, left.innovation, n_own, left)
+
+
+def votes_and_seen(
+    pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers
+) -> tuple[Votes, Votes]:
+    """The same, and what the votes would be on the acceleration residual, for shares that people can read."""
+    columns, n_own = _left_behind(pushed, left, answer)
+    data, seen = left.world.data, np.empty_like(columns)
+    for first in range(0, len(columns), AT_ONCE):
+        part = np.moveaxis(columns[first : first + AT_ONCE], 1, 0)  # [steps, columns, pieces]
+        weight = np.broadcast_to(data.weight[:, None], part.shape).reshape(len(part), -1)
+        smooth = smoothed_acceleration(part.reshape(len(part), -1), weight, left.noise, data.dt)
+        seen[first : first + AT_ONCE] = np.moveaxis(smooth.reshape(part.shape), 0, 1)
+    return _voted(columns, left.innovation, n_own, left), _voted(_flushed(seen), left.acceleration, n_own, left)
+
+
+def _left_behind(pushed: np.ndarray, left: Residuals, answer: Answers) -> tuple[np.ndarray, int]:
+    """Innovations that accelerations leave where the model has none of them, drivers' own first; how many those are."""
     own = np.concatenate([np.ones((1, *left.x.shape)), answer.own])
-    columns = np.concatenate([felt(own, left, answer), felt(pushed, left, answer)])
-    # What the drivers did and the model did not leaves innovations of the other sign.
-    return _voted(-columns, left.innovation, len(own), left)
+    return -np.concatenate([felt(own, left, answer), felt(pushed, left, answer)]), len(own)
+
+
+def _flushed(values: np.ndarray) -> np.ndarray:
+    """Nothing where next to nothing is left: processors are slow with denormal numbers."""
+    return np.where(np.abs(values) < FORGOTTEN, np.float32(0), values)
 
 
 def plain_votes(
@@ -125,7 +148,7 @@ def plain_votes(
     left: Residuals,
     answer: Answers,
 ) -> Votes:
-    """The same on an acceleration itself [m/s^2], not on innovations: for shares that people can read."""
+    """Votes on how much of accelerations another one is made of, moment by moment [m/s^2]."""
     own = np.concatenate([np.ones((1, *left.x.shape)), answer.own])
     return _voted(np.concatenate([own, pushed]).astype(np.float32), target, len(own), left)
 

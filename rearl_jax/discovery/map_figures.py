@@ -41,7 +41,7 @@ def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, 
             panel.plot(curve.basis.knots, added[name], ":", color=DARK_GREY, linewidth=1.6, label="what was added")
         panel.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
         panel.set_ylim(-reach, reach)
-        unit = curve.basis.variable.unit
+        unit = curve.basis.variable.unit.replace("^2", "²")
         share = next(one.frequency for one in atlases["before"].selected if one.variable == name)
         panel.set_title(f"selected in {100 * share:.0f} % of the halves", loc="left", fontsize=7, color=DARK_GREY)
         panel.set_xlabel(f"{curve.basis.variable.title} [{unit}]", fontsize=8)
@@ -49,7 +49,8 @@ def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, 
         panel.set_visible(False)
     for panel in axes[::COLUMNS]:
         panel.set_ylabel("acceleration left [m/s²]", fontsize=8)
-    handles = {str(line.get_label()): line for line in axes[0].get_lines() if not str(line.get_label()).startswith("_")}
+    lines = [line for panel in axes for line in panel.get_lines() if not str(line.get_label()).startswith("_")]
+    handles = {str(line.get_label()): line for line in lines}
     figure.legend(
         handles.values(), handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=FONT_SIZE
     )

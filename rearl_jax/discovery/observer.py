@@ -195,7 +195,7 @@ def straightened_start(start: Float[Array, "two pieces"], lens: Lens) -> tuple[A
     return x, v / (1 + lens.slope(x))
 
 
-def synchronised(around: Surroundings, shift: Float[Array, "#steps pieces"]) -> Surroundings:
+def synchronised(around: Surroundings, shift: Float[Array, "*n"]) -> Surroundings:
     """Leaders at the own time, where their clock is ahead by `shift` [s]."""
     ahead = around.has_leader * shift
     return replace(

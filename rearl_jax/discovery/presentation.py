@@ -1,7 +1,7 @@
 """Residuals, maps, figures and the page of a discovery; nothing here decides anything."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,15 +9,14 @@ import pandas as pd
 from rearl_jax.config import DiscoverTask
 from rearl_jax.discovery.atlas import Atlas, added_curves, atlas_of, ballot_of, chart_of
 from rearl_jax.discovery.errors import ModelErrors
+from rearl_jax.discovery.parts import Parts
 from rearl_jax.discovery.procedure import FIRING_SURPRISE, Search, with_clocks
 from rearl_jax.discovery.refit import on_others
 from rearl_jax.discovery.residuals import Residuals, residuals_of
 from rearl_jax.discovery.solver import Solver
 from rearl_jax.discovery.tables import driver_table
+from rearl_jax.evaluation.layout import data_sources
 from rearl_jax.results import Study
-
-if TYPE_CHECKING:
-    import rearl_jax.discovery.task
 
 PARTS = ("fitted", "checked", "reported")
 
@@ -35,7 +34,7 @@ def present(
     study: Study,
     solver: Solver,
     search: Search,
-    parts: "rearl_jax.discovery.task.Parts",
+    parts: Parts,
     errors: Mapping[str, ModelErrors],
     verdict: Mapping[str, Any],
     config: DiscoverTask,
@@ -61,8 +60,9 @@ def present(
         for model, found in left.items()
     }
     added = added_curves(solver, left["after"][0], chart) if search.added else {}
-    known = {name for trial in search.added for name in trial.candidate.variables}
-    added = {name: values for name, values in added.items() if name in known}
+    # Only what depends on one variable is a curve of it.
+    known = {trial.candidate.variables for trial in search.added}
+    added = {name: values for name, values in added.items() if (name,) in known}
     seeds = {"seeds": f"discover.seed={options.seed}"}
     study.write_table("residuals", residual_table(left), **seeds)
     study.write_table("maps", map_table(atlases, added), **seeds)
@@ -90,7 +90,7 @@ def present(
     }
     for name, png in drawn.items():
         study.write_bytes(f"{name}.png", png)
-    study.write_text("page.html", write_page(config, verdict, atlases, drawn, []))
+    study.write_text("page.html", write_page(config, verdict, atlases, drawn, data_sources(parts.infos)))
 
 
 def all_residuals(solver: Solver, search: Search, checked: Any, reported: Any) -> dict[str, list[Residuals]]:

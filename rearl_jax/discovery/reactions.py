@@ -74,7 +74,7 @@ def title_of(name: str) -> str:
 
 _TITLES = {
     "approach_rate_before": f"approach rate {REACTION:g} s ago",
-    "leader_acceleration_before": f"leader's acceleration {REACTION:g} s ago",
+    "leader_acceleration_before": f"leader's accel. {REACTION:g} s ago",
     "leader_acceleration": "leader's acceleration",
     "leader_length": "leader's length",
     "second_gap": "gap to the second leader",

@@ -92,7 +92,7 @@ def _residuals(solver: Solver, world: World, noise: Noise) -> Residuals:
     gain, seen = noise.gain(data.dt), data.halfway()
     expected = data.y.astype(np.float32).astype(float) - innovation
     if "lens" in world.active:
-        lens = lens_at(jnp.asarray(world.theta)[:, None], solver.layout, solver.layout.knots)
+        lens = lens_at(jnp.asarray(world.theta)[:, None, None], solver.layout, solver.layout.knots)
         expected = expected - np.asarray(lens.bend(jnp.asarray(expected)))
         seen = straightened(seen, lens)
     corrected = expected + gain[0] * innovation

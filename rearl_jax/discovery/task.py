@@ -1,7 +1,7 @@
 """The task `rearl discover`: measured trajectories in; what the traffic model lacks out.
 
 Writes into the study folder `null.parquet` (evidence where nothing is missing), `residuals.parquet` and
-`maps.parquet` (what the calibrated model leaves, and on what it depends, before and after), `drivers.parquet`
+`maps.parquet`, `planes.parquet` (what the calibrated model leaves, and on what it depends), `drivers.parquet`
 (calibrated parameters), `candidates.parquet`, `errors.parquet` (before and after, of every report driver),
 `model.yaml`, figures, `page.html`, `verdict.json`, `config.json` and, last of all, `summary.json`.
 """
@@ -10,7 +10,6 @@ import json
 import logging
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,10 +24,10 @@ from rearl_jax.discovery.adequacy import adequacy
 from rearl_jax.discovery.errors import model_errors
 from rearl_jax.discovery.gate import Finding, gate
 from rearl_jax.discovery.layout import layout_of
-from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.moments import Programs
 from rearl_jax.discovery.noise import calibrate
 from rearl_jax.discovery.null import Null, null_of
+from rearl_jax.discovery.parts import Parts
 from rearl_jax.discovery.procedure import FIRING_SURPRISE, Search, search, split_drivers, with_clocks
 from rearl_jax.discovery.reading import measure
 from rearl_jax.discovery.refit import Fit, rebased, refit
@@ -55,18 +54,6 @@ SHARES = (1 / 3, 1 / 3, 1 / 3)
 """Shares of drivers that are fitted, checked and reported."""
 
 NULL_TABLE = "null"
-
-
-@dataclass(frozen=True)
-class Parts:
-    """The data, in parts that share no driver, and what their columns show."""
-
-    recordings: Sequence[str]
-    findings: list[Finding]
-    fitted: Measured
-    checked: Measured
-    reported: Measured
-    notes: tuple[str, ...]
 
 
 def run(config: DiscoverTask) -> dict:
@@ -125,7 +112,7 @@ def read_parts(config: DiscoverTask, bar: Progress) -> Parts:
         kept = rng.choice(data.n_drivers, config.discover.max_drivers, replace=False)
         data = data.select(np.flatnonzero(np.isin(data.driver, kept)))
     fitted, checked, reported = split_drivers(data, SHARES, config.discover.seed)
-    return Parts([one.info.id for one in recordings], findings, fitted, checked, reported, notes)
+    return Parts(tuple(one.info for one in recordings), findings, fitted, checked, reported, notes)
 
 
 def _verdict(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, bar: Progress) -> dict[str, Any]:
@@ -162,6 +149,7 @@ def _verdict(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, b
         "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
         "adequacy": {
             "kurtosis": left.kurtosis,
+            "kurtosis_before": left.kurtosis_before,
             "autocorrelation": left.autocorrelation,
             "unequal_noise": left.unequal_noise,
             "remaining": {"name": left.remaining[0], "surprise": left.remaining[1]},
@@ -176,6 +164,11 @@ def _verdict(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, b
         found.first, found.last, found.added, parts.fitted, solver.layout, data_id(config.data), config.study
     )
     write_model(study.path / "model.yaml", model)
+
+    # Only now, so that nobody waits for matplotlib to know the verdict.
+    from rearl_jax.discovery.presentation import present
+
+    present(study, solver, found, parts, errors, verdict, config)
     return verdict
 
 
@@ -227,7 +220,7 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
 def _described(config: DiscoverTask, parts: Parts) -> dict[str, Any]:
     return {
         "id": data_id(config.data),
-        "recordings": len(parts.recordings),
+        "recordings": len(parts.infos),
         "generated": is_generated(config.data),
         "drivers": {
             "fitted": parts.fitted.n_drivers,

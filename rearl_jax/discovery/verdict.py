@@ -29,8 +29,10 @@ from rearl_jax.discovery.uncertainty import interval
 MOST_KURTOSIS = 0.1
 """Excess kurtosis of the innovations beyond which something not smooth is left [-]."""
 
-MOST_REMAINING = 8.0
-"""Surprise of another candidate beyond which what was added is not all [-]."""
+KURTOSIS_LEFT = 0.6
+"""Share of the excess kurtosis that may be left by what was added: the right effect takes most of it, a wrong one does
+not [-].
+"""
 
 RELIABILITY = 0.98
 """Upper bound of a stated confidence: what the procedure has reached on generated data."""
@@ -42,20 +44,23 @@ class Adequacy:
 
     Attributes:
         kurtosis: Excess kurtosis of the innovations [-].
+        kurtosis_before: The same without anything added [-].
         autocorrelation: Of innovations one moment apart [-].
         unequal_noise: How surely the size of innovations depends on a situation, in standard deviations [-].
         remaining: The candidate with the largest surprise, and its surprise.
     """
 
     kurtosis: float
+    kurtosis_before: float
     autocorrelation: float
     unequal_noise: dict[str, float]
     remaining: tuple[str, float]
 
     @property
     def is_smooth(self) -> bool:
-        """Whether the innovations look like those of a smooth model."""
-        return self.kurtosis <= MOST_KURTOSIS
+        """Whether the innovations look like those of a smooth model, or as rough as rare emergencies leave them."""
+        explained = self.kurtosis < KURTOSIS_LEFT * self.kurtosis_before
+        return self.kurtosis <= MOST_KURTOSIS or explained
 
 
 @dataclass(frozen=True)

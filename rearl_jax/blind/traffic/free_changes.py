@@ -1,4 +1,4 @@
-"""Free lane changes: twice a second everybody compares the lanes and changes at random, the more likely the more it pays.
+"""Free lane changes: twice a second all drivers compare the lanes, and change at random, the likelier the more it pays.
 
 What a change pays is the own acceleration it gains (Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86); the
 choice is a logit of it (McFadden, in: Frontiers in Econometrics (1974) 105).

@@ -42,6 +42,8 @@ class LaneCandidate:
         strength: Parameter of the effect that multiplies the column, with its unit.
         low, high: Values the strength may have.
         forms: Ways in which it may act; the best one stands for it.
+        is_circumstance: Whether every model holds it, and it is never named: it may stand for what is wrong with the
+            own gain as it was worked out.
     """
 
     name: str
@@ -51,6 +53,7 @@ class LaneCandidate:
     low: float
     high: float
     forms: tuple[Form, ...]
+    is_circumstance: bool = False
 
     @property
     def key(self) -> str:
@@ -146,12 +149,21 @@ CANDIDATES = (
         (Form(lambda table: np.clip(table.rear_braking, 0.0, MOST_GAIN)),),
     ),
     *(
-        LaneCandidate("lane_choice_dependence", "generic", (variable,), ("slope", "m/s^2"), -9.0, 9.0, (Form(column),))
+        LaneCandidate(
+            "lane_choice_dependence",
+            "generic",
+            (variable,),
+            ("slope", "m/s^2"),
+            -9.0,
+            9.0,
+            (Form(column),),
+            is_circumstance=variable != "rear_gap",
+        )
         for variable, column in (
+            ("rear_gap", lambda table: np.clip(table.rear_gap, 0.0, 60.0) / 30.0),
             ("own_class", lambda table: table.is_truck.astype(float)),
             ("speed", lambda table: (table.speed - 22.0) / 5.0),
             ("speed_of_lanes", _faster_lane),
-            ("rear_gap", lambda table: np.clip(table.rear_gap, 0.0, 60.0) / 30.0),
         )
     ),
 )

@@ -11,7 +11,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 RIDGE = 1e-3
-"""Precision of a weak prior of every coefficient [-]: keeps a fit finite where a column never varies with the choice."""
+"""Precision of a weak prior of every coefficient [-]: keeps a fit finite where a column says nothing."""
+
+OWN_SHARE = 1e-4
+"""Share of a column's information that must be its own [-]; below it there is only what the weak prior leaves."""
 
 KNOT_SHARES = (0.25, 0.5, 0.75, 0.9)
 """Shares of the gains of those who change at which the log-odds may bend."""
@@ -64,6 +67,7 @@ def fit(
     columns: Float[np.ndarray, "rows columns"],
     taken: Bool[np.ndarray, " rows"],
     driver: Int[np.ndarray, " rows"],
+    start: Float[np.ndarray, " columns"] | None = None,
     iterations: int = 40,
 ) -> Logit:
     """The most likely logit, by Newton steps that are halved where they lead away.
@@ -72,10 +76,11 @@ def fit(
         columns: Of the model.
         taken: Whether each opportunity was taken.
         driver: Whose it was, 0 to some number.
+        start: Coefficients from which it is searched.
         iterations: At most.
     """
     size = columns.shape[1]
-    beta = np.zeros(size)
+    beta = np.zeros(size) if start is None else start
 
     def value(at: np.ndarray) -> float:
         odds = columns @ at
@@ -98,7 +103,7 @@ def fit(
 
 
 def score_test(
-    model: Logit,
+    coefficients: Float[np.ndarray, " columns"],
     columns: Float[np.ndarray, "rows columns"],
     taken: Bool[np.ndarray, " rows"],
     driver: Int[np.ndarray, " rows"],
@@ -107,13 +112,13 @@ def score_test(
     """What a further column would add to a fitted model.
 
     Args:
-        model: Fitted to these columns.
+        coefficients: The most likely ones.
         columns: Of the model.
         taken: Whether each opportunity was taken.
         driver: Whose it was.
         extra: The further column.
     """
-    chance = _chance(columns, model.coefficients)
+    chance = _chance(columns, coefficients)
     weight = chance * (1.0 - chance)
     weighted = columns * weight[:, None]
     shared = np.linalg.solve(columns.T @ weighted + RIDGE * np.eye(columns.shape[1]), weighted.T @ extra)
@@ -122,8 +127,8 @@ def score_test(
     spread = float(np.sqrt((votes**2).sum()))
     information = float((weight * own * extra).sum())
     total = float(votes.sum())
-    if spread <= 0.0 or information <= 1e-9:
-        return ScoreTest(0.0, 0.0)  # the column never varies, or nobody had a choice
+    if spread <= 0.0 or information <= OWN_SHARE * float((weight * extra**2).sum()):
+        return ScoreTest(0.0, 0.0)  # the model knows all that the column says, or nobody had a choice
     return ScoreTest(total / spread, total / information)
 
 

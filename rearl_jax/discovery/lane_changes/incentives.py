@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.core.gap_idm import FollowingParams, free_term, gap_interaction
 from rearl_jax.discovery.drivers import CAR, TRUCK, following_params
@@ -26,6 +27,10 @@ class KnownDrivers:
     values: Float[np.ndarray, "known own"]
     usual: Float[np.ndarray, "classes own"]
 
+    def is_known(self, vehicle: Int[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
+        """Whether each row's vehicle is calibrated."""
+        return np.isin(vehicle, self.vehicle)
+
     @classmethod
     def of(cls, worlds: Sequence[World]) -> "KnownDrivers":
         """The drivers of calibrated worlds, which share none."""
@@ -43,7 +48,7 @@ class KnownDrivers:
     def of_vehicles(
         self, vehicle: Int[np.ndarray, " rows"], is_truck: Bool[np.ndarray, " rows"]
     ) -> Float[np.ndarray, "own rows"]:
-        """Parameters of each row's vehicle."""
+        """Parameters of each row's vehicle; those of its population where it is not known."""
         out = self.usual[is_truck.astype(int)]
         if len(self.vehicle):
             place = np.minimum(np.searchsorted(self.vehicle, vehicle), len(self.vehicle) - 1)
@@ -67,8 +72,31 @@ def acceleration(
     is_led: Bool[np.ndarray, " rows"],
 ) -> Float[np.ndarray, " rows"]:
     """Acceleration of drivers [m/s^2] behind a leader at a gap [m], or free."""
-    params = FollowingParams(*(jnp.asarray(row) for row in own))
-    v = jnp.asarray(speed)
-    pull = gap_interaction(jnp.asarray(gap), v, v - jnp.asarray(leader_speed), params)
-    value = params.max_accel * (1 - free_term(v, params.desired_speed) - jnp.where(jnp.asarray(is_led), pull, 0.0))
-    return np.asarray(value)
+    n = len(speed)
+    size = max(_LEAST_ROWS, 1 << max(n - 1, 0).bit_length())  # few sizes, few programs to compile
+
+    def padded(values: np.ndarray) -> np.ndarray:
+        return np.concatenate([values, np.ones(size - n, values.dtype)])
+
+    numbers = [padded(values) for values in (*own, speed, gap, leader_speed, is_led)]
+    return np.asarray(_acceleration(*numbers))[:n]
+
+
+_LEAST_ROWS = 1024
+
+
+@jax.jit
+def _acceleration(
+    desired_speed: Array,
+    time_gap: Array,
+    jam_gap: Array,
+    max_accel: Array,
+    comfort_decel: Array,
+    speed: Array,
+    gap: Array,
+    leader_speed: Array,
+    is_led: Array,
+) -> Array:
+    params = FollowingParams(desired_speed, time_gap, jam_gap, max_accel, comfort_decel)
+    pull = gap_interaction(gap, speed, speed - leader_speed, params)
+    return max_accel * (1 - free_term(speed, desired_speed) - jnp.where(is_led, pull, 0.0))

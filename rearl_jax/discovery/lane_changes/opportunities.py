@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
 from rearl_jax.data.records import Recording
+from rearl_jax.discovery.lane_changes.following import likely_parameters
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers, acceleration
 from rearl_jax.discovery.lane_changes.motion import with_motion
 from rearl_jax.discovery.lane_changes.neighbours import NOBODY, Pair, next_on_lanes
@@ -35,6 +36,11 @@ MOBIL, as in the simulation; beyond it nobody would change, whatever it paid.
 
 SLOWEST = 3.0
 """Speed below which nobody changes lanes by choice [m/s]."""
+
+EARLIER = 1.5
+"""Time before an opportunity at which others' braking is looked at [s]: smoothing spreads later braking half a second
+back, and whoever has been cut in on brakes.
+"""
 
 SEEN_BEHIND = 60.0
 """Length of road behind that must be in the picture where nobody is seen there [m]."""
@@ -59,7 +65,7 @@ class Opportunities:
         gap, leader_speed, leader_is_truck: The leader on the own lane [m], [m/s].
         side_gap, side_leader_speed, side_leader_is_truck: The one on that lane.
         rear_gap: To the one behind there [m]; OUT_OF_SIGHT for nobody.
-        rear_braking: How much less it accelerates than it would behind its leader [m/s^2]; 0 for nobody.
+        rear_braking: How much less it accelerated EARLIER than it would behind its leader [m/s^2]; 0 for nobody.
         follower_gap, follower_speed: The present follower; OUT_OF_SIGHT and the own speed for nobody.
         is_truck: Whether the own vehicle is one.
     """
@@ -102,7 +108,7 @@ def opportunities(recordings: Sequence[Recording], drivers: KnownDrivers) -> tup
     parts, words, offset = [], [], 0
     for number, recording in enumerate(recordings):
         table, dt = thinned(recording)
-        tracks = int(table["track_id"].max()) + 1 if len(table) else 0
+        tracks = int(table["track_id"].to_numpy().max(initial=-1)) + 1
         part, word = _of_recording(table, dt, offset, number, drivers)
         parts.append(part)
         words.append(word)
@@ -115,16 +121,18 @@ def _of_recording(
     table: pd.DataFrame, dt: float, offset: int, number: int, drivers: KnownDrivers
 ) -> tuple[Opportunities, str]:
     """Those of one recording."""
-    if not table["lane"].notna().any():
+    if not table["lane"].notna().to_numpy().any():
         return _empty(), "the data have no lanes"
     moving = with_motion(table, dt)
-    rows = moving[moving["lane"].notna() & (moving["frame"] % max(1, round(PERIOD / dt)) == 0)].reset_index(drop=True)
-    if rows.groupby("direction")["lane"].nunique().max() < 2:
+    at_moment = moving["frame"].to_numpy() % max(1, round(PERIOD / dt)) == 0
+    rows = moving.iloc[np.flatnonzero(moving["lane"].notna().to_numpy() & at_moment)].reset_index(drop=True)
+    streets = np.stack([rows["direction"].to_numpy(np.int64), rows["lane"].to_numpy(np.int64)])
+    if np.bincount(np.unique(streets, axis=1)[0]).max(initial=0) < 2:
         return _empty(), "there is one lane per direction"
     around = next_on_lanes(rows)
-    vehicle = rows["track_id"].to_numpy(np.int64) + offset
+    vehicle = rows["track_id"].to_numpy().astype(np.int64) + offset
     is_truck = (rows["vehicle_class"] == "truck").to_numpy()
-    scene = _Scene(rows, drivers.of_vehicles(vehicle, is_truck), vehicle, is_truck, number)
+    scene = _Scene(rows, drivers, vehicle, is_truck, number, around[0])
     joined = _joined([scene.side(side, around[0], around[side]) for side in (-1, 1)])
     word = "" if len(joined.side) else "nobody has a leader on the own lane and on one beside it, and room to change"
     return joined, word
@@ -134,9 +142,15 @@ class _Scene:
     """The rows of one recording at the moments of opportunities."""
 
     def __init__(
-        self, rows: pd.DataFrame, own: np.ndarray, vehicle: np.ndarray, is_truck: np.ndarray, recording: int
+        self,
+        rows: pd.DataFrame,
+        drivers: KnownDrivers,
+        vehicle: np.ndarray,
+        is_truck: np.ndarray,
+        recording: int,
+        around: Pair,
     ) -> None:
-        self.own, self.vehicle, self.is_truck, self.recording = own, vehicle, is_truck, recording
+        self.vehicle, self.is_truck, self.recording = vehicle, is_truck, recording
         names = ("position", "speed", "acceleration", "length", "since_change", "to_change", "next_step")
         self.x, self.v, self.a, self.length, self.since, self.until, self.step = (
             rows[name].to_numpy() for name in names
@@ -144,13 +158,46 @@ class _Scene:
         self.left_in_record = rows["left_in_record"].to_numpy()
         self.lane, self.direction = rows["lane"].to_numpy(np.int64), rows["direction"].to_numpy(np.int64)
         self.upstream = rows.groupby("direction")["position"].transform("min").to_numpy()
-        spans = rows.groupby(["direction", "lane"])["position"].agg(np.ptp)
-        longest = spans.groupby("direction").max()
-        self.whole = {
-            (int(direction), int(lane))  # type: ignore[call-overload]
-            for (direction, lane), span in spans.items()  # type: ignore[misc]
-            if span >= WHOLE_LANE * longest[direction]
-        }
+        self.whole = self._whole_lanes()
+        self.goes_on = _goes_on(rows)
+        self.own = self._parameters(drivers, around.leader)
+        self.braking = self._earlier_braking(around.leader)
+
+    def _whole_lanes(self) -> set[tuple[int, int]]:
+        """Directions and lanes that cover most of the road."""
+        spans: dict[tuple[int, int], float] = {}
+        for direction, lane in np.unique(np.stack([self.direction, self.lane]), axis=1).T:
+            spans[int(direction), int(lane)] = float(
+                np.ptp(self.x[(self.direction == direction) & (self.lane == lane)])
+            )
+        road = {one: max(span for (other, _), span in spans.items() if other == one) for one, _ in spans}
+        return {key for key, span in spans.items() if span >= WHOLE_LANE * road[key[0]]}
+
+    def _parameters(self, drivers: KnownDrivers, leader: np.ndarray) -> np.ndarray:
+        """Of every row's driver: calibrated ones, else the likely ones."""
+        own = drivers.of_vehicles(self.vehicle, self.is_truck)
+        rows = np.arange(len(leader))
+        likely = likely_parameters(
+            own,
+            np.unique(self.vehicle, return_inverse=True)[1],
+            self.v,
+            self._gap(rows, leader),
+            self.v[leader],
+            self.a,
+            leader != NOBODY,
+            PERIOD,
+        )
+        return np.where(drivers.is_known(self.vehicle), own, likely)
+
+    def _earlier_braking(self, leader: np.ndarray) -> np.ndarray:
+        """How much less each vehicle accelerated EARLIER than behind its leader it would [m/s^2]; 0 where unknown."""
+        everyone = np.arange(len(leader))
+        less = np.where(leader == NOBODY, 0.0, self._behind(everyone, leader) - self.a)
+        back = round(EARLIER / PERIOD)
+        before = np.maximum(everyone - back, 0)
+        breaks = np.r_[0, np.cumsum(~self.goes_on)]
+        same = (everyone >= back) & (breaks[everyone + 1] == breaks[before + 1])
+        return np.where(same, less[before], 0.0)
 
     def side(self, side: int, here: Pair, there: Pair) -> Opportunities:
         """Opportunities to change to one side, with the vehicles on the own lane and on that one."""
@@ -183,7 +230,7 @@ class _Scene:
             side_leader_speed=self.v[ahead],
             side_leader_is_truck=self.is_truck[ahead],
             rear_gap=rear_gap,
-            rear_braking=np.where(rear == NOBODY, 0.0, rear_before - self.a[rear]),
+            rear_braking=np.where(rear == NOBODY, 0.0, self.braking[rear]),
             follower_gap=follower_gap,
             follower_speed=np.where(follower == NOBODY, v, self.v[follower]),
             is_truck=self.is_truck[chosen],
@@ -207,6 +254,14 @@ class _Scene:
         """Acceleration of vehicles behind others [m/s^2]; 0 for nobody."""
         value = acceleration(self.own[:, who], self.v[who], self._gap(who, front), self.v[front], front != NOBODY)
         return np.where(who == NOBODY, 0.0, value)
+
+
+def _goes_on(rows: pd.DataFrame) -> Bool[np.ndarray, " rows"]:
+    """Whether each row is the next moment of the vehicle of the row before it."""
+    track, frame = rows["track_id"].to_numpy(), rows["frame"].to_numpy()
+    frames = np.unique(frame)
+    each = int(np.diff(frames).min()) if len(frames) > 1 else 1
+    return np.r_[False, (track[1:] == track[:-1]) & (frame[1:] == frame[:-1] + each)]
 
 
 def _empty() -> Opportunities:

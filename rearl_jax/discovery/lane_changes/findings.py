@@ -1,0 +1,121 @@
+"""What was found in lane changing, as it goes into a verdict."""
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its interval; the ends are None where it was not searched."""
+
+    value: float
+    low: float | None
+    high: float | None
+    unit: str
+
+    def plain(self) -> dict[str, Any]:
+        """As in verdict.json."""
+        return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit}
+
+
+@dataclass(frozen=True)
+class LaneEffect:
+    """Something that counts in the choice of the lane.
+
+    Attributes:
+        name: Of the effect in the library.
+        kind: `driver`, or `generic` for a dependence without a name.
+        parameters: In its units.
+        variables: What it depends on.
+        confidence: Probability that it is there [-].
+        evidence: Log-likelihood it adds on drivers it was not fitted to [nats].
+    """
+
+    name: str
+    kind: str
+    parameters: dict[str, Estimate]
+    variables: tuple[str, ...]
+    confidence: float
+    evidence: float
+
+    def plain(self) -> dict[str, Any]:
+        """As an entry of `effects` in verdict.json."""
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "parameters": {name: value.plain() for name, value in self.parameters.items()},
+            "variables": list(self.variables),
+            "confidence": self.confidence,
+            "evidence": self.evidence,
+        }
+
+
+@dataclass(frozen=True)
+class RankedCandidate:
+    """A candidate as it was seen before anything was added.
+
+    Attributes:
+        name, kind, variables: What it is.
+        surprise: Of its slope, in standard deviations between drivers [-].
+        gain: Log-likelihood it adds on the drivers it is fitted to [nats]; None where it was not fitted.
+        check: The same on drivers it was not fitted to [nats].
+        ambiguous: Whether it explains the changes about as well as what was named.
+    """
+
+    name: str
+    kind: str
+    variables: tuple[str, ...]
+    surprise: float
+    gain: float | None
+    check: float | None
+    ambiguous: bool
+
+    def plain(self) -> dict[str, Any]:
+        """As an entry of `candidates` in verdict.json."""
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "variables": list(self.variables),
+            "evidence": 0.5 * self.surprise**2,
+            "surprise": self.surprise,
+            "gain": self.gain,
+            "check": self.check,
+            "ambiguous": self.ambiguous,
+            "told_apart_by": "changes in which the two would choose differently" if self.ambiguous else None,
+        }
+
+
+@dataclass(frozen=True)
+class LaneChangeFindings:
+    """What is missing in lane changing.
+
+    Attributes:
+        effects: What is claimed, in the order in which it was found.
+        candidates: All that was looked for, the most surprising first.
+        n_changes, n_opportunities: In the data, as far as they could be used.
+        loss_before, loss_after: Mean log-loss of an opportunity of drivers nothing was fitted to [nats]; None where
+            there were too few changes.
+        loss_change: After less before, with its interval.
+        words: One line for a reader; why nothing could be seen, where nothing could.
+    """
+
+    effects: tuple[LaneEffect, ...]
+    candidates: tuple[RankedCandidate, ...]
+    n_changes: int
+    n_opportunities: int
+    loss_before: float | None
+    loss_after: float | None
+    loss_change: Estimate | None
+    words: str
+
+    def as_verdict_parts(self) -> dict[str, list[dict[str, Any]]]:
+        """Entries for `effects` and `candidates` of verdict.json."""
+        return {
+            "effects": [effect.plain() for effect in self.effects],
+            "candidates": [candidate.plain() for candidate in self.candidates],
+        }
+
+
+def nothing_seen(n_changes: int, n_opportunities: int, words: str) -> LaneChangeFindings:
+    """Where there is too little to look at."""
+    return LaneChangeFindings((), (), n_changes, n_opportunities, None, None, None, words)

@@ -1,0 +1,87 @@
+"""Car-following parameters of drivers whom nobody has calibrated: the most likely ones by their accelerations.
+
+Coarser than the calibration by an observer, and for thousands of drivers at once: what a change of lanes pays depends
+on the time gap a driver wants more than on anything else, and with one time gap for all, politeness and trucks would
+seem to count where they do not.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rearl_jax.discovery.drivers import FURTHEST, SPREAD
+from rearl_jax.discovery.lane_changes.incentives import acceleration
+
+MEMORY = 3.0
+"""Time after which the error of an acceleration is a new one [s]: twice the correlation time of drivers' noise.
+Source: Zhang & Sun, arXiv:2210.03571 (highD, about 1.4 s).
+"""
+
+RESPONSE = (3, 4)
+"""Places of a and b, how hard drivers respond. What they respond to has been moved by their own noise and is smoothed,
+so everybody seems less responsive than they are; only how far each is from the others is taken.
+"""
+
+ROUNDS = 8
+"""Gauss-Newton steps; most drivers are there after four."""
+
+STEP = 0.05
+"""Step of the finite differences, in standard deviations between drivers [-]."""
+
+HARD = 4.0
+"""Acceleration [m/s^2] beyond which it is not car following."""
+
+
+def likely_parameters(
+    usual: Float[np.ndarray, "own rows"],
+    driver: Int[np.ndarray, " rows"],
+    speed: Float[np.ndarray, " rows"],
+    gap: Float[np.ndarray, " rows"],
+    leader_speed: Float[np.ndarray, " rows"],
+    measured: Float[np.ndarray, " rows"],
+    is_led: Bool[np.ndarray, " rows"],
+    period: float,
+) -> Float[np.ndarray, "own rows"]:
+    """Parameters of each row's driver: the most likely ones, where drivers differ as they usually do.
+
+    Args:
+        usual: Parameters of the population each row's driver belongs to.
+        driver: Of each row, 0 to some number.
+        speed: Own speed [m/s].
+        gap: To the leader, bumper to bumper [m].
+        leader_speed: [m/s].
+        measured: Acceleration [m/s^2].
+        is_led: Whether there is a leader; other rows tell nothing.
+        period: Time between two rows of a driver [s].
+
+    Source: Gauss-Newton with a normal prior, Gelman et al., Bayesian Data Analysis (2013), ch. 13; drivers' spread as
+    in `drivers.SPREAD`.
+    """
+    n = int(driver.max()) + 1 if len(driver) else 0
+    used = np.flatnonzero(is_led & (gap > 0.0) & (np.abs(measured) < HARD))
+    if not len(used):
+        return usual
+    rows = [values[used] for values in (speed, gap, leader_speed)]
+    led, base, who, wanted = np.ones(len(used), bool), usual[:, used], driver[used], measured[used]
+    z = np.zeros((n, 5))
+
+    def predicted(at: np.ndarray) -> np.ndarray:
+        params = base * np.exp(SPREAD[:, None] * at[who].T)
+        return np.clip(acceleration(params, rows[0], rows[1], rows[2], led), -HARD, HARD)
+
+    for _ in range(ROUNDS):
+        now = predicted(z)
+        error = wanted - now
+        # 0.455: median of the square of a standard normal number
+        variance = max(float(np.median(error**2)) / 0.455, 1e-4) * MEMORY / period
+        slopes = np.stack([(predicted(z + STEP * np.eye(5)[k]) - now) / STEP for k in range(5)])
+        gram = np.empty((n, 5, 5))
+        pull = np.empty((n, 5))
+        for i in range(5):
+            pull[:, i] = np.bincount(who, slopes[i] * error, n) / variance - z[:, i]
+            for j in range(i + 1):
+                gram[:, i, j] = gram[:, j, i] = np.bincount(who, slopes[i] * slopes[j], n) / variance
+        step = np.linalg.solve(gram + np.eye(5), pull[..., None])[..., 0]
+        z = np.clip(z + np.clip(step, -1.0, 1.0), -FURTHEST, FURTHEST)
+    z[:, RESPONSE] -= z[np.unique(who)][:, RESPONSE].mean(axis=0)
+    z[np.bincount(who, minlength=n) == 0] = 0.0
+    return usual * np.exp(SPREAD[:, None] * z[driver].T)

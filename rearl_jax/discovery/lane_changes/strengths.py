@@ -1,0 +1,108 @@
+"""Effects as part of the incentive: they move drivers along the same curve as the own gain, in its units."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rearl_jax.discovery.lane_changes.hazard import Logit, baseline, fit
+
+ROUNDS = 25
+"""Steps at most."""
+
+CLOSE = 1e-3
+"""Change of the strengths, in units of their columns' spread, below which they are found [m/s^2]."""
+
+LONGEST = 0.5
+"""Bound of a step of a strength, in units of its column's spread [m/s^2]."""
+
+LEAST_SLOPE = 0.02
+"""Least slope of the curve as a share of its steepest [-]: chances level off, and never fall where more is gained."""
+
+
+@dataclass(frozen=True)
+class Choices:
+    """Opportunities and what is known of them.
+
+    Attributes:
+        gain: Own acceleration gained [m/s^2].
+        others: Further columns of every model.
+        taken: Whether each opportunity was taken.
+        driver: Whose it was, 0 to some number.
+    """
+
+    gain: Float[np.ndarray, " rows"]
+    others: Float[np.ndarray, "rows others"]
+    taken: Bool[np.ndarray, " rows"]
+    driver: Int[np.ndarray, " rows"]
+
+    def take(self, rows: Bool[np.ndarray, " rows"]) -> "Choices":
+        """Some of the opportunities."""
+        return Choices(self.gain[rows], self.others[rows], self.taken[rows], self.driver[rows])
+
+
+@dataclass(frozen=True)
+class IncentiveModel:
+    """Log-odds as a broken line in `gain + effects @ strengths`, plus what other columns add.
+
+    Attributes:
+        bends: Where the line may bend [m/s^2].
+        strengths: Of the effects, in m/s^2 per unit of their columns.
+        covariance: Of the strengths, by the scatter between drivers.
+        line: The logit of the line and the other columns.
+    """
+
+    bends: Float[np.ndarray, " knots"]
+    strengths: Float[np.ndarray, " effects"]
+    covariance: Float[np.ndarray, "effects effects"]
+    line: Logit
+
+    def incentive(self, data: Choices, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, " rows"]:
+        """What a change pays, effects included [m/s^2]."""
+        return data.gain + effects @ self.strengths
+
+    def columns(self, data: Choices, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, "rows columns"]:
+        """Columns of `line`."""
+        return np.column_stack([baseline(self.incentive(data, effects), self.bends), data.others])
+
+    def log_likelihood(self, data: Choices, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, " rows"]:
+        """Of every opportunity [nats]."""
+        return self.line.log_likelihood(self.columns(data, effects), data.taken)
+
+    def slope(self, data: Choices, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, " rows"]:
+        """Of the curve where each driver is [log-odds per m/s^2]."""
+        first, *later = self.line.coefficients[1 : 2 + len(self.bends)]
+        pieces = first + np.concatenate([[0.0], np.cumsum(later)])
+        pieces = np.maximum(pieces, LEAST_SLOPE * max(float(pieces.max()), 1e-6))
+        return pieces[np.searchsorted(self.bends, self.incentive(data, effects))]
+
+
+def fit_incentive(
+    data: Choices, effects: Float[np.ndarray, "rows effects"], bends: Float[np.ndarray, " knots"]
+) -> IncentiveModel:
+    """The most likely strengths: each step is a logit with the effects times the slope of the line as further columns.
+
+    Args:
+        data: Opportunities.
+        effects: Columns of the effects, each in m/s^2 per unit of its strength.
+        bends: Where the line may bend [m/s^2].
+    """
+    n = effects.shape[1]
+    spread = np.maximum(effects.std(axis=0), 1e-6)
+
+    def at(strengths: np.ndarray, covariance: np.ndarray, before: IncentiveModel | None) -> IncentiveModel:
+        start = None if before is None else before.line.coefficients
+        columns = np.column_stack([baseline(data.gain + effects @ strengths, bends), data.others])
+        return IncentiveModel(bends, strengths, covariance, fit(columns, data.taken, data.driver, start))
+
+    model = at(np.zeros(n), np.zeros((n, n)), None)
+    for _ in range(ROUNDS if n else 0):
+        columns = model.columns(data, effects)
+        wider = np.column_stack([columns, model.slope(data, effects)[:, None] * effects])
+        start = np.concatenate([model.line.coefficients, np.zeros(n)])
+        found = fit(wider, data.taken, data.driver, start)
+        step = np.clip(found.coefficients[-n:], -LONGEST / spread, LONGEST / spread)
+        model = at(model.strengths + step, found.covariance[-n:, -n:], model)
+        if (np.abs(step) * spread).max() < CLOSE:
+            break
+    return model

@@ -1,0 +1,141 @@
+"""Candidates tried beside what was added before, on two parts of the drivers: each checks what the other was fitted to.
+
+Changes are rare, so both parts together decide whether a candidate is beyond chance; the third part is not looked at.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.stats import norm
+
+from rearl_jax.discovery.lane_changes.candidates import CANDIDATES, Form, LaneCandidate, own_gain
+from rearl_jax.discovery.lane_changes.hazard import ScoreTest, knots, score_test
+from rearl_jax.discovery.lane_changes.opportunities import Opportunities
+from rearl_jax.discovery.lane_changes.strengths import Choices, IncentiveModel, fit_incentive
+
+FALSE_RATE = 0.01
+"""Chance that a column without influence passes the score test, over all columns together [-]."""
+
+CHECK_SHARE, RESAMPLES = 0.05, 1000
+"""Quantile of the gain on drivers not fitted to that must be above 0, and resamples of drivers behind it."""
+
+NAMEABLE = tuple(one for one in CANDIDATES if not one.is_circumstance)
+"""Candidates that may be added."""
+
+NEEDED = float(norm.isf(FALSE_RATE / 2 / sum(len(one.forms) for one in NAMEABLE)))
+"""Standard deviations a column's slope must have (Bonferroni over all of them)."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate in its best form beside what was added before.
+
+    Attributes:
+        candidate, form: What it is.
+        z: Slope of the likelihood in standard deviations between drivers.
+        gain: Log-likelihood it adds on the drivers it is fitted to [nats]; None where z alone speaks against it.
+        check: The same on drivers it is not fitted to, each part under the numbers of the other [nats].
+        is_confirmed: Whether the slope is beyond chance, and drivers it was not fitted to gain too.
+    """
+
+    candidate: LaneCandidate
+    form: Form
+    z: float
+    gain: float | None
+    check: float | None
+    is_confirmed: bool
+
+    @property
+    def total(self) -> float:
+        """What it is compared by [nats]."""
+        return self.check or 0.0
+
+
+class Tried:
+    """All opportunities with the columns of the candidates, in three parts that share no driver."""
+
+    def __init__(self, table: Opportunities, part: Int[np.ndarray, " rows"], seed: int) -> None:
+        self.part, self.seed = part, seed
+        self.columns = {
+            (candidate.key, number): form.column(table)
+            for candidate in CANDIDATES
+            for number, form in enumerate(candidate.forms)
+        }
+        others = np.column_stack([self.columns[one.key, 0] for one in CANDIDATES if one.is_circumstance])
+        driver = np.unique(table.vehicle, return_inverse=True)[1]
+        self.data = Choices(own_gain(table), others, table.changes, driver)
+        self.bends = knots(self.data.gain[part == 0], table.changes[part == 0])
+
+    def column(self, candidate: LaneCandidate, form: Form) -> Float[np.ndarray, " rows"]:
+        """Column of a candidate in one of its forms."""
+        return self.columns[candidate.key, candidate.forms.index(form)]
+
+    def effects(self, added: Sequence[Trial]) -> Float[np.ndarray, "rows effects"]:
+        """Columns of what was added."""
+        columns = [self.column(one.candidate, one.form) for one in added]
+        return np.stack(columns, axis=1) if columns else np.empty((len(self.part), 0))
+
+    def rows(self, *parts: int) -> Bool[np.ndarray, " rows"]:
+        """Opportunities of the drivers of some parts."""
+        return np.isin(self.part, parts)
+
+    def fitted(self, effects: Float[np.ndarray, "rows effects"], *parts: int) -> IncentiveModel:
+        """The model of the drivers of some parts."""
+        rows = self.rows(*parts)
+        return fit_incentive(self.data.take(rows), effects[rows], self.bends)
+
+    def score(
+        self, model: IncentiveModel, effects: Float[np.ndarray, "rows effects"], extra: Float[np.ndarray, " rows"]
+    ) -> ScoreTest:
+        """Slope of the likelihood of the first two parts along one more effect."""
+        rows = self.rows(0, 1)
+        data, added = self.data.take(rows), effects[rows]
+        slope = model.slope(data, added)[:, None]
+        columns = np.column_stack([model.columns(data, added), slope * added])
+        held = np.concatenate([model.line.coefficients, np.zeros(added.shape[1])])
+        return score_test(held, columns, data.taken, data.driver, slope[:, 0] * extra[rows])
+
+    def unseen(self, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, " rows"]:
+        """Log-likelihood of the first two parts, each under the model of the other [nats]; 0 for the third."""
+        value = np.zeros(len(self.part))
+        for fitted, checked in ((0, 1), (1, 0)):
+            rows = self.rows(checked)
+            value[rows] = self.fitted(effects, fitted).log_likelihood(self.data.take(rows), effects[rows])
+        return value
+
+    def resampled(self, values: Float[np.ndarray, " rows"], *parts: int) -> Float[np.ndarray, " resamples"]:
+        """Sums over the opportunities of drivers of some parts, drawn anew."""
+        rows = self.rows(*parts)
+        sums = np.bincount(np.unique(self.data.driver[rows], return_inverse=True)[1], values[rows])
+        rng = np.random.default_rng(self.seed)
+        return np.array([sums[rng.integers(0, len(sums), len(sums))].sum() for _ in range(RESAMPLES)])
+
+
+def tried(all_of: Tried, added: Sequence[Trial]) -> list[Trial]:
+    """Every candidate that was not added yet, each in its best form."""
+    effects = all_of.effects(added)
+    model = all_of.fitted(effects, 0, 1)
+    before, unseen = model.log_likelihood(all_of.data, effects), all_of.unseen(effects)
+    rows = all_of.rows(0, 1)
+    known = {one.candidate.key for one in added}
+    trials = []
+    for candidate in NAMEABLE:
+        if candidate.key in known:
+            continue
+        forms = []
+        for form in candidate.forms:
+            extra = all_of.column(candidate, form)
+            z = all_of.score(model, effects, extra).z
+            if abs(z) < NEEDED or (z < 0 and candidate.low >= 0):
+                forms.append(Trial(candidate, form, z, None, None, False))
+                continue
+            wider = np.column_stack([effects, extra])
+            more = all_of.fitted(wider, 0, 1).log_likelihood(all_of.data, wider) - before
+            other = all_of.unseen(wider) - unseen
+            is_confirmed = bool(np.quantile(all_of.resampled(other, 0, 1), CHECK_SHARE) > 0.0)
+            gain, check = float(more[rows].sum()), float(other.sum())
+            forms.append(Trial(candidate, form, z, gain, check, is_confirmed))
+        trials.append(max(forms, key=lambda one: (one.is_confirmed, one.total, abs(one.z))))
+    return trials

@@ -1,0 +1,94 @@
+"""What is found in generated recordings, and that nothing is found where nothing is."""
+
+import json
+from functools import cache
+
+import pytest
+
+from rearl_jax.blind.traffic import Planted, Scenario, write_dataset
+from rearl_jax.blind.traffic.catalogue import LANE_CHOICE
+from rearl_jax.blind.traffic.scenario import FREE_CHANGES
+from rearl_jax.config.data import DataConfig, DataFormat
+from rearl_jax.core.effects import EFFECTS
+from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.discovery.lane_changes import lane_change_findings
+from rearl_jax.discovery.lane_changes.candidates import CANDIDATES
+
+
+@pytest.fixture(scope="module")
+def findings(tmp_path_factory):
+    @cache
+    def find(name, seed=51, **changes):
+        folder = tmp_path_factory.mktemp("data")
+        planted = () if name is None else (Planted(name),)
+        truth = write_dataset(folder, Scenario(seed, planted, **changes))
+        data = DataConfig(format=DataFormat.table, root=str(folder))
+        return truth, lane_change_findings(list(iterate_recordings(data)))
+
+    return find
+
+
+SMALL = {**FREE_CHANGES, "n_vehicles": 150, "duration": 90.0}
+
+
+def test_candidates_are_effects_of_the_library_in_its_units():
+    for candidate in CANDIDATES:
+        if candidate.kind == "generic":
+            continue
+        known = {one.name: one for one in EFFECTS[candidate.name].parameters}
+        name, unit = candidate.strength
+        assert known[name].unit == unit
+        assert known[name].is_strength
+        for form in candidate.forms:
+            assert all(known[shape].unit == its for shape, _, its in form.shape)
+
+
+def test_keep_right_is_named_with_its_strength(findings):
+    truth, found = findings("keep_right", **SMALL)
+    assert found.n_changes >= 150
+    assert [effect.name for effect in found.effects] == ["keep_right"]
+    bias = found.effects[0].parameters["bias"]
+    assert bias.low is not None
+    assert bias.high is not None
+    assert bias.low < bias.value < bias.high
+    assert bias.value == pytest.approx(truth["planted"][0]["parameters"]["bias"], rel=0.25)
+    assert found.loss_change is not None
+    assert found.loss_change.value < 0
+
+
+def test_parts_of_a_verdict_are_plain_and_complete(findings):
+    _, found = findings("keep_right", **SMALL)
+    parts = json.loads(json.dumps(found.as_verdict_parts(), allow_nan=False))
+    (effect,) = parts["effects"]
+    assert set(effect) == {"name", "kind", "parameters", "variables", "confidence", "evidence"}
+    assert set(effect["parameters"]["bias"]) == {"value", "low", "high", "unit"}
+    assert len(parts["candidates"]) == len(CANDIDATES)
+    keys = {"name", "kind", "variables", "evidence", "surprise", "gain", "check", "ambiguous", "told_apart_by"}
+    assert all(set(row) == keys for row in parts["candidates"])
+    surprises = [row["surprise"] for row in parts["candidates"]]
+    assert surprises == sorted(surprises, reverse=True)
+
+
+def test_nothing_is_named_in_a_control(findings):
+    _, found = findings(None, **SMALL)
+    assert found.n_changes >= 150
+    assert found.effects == ()
+    assert found.loss_change is not None
+    assert found.loss_change.value == 0.0
+
+
+def test_too_few_changes_are_said(findings):
+    _, found = findings(None, n_vehicles=15, duration=20.0)
+    assert found.as_verdict_parts() == {"effects": [], "candidates": []}
+    assert "could not have been seen here" in found.words
+    assert f"{found.n_changes} changes" in found.words
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LANE_CHOICE)
+def test_each_effect_is_named_alone(findings, name):
+    truth, found = findings(name, seed=52, **FREE_CHANGES)
+    assert found.n_changes >= 300
+    assert [effect.name for effect in found.effects] == [name]
+    for parameter, value in truth["planted"][0]["parameters"].items():
+        assert found.effects[0].parameters[parameter].value == pytest.approx(value, rel=0.25)

@@ -1,0 +1,112 @@
+"""The table of opportunities against a scene worked out by hand."""
+
+import numpy as np
+import pytest
+
+from rearl_jax.discovery.drivers import CAR, TRUCK
+from rearl_jax.discovery.lane_changes.incentives import KnownDrivers
+from rearl_jax.discovery.lane_changes.opportunities import REST, opportunities
+
+PARAMETERS = np.array([30.0, 1.0, 2.0, 1.0, 2.0])
+N = 9
+
+
+def driven_by(n, values=PARAMETERS):
+    """Everybody with the same known parameters."""
+    return KnownDrivers(np.arange(1, n + 1), np.tile(values, (n, 1)), np.stack([CAR, TRUCK]))
+
+
+def idm(speed, gap, leader_speed):
+    v0, T, s0, a, b = PARAMETERS
+    wanted = s0 + max(0.0, speed * T + speed * (speed - leader_speed) / (2 * np.sqrt(a * b)))
+    return a * (1 - (speed / v0) ** 4 - (wanted / gap) ** 2)
+
+
+def scene(changes_at):
+    """1 wants to leave the middle lane behind the truck 2; 3 is ahead and 4 behind on the left; 5 follows 1.
+
+    All others are far away; 8 and 9 see nobody ahead.
+    """
+    return [
+        (300.0, 20.0, lambda t: 0 if t >= changes_at else 1, "car"),
+        (330.0, 18.0, 1, "truck"),
+        (360.0, 25.0, 0, "car"),
+        (250.0, 22.0, 0, "car"),
+        (270.0, 20.0, 1, "car"),
+        (0.0, 20.0, 0, "car"),
+        (0.0, 20.0, 1, "car"),
+        (800.0, 25.0, 0, "car"),
+        (800.0, 25.0, 1, "car"),
+    ]
+
+
+@pytest.fixture(scope="module")
+def table(recording):
+    return opportunities([recording(scene(changes_at=8.05))], driven_by(N))[0]
+
+
+def at(table, time, side, vehicle=1):
+    """Row of a vehicle at a time: one of the constant speeds gives it away."""
+    chosen = np.flatnonzero((table.vehicle == vehicle) & (table.side == side))
+    return chosen[round(time / 0.5)]
+
+
+def test_columns_are_those_of_the_scene(table):
+    row = at(table, 2.0, -1)
+    t = 2.0
+    gap, side_gap, rear_gap = 30 - 2 * t - 8, 60 + 5 * t - 4, 50 - 2 * t - 4
+    assert table.gap[row] == pytest.approx(gap, abs=1e-3)
+    assert table.side_gap[row] == pytest.approx(side_gap, abs=1e-3)
+    assert table.rear_gap[row] == pytest.approx(rear_gap, abs=1e-3)
+    assert table.follower_gap[row] == pytest.approx(26.0, abs=1e-3)
+    assert table.leader_is_truck[row]
+    assert not table.side_leader_is_truck[row]
+    assert not table.is_truck[row]
+    assert table.incentive[row] == pytest.approx(idm(20, side_gap, 25) - idm(20, gap, 18), abs=2e-3)
+    between = rear_gap + side_gap + 4
+    assert table.rear_gain[row] == pytest.approx(idm(22, rear_gap, 20) - idm(22, between, 25), abs=2e-3)
+    assert table.follower_gain[row] == pytest.approx(idm(20, 26 + gap + 4, 18) - idm(20, 26, 20), abs=2e-3)
+
+
+def test_only_the_last_opportunity_before_a_change_is_taken(table):
+    own = table.vehicle == 1
+    taken = np.flatnonzero(own & table.changes)
+    assert len(taken) == 1
+    assert table.side[taken] == -1
+    assert table.gap[taken] == pytest.approx(22 - 2 * 8.0, abs=1e-2)
+
+
+def test_who_has_just_changed_has_no_opportunity(recording):
+    table, _ = opportunities([recording(scene(changes_at=2.05))], driven_by(N))
+    back = (table.vehicle == 1) & (table.side == 1)
+    times = (table.side_gap[back] - 22) / -2
+    assert np.all((times < 2.1) | (times > 2.05 + REST))
+
+
+def test_no_opportunity_without_a_leader_in_sight_or_without_room(recording):
+    table, _ = opportunities([recording(scene(changes_at=99.0))], driven_by(N))
+    assert 1 in table.vehicle
+    assert not set(table.vehicle) & {8, 9}
+    tight = scene(changes_at=99.0)
+    tight[3] = (296.0, 22.0, 0, "car")
+    table, _ = opportunities([recording(tight, seconds=6.0)], driven_by(N))
+    assert not np.any((table.vehicle == 1) & (table.side == -1))
+
+
+def test_a_lane_along_part_of_the_road_is_left_out(recording):
+    short = [*scene(99.0), (300.0, 1.0, 2, "car"), (400.0, 1.0, 2, "car")]
+    table, _ = opportunities([recording(short)], driven_by(N + 2))
+    assert not np.any((table.vehicle == 1) & (table.side == 1))
+
+
+def test_words_say_why_there_is_nothing(recording):
+    none, why = opportunities([recording(scene(8.05), lanes=False)], driven_by(N))
+    assert (len(none.side), why) == (0, "the data have no lanes")
+    one_lane = [(start, speed, 0, kind) for start, speed, _, kind in scene(8.05)]
+    assert opportunities([recording(one_lane)], driven_by(N))[1] == "there is one lane per direction"
+
+
+def test_vehicles_are_numbered_on_over_recordings(recording):
+    scenes = [recording(scene(8.05)), recording(scene(8.05))]
+    table, _ = opportunities(scenes, driven_by(2 * N + 1))
+    assert set(table.vehicle[table.recording == 1] - N - 1) == set(table.vehicle[table.recording == 0])

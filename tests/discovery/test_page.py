@@ -1,0 +1,115 @@
+"""The page of a discovery: the verdict is on it, markup in names is text, no figure is missing a number."""
+
+import re
+
+import numpy as np
+
+from rearl_jax.config import DiscoverTask
+from rearl_jax.discovery.atlas import Atlas
+from rearl_jax.discovery.finder import Selected
+from rearl_jax.discovery.map_figures import draw_maps
+from rearl_jax.discovery.maps import Basis, Curve
+from rearl_jax.discovery.page import write_page
+from rearl_jax.discovery.presentation import map_table
+from rearl_jax.discovery.reactions import Reaction
+
+FIGURE = {"value": 1.5, "low": 1.0, "high": 2.0}
+
+VERDICT = {
+    "verdict": "named",
+    "effects": [
+        {
+            "name": "reaction_delay",
+            "kind": "driver",
+            "parameters": {"delay": {"value": 0.7, "low": 0.6, "high": 0.8, "unit": "s"}},
+            "variables": ["gap"],
+            "confidence": 0.9,
+            "evidence": 50.0,
+        }
+    ],
+    "candidates": [
+        {
+            "name": "reaction_delay",
+            "kind": "driver",
+            "variables": ["gap"],
+            "evidence": 60.0,
+            "surprise": 40.0,
+            "gain": 30.0,
+            "check": 20.0,
+            "ambiguous": False,
+            "told_apart_by": None,
+        },
+        {
+            "name": "leader_acceleration",
+            "kind": "driver",
+            "variables": ["leader_acceleration"],
+            "evidence": 50.0,
+            "surprise": 30.0,
+            "gain": None,
+            "check": None,
+            "ambiguous": True,
+            "told_apart_by": "faster changes <i>",
+        },
+    ],
+    "unseen": [{"name": "rear_pressure", "parameter": "gain", "strength": 0.4, "unit": "-"}],
+    "error": {
+        "measure": "gap_rmse",
+        "n_drivers": 36,
+        "before": FIGURE,
+        "after": FIGURE | {"value": 0.5},
+        "change": FIGURE | {"value": -1.0},
+        "floor": FIGURE,
+        "oracle": None,
+        "explained_share": 0.9,
+        "all": {
+            name: {"before": FIGURE, "after": FIGURE, "change": FIGURE}
+            for name in ("gap_rmse", "speed_rmse", "one_step", "energy_score")
+        },
+    },
+    "adequacy": {"kurtosis": 0.01, "autocorrelation": 0.0, "remaining": {"name": "dependence.gap", "surprise": 1.0}},
+    "data": {
+        "id": "abc",
+        "recordings": 3,
+        "generated": True,
+        "drivers": {"fitted": 36, "checked": 36, "reported": 36},
+        "driver_seconds": 6000.0,
+        "step": 0.1,
+        "position_noise": 0.1,
+        "findings": ["the <b>speed</b> column is late"],
+        "notes": ["made for a test"],
+    },
+}
+
+
+def atlas() -> Atlas:
+    variable = Reaction("gap", np.zeros((2, 1)))
+    basis = Basis(variable, np.array([1.0, 2.0, 3.0]), np.full(3, 1 / 3))
+    value = np.array([-0.1, 0.0, 0.1])
+    curve = Curve(basis, value, value - 0.05, value + 0.05, "acceleration", 0.3, 12.0)
+    return Atlas({"gap": curve}, {}, [Selected("gap", "acceleration", 1.0, 1.0)], {"gap": "rises by 0.20 m/s^2"})
+
+
+def test_page_says_the_verdict_escapes_markup_and_has_no_nan():
+    page = write_page(DiscoverTask(), VERDICT, {"before": atlas()}, {"maps": b"png"}, [])
+    body = re.sub(r"base64,[^\"]*", "", page)
+    assert "Missing in the model: reaction delay" in body
+    assert "Generated recordings, no measurements" in body
+    assert "rises by 0.20 m/s^2" in body
+    assert "faster changes" in body
+    assert "<b>speed</b>" not in body
+    assert "&lt;b&gt;speed" in body
+    assert "<i>" not in body
+    assert not re.search(r"\bnan\b|\bNone\b", body.split("Complete configuration")[0])
+    assert 'name="viewport"' in body
+
+
+def test_map_table_has_no_value_where_nothing_was_added():
+    table = map_table({"before": atlas()}, {})
+    assert table["added"].isna().all()
+    assert table["value"].notna().all()
+    assert list(table["knot"]) == [1.0, 2.0, 3.0]
+    assert list(map_table({"before": atlas()}, {"gap": np.ones(3)})["added"]) == [1.0] * 3
+
+
+def test_maps_are_drawn_with_fewer_variables_than_panels():
+    assert draw_maps({"before": atlas(), "after": atlas()}, {"gap": np.ones(3)}, generated=True).startswith(b"\x89PNG")

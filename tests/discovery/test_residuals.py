@@ -1,0 +1,149 @@
+"""Residuals, maps and the open-ended finder on drives whose missing acceleration is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rearl_jax.blind.traffic.dataset import write_dataset
+from rearl_jax.blind.traffic.scenario import Scenario
+from rearl_jax.config.data import DataConfig, DataFormat
+from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.discovery.atlas import ballot_of, chart_of
+from rearl_jax.discovery.finder import Group, stability_selection
+from rearl_jax.discovery.forcing import Votes, answers, felt, votes_and_seen
+from rearl_jax.discovery.layout import layout_of
+from rearl_jax.discovery.maps import curve_of
+from rearl_jax.discovery.moments import Programs
+from rearl_jax.discovery.null import driver_noise
+from rearl_jax.discovery.observer import CLOSED_LOOP, Noise, pieces_of
+from rearl_jax.discovery.reactions import reactions
+from rearl_jax.discovery.reading import measure
+from rearl_jax.discovery.refit import Fit
+from rearl_jax.discovery.residuals import residuals_of, smoothed_acceleration, smoothing_error
+from rearl_jax.discovery.shapes import shape_of, shape_words
+from rearl_jax.discovery.solver import Solver, new_world, replace_gain
+
+NOISE = Noise(0.1, 1.5, 0.05)
+SLOPE = 0.6
+"""Of the planted acceleration over the offset in the lane [1/s^2]."""
+
+
+@pytest.fixture(scope="module")
+def solver_and_world(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("traffic")
+    write_dataset(folder, Scenario(5, n_recordings=1, n_vehicles=18, duration=30.0, lane_changes=2))
+    data = measure(list(iterate_recordings(DataConfig(format=DataFormat.table, root=str(folder)))))
+    solver = Solver(Programs(layout_of(data), data.dt))
+    return solver, new_world(data, solver.layout, NOISE.gain(data.dt))
+
+
+def driven(solver, world, known):
+    """The world with drives that the model itself and a known acceleration made."""
+    data = world.data
+    start = replace(world, pieces=replace(replace_gain(world.pieces, CLOSED_LOOP), known=known))
+    (errors,) = solver.innovations([start], CLOSED_LOOP)
+    y = data.y - errors + NOISE.position * np.random.default_rng(3).standard_normal(data.y.shape)
+    data = replace(data, y=y)
+    return replace(world, data=data, pieces=pieces_of(data, NOISE.gain(data.dt)))
+
+
+@pytest.fixture(scope="module")
+def planted(solver_and_world):
+    """Residuals of drives with drivers' noise and an acceleration that follows the offset in the lane."""
+    solver, world = solver_and_world
+    noise = driver_noise(NOISE, world.data.y.shape, world.data.dt, np.random.default_rng(2))
+    made = driven(solver, world, noise + SLOPE * world.data.around.lateral_offset)
+    return solver, residuals_of(solver, [made], [Fit(None, made, NOISE)])[0]
+
+
+def test_felt_is_what_the_observer_makes_of_an_acceleration(solver_and_world):
+    solver, world = solver_and_world
+    push = 0.05 * np.cos(np.arange(world.data.y.shape[0])[:, None] * world.data.dt + np.arange(world.data.y.shape[1]))
+    pushed = replace(world, pieces=replace(world.pieces, known=push))
+    left = residuals_of(solver, [world], [Fit(None, world, NOISE)])[0]
+    change = solver.innovations([pushed])[0] - left.innovation
+    predicted = felt(push[None], left, answers(left))[0]
+    used = world.data.weight > 0
+    assert np.abs(change[used]).max() > 1e-3
+    assert np.abs(predicted - change)[used].max() < 0.05 * np.abs(change[used]).max()
+
+
+def test_map_shows_the_planted_dependence_with_its_size(planted):
+    _, left = planted
+    chart = chart_of(left)
+    basis = next(one for one in chart.bases if one.variable.name == "lateral_offset")
+    pair = votes_and_seen(basis.columns(basis.variable.values), left, answers(left))
+    curve = curve_of(basis, {"acceleration": pair}, 0.9, 100, 0)
+    slope = np.polyfit(curve.basis.knots, curve.value, 1)[0]
+    assert slope == pytest.approx(SLOPE, rel=0.2)
+    assert curve.gain > 10
+    assert curve.share > 0.2
+    assert (curve.low <= curve.high).all()
+    assert shape_words(curve, shape_of(curve, pair[0])).startswith("rises")
+
+
+def test_finder_selects_the_planted_variable_and_none_beside_it(planted):
+    _, left = planted
+    chart = chart_of(left)
+    found = stability_selection(ballot_of(left, chart).curves, chart.groups(), 0)
+    assert (found[0].variable, found[0].acts_on) == ("lateral_offset", "acceleration")
+    assert found[0].frequency > 0.9
+    assert all(one.frequency < 0.5 for one in found[1:])
+
+
+def test_nothing_that_drivers_react_to_knows_their_future(planted):
+    solver, left = planted
+    data, cut = left.world.data, len(left.world.data.y) // 2
+    later = replace(data, y=data.y + 5.0 * (np.arange(len(data.y)) > cut)[:, None])
+    world = replace(left.world, data=later, pieces=replace(left.world.pieces, y=later.y))
+    moved = residuals_of(solver, [world], [Fit(None, world, NOISE)])[0]
+    for one, other in zip(reactions(left), reactions(moved), strict=True):
+        # The step that ends with the first moved moment has been predicted before it.
+        assert np.abs(one.values - other.values)[:cut].max() < 0.05 + 0.02 * np.abs(one.values).max(), one.name
+    assert np.abs(left.v - moved.v)[cut + 2 :].max() > 1.0
+
+
+def test_smoothed_acceleration_errs_as_little_as_it_says():
+    rng, dt, shape = np.random.default_rng(0), 0.1, (600, 40)
+    known = driver_noise(NOISE, shape, dt, rng)
+    place, speed = np.zeros(shape), np.zeros(shape[1])
+    for t in range(1, shape[0]):
+        place[t] = place[t - 1] + dt * speed + known[t - 1] * dt**2 / 2
+        speed = speed + dt * known[t - 1]
+    y, gain = place + NOISE.position * rng.standard_normal(shape), NOISE.gain(dt)
+    state, innovation = np.zeros((3, shape[1])), np.zeros(shape)
+    for t in range(shape[0]):
+        innovation[t] = y[t] - state[0]
+        state = state + gain[:3, None] * innovation[t]
+        state = np.stack(
+            [state[0] + dt * state[1] + dt**2 / 2 * state[2], state[1] + dt * state[2], gain[3] * state[2]]
+        )
+    error = (smoothed_acceleration(innovation, np.ones(shape), NOISE, dt) - known)[50:-50]
+    assert error.std() == pytest.approx(smoothing_error(NOISE, dt), rel=0.1)
+    assert error.std() < 0.75 * known.std()
+
+
+def noisy_votes(rng, n_drivers=40, n_groups=12, size=5, n=200, planted=None):
+    """Votes on random columns; one group may act."""
+    gram, score, square = [], [], []
+    for _ in range(n_drivers):
+        w = rng.standard_normal((n_groups * size, n))
+        y = rng.standard_normal(n)
+        if planted is not None:
+            y = y + 0.15 * w[planted * size : (planted + 1) * size].sum(axis=0)
+        gram.append(w @ w.T)
+        score.append(w @ y)
+        square.append(y @ y)
+    groups = [Group(f"g{k}", "acceleration", np.arange(k * size, (k + 1) * size), 0.3) for k in range(n_groups)]
+    return Votes(np.array(gram), np.array(score), np.array(square), 1.0), groups
+
+
+def test_stability_selection_finds_nothing_in_noise_and_a_planted_group():
+    votes_of_noise, groups = noisy_votes(np.random.default_rng(1))
+    assert max(one.frequency for one in stability_selection(votes_of_noise, groups, 0)) < 0.2
+    votes_of_one, groups = noisy_votes(np.random.default_rng(1), planted=7)
+    found = stability_selection(votes_of_one, groups, 0)
+    assert found[0].variable == "g7"
+    assert found[0].first == found[0].frequency == 1.0
+    assert max(one.frequency for one in found[1:]) < 0.2

@@ -1,0 +1,159 @@
+"""Calibration, screen and decision."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rearl_jax.discovery import clocks, decision, families
+from rearl_jax.discovery.drivers import CAR, SPREAD, following_params
+from rearl_jax.discovery.moments import N_DRIVER
+from rearl_jax.discovery.null import Null, simulate_again, summarise
+from rearl_jax.discovery.observer import Noise
+from rearl_jax.discovery.screen import evidences, scores
+from rearl_jax.discovery.uncertainty import interval, known, price
+
+
+def test_standard_parameters_are_usual_drivers():
+    params = following_params(np.zeros((N_DRIVER, 2)), np.array([0.0, 1.0]))
+    assert params.desired_speed.tolist() == pytest.approx([32.0, 25.0])
+    one = following_params(np.eye(N_DRIVER)[:, :1], np.zeros(1))
+    assert float(one.desired_speed[0]) == pytest.approx(CAR[0] * np.exp(SPREAD[0]))
+
+
+def test_drivers_are_found_again(solver, calibrated):
+    """Drives simulated from known drivers, seen through noise: the calibration finds them where the data can tell."""
+    world, noise = calibrated
+    again = simulate_again(solver, world, noise, np.random.default_rng(3))
+    truth = world.z.copy()
+    solver.solve([again], iterations=25)
+    deviations = known(solver, again).drivers
+    told = deviations < 0.5
+    assert told.sum() > 10
+    errors = (again.z - truth)[told] / deviations[told]
+    assert np.abs(again.z - truth)[told].max() > 1e-3, "nothing was searched"
+    assert np.sqrt(np.mean(errors**2)) < 2.0
+    assert np.mean(np.abs(errors) < 1.645) > 0.7
+
+
+@pytest.mark.slow
+def test_what_is_planted_in_the_model_is_what_the_screen_sees(solver, calibrated):
+    """Drives simulated with leader acceleration, screened without it."""
+    world, _ = calibrated
+    layout, name = solver.layout, "leader_acceleration"
+    theta = layout.reference.copy()
+    theta[layout.places[f"{name}.gain"][0]] = 0.5
+    planted = replace(world, theta=theta, active=(name,))
+    again = simulate_again(solver, planted, Noise(0.1, 1.5, 0.1), np.random.default_rng(0))
+    again = replace(again, active=(), theta=layout.reference.copy(), z=world.z.copy(), mean=world.mean.copy())
+    solver.solve([again], iterations=12)
+    (found,) = scores(solver, [again])
+    evidence = evidences(again, found, layout)
+    best = max(evidence, key=lambda key: evidence[key])
+    assert best in (name, f"dependence.{name}")
+    assert evidence[name] > 10
+    place = layout.candidates[name].look.index(layout.places[f"{name}.gain"][0])
+    assert found[name].fitted()[place] == pytest.approx(0.5, abs=0.25)
+    assert price(solver, replace(planted, sums=_sums(solver, planted)), layout.candidates[name].free) > 0
+
+
+def _sums(solver, world):
+    solver.sums([world])
+    return world.sums
+
+
+@pytest.mark.slow
+def test_candidates_on_top_of_what_was_added_are_scored_without_it(solver, calibrated):
+    """Once an effect is in the model, its own direction has nothing left to say."""
+    world, _ = calibrated
+    name = "speed_dependent_time_gap"
+    added = replace(world, active=(name,), z=world.z.copy(), mean=world.mean.copy(), log=[])
+    solver.solve([added], iterations=15)
+    (found,) = scores(solver, [added])
+    assert abs(found[name].score[0]) < 1e-2 * np.sqrt(found["asymmetry"].information[0, 0]) + 1.0
+    assert found[name].information[0, 0] < 1 / solver.layout.scale[list(solver.layout.candidates[name].look)][0] ** 2
+
+
+def test_null_counts_nats_above_what_nothing_gives():
+    null = summarise([{"a": -1.0, "b": 4.0}, {"a": 1.0, "b": 8.0}])
+    assert null.mean == {"a": 0.0, "b": 6.0}
+    assert null.replicates == 2
+    assert null.excess({"a": 5.0, "b": 5.0}) == {"a": 5.0, "b": -1.0}
+    surprise = null.surprise({"a": 5.0, "b": 12.0})
+    assert surprise["a"] == pytest.approx(5.0 / np.sqrt(2))
+    # A mean far below zero and a tiny spread must not make the threshold sharp.
+    sharp = Null({"a": -50.0}, {"a": 1e-3}, 30)
+    assert sharp.surprise({"a": 0.0}) == {"a": 3.0}
+    assert sharp.threshold(4.5) == {"a": 1.5}
+
+
+@pytest.fixture
+def trial(calibrated):
+    """A trial with given gains."""
+    from rearl_jax.discovery.candidates import Candidate
+    from rearl_jax.discovery.refit import Fit
+
+    def make(name, fitted, checked, price=2.0):
+        candidate, fit = Candidate(name, "driver", (0,), (0,), ("speed",)), Fit(None, *calibrated)
+        return decision.Trial(candidate, fit, np.asarray(fitted, float), np.asarray(checked, float), price)
+
+    return make
+
+
+def test_no_single_driver_decides_and_others_must_agree(trial):
+    loud = trial("a", [500.0] + [0.0] * 9, [0.0] * 10)
+    assert loud.gain == pytest.approx(decision.MOST_FROM_ONE - 2.0)
+    broad = trial("b", [2.0] * 10, [2.0] * 10)
+    assert broad.holds
+    assert not trial("c", [2.0] * 10, [-1.0] * 10).holds
+    assert not trial("d", [0.3] * 10, [5.0] * 10).holds
+    close = trial("e", [1.9] * 10, [2.0] * 10)
+    best = decision.ranked([trial("f", [0.1] * 10, [0.1] * 10), close, broad])
+    assert [one.candidate.name for one in best] == ["b", "e"]
+    assert [one.candidate.name for one in decision.not_told_apart(best)] == ["b", "e"]
+
+
+def test_confusable_candidates_compete_together():
+    assert families.with_families({"grade"}, {"grade", "speed_limit", "asymmetry"}) == {"grade", "speed_limit"}
+    assert families.are_kin("reaction_delay", "leader_acceleration")
+    assert not families.are_kin("leader_class", "grade")
+    assert "map" in families.told_apart_by("bend", ["speed_limit"])
+
+
+def test_clocks_are_told_from_shifts_that_are_no_clocks(measured_of):
+    """Scores made from known offsets are explained by offsets; scores of unrelated shifts are not."""
+    data = measured_of()
+    leaders = clocks.usual_leaders(data)
+    own = np.zeros(data.n_drivers, int)
+    own[data.driver] = data.vehicle
+    rng = np.random.default_rng(0)
+    offset = dict(zip(np.unique(np.r_[own, leaders.ravel()]), rng.normal(0, 0.2, 99), strict=False))
+    information = np.zeros((data.n_drivers, clocks.MOST_LEADERS, clocks.MOST_LEADERS))
+    truth = np.zeros((data.n_drivers, clocks.MOST_LEADERS))
+    for driver, names in enumerate(leaders):
+        for k, name in enumerate(names):
+            if name >= 0:
+                information[driver, k, k] = 400.0
+                truth[driver, k] = offset[name] - offset[own[driver]]
+    found = clocks.clocks_of(data, information.diagonal(axis1=1, axis2=2) * truth, information)
+    assert found.evidence > max(found.pairs, 10.0)
+    away = dict(zip(found.vehicle.tolist(), found.offset, strict=True))
+    pairs = [(own[driver], name) for driver, names in enumerate(leaders) for name in names if name >= 0]
+    expected, seen = ([known[name] - known[driver] for driver, name in pairs] for known in (offset, away))
+    np.testing.assert_allclose(seen, expected, atol=0.1)
+    shuffled = rng.permutation(truth.ravel()).reshape(truth.shape) * (information.diagonal(axis1=1, axis2=2) > 0)
+    other = clocks.clocks_of(data, information.diagonal(axis1=1, axis2=2) * shuffled, information)
+    assert other.evidence < other.pairs
+    # Putting the data right moves leaders by what their clocks were ahead.
+    moved = clocks.corrected(data, found)
+    step, piece = np.argwhere(data.leader >= 0)[0]
+    shift = away[int(data.leader[step, piece])] - away[int(data.vehicle[piece])]
+    change = moved.around.leader_rear[step, piece] - data.around.leader_rear[step, piece]
+    assert change == pytest.approx(shift * data.around.leader_speed[step, piece])
+    assert abs(change) > 0
+
+
+def test_intervals_are_those_of_a_gaussian():
+    low, high = interval(1.0, 0.5, 0.9)
+    assert (low + high) / 2 == pytest.approx(1.0)
+    assert high - low == pytest.approx(2 * 1.6449 * 0.5, rel=1e-3)

@@ -1,0 +1,79 @@
+"""The whole task on small generated data: what is planted is found, and everything is written."""
+
+import json
+
+import numpy as np
+import pytest
+
+from rearl_jax.config import DataConfig, DiscoverConfig, DiscoverTask, ResultsConfig
+from rearl_jax.config.data import DataFormat
+
+pytestmark = pytest.mark.slow  # minutes of compiling
+
+
+@pytest.fixture(scope="module")
+def discovered(folder_of, tmp_path_factory):
+    """Verdict and folder of a data set with a grade in it."""
+    from rearl_jax.discovery.task import run
+
+    root = tmp_path_factory.mktemp("results")
+    config = DiscoverTask(
+        study="grade",
+        results=ResultsConfig(str(root), resume=True),
+        data=DataConfig(format=DataFormat.table, root=str(folder_of("grade", 1.5, n_vehicles=24))),
+        discover=DiscoverConfig(replicates=6, draws=200),
+    )
+    return run(config), root / "grade", config
+
+
+def test_a_grade_is_found_and_repaired(discovered):
+    verdict, folder, _ = discovered
+    assert verdict["verdict"] == "named"
+    (effect,) = verdict["effects"]
+    assert (effect["name"], effect["kind"]) == ("grade", "road")
+    push = effect["parameters"]["push"]
+    assert push["low"] < -0.525 < push["high"] or push["value"] == pytest.approx(-0.525, rel=0.2)
+    error = verdict["error"]
+    assert error["after"]["value"] < error["before"]["value"]
+    assert error["change"]["high"] < 0
+    assert error["floor"]["value"] < error["after"]["value"] * 1.3
+    assert json.loads((folder / "verdict.json").read_text()) == verdict
+    assert [row["name"] for row in verdict["candidates"]][0] == "grade"
+    assert any(row["name"] == "reaction_delay" and row["strength"] > 0 for row in verdict["unseen"])
+
+
+def test_everything_is_written_and_finite(discovered):
+    from rearl_jax.models.file import read_model
+
+    _, folder, _ = discovered
+    names = {path.name for path in folder.iterdir()}
+    assert {"verdict.json", "model.yaml", "errors.parquet", "candidates.parquet", "drivers.parquet"} <= names
+    model = read_model(folder / "model.yaml")
+    assert [effect.name for effect in model.effects] == ["grade"]
+    assert set(model.population) == set(model.baseline)
+    for one in model.population.values():
+        covariance = np.array(one.log_covariance)
+        assert np.linalg.eigvalsh(covariance).min() > 0
+    assert "NaN" not in (folder / "verdict.json").read_text()
+
+
+def test_a_finished_study_is_left_alone(discovered):
+    from rearl_jax.discovery.task import run
+
+    verdict, folder, config = discovered
+    before = (folder / "verdict.json").stat().st_mtime_ns
+    assert run(config) == verdict
+    assert (folder / "verdict.json").stat().st_mtime_ns == before
+
+
+def test_the_oracle_reports_an_error_and_nothing_else(discovered, folder_of):
+    from dataclasses import replace
+
+    from rearl_jax.discovery.task import run
+
+    verdict, _, config = discovered
+    told = run(replace(config, study="oracle", discover=replace(config.discover, oracle="grade")))
+    assert told["effects"] == []
+    assert told["error"]["oracle"]["value"] == pytest.approx(verdict["error"]["after"]["value"], rel=0.05)
+    with pytest.raises(ValueError, match="none of the candidates"):
+        run(replace(config, study="wrong", discover=replace(config.discover, oracle="magic")))
