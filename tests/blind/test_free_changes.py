@@ -53,9 +53,18 @@ def test_most_changes_pay(free):
     assert np.median(plain[step + 1, vehicle] - plain[step, vehicle]) > 0.1
 
 
+def gain_by_side(events):
+    """Median acceleration gained by changes to the right, less that of those to the left."""
+    step, vehicle, side = changes(events)
+    plain = facts(events).plain
+    gain = plain[step + 1, vehicle] - plain[step, vehicle]
+    return np.median(gain[side > 0]) - np.median(gain[side < 0])
+
+
 def test_drivers_keep_right_where_that_is_hidden(free):
-    assert changes(free())[2].mean() < 0.35
-    assert changes(free("keep_right"))[2].mean() > changes(free())[2].mean() + 0.15
+    # The right lane fills up, so there are hardly more changes to it; they pay less by twice the bias of 0.35 m/s^2.
+    assert abs(gain_by_side(free())) < 0.25
+    assert gain_by_side(free("keep_right")) < -0.45
 
 
 def test_polite_drivers_change_less(free):
