@@ -10,7 +10,6 @@ import contextlib
 import io
 import time
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -21,9 +20,10 @@ from rearl_jax.blind.results import BlindResults
 from rearl_jax.blind.rounds import Discover, count_finished, judge_cases, open_study, run_cases, time_left
 from rearl_jax.blind.sealing import Protocol as SealedProtocol
 from rearl_jax.blind.terminal import print_results
-from rearl_jax.config import ResultsConfig
+from rearl_jax.config import DiscoverTask, ResultsConfig
 from rearl_jax.config.blind import BlindConfig
 from rearl_jax.config.data import DataConfig, DataFormat
+from rearl_jax.discovery import task as discovery
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study, config_hash
 
@@ -95,17 +95,15 @@ def _judged(config: BlindTask, study: Study, discover: Discover, bar: Progress) 
 
 def discovery_of(config: Any) -> Discover:
     """The task `rearl discover` as a function of a folder; what it prints is on its own pages."""
-    record = import_module("rearl_jax.config").DiscoverTask
-    carry_out = import_module("rearl_jax.discovery.task").run
 
     def discover(folder: Path, study: str, oracle: str | None = None) -> dict[str, Any]:
-        asked = record(
+        asked = DiscoverTask(
             study=study,
             results=ResultsConfig(config.results.root),
             data=DataConfig(format=DataFormat.table, root=str(folder)),
             discover=replace(config.discover, oracle=oracle),
         )
         with contextlib.redirect_stdout(io.StringIO()):
-            return carry_out(asked)
+            return discovery.run(asked)
 
     return discover

@@ -56,10 +56,7 @@ def unequal_noise(surprise: Float[np.ndarray, "steps pieces"], data: Measured) -
     }
 
     def driver_mean(values: np.ndarray) -> np.ndarray:
-        total, count = (
-            np.bincount(data.driver, part.sum(axis=0), data.n_drivers) for part in (values * weight, weight)
-        )
-        return (total / np.maximum(count, 1.0))[data.driver]
+        return data.driver_mean(values)[data.driver]
 
     relative = surprise**2 / driver_mean(surprise**2) - 1.0
     found = {}

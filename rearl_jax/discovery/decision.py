@@ -75,7 +75,7 @@ def trial(solver: Solver, fit: Fit, base: World, other: World, other_base: World
     candidate = fit.candidate
     assert candidate is not None
     cost = price(solver, fit.world, candidate.free)
-    if candidate.kind == "generic" or candidate.name == "clock_offset":
+    if candidate.kind == "generic":
         cost += FREEDOM_PRICE
     return Trial(
         candidate,

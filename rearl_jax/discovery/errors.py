@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.measured import Measured
-from rearl_jax.discovery.null import driver_noise
+from rearl_jax.discovery.null import behind_noisy_drive
 from rearl_jax.discovery.observer import CLOSED_LOOP
 from rearl_jax.discovery.refit import Fit, on_others
 from rearl_jax.discovery.solver import Solver, World, replace_gain
@@ -79,17 +79,12 @@ def _errors(solver: Solver, world: World, fit: Fit, seed: int) -> ModelErrors:
     rng = np.random.default_rng(seed)
     noisy = []
     for _ in range(NOISY_RUNS):
-        known = driver_noise(fit.noise, data.y.shape, data.dt, rng)
-        pieces = replace(replace_gain(world.pieces, CLOSED_LOOP), known=known)
-        (one,) = solver.innovations([replace(world, pieces=pieces)], CLOSED_LOOP)
-        noisy.append(np.clip(one, -FARTHEST, FARTHEST))
+        noisy.append(np.clip(behind_noisy_drive(solver, world, fit.noise, rng), -FARTHEST, FARTHEST))
     drawn = np.stack(noisy)
     gap = data.around.leader_rear - (data.smooth + data.length / 2)
     speed = np.gradient(deviation - (data.y - data.smooth), data.dt, axis=0)
 
-    def mean(values: np.ndarray) -> np.ndarray:
-        return _mean_per_driver(values, data)
-
+    mean = data.driver_mean
     rmse = np.sqrt(mean(deviation**2))
     pairs = [(i, j) for i in range(len(drawn)) for j in range(i)]
     spread = np.mean([np.sqrt(mean((drawn[i] - drawn[j]) ** 2)) for i, j in pairs], axis=0)
@@ -127,23 +122,13 @@ def _floor(solver: Solver, world: World, fit: Fit, seed: int) -> Float[np.ndarra
     data, total = world.data, np.zeros(world.data.n_drivers)
     rng = np.random.default_rng([seed, 1])
     for _ in range(FLOOR_RUNS):
-        known = driver_noise(fit.noise, data.y.shape, data.dt, rng)
-        noisy = replace(world, pieces=replace(world.pieces, known=known))
-        (behind,) = solver.innovations([noisy], CLOSED_LOOP)
+        behind = behind_noisy_drive(solver, world, fit.noise, rng)
         driven = data.y - np.clip(behind, -FARTHEST, FARTHEST) + fit.noise.position * rng.standard_normal(data.y.shape)
         again = replace(world, pieces=replace(world.pieces, y=driven), z=world.z.copy(), sums=None, log=[])
         solver.solve([again], iterations=12, tolerance=0.1)
         (left,) = solver.innovations([again], CLOSED_LOOP)
-        total += _mean_per_driver(np.clip(left, -FARTHEST, FARTHEST) ** 2, data)
+        total += data.driver_mean(np.clip(left, -FARTHEST, FARTHEST) ** 2)
     return np.sqrt(total / FLOOR_RUNS)
-
-
-def _mean_per_driver(values: np.ndarray, data: Measured) -> Float[np.ndarray, " drivers"]:
-    """Mean over the moments of each driver that count."""
-    total, count = (
-        np.bincount(data.driver, part.sum(axis=0), data.n_drivers) for part in (values * data.weight, data.weight)
-    )
-    return total / np.maximum(count, 1.0)
 
 
 def pooled(values: Float[np.ndarray, " drivers"], measure: str) -> float:

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from rearl_jax.data.records import Recording
-from rearl_jax.discovery.smoothing import cut_off, position_noise, smoothed, thinned
+from rearl_jax.discovery.smoothing import cut_off, position_noise, smoothed, thinned, track_bounds
 
 CERTAIN = 5.0
 """Standard deviations from which a disagreement is certain."""
@@ -63,7 +64,9 @@ class Finding:
 
 def gate(recordings: Sequence[Recording]) -> list[Finding]:
     """What the columns show of lags, scales and noise."""
-    lag, scale = _speed_against_position(recordings)
+    tables = [thinned(recording) for recording in recordings]
+    noise = [position_noise(table["position"].to_numpy(), *track_bounds(table)) for table, _ in tables]
+    lag, scale = _speed_against_position(tables, noise)
     found = []
     if lag is not None and abs(lag[0]) > max(LEAST_LAG, CERTAIN * lag[1]):
         late, other = ("speed", "position") if lag[0] > 0 else ("position", "speed")
@@ -90,28 +93,26 @@ def gate(recordings: Sequence[Recording]) -> list[Finding]:
                 f"the speed column is {1 + scale[0]:.3f} times the derivative of the position column",
             )
         )
-    noise = [_noise(recording) for recording in recordings]
     typical = float(np.median(noise))
     if typical > NOISY:
         spread = float(np.std(noise) / np.sqrt(len(noise))) if len(noise) > 1 else 0.05 * typical
         words = f"positions scatter by {typical:.2f} m, more than a motorway camera's"
         found.append(Finding("position_noise", (), "sd", "m", typical, spread, words))
-    smoothing = _smoothing_time(recordings)
+    smoothing = _smoothing_time(tables)
     if smoothing is not None:
         words = f"positions have been smoothed over about {smoothing:.1f} s before they were released"
         found.append(Finding("smoothing", (), "time", "s", smoothing, 0.2 * smoothing, words))
     return found
 
 
-def _smoothing_time(recordings: Sequence[Recording]) -> float | None:
+def _smoothing_time(tables: Sequence[tuple[pd.DataFrame, float]]) -> float | None:
     """Standard deviation [s] of the Gaussian kernel that would make the spectrum fall as it does; None for none."""
     powers, dt = [], 0.1
-    for recording in recordings:
-        table, dt = thinned(recording)
+    for table, dt in tables:
         position = table["position"].to_numpy()
         n = 2 * int(SPECTRUM_TIME / dt / 2)
         window = np.hanning(n)
-        for start, stop in zip(*_tracks(table), strict=True):
+        for start, stop in zip(*track_bounds(table), strict=True):
             acceleration = np.diff(position[start:stop], 2) / dt**2
             for k in range(0, len(acceleration) - n + 1, n):
                 piece = acceleration[k : k + n]
@@ -132,27 +133,15 @@ def _smoothing_time(recordings: Sequence[Recording]) -> float | None:
     return float(np.sqrt(np.log(0.25 / ratios[k]) / (high**2 - low**2)))
 
 
-def _noise(recording: Recording) -> float:
-    table, _ = thinned(recording)
-    return position_noise(table["position"].to_numpy(), *_tracks(table))
-
-
-def _tracks(table) -> tuple[np.ndarray, np.ndarray]:
-    track, frame = table["track_id"].to_numpy(), table["frame"].to_numpy()
-    starts = np.flatnonzero(np.r_[True, (track[1:] != track[:-1]) | (frame[1:] != frame[:-1] + 1)])
-    return starts, np.r_[starts[1:], len(track)]
-
-
 def _speed_against_position(
-    recordings: Sequence[Recording],
+    tables: Sequence[tuple[pd.DataFrame, float]], noise: Sequence[float]
 ) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
     """Lag of the speed column [s] and its relative size [-] against the derivative of the position, with deviations."""
     grams, sides = [], []
-    for recording in recordings:
-        table, dt = thinned(recording)
+    for (table, dt), scatter in zip(tables, noise, strict=True):
         position, speed = table["position"].to_numpy(), table["speed"].to_numpy()
-        frequency = min(cut_off(_noise(recording), dt), LOWEST_FREQUENCY)
-        for start, stop in zip(*_tracks(table), strict=True):
+        frequency = min(cut_off(scatter, dt), LOWEST_FREQUENCY)
+        for start, stop in zip(*track_bounds(table), strict=True):
             if (stop - start) * dt < 6.0:
                 continue
             _, v, a = smoothed(position[start:stop], dt, frequency)

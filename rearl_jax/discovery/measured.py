@@ -111,6 +111,13 @@ class Measured:
         """Driver-seconds that count [s]."""
         return float(np.sum(self.weight) * self.dt)
 
+    def driver_mean(self, values: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, " drivers"]:
+        """Mean over the moments of each driver that count."""
+        total, count = (
+            np.bincount(self.driver, part.sum(axis=0), self.n_drivers) for part in (values * self.weight, self.weight)
+        )
+        return total / np.maximum(count, 1.0)
+
     def halfway(self) -> Surroundings:
         """What is seen in the middle between each moment and the next; that of the moment where something jumps."""
         around = self.around

@@ -5,7 +5,6 @@ time, so these are formed where they are computed and the derivatives themselves
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -22,23 +21,6 @@ from rearl_jax.discovery.sensitivity import look_along
 
 N_DRIVER = 5
 """Parameters of a driver's own."""
-
-
-@dataclass(frozen=True)
-class Sums:
-    """Sums over the weighted moments of each piece; p directions, those of the driver first.
-
-    Attributes:
-        square: Of squared innovations [m^2].
-        gradient: Of innovation times derivative.
-        gram: Of derivative times derivative.
-        count: Of weights.
-    """
-
-    square: Float[np.ndarray, " pieces"]
-    gradient: Float[np.ndarray, "pieces directions"]
-    gram: Float[np.ndarray, "pieces directions directions"]
-    count: Float[np.ndarray, " pieces"]
 
 
 class Programs:

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from rearl_jax.discovery.observer import CLOSED_LOOP, Noise
 from rearl_jax.discovery.screen import evidences, scores
 from rearl_jax.discovery.smoothing import cut_off, smoothed
-from rearl_jax.discovery.solver import Solver, World, replace_gain
+from rearl_jax.discovery.solver import Solver, World
 
 AT_ONCE = 1200
 """Pieces that are simulated and fitted side by side."""
@@ -58,13 +58,19 @@ def driver_noise(
     return values
 
 
+def behind_noisy_drive(
+    solver: Solver, world: World, noise: Noise, rng: np.random.Generator
+) -> Float[np.ndarray, "steps pieces"]:
+    """Measured positions less those of a drive with the drivers' own noise behind the same leaders [m]."""
+    known = driver_noise(noise, world.data.y.shape, world.data.dt, rng)
+    (behind,) = solver.innovations([replace(world, pieces=replace(world.pieces, known=known))], CLOSED_LOOP)
+    return behind
+
+
 def simulate_again(solver: Solver, world: World, noise: Noise, rng: np.random.Generator) -> World:
     """The world with other drives: simulated with its model behind the same leaders, then measured with noise."""
     data = world.data
-    known = driver_noise(noise, data.y.shape, data.dt, rng)
-    start = replace(world, pieces=replace(replace_gain(world.pieces, CLOSED_LOOP), known=known))
-    (errors,) = solver.innovations([start], CLOSED_LOOP)
-    driven = data.y - errors
+    driven = data.y - behind_noisy_drive(solver, world, noise, rng)
     y = driven + noise.position * rng.standard_normal(driven.shape)
     frequency = cut_off(data.noise, data.dt)
     first = np.empty((2, y.shape[1]))

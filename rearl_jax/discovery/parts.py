@@ -12,6 +12,8 @@ class Parts:
     """The data, and what their columns show.
 
     Attributes:
+        id: Identity of the data.
+        generated: Whether any of the data were generated, not measured.
         infos: What is known about the recordings.
         findings: Artefacts that the columns show.
         fitted: Drivers that everything is fitted to.
@@ -20,6 +22,8 @@ class Parts:
         notes: What a reader must know of the recordings.
     """
 
+    id: str
+    generated: bool
     infos: tuple[RecordingInfo, ...]
     findings: list[Finding]
     fitted: Measured

@@ -10,7 +10,7 @@ from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
 from rearl_jax.core.encounter import MOST_GAP_LOST, NEVER_CHANGED
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.measured import Measured, Surroundings
-from rearl_jax.discovery.smoothing import cut_off, position_noise, smoothed, thinned
+from rearl_jax.discovery.smoothing import cut_off, position_noise, smoothed, thinned, track_bounds
 from rearl_jax.discovery.surroundings import NOBODY, look_around
 
 SHORTEST = 6.0
@@ -81,9 +81,8 @@ class _Rows:
 
     def __init__(self, table: pd.DataFrame, dt: float, late_by: int) -> None:
         self.dt = dt
-        track, frame = table["track_id"].to_numpy(), table["frame"].to_numpy()
-        new = np.flatnonzero(np.r_[True, (track[1:] != track[:-1]) | (frame[1:] != frame[:-1] + 1)])
-        self.starts, self.stops = new, np.r_[new[1:], len(track)]
+        track = table["track_id"].to_numpy()
+        self.starts, self.stops = track_bounds(table)
         self.n_tracks = int(track.max()) + 1 if len(track) else 0
         if late_by:
             first = np.repeat(self.starts, self.stops - self.starts)

@@ -46,6 +46,13 @@ def thinned(recording: Recording) -> tuple[pd.DataFrame, float]:
     return last, n / rate
 
 
+def track_bounds(table: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
+    """First row of each track without gaps, and one past its last; the table is sorted by track and frame."""
+    track, frame = table["track_id"].to_numpy(), table["frame"].to_numpy()
+    starts = np.flatnonzero(np.r_[True, (track[1:] != track[:-1]) | (frame[1:] != frame[:-1] + 1)])
+    return starts, np.r_[starts[1:], len(track)]
+
+
 def position_noise(position: np.ndarray, starts: np.ndarray, stops: np.ndarray) -> float:
     """Standard deviation of white noise in measured positions [m], from their fourth differences.
 

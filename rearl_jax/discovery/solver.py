@@ -10,7 +10,7 @@ stays at its prior: shrinking it towards the data makes false evidence. S is the
 Source: Marquardt, SIAM J. Appl. Math. 11 (1963) 431; block elimination as in bundle adjustment, Triggs et al. (2000).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import jax
@@ -80,7 +80,14 @@ class World:
 
 @dataclass(frozen=True)
 class DriverSums:
-    """`moments.Sums` added up over the pieces of each driver."""
+    """Sums over the weighted moments of each driver; its own directions first, then those of what was added.
+
+    Attributes:
+        square: Of squared innovations [m^2].
+        gradient: Of innovation times derivative.
+        gram: Of derivative times derivative.
+        count: Of weights.
+    """
 
     square: Float[np.ndarray, " drivers"]
     gradient: Float[np.ndarray, "drivers directions"]
@@ -131,7 +138,6 @@ class Solver:
         *,
         iterations: int = 25,
         tolerance: float = 0.03,
-        progress: Callable[[int, int], None] | None = None,
     ) -> None:
         """Searches until the objective falls by less than `tolerance` [nats] or after some iterations.
 
@@ -163,8 +169,6 @@ class Solver:
                     damping[k] *= 8
                     active[k] = damping[k] < 1e4
                 world.log.append(value[k])
-            if progress is not None:
-                progress(iteration + 1, iterations)
             if not any(active):
                 break
 

@@ -63,18 +63,12 @@ def run(config: DiscoverTask) -> dict:
         FileNotFoundError, ValueError: There are no recordings, one is bad, or too few drivers follow a leader.
     """
     begin = time.perf_counter()
-    study = Study(
-        config.results.root,
-        config.study,
-        config,
-        "discover",
-        data_id(config.data),
-        generated=is_generated(config.data),
-    )
+    identity, generated = data_id(config.data), is_generated(config.data)
+    study = Study(config.results.root, config.study, config, "discover", identity, generated=generated)
     if study.begin(resume=config.results.resume) is not None:
         return json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
     with progress_bar() as bar:
-        parts = read_parts(config, bar)
+        parts = read_parts(config, identity, bar, generated=generated)
         solver = Solver(Programs(layout_of(parts.fitted), parts.fitted.dt))
         if config.discover.oracle is not None:
             verdict = _oracle(config, solver, parts)
@@ -82,12 +76,12 @@ def run(config: DiscoverTask) -> dict:
             verdict = _verdict(config, study, solver, parts, bar)
     verdict["seconds"] = time.perf_counter() - begin
     study.write_text("verdict.json", json.dumps(verdict, indent=1, allow_nan=False) + "\n")
-    terminal.print_verdict(verdict, generated=is_generated(config.data))
+    terminal.print_verdict(verdict, generated=generated)
     study.write_summary(tables.summary(verdict))
     return verdict
 
 
-def read_parts(config: DiscoverTask, bar: Progress) -> Parts:
+def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated: bool) -> Parts:
     """Recordings read, looked at and split.
 
     Raises:
@@ -112,7 +106,8 @@ def read_parts(config: DiscoverTask, bar: Progress) -> Parts:
         kept = rng.choice(data.n_drivers, config.discover.max_drivers, replace=False)
         data = data.select(np.flatnonzero(np.isin(data.driver, kept)))
     fitted, checked, reported = split_drivers(data, SHARES, config.discover.seed)
-    return Parts(tuple(one.info for one in recordings), findings, fitted, checked, reported, notes)
+    infos = tuple(one.info for one in recordings)
+    return Parts(identity, generated, infos, findings, fitted, checked, reported, notes)
 
 
 def _verdict(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, bar: Progress) -> dict[str, Any]:
@@ -154,15 +149,13 @@ def _verdict(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, b
             "unequal_noise": left.unequal_noise,
             "remaining": {"name": left.remaining[0], "surprise": left.remaining[1]},
         },
-        "data": _described(config, parts),
+        "data": _described(parts),
     }
     seeds = {"seeds": f"discover.seed={options.seed}"}
     study.write_table("candidates", pd.DataFrame(tables.candidate_table(verdict)), **seeds)
     study.write_table("errors", tables.error_table(errors), **seeds)
     study.write_table("drivers", tables.driver_table(solver, found), **seeds)
-    model = repaired_model(
-        found.first, found.last, found.added, parts.fitted, solver.layout, data_id(config.data), config.study
-    )
+    model = repaired_model(found.first, found.last, found.added, parts.fitted, solver.layout, parts.id, config.study)
     write_model(study.path / "model.yaml", model)
 
     # Only now, so that nobody waits for matplotlib to know the verdict.
@@ -213,15 +206,15 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
         "unseen": [],
         "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
         "adequacy": None,
-        "data": _described(config, parts),
+        "data": _described(parts),
     }
 
 
-def _described(config: DiscoverTask, parts: Parts) -> dict[str, Any]:
+def _described(parts: Parts) -> dict[str, Any]:
     return {
-        "id": data_id(config.data),
+        "id": parts.id,
         "recordings": len(parts.infos),
-        "generated": is_generated(config.data),
+        "generated": parts.generated,
         "drivers": {
             "fitted": parts.fitted.n_drivers,
             "checked": parts.checked.n_drivers,

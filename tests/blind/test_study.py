@@ -215,11 +215,8 @@ def test_discovery_gets_a_folder_and_nothing_else(tmp_path, monkeypatch):
         print("a table")
         return {"verdict": "nothing"}
 
-    homes = {
-        "rearl_jax.config": SimpleNamespace(DiscoverTask=SimpleNamespace),
-        "rearl_jax.discovery.task": SimpleNamespace(run=carry_out),
-    }
-    monkeypatch.setattr(module, "import_module", homes.__getitem__)
+    monkeypatch.setattr(module, "DiscoverTask", SimpleNamespace)
+    monkeypatch.setattr(module.discovery, "run", carry_out)
     config = task(tmp_path)
     config.discover = BlindConfig()  # any record
     monkeypatch.setattr(module, "replace", lambda record, **changes: changes)
