@@ -20,6 +20,9 @@ class DiscoverConfig:
     )
     confidence: float = key(0.9, "of all intervals [-]")
     draws: int = key(1000, "resamples of drivers for the intervals of errors")
+    page: bool = key(
+        True, "write page, figures, maps and residuals too; false: verdict, model and tables only, for many data sets"
+    )
     oracle: str | None = key(
         None,
         "name of an effect whose error is reported as that of an oracle, nothing else is looked for; for generated "

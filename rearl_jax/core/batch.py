@@ -75,8 +75,11 @@ class ScenarioMap(Generic[Arguments, Result]):
         n_devices = len(self._devices)
         width = n_devices * min(self._chunk, math.ceil(n_scenarios / n_devices))
         for start in range(0, n_scenarios, width):
-            # The last chunk is filled up with its own last scenario, so that one program serves all.
-            columns = np.minimum(np.arange(start, start + width), n_scenarios - 1)
+            stop = start + width
+            columns: np.ndarray | slice = slice(start, stop)
+            if stop > n_scenarios:
+                # The last chunk is filled up with its own last scenario, so that one program serves all.
+                columns = np.minimum(np.arange(start, stop), n_scenarios - 1)
             result = self._run(select_scenarios(arguments, columns, n_scenarios))
             valid = operator.itemgetter((..., slice(min(width, n_scenarios - start))))
             yield jax.tree.map(valid, jax.tree.map(np.asarray, result))
@@ -86,7 +89,7 @@ class ScenarioMap(Generic[Arguments, Result]):
         return jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1), *self.chunks(arguments))
 
 
-def select_scenarios(values: Values, columns: np.ndarray, n_scenarios: int, *, least_ndim: int = 1) -> Values:
+def select_scenarios(values: Values, columns: np.ndarray | slice, n_scenarios: int, *, least_ndim: int = 1) -> Values:
     """Some scenarios' values; what is the same for all, a last axis of length 1, stays.
 
     Args:

@@ -13,6 +13,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from rearl_jax.core.batch import ScenarioMap, select_scenarios
+from rearl_jax.core.effects import EFFECTS
+from rearl_jax.core.effects.effect import Effect
 from rearl_jax.discovery.candidates import Knots, Layout, effects_at, lens_at
 from rearl_jax.discovery.drivers import following_params
 from rearl_jax.discovery.observer import Pieces, innovations
@@ -22,16 +24,21 @@ from rearl_jax.discovery.sensitivity import look_along
 N_DRIVER = 5
 """Parameters of a driver's own."""
 
+_MADE: dict[tuple, dict[tuple, ScenarioMap]] = {}
+"""Programs of every configuration this process has met: time step and places of theta."""
+
 
 class Programs:
     """The compiled programs of one data configuration: number of steps, time step, places of theta.
 
     A program holds what is active and nothing else: with one effect it takes a twentieth of the time of all at once.
+    Programs are shared with other data of the same configuration: a process that looks at one data set after the other
+    compiles once.
     """
 
     def __init__(self, layout: Layout, dt: float) -> None:
         self.layout, self.dt = layout, dt
-        self._made: dict[tuple, ScenarioMap] = {}
+        self._made = _MADE.setdefault((dt, tuple(layout.places.items())), {})
 
     def free(self, active: tuple[str, ...]) -> tuple[int, ...]:
         """Places of theta that belong to active candidates, in order."""
@@ -47,6 +54,8 @@ class Programs:
 
     def sums(self, active: tuple[str, ...]) -> Callable[[dict], dict]:
         """Sums with the derivatives by the drivers' own parameters and by those of the active candidates."""
+        if not any(_remembers(name) for name in active):
+            return self._sums_from_one_pass(active)
         places = jnp.asarray(self.free(active), int)
 
         def run(a: dict) -> dict:
@@ -60,6 +69,21 @@ class Programs:
             return _sums(surprise, point, a["pieces"])
 
         return self._program(("sums", active), run, WIDEST if len(places) < 8 else WIDEST // 4)
+
+    def _sums_from_one_pass(self, active: tuple[str, ...]) -> Callable[[dict], dict]:
+        """The same where nothing is remembered: one reverse pass per moment serves all directions."""
+        places = self.free(active)
+
+        def run(a: dict) -> dict:
+            knots, n = _squeezed(a["knots"]), a["z"].shape[1]
+            theta = jnp.broadcast_to(a["theta"], (self.layout.size, n))
+            following = jnp.zeros((0, a["pieces"].y.shape[0], n))
+            found = look_along(
+                a["z"], theta, a["pieces"], self.layout, knots, places, (), len(places), following, self.dt, active
+            )
+            return {name: found[name] for name in ("square", "count", "gradient")} | {"gram": found["nuisance"]}
+
+        return self._program(("sums", active), run, WIDEST)
 
     def look(self, places: tuple[int, ...], groups: tuple[tuple[int, ...], ...], n_kept: int) -> Callable[[dict], dict]:
         """`sensitivity.look_along` for these places."""
@@ -111,6 +135,10 @@ def _widened(arguments: dict, n: int, width: int) -> dict:
     """Arguments filled up with their own last piece."""
     columns = np.minimum(np.arange(width), n - 1)
     return select_scenarios(arguments, columns, n) if width > n else arguments
+
+
+def _remembers(name: str) -> bool:
+    return name in EFFECTS and EFFECTS[name].remember is not Effect.remember
 
 
 def _squeezed(knots: Knots) -> Knots:

@@ -10,6 +10,7 @@ Source: prediction-error method, Ljung, System Identification (1999), chapter 7;
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import equinox as eqx
@@ -47,16 +48,23 @@ class Noise:
         """Steady-state Kalman gain of x [-], v [1/s], o [1/s^2]; what is left of o after a step [-]; innovation
         variance [m^2].
         """
-        kept = np.exp(-dt / self.time)
-        step = np.array([[1.0, dt, dt * dt / 2], [0.0, 1.0, dt], [0.0, 0.0, kept]])
-        shock = np.diag([0.0, 0.0, self.acceleration**2 * (1 - kept**2)])
-        variance, measured = np.eye(3), max(self.position, 1e-4) ** 2
-        for _ in range(GAIN_ITERATIONS):
-            variance = step @ variance @ step.T + shock
-            innovation = variance[0, 0] + measured
-            gain = variance[:, 0] / innovation
-            variance = variance - np.outer(gain, variance[0])
-        return np.array([*gain, kept, innovation])
+        return _steady_gain(self, dt)
+
+
+@cache
+def _steady_gain(noise: Noise, dt: float) -> Float[np.ndarray, "5"]:
+    kept = np.exp(-dt / noise.time)
+    step = np.array([[1.0, dt, dt * dt / 2], [0.0, 1.0, dt], [0.0, 0.0, kept]])
+    shock = np.diag([0.0, 0.0, noise.acceleration**2 * (1 - kept**2)])
+    variance, measured = np.eye(3), max(noise.position, 1e-4) ** 2
+    for _ in range(GAIN_ITERATIONS):
+        variance = step @ variance @ step.T + shock
+        innovation = variance[0, 0] + measured
+        gain = variance[:, 0] / innovation
+        variance = variance - np.outer(gain, variance[0])
+    found = np.array([*gain, kept, innovation])
+    found.flags.writeable = False  # one array for all who ask
+    return found
 
 
 CLOSED_LOOP = np.array([0.0, 0.0, 0.0, 0.0, 1.0])

@@ -43,6 +43,9 @@ KIN_SHARE = 0.25
 CLOCK_LOOKS = 2
 """How often clocks are looked at and put right."""
 
+LEAST_FILLED = 0.7
+"""Share of what a part should hold, below which recordings are too unlike in size to be split whole [-]."""
+
 MOST_EFFECTS = 3
 """Effects that are added one after the other at most."""
 
@@ -248,23 +251,21 @@ def _is_news(one: Trial, added: list[Trial]) -> bool:
 
 
 def split_drivers(data: Measured, shares: tuple[float, ...], seed: int) -> list[Measured]:
-    """Parts of the data that share no driver: whole recordings where there are enough of them, else drivers at random.
+    """Parts of the data that share no driver: whole recordings where they are alike in size, else drivers at random.
 
     Args:
         data: All drivers.
         shares: Of each part; they sum to 1.
         seed: Of the order of drivers.
     """
-    recordings = np.unique(data.recording)
     owner = np.full(len(data.driver), -1)
-    if len(recordings) >= len(shares):
-        sizes = {int(one): int((data.recording == one).sum()) for one in recordings}
-        filled = np.zeros(len(shares))
-        for one in sorted(sizes, key=lambda key: (-sizes[key], key)):
-            part = int(np.argmin(filled / np.array(shares)))
-            owner[data.recording == one] = part
-            filled[part] += sizes[one]
-    else:
+    numbers, sizes = np.unique(data.recording, return_counts=True)
+    filled = np.zeros(len(shares))
+    for one in np.argsort(-sizes, kind="stable"):
+        part = int(np.argmin(filled / np.array(shares)))
+        owner[data.recording == numbers[one]] = part
+        filled[part] += sizes[one]
+    if (filled < LEAST_FILLED * np.array(shares) * sizes.sum()).any():
         rng = np.random.default_rng(seed)
         order = rng.permutation(data.n_drivers)
         edges = np.round(np.cumsum(shares) * data.n_drivers).astype(int)

@@ -1,4 +1,4 @@
-"""Derivatives of the innovations along very many directions at once, for the screen.
+"""Derivatives of the innovations along many directions at once.
 
 Along every direction only the observer's own state (position, speed, what the driver does beside the model, the last
 acceleration) is carried; how the model's acceleration answers to state and parameters comes from one reverse pass per
@@ -19,7 +19,7 @@ from rearl_jax.discovery.candidates import Knots, Layout, effects_at, lens_at
 from rearl_jax.discovery.drivers import following_params
 from rearl_jax.discovery.measured import Surroundings
 from rearl_jax.discovery.observer import Pieces, stimulus, straightened, straightened_start, synchronised
-from rearl_jax.discovery.robust import kept_share
+from rearl_jax.discovery.robust import kept_share, robust_square
 
 
 class Tangents(NamedTuple):
@@ -42,6 +42,7 @@ def look_along(
     n_kept: int,
     following: Float[Array, "leaders steps pieces"],
     dt: float,
+    active: tuple[str, ...] | None = None,
 ) -> dict[str, Float[Array, "*any pieces"]]:
     """Sums over time for the drivers' own directions and for single places of theta.
 
@@ -56,16 +57,18 @@ def look_along(
         n_kept: How many have been added already.
         following: 1 where a driver follows its k-th usual leader, whose clock may be ahead.
         dt: Time between moments [s].
+        active: Candidates that are computed; None for all.
 
     Returns:
-        `gradient` (innovation times derivative, own directions first), `nuisance` (derivatives along own directions and
-        what has been added, times all), `block_k` (derivatives of group k times each other; the last group is the
-        leaders' clocks, whose directions come last).
+        `square` and `count` (robust squares of innovations, weights), `gradient` (innovation times derivative, own
+        directions first), `nuisance` (derivatives along own directions and what has been added, times all), `block_k`
+        (derivatives of group k times each other; the last group is the leaders' clocks, whose directions come last).
     """
     pieces = jax.tree.map(jnp.asarray, pieces)
     n_own, n = z.shape
-    chosen = jnp.asarray(places)
-    lens, first_lens = lens_at(theta, layout, knots), layout.places["lens"][0]
+    chosen = jnp.asarray(places, int)
+    bends = active is None or "lens" in active
+    lens, first_lens = lens_at(theta, layout, knots) if bends else None, layout.places["lens"][0]
     n_clocks = following.shape[0]
     size, n_nuisance = n_own + len(places) + n_clocks, n_own + n_kept
     lens_rows = jnp.asarray([n_own + k for k, place in enumerate(places) if place in layout.places["lens"]], int)
@@ -73,11 +76,11 @@ def look_along(
 
     def wanted(point: tuple, memory: tuple, now: Surroundings) -> tuple[Array, tuple]:
         x, v, own, added, shift = point
-        around = synchronised(straightened(now, lens_at(added, layout, knots)), shift)
+        around = now if lens is None else straightened(now, lens_at(added, layout, knots))
+        around = synchronised(around, shift) if n_clocks else around
         seen = stimulus(x, v, pieces.length, pieces.is_truck, around)
-        acceleration, memory = follow(
-            seen, following_params(own, pieces.is_truck), effects_at(added, layout, knots), memory, dt
-        )
+        effects = effects_at(added, layout, knots, active)
+        acceleration, memory = follow(seen, following_params(own, pieces.is_truck), effects, memory, dt)
         return jnp.sum(acceleration), (acceleration, memory)
 
     answer = jax.grad(wanted, has_aux=True)
@@ -85,12 +88,15 @@ def look_along(
     def step(carry: tuple, now: tuple) -> tuple[tuple, None]:
         (x, v, o, last, memory), tangents, total = carry
         y, weight, around, extra, follows = now
-        surprise = y - x - lens.bend(x)
-        slope = -(1 + lens.slope(x))[None] * tangents.x
-        slope = slope.at[lens_rows].add(-lens.weights(x)[lens_knots])
-        weight = weight * kept_share(surprise, pieces.deviation)
-        weighted = weight[None] * slope
+        if lens is None:
+            surprise, slope = y - x, -tangents.x
+        else:
+            surprise, slope = y - x - lens.bend(x), -(1 + lens.slope(x))[None] * tangents.x
+            slope = slope.at[lens_rows].add(-lens.weights(x)[lens_knots])
+        weighted = (weight * kept_share(surprise, pieces.deviation))[None] * slope
         total = {
+            "square": total["square"] + weight * robust_square(surprise, pieces.deviation),
+            "count": total["count"] + weight,
             "gradient": total["gradient"] + weighted * surprise[None],
             "nuisance": total["nuisance"] + weighted[:n_nuisance, None] * slope[None],
             "blocks": tuple(
@@ -119,18 +125,21 @@ def look_along(
     parts = [jnp.asarray([n_own + k for k in group], int) for group in groups]
     nothing = jnp.zeros((size, n))
     total = {
+        "square": nothing[0],
+        "count": nothing[0],
         "gradient": nothing,
         "nuisance": jnp.zeros((n_nuisance, size, n)),
         "blocks": tuple(jnp.zeros((len(group), len(group), n)) for group in groups),
     }
-    x, v = straightened_start(pieces.start, lens)
+    x, v = pieces.start if lens is None else straightened_start(pieces.start, lens)
     first = jax.tree.map(lambda values: values[0], pieces.seen)
     seen = stimulus(x, v, pieces.length, pieces.is_truck, first)
-    memory = begin_effects(effects_at(theta, layout, knots), seen, following_params(z, pieces.is_truck), dt)
+    effects = effects_at(theta, layout, knots, active)
+    memory = begin_effects(effects, seen, following_params(z, pieces.is_truck), dt)
     carry = ((x, v, jnp.zeros_like(x), jnp.zeros_like(x), memory), Tangents(*(nothing,) * 4), total)
     extra = jnp.broadcast_to(pieces.known, pieces.y.shape)
     (_, _, total), _ = lax.scan(
         step, carry, (pieces.y, pieces.weight, pieces.seen, extra, jnp.moveaxis(following, 1, 0))
     )
     blocks = {f"block_{k}": block for k, block in enumerate(total["blocks"])}
-    return {"gradient": total["gradient"], "nuisance": total["nuisance"], **blocks}
+    return {name: values for name, values in total.items() if name != "blocks"} | blocks

@@ -27,6 +27,9 @@ from rearl_jax.discovery.observer import Pieces, pieces_of
 CLASSES = 2
 """Populations of drivers: cars and trucks."""
 
+SIDE_BY_SIDE = 512
+"""Pieces that fill all cores."""
+
 LONGEST_STEP = 1.0
 """Bound of a step of a driver's standardised parameters [-]."""
 
@@ -174,7 +177,11 @@ class Solver:
 
     def sums(self, worlds: Sequence[World]) -> None:
         """Fills in the sums at the present parameters."""
-        self._evaluate(worlds, _joined([world.pieces for world in worlds]), [True] * len(worlds))
+        # A few side by side fill the cores; more would only be copies of the same data.
+        together = max(1, SIDE_BY_SIDE // len(worlds[0].data.driver))
+        for first in range(0, len(worlds), together):
+            part = worlds[first : first + together]
+            self._evaluate(part, _joined([world.pieces for world in part]), [True] * len(part))
 
     def look(
         self, worlds: Sequence[World], places: tuple[int, ...], groups: tuple[tuple[int, ...], ...]

@@ -3,7 +3,8 @@
 Writes into the study folder `null.parquet` (evidence where nothing is missing), `residuals.parquet` and
 `maps.parquet`, `planes.parquet` (what the calibrated model leaves, and on what it depends), `drivers.parquet`
 (calibrated parameters), `candidates.parquet`, `errors.parquet` (before and after, of every report driver),
-`model.yaml`, figures, `page.html`, `verdict.json`, `config.json` and, last of all, `summary.json`.
+`model.yaml`, figures, `page.html`, `verdict.json`, `config.json` and, last of all, `summary.json`; without figures,
+page and maps where `discover.page` is false.
 """
 
 import json
@@ -158,10 +159,11 @@ def _verdict(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, b
     model = repaired_model(found.first, found.last, found.added, parts.fitted, solver.layout, parts.id, config.study)
     write_model(study.path / "model.yaml", model)
 
-    # Only now, so that nobody waits for matplotlib to know the verdict.
-    from rearl_jax.discovery.presentation import present
+    if options.page:
+        # Only now, so that nobody waits for matplotlib to know the verdict.
+        from rearl_jax.discovery.presentation import present
 
-    present(study, solver, found, parts, errors, verdict, config)
+        present(study, solver, found, parts, errors, verdict, config)
     return verdict
 
 
