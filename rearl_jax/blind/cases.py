@@ -7,9 +7,9 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from rearl_jax.blind.traffic.catalogue import LISTED, UNLISTED
+from rearl_jax.blind.traffic.catalogue import LANE_CHOICE, LISTED, UNLISTED
 from rearl_jax.blind.traffic.measurement import ARTEFACTS
-from rearl_jax.blind.traffic.scenario import Planted, Scenario
+from rearl_jax.blind.traffic.scenario import FREE_CHANGES, Planted, Scenario
 from rearl_jax.config.blind import BlindConfig, StudySize
 
 FOUR_TIMES = {"n_vehicles": 78, "duration": 120.0, "lane_changes": 48}
@@ -66,7 +66,8 @@ REPEATS: Mapping[StudySize, Mapping[str, int]] = {
     },
     StudySize.full: {
         "named": 10, "artefact": 10, "control": 12, "half": 5, "half_four_times": 5, "quarter": 2, "double": 2,
-        "unlisted": 5, "two": 3, "confusable": 3, "cancelling": 10, "short": 2, "sumo": 5,
+        "unlisted": 5, "two": 3, "confusable": 3, "cancelling": 10, "short": 2, "lane_choice": 3,
+        "lane_choice_control": 10, "sumo": 5,
     },
 }  # fmt: skip
 """Data sets of each kind in each set."""
@@ -158,6 +159,8 @@ def _every_kind() -> Iterator[_Kind]:
     yield _Kind("cancelling", "+".join(CANCELLING), tuple(Planted(name) for name in CANCELLING))
     short = ("reaction_delay", "grade", "several_leaders", "variance_driven_time_gap", "leader_class", "rear_pressure")
     yield from _single("short", short, 1.0, CONTROLS["short"])
+    yield from _single("lane_choice", LANE_CHOICE, 1.0, FREE_CHANGES)
+    yield _Kind("lane_choice_control", "free_changes", (), FREE_CHANGES)
     for model in SUMO_MODELS:
         yield _Kind("sumo", model, source="sumo")
 

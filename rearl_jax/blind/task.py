@@ -11,33 +11,23 @@ import io
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import pandas as pd
 from rich.progress import Progress
 
 from rearl_jax.blind.results import BlindResults
 from rearl_jax.blind.rounds import Discover, count_finished, judge_cases, open_study, run_cases, time_left
-from rearl_jax.blind.sealing import Protocol as SealedProtocol
+from rearl_jax.blind.sealing import Protocol
 from rearl_jax.blind.terminal import print_results
-from rearl_jax.config import DiscoverTask, ResultsConfig
-from rearl_jax.config.blind import BlindConfig
+from rearl_jax.config import DiscoverBlindTask, DiscoverTask, ResultsConfig
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.discovery import task as discovery
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study, config_hash
 
 
-@runtime_checkable
-class BlindTask(Protocol):
-    """The record of the task, as far as it is used here."""
-
-    study: str
-    results: ResultsConfig
-    blind: BlindConfig
-
-
-def run(config: Any) -> dict:
+def run(config: DiscoverBlindTask) -> dict:
     """The summary: every rate with its interval.
 
     Raises:
@@ -47,7 +37,7 @@ def run(config: Any) -> dict:
     return run_with(config, discovery_of(config))
 
 
-def run_with(config: BlindTask, discover: Discover) -> dict:
+def run_with(config: DiscoverBlindTask, discover: Discover) -> dict:
     """The same with any discovery."""
     study = Study(config.results.root, config.study, config, "discover blind", generated=True)
     if (stored := study.begin(resume=config.results.resume)) is not None:
@@ -81,7 +71,9 @@ def run_with(config: BlindTask, discover: Discover) -> dict:
     return summary
 
 
-def _judged(config: BlindTask, study: Study, discover: Discover, bar: Progress) -> tuple[SealedProtocol, BlindResults]:
+def _judged(
+    config: DiscoverBlindTask, study: Study, discover: Discover, bar: Progress
+) -> tuple[Protocol, BlindResults]:
     protocol, cases = open_study(study.path, config_hash(config), config.blind, shown(bar, "truth"))
     left = time_left(count_finished(study.path, cases), time.perf_counter())
     line = bar.add_task("data sets", total=len(cases))
@@ -93,7 +85,7 @@ def _judged(config: BlindTask, study: Study, discover: Discover, bar: Progress) 
     return protocol, BlindResults(judge_cases(study.path, protocol, cases))
 
 
-def discovery_of(config: Any) -> Discover:
+def discovery_of(config: DiscoverBlindTask) -> Discover:
     """The task `rearl discover` as a function of a folder; what it prints is on its own pages."""
 
     def discover(folder: Path, study: str, oracle: str | None = None) -> dict[str, Any]:

@@ -20,8 +20,9 @@ def adequacy(solver: Solver, found: Search) -> Adequacy:
     (surprise,), (before,) = solver.innovations([world]), solver.innovations([found.first.world])
     weight = world.data.weight
     variance = (surprise**2 * weight).sum() / weight.sum()
-    pair = weight[1:] * weight[:-1]
-    neighbours = (surprise[1:] * surprise[:-1] * pair).sum() / pair.sum()
+    lag = world.data.stride
+    pair = weight[lag:] * weight[:-lag]
+    neighbours = (surprise[lag:] * surprise[:-lag] * pair).sum() / pair.sum()
     name = max(last.surprise, key=lambda key: last.surprise[key])
     return Adequacy(
         kurtosis=kurtosis(surprise, weight),

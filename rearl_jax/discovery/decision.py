@@ -19,6 +19,9 @@ LEAST_GAIN, LEAST_TOTAL, WORST_CHECK = 3.0, 6.0, -3.0
 SET_WIDTH = 5.0
 """Candidates within this of the best [nats] are not told apart."""
 
+LEAST_GENERIC_TOTAL = 12.0
+"""Least total [nats] of a free curve, of which there are many, and of which each fits whatever there is."""
+
 FREEDOM_PRICE = 3.0
 """What free curves and artefacts with a number per vehicle pay for fitting anything [nats]."""
 
@@ -59,7 +62,8 @@ class Trial:
     @property
     def holds(self) -> bool:
         """Whether it is believed as far as the drivers go."""
-        return self.gain > LEAST_GAIN and self.total > LEAST_TOTAL and self.check > WORST_CHECK
+        least = LEAST_GENERIC_TOTAL if self.candidate.kind == "generic" else LEAST_TOTAL
+        return self.gain > LEAST_GAIN and self.total > least and self.check > WORST_CHECK
 
 
 def trial(solver: Solver, fit: Fit, base: World, other: World, other_base: World) -> Trial:

@@ -11,10 +11,10 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.measured import Measured
-from rearl_jax.discovery.null import behind_noisy_drive
+from rearl_jax.discovery.null import behind_noisy_drive, position_errors
 from rearl_jax.discovery.observer import CLOSED_LOOP
 from rearl_jax.discovery.refit import Fit, on_others
-from rearl_jax.discovery.solver import Solver, World, replace_gain
+from rearl_jax.discovery.solver import Solver, World, copied, replace_gain
 
 FARTHEST = 60.0
 """Bound of a position error [m]: a simulation that has lost its leader is lost, however far."""
@@ -69,12 +69,21 @@ def model_errors(solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: 
     return {name: _errors(solver, world, fit, seed) for (name, fit), world in zip(fits.items(), worlds, strict=True)}
 
 
+def gap_errors(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[Float[np.ndarray, " drivers"]]:
+    """Closed-loop gap error of each driver [m] under fitted models, its own parameters calibrated to the gap."""
+    calibrated = [_calibrated_to_gap(solver, world) for world in on_others(solver, data, fits)]
+    return [np.sqrt(data.driver_mean(_simulated_error(solver, world) ** 2)) for world in calibrated]
+
+
+def _simulated_error(solver: Solver, world: World) -> Float[np.ndarray, "steps pieces"]:
+    """Measured less simulated positions [m]."""
+    return np.clip(solver.innovations([world], CLOSED_LOOP)[0], -FARTHEST, FARTHEST)
+
+
 def _errors(solver: Solver, world: World, fit: Fit, seed: int) -> ModelErrors:
     data = world.data
     calibrated = _calibrated_to_gap(solver, world)
-    deviation, uncalibrated = (
-        np.clip(solver.innovations([one], CLOSED_LOOP)[0], -FARTHEST, FARTHEST) for one in (calibrated, world)
-    )
+    deviation, uncalibrated = (_simulated_error(solver, one) for one in (calibrated, world))
     (surprise,) = solver.innovations([world])
     rng = np.random.default_rng(seed)
     noisy = []
@@ -105,14 +114,7 @@ def _errors(solver: Solver, world: World, fit: Fit, seed: int) -> ModelErrors:
 
 def _calibrated_to_gap(solver: Solver, world: World) -> World:
     """The same drivers with parameters that simulate the gap best."""
-    start = replace(
-        world,
-        pieces=replace_gain(world.pieces, CLOSED_LOOP),
-        variance=TYPICAL_ERROR**2,
-        z=world.z.copy(),
-        sums=None,
-        log=[],
-    )
+    start = copied(world, pieces=replace_gain(world.pieces, CLOSED_LOOP), variance=TYPICAL_ERROR**2)
     solver.solve([start], iterations=20, tolerance=0.1)
     return start
 
@@ -123,11 +125,11 @@ def _floor(solver: Solver, world: World, fit: Fit, seed: int) -> Float[np.ndarra
     rng = np.random.default_rng([seed, 1])
     for _ in range(FLOOR_RUNS):
         behind = behind_noisy_drive(solver, world, fit.noise, rng)
-        driven = data.y - np.clip(behind, -FARTHEST, FARTHEST) + fit.noise.position * rng.standard_normal(data.y.shape)
-        again = replace(world, pieces=replace(world.pieces, y=driven), z=world.z.copy(), sums=None, log=[])
+        driven = data.y - np.clip(behind, -FARTHEST, FARTHEST)
+        driven = driven + position_errors(fit.noise, driven.shape, data.dt, rng)
+        again = copied(world, pieces=replace(world.pieces, y=driven))
         solver.solve([again], iterations=12, tolerance=0.1)
-        (left,) = solver.innovations([again], CLOSED_LOOP)
-        total += data.driver_mean(np.clip(left, -FARTHEST, FARTHEST) ** 2)
+        total += data.driver_mean(_simulated_error(solver, again) ** 2)
     return np.sqrt(total / FLOOR_RUNS)
 
 

@@ -23,6 +23,7 @@ from rearl_jax.core.following import begin_effects, follow
 from rearl_jax.core.gap_idm import FollowingParams
 from rearl_jax.discovery.candidates import effects_at
 from rearl_jax.discovery.drivers import NAMES, following_params
+from rearl_jax.discovery.errors import FARTHEST
 from rearl_jax.discovery.residuals import Residuals, smoothed_acceleration
 from rearl_jax.discovery.solver import Solver
 
@@ -99,15 +100,19 @@ def felt(
 
 
 def _felt(pushed: np.ndarray, left: Residuals, answer: Answers) -> np.ndarray:
-    dt, gain = left.world.data.dt, left.noise.gain(left.world.data.dt)
+    data = left.world.data
+    dt, gain, looks = data.dt, left.noise.gain(data.dt, data.stride), data.looks()
     out = np.empty_like(pushed)
-    x, v, o, last = (np.zeros((len(pushed), pushed.shape[2])) for _ in range(4))
+    x, v, o, w, last = (np.zeros((len(pushed), pushed.shape[2])) for _ in range(5))
     for t in range(pushed.shape[1]):
-        slope = out[:, t] = -x
-        x, v, o = x + gain[0] * slope, v + gain[1] * slope, o + gain[2] * slope
+        slope = out[:, t] = -x - w
+        known = looks[t] * slope
+        x, v, o, w = x + gain[0] * known, v + gain[1] * known, o + gain[2] * known, w + gain[5] * known
         wanted = answer.x[t] * (x + v * (dt / 2) + last * (dt * dt / 8)) + answer.v[t] * (v + last * (dt / 2))
         last = wanted + pushed[:, t] + o
-        x, v, o = x + dt * (v + last * (dt / 2)), v + dt * last, gain[3] * o
+        # Bounded: right behind a leader that is measured too close, a linear answer runs away.
+        x, v = np.clip(x + dt * (v + last * (dt / 2)), -FARTHEST, FARTHEST), np.clip(v + dt * last, -FARTHEST, FARTHEST)
+        o, w = gain[3] * o, gain[6] * w
     return out
 
 
@@ -126,7 +131,7 @@ def votes_and_seen(
     for first in range(0, len(columns), AT_ONCE):
         part = np.moveaxis(columns[first : first + AT_ONCE], 1, 0)  # [steps, columns, pieces]
         weight = np.broadcast_to(data.weight[:, None], part.shape).reshape(len(part), -1)
-        smooth = smoothed_acceleration(part.reshape(len(part), -1), weight, left.noise, data.dt)
+        smooth = smoothed_acceleration(part.reshape(len(part), -1), weight, left.noise, data.dt, data.stride)
         seen[first : first + AT_ONCE] = np.moveaxis(smooth.reshape(part.shape), 0, 1)
     return _voted(columns, left.innovation, n_own, left), _voted(_flushed(seen), left.acceleration, n_own, left)
 

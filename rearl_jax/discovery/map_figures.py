@@ -76,7 +76,8 @@ def draw_planes(atlases: Mapping[str, Atlas], *, generated: bool) -> bytes:
     pairs = list(atlases["before"].planes)
     figure, axes = _grid(7.2, 2.9 * len(atlases), len(atlases), len(pairs), generated=generated)
     planes = [(model, atlas.planes[pair]) for model, atlas in atlases.items() for pair in pairs]
-    reach = max(LEAST_REACH, *(np.nanmax(np.abs(plane.value)) for _, plane in planes if np.isfinite(plane.value).any()))
+    sizes = [np.nanmax(np.abs(plane.value)) for _, plane in planes if np.isfinite(plane.value).any()]
+    reach = max([LEAST_REACH, *sizes])
     mesh = None
     for panel, (model, plane) in zip(axes, planes, strict=True):
         panel.set_facecolor("#EEEEEE")

@@ -17,8 +17,15 @@ _OF_LEADER = ("leader_rear", "leader_centre", "leader_speed", "leader_accelerati
 _OF_SECOND = ("second_rear", "second_speed", "third_speed")
 _OF_FOLLOWER = ("follower_front", "follower_speed")
 
+_SPEED_OF = {
+    "leader_rear": "leader_speed",
+    "leader_centre": "leader_speed",
+    "second_rear": "second_speed",
+    "follower_front": "follower_speed",
+}
+
 _JUMP = 6.0
-"""Change [m] or [m/s] from one moment to the next that is no motion: somebody else is there."""
+"""Change [m/s], or [m] beyond what the speed explains, that is no motion: somebody else is there."""
 
 
 class Surroundings(eqx.Module):
@@ -84,6 +91,7 @@ class Measured:
         leader: Track of the leader of every moment, -1 without one.
         recording: Index of the recording of each piece.
         dt: Time between moments [s].
+        stride: Moments from one that says something new to the next; those between do not count.
         noise: Standard deviation of the measured positions [m].
     """
 
@@ -99,6 +107,7 @@ class Measured:
     leader: Int[np.ndarray, "*steps pieces"]
     recording: Int[np.ndarray, " pieces"]
     dt: float
+    stride: int
     noise: float
 
     @property
@@ -110,6 +119,10 @@ class Measured:
     def seconds(self) -> float:
         """Driver-seconds that count [s]."""
         return float(np.sum(self.weight) * self.dt)
+
+    def looks(self) -> Float[np.ndarray, " steps"]:
+        """1 where something new is measured."""
+        return (np.arange(len(self.y)) % self.stride == 0).astype(float)
 
     def driver_mean(self, values: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, " drivers"]:
         """Mean over the moments of each driver that count."""
@@ -126,14 +139,20 @@ class Measured:
 
         def middle(name: str) -> np.ndarray:
             values = getattr(around, name)
-            step = np.concatenate([(values[1:] - values[:-1]) / 2, last])
+            step = values[1:] - values[:-1]
+            drift, half = step, step / 2
+            if name in _SPEED_OF:
+                speed = getattr(around, _SPEED_OF[name])
+                drift = step - (speed[1:] + speed[:-1]) * (self.dt / 2)
+                half = half - (speed[1:] - speed[:-1]) * (self.dt / 8)  # of who changes speed evenly
             smooth = same
             if name in _OF_SECOND:
                 smooth = same & (around.has_second[1:] == around.has_second[:-1])
-                smooth = smooth & (np.abs(values[1:] - values[:-1]) < _JUMP)
             if name in _OF_FOLLOWER:
-                smooth = np.abs(values[1:] - values[:-1]) < _JUMP
-            return values + np.where(np.concatenate([smooth, last[:, : same.shape[1]] > 0]), step, 0.0)
+                smooth = np.ones_like(same)
+            if name in (*_OF_SECOND, *_OF_FOLLOWER):
+                smooth = smooth & (np.abs(drift) < _JUMP)
+            return values + np.concatenate([np.where(smooth, half, 0.0), last])
 
         changed = {name: middle(name) for name in (*_OF_LEADER, *_OF_SECOND, *_OF_FOLLOWER)}
         return dataclasses.replace(around, **changed)
@@ -154,5 +173,6 @@ class Measured:
             leader=self.leader[:, pieces],
             recording=self.recording[pieces],
             dt=self.dt,
+            stride=self.stride,
             noise=self.noise,
         )

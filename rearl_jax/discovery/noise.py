@@ -1,11 +1,13 @@
-"""How much of a drive is random: the observer whose predictions err least."""
+"""How much of a drive is random: the observer under which its errors are most likely."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.observer import Noise
+from rearl_jax.discovery.smoothing import lasting_noise
 from rearl_jax.discovery.solver import Solver, World, new_world, with_gain
 
 ACCELERATIONS = (0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0)
@@ -17,33 +19,48 @@ TIMES = (0.6, 1.5, 4.0)
 USUAL = Noise(0.15, 1.5, 0.1)
 
 
-def best_noise(
-    solver: Solver, worlds: Sequence[World], position: float, accelerations: Sequence[float] = ACCELERATIONS
-) -> list[Noise]:
-    """The noise under which each world, as it is, errs least in predicting the next position.
+LASTING = (0.2, 0.5, 1.0)
+"""Correlation times of position errors that are tried beside none [s]: of trackers and filters."""
+
+WORTH_LASTING = 5.0
+"""Gain [nats] from which position errors are taken to last."""
+
+
+def best_noise(solver: Solver, world: World, tried: Sequence[Noise]) -> tuple[Noise, float]:
+    """The noise under which what a world, as it is, fails to predict is most likely, and how likely it is then [nats].
 
     Args:
         solver: Runs the observers.
-        worlds: Calibrated already.
-        position: Standard deviation of measured positions [m].
-        accelerations: Those tried [m/s^2].
+        world: Calibrated already.
+        tried: Those to choose from.
     """
-    tried = [Noise(sd, time, position) for sd in accelerations for time in TIMES]
-    trials = [[with_gain(world, noise.gain(world.data.dt)) for noise in tried] for world in worlds]
-    solver.sums([trial for row in trials for trial in row])
-    best = []
-    for row in trials:
-        errors = [trial.sums.square.sum() for trial in row if trial.sums is not None]
-        best.append(tried[int(np.argmin(errors))])
-    return best
+    # S is what each observer expects, not what fits best: the errors' size says how large the noise is.
+    trials = [with_gain(world, noise.gain(world.data.dt, world.data.stride)) for noise in tried]
+    solver.sums(trials)
+    likely = [float(trial.log_likelihood().sum()) for trial in trials]
+    best = int(np.argmax(likely))
+    return tried[best], likely[best]
+
+
+def noises(like: Noise, accelerations: Sequence[float]) -> list[Noise]:
+    """Noises of drivers, with the measurement's as it is."""
+    return [replace(like, acceleration=sd, time=time) for sd in accelerations for time in TIMES]
 
 
 def calibrate(solver: Solver, data: Measured) -> tuple[World, Noise]:
     """Drivers, their population and the noise, jointly, with nothing added to the model."""
-    usual = Noise(USUAL.acceleration, USUAL.time, data.noise)
-    world = new_world(data, solver.layout, usual.gain(data.dt))
+    usual = replace(USUAL, position=data.noise)
+    world = new_world(data, solver.layout, usual.gain(data.dt, data.stride))
     solver.solve([world], iterations=8, tolerance=1.0)
-    (noise,) = best_noise(solver, [world], data.noise)
-    world = with_gain(world, noise.gain(data.dt))
+    noise, likely = best_noise(solver, world, noises(usual, ACCELERATIONS))
+    lasting = [
+        replace(noise, acceleration=sd, position=lasting_noise(data.noise, time, data.dt), position_time=time)
+        for time in LASTING
+        for sd in ACCELERATIONS
+    ]
+    other, with_lasting = best_noise(solver, world, lasting)
+    if with_lasting > likely + WORTH_LASTING:
+        noise, _ = best_noise(solver, world, noises(other, ACCELERATIONS))
+    world = with_gain(world, noise.gain(data.dt, data.stride))
     solver.solve([world])
     return world, noise

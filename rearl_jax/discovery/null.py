@@ -9,7 +9,7 @@ from jaxtyping import Float
 from rearl_jax.discovery.observer import CLOSED_LOOP, Noise
 from rearl_jax.discovery.screen import evidences, scores
 from rearl_jax.discovery.smoothing import cut_off, smoothed
-from rearl_jax.discovery.solver import Solver, World
+from rearl_jax.discovery.solver import Solver, World, copied
 
 AT_ONCE = 1200
 """Pieces that are simulated and fitted side by side."""
@@ -49,8 +49,23 @@ def driver_noise(
     noise: Noise, shape: tuple[int, int], dt: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "steps pieces"]:
     """Realisations of what drivers do beside the model [m/s^2]: a stationary Ornstein-Uhlenbeck process."""
-    kept = np.exp(-dt / noise.time)
-    shocks = rng.standard_normal(shape) * noise.acceleration
+    return _lasting(noise.acceleration, noise.time, shape, dt, rng)
+
+
+def position_errors(
+    noise: Noise, shape: tuple[int, int], dt: float, rng: np.random.Generator
+) -> Float[np.ndarray, "steps pieces"]:
+    """Realisations of the errors of measured positions [m]."""
+    if not noise.position_time:
+        return noise.position * rng.standard_normal(shape)
+    return _lasting(noise.position, noise.position_time, shape, dt, rng)
+
+
+def _lasting(
+    sd: float, time: float, shape: tuple[int, int], dt: float, rng: np.random.Generator
+) -> Float[np.ndarray, "steps pieces"]:
+    kept = np.exp(-dt / time)
+    shocks = rng.standard_normal(shape) * sd
     values = np.empty(shape)
     values[0] = shocks[0]
     for k in range(1, shape[0]):
@@ -71,14 +86,14 @@ def simulate_again(solver: Solver, world: World, noise: Noise, rng: np.random.Ge
     """The world with other drives: simulated with its model behind the same leaders, then measured with noise."""
     data = world.data
     driven = data.y - behind_noisy_drive(solver, world, noise, rng)
-    y = driven + noise.position * rng.standard_normal(driven.shape)
+    y = driven + position_errors(noise, driven.shape, data.dt, rng)
     frequency = cut_off(data.noise, data.dt)
     first = np.empty((2, y.shape[1]))
     for piece in range(y.shape[1]):
         x, v, _ = smoothed(y[:, piece], data.dt, frequency)
         first[:, piece] = x[0], v[0]
     pieces = replace(world.pieces, y=y, start=first)
-    return replace(world, pieces=pieces, z=np.zeros_like(world.z), mean=np.zeros_like(world.mean), sums=None)
+    return copied(world, pieces=pieces)
 
 
 def null_of(
@@ -106,8 +121,6 @@ def null_of(
             simulate_again(solver, world, noise, np.random.default_rng([seed, replicate]))
             for replicate in range(first, min(first + group, replicates))
         ]
-        for one in worlds:
-            one.z, one.mean = world.z.copy(), world.mean.copy()
         solver.solve(worlds, iterations=12, tolerance=0.1)
         seen = scores(solver, worlds)
         found += [evidences(one, score, solver.layout) for one, score in zip(worlds, seen, strict=True)]

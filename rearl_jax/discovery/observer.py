@@ -1,7 +1,8 @@
 """The observer: a driver model that is held to the measured positions, and what it fails to predict.
 
-State of a driver: position x, speed v, and o, what the driver does beside the model (an Ornstein-Uhlenbeck process).
-Each step predicts with the model and corrects by a gain times the innovation, measured minus predicted position.
+State of a driver: position x, speed v, o, what the driver does beside the model (an Ornstein-Uhlenbeck process), and w,
+the error of measured positions where it lasts from one moment to the next. Each step predicts with the model and
+corrects by a gain times the innovation, measured minus predicted position.
 
     gain 0: the closed-loop simulation, whose errors are those readers expect;
     steady-state Kalman gain: innovations of a right model are white, so tests on them are calibrated.
@@ -11,7 +12,7 @@ Source: prediction-error method, Ljung, System Identification (1999), chapter 7;
 
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -29,6 +30,12 @@ from rearl_jax.discovery.measured import Measured, Surroundings
 
 GAIN_ITERATIONS = 600
 
+MEASURED = np.array([1.0, 0.0, 0.0, 1.0])
+"""What is measured of x, v, o, w."""
+
+ANEW = 0.01
+"""Share of the variance of lasting errors that is measured anew in every moment [-]: none at all cannot be inverted."""
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -38,36 +45,65 @@ class Noise:
         acceleration: Standard deviation of what drivers do beside the model [m/s^2].
         time: Its correlation time [s].
         position: Standard deviation of measured positions [m].
+        position_time: Correlation time of their errors [s]; 0 where every moment is measured anew.
     """
 
     acceleration: float
     time: float
     position: float
+    position_time: float = 0.0
 
-    def gain(self, dt: float) -> Float[np.ndarray, "5"]:
+    def gain(self, dt: float, stride: int = 1) -> Float[np.ndarray, "7"]:
         """Steady-state Kalman gain of x [-], v [1/s], o [1/s^2]; what is left of o after a step [-]; innovation
-        variance [m^2].
+        variance [m^2]; gain of w [-]; what is left of w after a step [-].
+
+        Args:
+            dt: Time of a step [s].
+            stride: Steps from one correction to the next.
         """
-        return _steady_gain(self, dt)
+        return steady_state(self, dt, stride).gain
+
+
+class SteadyState(NamedTuple):
+    """The observer after a long time.
+
+    Attributes:
+        gain: As of `Noise.gain`.
+        step: From x, v, o, w to those one step later.
+        corrected: The same for the error of the prediction where it is corrected first.
+        covariance: Of x, v, o, w before each step of a period; the first is corrected.
+    """
+
+    gain: Float[np.ndarray, "7"]
+    step: Float[np.ndarray, "4 4"]
+    corrected: Float[np.ndarray, "4 4"]
+    covariance: list[Float[np.ndarray, "4 4"]]
 
 
 @cache
-def _steady_gain(noise: Noise, dt: float) -> Float[np.ndarray, "5"]:
-    kept = np.exp(-dt / noise.time)
-    step = np.array([[1.0, dt, dt * dt / 2], [0.0, 1.0, dt], [0.0, 0.0, kept]])
-    shock = np.diag([0.0, 0.0, noise.acceleration**2 * (1 - kept**2)])
-    variance, measured = np.eye(3), max(noise.position, 1e-4) ** 2
+def steady_state(noise: Noise, dt: float, stride: int) -> SteadyState:
+    """The observer's steady state; arguments as of `Noise.gain`."""
+    kept, lasting = np.exp(-dt / noise.time), np.exp(-dt / noise.position_time) if noise.position_time else 0.0
+    step = np.array([[1.0, dt, dt * dt / 2, 0.0], [0.0, 1.0, dt, 0.0], [0.0, 0.0, kept, 0.0], [0.0, 0.0, 0.0, lasting]])
+    position = max(noise.position, 1e-4) ** 2
+    error, measured = (position * (1 - lasting**2), ANEW * position) if noise.position_time else (0.0, position)
+    shock = np.diag([0.0, 0.0, noise.acceleration**2 * (1 - kept**2), error])
+    variance, gain, covariance = np.diag([1.0, 1.0, 1.0, error]), np.zeros(4), []
     for _ in range(GAIN_ITERATIONS):
-        variance = step @ variance @ step.T + shock
-        innovation = variance[0, 0] + measured
-        gain = variance[:, 0] / innovation
-        variance = variance - np.outer(gain, variance[0])
-    found = np.array([*gain, kept, innovation])
+        covariance = []
+        for _ in range(stride):
+            variance = step @ variance @ step.T + shock
+            covariance.append(variance)
+        gain = variance @ MEASURED / (MEASURED @ variance @ MEASURED + measured)
+        variance = variance - np.outer(gain, MEASURED @ variance)
+    expected = MEASURED @ covariance[-1] @ MEASURED + measured
+    found = np.array([*gain[:3], kept, expected, gain[3], lasting])
     found.flags.writeable = False  # one array for all who ask
-    return found
+    corrected = step - step @ np.outer(gain, MEASURED)
+    return SteadyState(found, step, corrected, [covariance[-1], *covariance[:-1]])
 
 
-CLOSED_LOOP = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
+CLOSED_LOOP = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
 """The gain that never corrects: a simulation behind the measured leader."""
 
 
@@ -77,6 +113,7 @@ class Pieces(eqx.Module):
     Attributes:
         y: Measured position [m].
         weight: 1 where the moment counts.
+        looks: 1 where the observer corrects its prediction.
         start: Position [m] and speed [m/s] at the first moment.
         seen: What is around, in the middle between each moment and the next.
         length: Own length [m].
@@ -88,11 +125,12 @@ class Pieces(eqx.Module):
 
     y: Float[Any, "steps pieces"]
     weight: Float[Any, "steps pieces"]
+    looks: Float[Any, "steps pieces"]
     start: Float[Any, "two pieces"]
     seen: Surroundings
     length: Float[Any, " pieces"]
     is_truck: Float[Any, " pieces"]
-    gain: Float[Any, "five pieces"]
+    gain: Float[Any, "seven pieces"]
     deviation: Float[Any, " pieces"]
     known: Float[Any, "#steps pieces"]
 
@@ -122,22 +160,23 @@ def innovations(
     def seen(x: Array, v: Array, now: Surroundings) -> Stimulus:
         return stimulus(x, v, length, pieces.is_truck, now if lens is None else straightened(now, lens))
 
-    def step(carry: tuple, now: tuple[Array, Surroundings, Array]) -> tuple[tuple, Array]:
-        (x, v, o, last, memory), (y, halfway, extra) = carry, now
-        surprise = y - (x if lens is None else x + lens.bend(x))
-        x, v, o = x + gain[0] * surprise, v + gain[1] * surprise, o + gain[2] * surprise
+    def step(carry: tuple, now: tuple[Array, Array, Surroundings, Array]) -> tuple[tuple, Array]:
+        (x, v, o, w, last, memory), (y, looks, halfway, extra) = carry, now
+        surprise = y - w - (x if lens is None else x + lens.bend(x))
+        known = looks * surprise
+        x, v, o, w = x + gain[0] * known, v + gain[1] * known, o + gain[2] * known, w + gain[5] * known
         # The model is asked for the middle of the step, so that a step does not count as a reaction time.
         halfway_x, halfway_v = x + v * (dt / 2) + last * (dt * dt / 8), jnp.maximum(v + last * (dt / 2), 0.0)
         wanted, memory = follow(seen(halfway_x, halfway_v, halfway), params, effects, memory, dt)
         acceleration = wanted + o + extra
         faster = jnp.maximum(v + acceleration * dt, 0.0)
-        return (x + dt * (v + faster) / 2, faster, gain[3] * o, acceleration, memory), surprise
+        return (x + dt * (v + faster) / 2, faster, gain[3] * o, gain[6] * w, acceleration, memory), surprise
 
     x, v = pieces.start if lens is None else straightened_start(pieces.start, lens)
     nothing = jnp.zeros_like(x)
     memory = begin_effects(effects, seen(x, v, jax.tree.map(lambda values: values[0], around)), params, dt)
     extra = jnp.broadcast_to(pieces.known, pieces.y.shape)
-    _, surprises = lax.scan(step, (x, v, nothing, nothing, memory), (pieces.y, around, extra))
+    _, surprises = lax.scan(step, (x, v, nothing, nothing, nothing, memory), (pieces.y, pieces.looks, around, extra))
     return surprises
 
 
@@ -213,12 +252,13 @@ def synchronised(around: Surroundings, shift: Float[Array, "*n"]) -> Surrounding
     )
 
 
-def pieces_of(data: Measured, gain: Float[np.ndarray, "5"]) -> Pieces:
+def pieces_of(data: Measured, gain: Float[np.ndarray, "7"]) -> Pieces:
     """The pieces of measured drives as the observer takes them, all with one gain."""
     n = len(data.driver)
     return Pieces(
         y=data.y,
         weight=data.weight,
+        looks=np.repeat(data.looks()[:, None], n, axis=1),
         start=np.stack([data.smooth[0], data.smooth_speed[0]]),
         seen=data.halfway(),
         length=data.length,

@@ -7,7 +7,15 @@ from rearl_jax.config import DiscoverTask
 from rearl_jax.discovery.atlas import Atlas
 from rearl_jax.discovery.finder import STABLE, Selected
 from rearl_jax.discovery.reactions import title_of
-from rearl_jax.discovery.words import described, effect_words, error_words, verdict_words
+from rearl_jax.discovery.words import (
+    described,
+    effect_words,
+    error_words,
+    is_claimed,
+    is_lane_choice,
+    lane_choice_words,
+    verdict_words,
+)
 from rearl_jax.evaluation.layout import render_page
 
 CANDIDATES, VARIABLES = 8, 5
@@ -54,7 +62,7 @@ def write_page(
         figures: PNG files by name.
         sources: Data sets as of `layout.data_sources`.
     """
-    data, word = verdict["data"], verdict_words(dict(verdict))
+    data, word = verdict["data"], verdict_words(verdict)
     drivers = data["drivers"]
     return render_page(
         "page.html.j2",
@@ -72,7 +80,9 @@ def write_page(
         change=_sentence(error_words(verdict["error"])) + _explained(verdict["error"]),
         errors=_errors(verdict["error"]),
         how=_how(verdict),
-        candidates=[_candidate(row, verdict) for row in verdict["candidates"][:CANDIDATES]],
+        candidates=_candidates(verdict, of_lanes=False)[:CANDIDATES],
+        lane_choice=_sentence(lane_choice_words(verdict["lane_choice"])),
+        lane_candidates=_candidates(verdict, of_lanes=True),
         finder=_finder(atlases),
         variables=[_variable(one, atlases["before"]) for one in _shown(atlases["before"])],
         doubts=_doubts(verdict, atlases),
@@ -129,11 +139,14 @@ def _how(verdict: Mapping[str, Any]) -> str:
     )
 
 
+def _candidates(verdict: Mapping[str, Any], *, of_lanes: bool) -> list[dict[str, str]]:
+    return [_candidate(row, verdict) for row in verdict["candidates"] if is_lane_choice(row) == of_lanes]
+
+
 def _candidate(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> dict[str, str]:
-    claimed = {(effect["name"], *effect["variables"]) for effect in verdict["effects"]}
-    mark = "not told apart" if row["ambiguous"] else "added" if (row["name"], *row["variables"]) in claimed else ""
+    mark = "not told apart" if row["ambiguous"] else "added" if is_claimed(row, verdict) else ""
     figures = {name: "-" if row[name] is None else f"{row[name]:.1f}" for name in ("surprise", "gain", "check")}
-    return {"title": described(dict(row)), "mark": mark, **figures}
+    return {"title": described(row), "mark": mark, **figures}
 
 
 def _shown(atlas: Atlas) -> list[Selected]:
@@ -167,14 +180,14 @@ def _stable(atlas: Atlas) -> str:
 
 def _doubts(verdict: Mapping[str, Any], atlases: Mapping[str, Atlas]) -> list[str]:
     lines = [
-        f"{_sentence(described(dict(effect)))[:-1]}: confidence {effect['confidence']:.2f}, if it is one of the "
+        f"{_sentence(described(effect))[:-1]}: confidence {effect['confidence']:.2f}, if it is one of the "
         "candidates at all."
         for effect in verdict["effects"]
     ]
     for row in verdict["candidates"]:
         if row["ambiguous"]:
             lines.append(
-                f"{_sentence(described(dict(row)))[:-1]} explains the data as well. To tell them apart: "
+                f"{_sentence(described(row))[:-1]} explains the data as well. To tell them apart: "
                 f"{row['told_apart_by']}."
             )
     left = verdict["adequacy"]
@@ -207,7 +220,8 @@ def _definitions(verdict: Mapping[str, Any], config: DiscoverTask) -> list[str]:
         "Closed-loop gap error: the driver, with the own parameters that fit its gap best, is simulated behind the "
         "measured leader; root mean square over moments and drivers.",
         f"Intervals: {percent}, from resampling drivers.",
-        "Surprise: evidence above its mean where nothing is missing, in standard deviations of that.",
+        "Surprise: evidence above its mean where nothing is missing, in standard deviations of that; in the choice of "
+        "the lane, the slope of the likelihood in standard deviations between drivers.",
         "Gain: log-likelihood of the fitted drivers less the price of freedom; on others: that of drivers whose own "
         "parameters alone were fitted anew.",
         f"Selected: share of random halves of the drivers in which sparse regression takes the variable in; from "

@@ -71,9 +71,9 @@ def present(
     # Only now, so that whoever needs the tables alone does not wait for matplotlib and jinja2.
     from rearl_jax.discovery import figures, map_figures
     from rearl_jax.discovery.page import write_page
-    from rearl_jax.discovery.words import described
+    from rearl_jax.discovery.words import described, is_lane_choice
 
-    rows = verdict["candidates"]
+    rows = [row for row in verdict["candidates"] if not is_lane_choice(row)]
     keys = [row["name"] if row["name"] in search.null.mean else f"{row['name']}.{row['variables'][0]}" for row in rows]
     titles = [described(row) for row in rows]
     reported = {model: found[-1] for model, found in left.items()}

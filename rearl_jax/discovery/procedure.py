@@ -116,6 +116,7 @@ class Search:
         first_scores: Of the calibrated model.
         clocks: Differences between clocks, where the data were corrected for them.
         rounds: One per effect that was added, and the last one, which added none.
+        rejected: What had been added, and made the simulation of other drivers worse.
     """
 
     layout: Layout
@@ -123,6 +124,7 @@ class Search:
     first_scores: dict[str, Score]
     clocks: ClockCheck | None = None
     rounds: list[Round] = field(default_factory=list)
+    rejected: list[Trial] = field(default_factory=list)
 
     @property
     def before(self) -> Fit:
@@ -144,6 +146,11 @@ class Search:
     def added(self) -> list[Trial]:
         """What was added, in order."""
         return [one.chosen for one in self.rounds if one.chosen is not None]
+
+    def is_doubtful(self, one: Trial) -> bool:
+        """Whether a named effect leaves a dependence on what it acts by, which then is another one than it says."""
+        curves = [other.candidate for other in self.added if other.candidate.kind == "generic"]
+        return any(set(curve.variables) & set(one.candidate.variables) for curve in curves if curve != one.candidate)
 
 
 def search(

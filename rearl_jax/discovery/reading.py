@@ -8,6 +8,7 @@ import pandas as pd
 
 from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
 from rearl_jax.core.encounter import MOST_GAP_LOST, NEVER_CHANGED
+from rearl_jax.core.following import HARDEST_BRAKING
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.measured import Measured, Surroundings
 from rearl_jax.discovery.smoothing import cut_off, position_noise, smoothed, thinned, track_bounds
@@ -25,18 +26,30 @@ SETTLING = 1.5
 LEAST_USED = 4.0
 """Least time that must be left for a driver to be used [s]."""
 
+APART = 2.0
+"""Moments that say something new in smoothed positions are this many kernel widths apart."""
+
+EDGE = 3.0
+"""So many kernel widths from its ends a smoothed track is bent, where there was nothing beyond to smooth with, and from
+another leader, whom a smoothed driver reacts to before he is there.
+"""
+
+SMOOTHED_NOISE = 0.005
+"""Standard deviation of smoothed positions [m]: smoothing hides noise and does not undo it."""
+
 _STEPS_UNIT = 64
 """Numbers of steps are rounded up to multiples of it, so that few programs are compiled."""
 
 _OWN = ("y", "weight", "smooth", "smooth_speed")
 
 
-def measure(recordings: Sequence[Recording], position_lag: float = 0.0) -> Measured:
+def measure(recordings: Sequence[Recording], position_lag: float = 0.0, smoothing: float = 0.0) -> Measured:
     """All drivers of the recordings who follow somebody long enough.
 
     Args:
         recordings: Canonical recordings of equal frame rate.
         position_lag: By how much positions are late [s]; lanes and places in them are put to the same clock.
+        smoothing: Width of the kernel that positions have been smoothed with [s].
 
     Raises:
         ValueError: The frame rates differ, or nobody follows anybody long enough.
@@ -51,12 +64,13 @@ def measure(recordings: Sequence[Recording], position_lag: float = 0.0) -> Measu
     dt = tables[0][1]
     rows = [_Rows(table, dt, round(position_lag / dt)) for table, _ in tables]
     noise = float(np.median([part.noise for part in rows]))
+    stride, edge = max(1, round(APART * smoothing / dt)), round(EDGE * smoothing / dt)
     most = max((part.longest for part in rows), default=0)
     n_steps = min(int(LONGEST / dt), most)
     n_steps = -(-n_steps // _STEPS_UNIT) * _STEPS_UNIT
     pieces, offset = [], 0
     for index, part in enumerate(rows):
-        pieces.append(part.pieces(n_steps, noise, index, offset))
+        pieces.append(part.pieces(n_steps, stride, edge, noise, index, offset))
         offset += part.n_tracks
     found = [piece for piece in pieces if len(piece.driver)]
     if not found:
@@ -67,7 +81,8 @@ def measure(recordings: Sequence[Recording], position_lag: float = 0.0) -> Measu
     joined = Measured(
         around=jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *(piece.around for piece in found)),
         dt=dt,
-        noise=noise,
+        stride=stride,
+        noise=max(noise, SMOOTHED_NOISE) if smoothing else noise,
         **{
             name: np.concatenate([getattr(piece, name) for piece in found], axis=-1)
             for name in (*_OWN, "length", "is_truck", "driver", "vehicle", "leader", "recording")
@@ -94,15 +109,17 @@ class _Rows:
         self.noise = position_noise(self.position, self.starts, self.stops)
         self.longest = int((self.stops - self.starts).max(initial=0))
 
-    def pieces(self, n_steps: int, noise: float, recording: int, offset: int) -> Measured:
-        """All usable pieces of the recording."""
+    def pieces(self, n_steps: int, stride: int, edge: int, noise: float, recording: int, offset: int) -> Measured:
+        """All usable pieces of the recording, in which every `stride`-th moment says something new, and the first and
+        last `edge` rows of a track are bent.
+        """
         dt, table = self.dt, self.table
         x, v, a = (np.empty(len(self.position)) for _ in range(3))
         frequency = cut_off(noise, dt)
         for start, stop in zip(self.starts, self.stops, strict=True):
             x[start:stop], v[start:stop], a[start:stop] = smoothed(self.position[start:stop], dt, frequency)
-        columns, leader = self._columns(x, v, a)
-        weight = self._weight(columns["has_leader"])
+        columns, leader, leader_row = self._columns(x, v, a)
+        weight = self._weight(leader, leader_row, edge)
         cuts = [
             (start + k, min(start + k + n_steps, stop))
             for start, stop in zip(self.starts, self.stops, strict=True)
@@ -122,9 +139,10 @@ class _Rows:
         track = table["track_id"].to_numpy()[index[0]].astype(np.int64) if cuts else np.empty(0, np.int64)
         length = table["length"].to_numpy()
         is_truck = (table["vehicle_class"] == "truck").to_numpy()
+        new = np.arange(n_steps)[:, None] % stride == 0
         return Measured(
             y=self.position[index],
-            weight=weight[index] * real * settled,
+            weight=weight[index] * real * settled * new,
             smooth=x[index],
             smooth_speed=v[index],
             around=Surroundings(**values),
@@ -135,11 +153,14 @@ class _Rows:
             leader=np.where(leader[index] >= 0, leader[index] + offset, NOBODY),
             recording=np.full(len(cuts), recording),
             dt=dt,
+            stride=stride,
             noise=noise,
         )
 
-    def _columns(self, x: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """What is seen from every row, and the leader's track."""
+    def _columns(
+        self, x: np.ndarray, v: np.ndarray, a: np.ndarray
+    ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+        """What is seen from every row, the leader's track, and its row."""
         table = self.table
         around = look_around(table, v)
         length = table["length"].to_numpy()
@@ -169,7 +190,7 @@ class _Rows:
             "leader_rear": of(one, rear, front + OUT_OF_SIGHT),
             "leader_centre": of(one, x, x + OUT_OF_SIGHT),
             "leader_speed": leader_speed,
-            "leader_acceleration": of(one, a, 0.0),
+            "leader_acceleration": np.clip(of(one, a, 0.0), HARDEST_BRAKING, -HARDEST_BRAKING),
             "leader_length": of(one, length, 4.5),
             "leader_is_truck": of(one, is_truck.astype(float), 0.0),
             "has_second": (two != NOBODY).astype(float),
@@ -186,15 +207,23 @@ class _Rows:
             "gap_lost": lost,
             "time_gap_at_change": headway,
         }
-        return columns, leader
+        return columns, leader, one
 
-    def _weight(self, has_leader: np.ndarray) -> np.ndarray:
-        """1 where a leader has been seen for a moment: without one, it may be out of the picture."""
+    def _weight(self, leader: np.ndarray, leader_row: np.ndarray, edge: int) -> np.ndarray:
+        """1 where a leader has been seen for a moment: without one, it may be out of the picture; 0 where it or the
+        driver is within `edge` rows of the ends of its track, or of another leader.
+        """
         n = max(1, round(1.0 / self.dt))
-        absent = np.r_[0, np.cumsum(has_leader == 0)]
-        row = np.arange(len(has_leader))
-        first = np.repeat(self.starts, self.stops - self.starts)
-        return (absent[row + 1] == absent[np.maximum(row - n, first)]).astype(float)
+        row = np.arange(len(leader))
+        first, stop = (np.repeat(bound, self.stops - self.starts) for bound in (self.starts, self.stops))
+        absent = np.r_[0, np.cumsum(leader == NOBODY)]
+        seen = absent[row + 1] == absent[np.maximum(row - n, first)]
+        if not edge:
+            return seen.astype(float)
+        is_inside = np.minimum(row - first, stop - 1 - row) >= edge
+        changes = np.r_[0, np.cumsum(np.r_[False, leader[1:] != leader[:-1]])]
+        keeps = changes[np.minimum(row + edge, stop - 1) + 1] == changes[np.maximum(row - edge, first) + 1]
+        return (seen & keeps & is_inside & is_inside[leader_row]).astype(float)
 
 
 def _offset_in_lane(table: pd.DataFrame) -> np.ndarray:

@@ -8,10 +8,10 @@ import numpy as np
 from rearl_jax.discovery.candidates import Candidate, Layout
 from rearl_jax.discovery.drivers import CAR, SPREAD
 from rearl_jax.discovery.measured import Measured
-from rearl_jax.discovery.noise import ACCELERATIONS, best_noise
+from rearl_jax.discovery.noise import ACCELERATIONS, best_noise, noises
 from rearl_jax.discovery.observer import Noise
 from rearl_jax.discovery.screen import Score
-from rearl_jax.discovery.solver import Solver, World, new_world, with_gain
+from rearl_jax.discovery.solver import Solver, World, copied, new_world, with_gain
 
 DELAYS = (0.25, 0.8)
 """Reaction delays the search starts from [s]."""
@@ -146,13 +146,13 @@ def refit(
     for number, candidate in enumerate(candidates):
         active = (*base.world.active, candidate.name)
         worlds = [
-            _copy(base.world, theta=theta, active=active)
+            copied(base.world, theta=theta, active=active)
             for theta in starts(candidate, found[candidate.name], base.world, solver.layout)
         ]
         solver.solve(worlds, iterations=15, tolerance=0.3)
         best = min(worlds, key=lambda world: world.log[-1])
-        (noise,) = best_noise(solver, [best], base.noise.position, lower[-5:])
-        best = with_gain(best, noise.gain(best.data.dt))
+        noise, _ = best_noise(solver, best, noises(base.noise, lower[-5:]))
+        best = with_gain(best, noise.gain(best.data.dt, best.data.stride))
         solver.solve([best], iterations=20, tolerance=0.05)
         fits[candidate.name] = Fit(candidate, best, noise)
         if progress is not None:
@@ -160,25 +160,26 @@ def refit(
     return fits
 
 
-def _copy(world: World, **changes: object) -> World:
-    return replace(world, z=world.z.copy(), mean=world.mean.copy(), sums=None, log=[], **changes)
-
-
 def rebased(solver: Solver, base: Fit, fits: dict[str, Fit]) -> Fit:
-    """The model without the candidates, fitted again from each one's drivers: a stuck baseline would hand every
-    candidate the same false gain.
+    """The model without the candidates, fitted again from each one's drivers, under its noise: a stuck baseline would
+    hand every candidate the same false gain.
     """
     places, kept = np.arange(solver.layout.size), solver.free(base.world)
-    worlds = [base.world]
+    starts, noises_of = [], []
     for fit in fits.values():
         theta = np.where(np.isin(places, kept), fit.world.theta, solver.layout.reference)
-        start = _copy(base.world, theta=theta)
-        start.z, start.mean = fit.world.z.copy(), fit.world.mean.copy()
-        worlds.append(start)
-    if len(worlds) > 1:
-        solver.solve(worlds[1:], iterations=15, tolerance=0.05)
-    best = min(worlds, key=lambda world: world.log[-1])
-    return replace(base, world=best)
+        data = base.world.data
+        for noise in dict.fromkeys((base.noise, fit.noise)):
+            start = with_gain(copied(base.world, theta=theta), noise.gain(data.dt, data.stride))
+            start.z, start.mean = fit.world.z.copy(), fit.world.mean.copy()
+            starts.append(start)
+            noises_of.append(noise)
+    if starts:
+        solver.solve(starts, iterations=15, tolerance=0.05)
+    best, noise = min(
+        zip([base.world, *starts], [base.noise, *noises_of], strict=True), key=lambda pair: pair[0].log[-1]
+    )
+    return replace(base, world=best, noise=noise)
 
 
 def on_others(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[World]:
@@ -188,7 +189,7 @@ def on_others(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[World
     """
     worlds = []
     for fit in fits:
-        world = new_world(data, solver.layout, fit.noise.gain(data.dt))
+        world = new_world(data, solver.layout, fit.noise.gain(data.dt, data.stride))
         world.mean, world.theta, world.active = fit.world.mean.copy(), fit.world.theta.copy(), fit.world.active
         world.z = world.mean[world.truck]
         world.variance = fit.world.variance

@@ -1,5 +1,7 @@
 """What was found, as a model that every task can load."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from rearl_jax import __version__
@@ -7,6 +9,7 @@ from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.candidates import Candidate, Layout
 from rearl_jax.discovery.decision import Trial
 from rearl_jax.discovery.drivers import CAR, NAMES, SPREAD, TRUCK
+from rearl_jax.discovery.lane_changes.findings import LaneEffect
 from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.refit import Fit
 from rearl_jax.models.record import DriverClass, EffectValues, RepairedModel, Source
@@ -16,7 +19,14 @@ LEAST_SHARE = 0.02
 
 
 def repaired_model(
-    first: Fit, last: Fit, added: list[Trial], data: Measured, layout: Layout, data_id: str, study: str
+    first: Fit,
+    last: Fit,
+    added: Sequence[Trial],
+    lanes: Sequence[LaneEffect],
+    data: Measured,
+    layout: Layout,
+    data_id: str,
+    study: str,
 ) -> RepairedModel:
     """The calibrated drivers with and without the effects that were found; artefacts are no part of a model.
 
@@ -24,6 +34,7 @@ def repaired_model(
         first: The calibrated model without additions.
         last: With all of them.
         added: What was added.
+        lanes: What counts in the choice of the lane; what no effect of the library does is left out.
         data: The drivers it was fitted to.
         layout: Where numbers are in theta.
         data_id: Identity of the recordings.
@@ -34,6 +45,7 @@ def repaired_model(
         for trial in added
         if trial.candidate.kind != "artefact"
     ]
+    effects += [lane_effect_values(effect) for effect in lanes if effect.name in EFFECTS]
     return RepairedModel(
         source=Source(data_id, study, __version__),
         population=population(last, data),
@@ -93,3 +105,13 @@ def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> Ef
     values = values - values @ np.asarray(centre)
     parameters = {"values": values.tolist(), "knots": np.asarray(knots).tolist()}
     return EffectValues(candidate.name.partition(".")[0], parameters, variable)
+
+
+def lane_effect_values(effect: LaneEffect) -> EffectValues:
+    """An effect on the choice of the lane as the library's, within its bounds; what was not estimated is as usual."""
+    found = {name: estimate.value for name, estimate in effect.parameters.items()}
+    values = {
+        one.name: float(np.clip(found.get(one.name, one.off), one.low, one.high))
+        for one in EFFECTS[effect.name].parameters
+    }
+    return EffectValues(effect.name, values)

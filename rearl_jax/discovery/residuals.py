@@ -24,7 +24,7 @@ from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.discovery.candidates import lens_at
 from rearl_jax.discovery.errors import FARTHEST
 from rearl_jax.discovery.measured import Surroundings
-from rearl_jax.discovery.observer import CLOSED_LOOP, Noise, stimulus, straightened
+from rearl_jax.discovery.observer import CLOSED_LOOP, MEASURED, Noise, steady_state, stimulus, straightened
 from rearl_jax.discovery.refit import Fit
 from rearl_jax.discovery.solver import Solver, World
 
@@ -69,10 +69,11 @@ class Residuals:
         return float(np.sqrt((self.acceleration**2 * weight).sum() / max(weight.sum(), 1.0)))
 
     def autocorrelation(self) -> Float[np.ndarray, " lags"]:
-        """Of the innovations, one moment apart and more, up to LAGS_FOR [-]."""
+        """Of the innovations that count, one of them apart and more, up to LAGS_FOR [-]."""
         data = self.world.data
         counted, found = self.innovation * data.weight, []
-        for lag in range(1, min(round(LAGS_FOR / data.dt), len(data.weight) - 1) + 1):
+        furthest = min(max(round(LAGS_FOR / data.dt), data.stride), len(data.weight) - 1)
+        for lag in range(data.stride, furthest + 1, data.stride):
             pairs = max((data.weight[lag:] * data.weight[:-lag]).sum(), 1.0)
             found.append((counted[lag:] * counted[:-lag]).sum() / pairs)
         return np.array(found) / max((counted**2).sum() / max(data.weight.sum(), 1.0), 1e-12)
@@ -89,13 +90,13 @@ def _residuals(solver: Solver, world: World, noise: Noise) -> Residuals:
     (gap,) = (
         np.clip(np.asarray(part, float), -FARTHEST, FARTHEST) for part in solver.innovations([world], CLOSED_LOOP)
     )
-    gain, seen = noise.gain(data.dt), data.halfway()
+    gain, seen = noise.gain(data.dt, data.stride), data.halfway()
     expected = data.y.astype(np.float32).astype(float) - innovation
     if "lens" in world.active:
         lens = lens_at(jnp.asarray(world.theta)[:, None, None], solver.layout, solver.layout.knots)
         expected = expected - np.asarray(lens.bend(jnp.asarray(expected)))
         seen = straightened(seen, lens)
-    corrected = expected + gain[0] * innovation
+    corrected = expected + gain[0] * innovation * data.looks()[:, None]
     later = np.concatenate([expected[1:], expected[-1:]])
     v = (later - corrected) / data.dt
     v[-1] = v[-2]
@@ -103,7 +104,7 @@ def _residuals(solver: Solver, world: World, noise: Noise) -> Residuals:
         world=world,
         noise=noise,
         innovation=innovation,
-        acceleration=smoothed_acceleration(innovation, data.weight, noise, data.dt),
+        acceleration=smoothed_acceleration(innovation, data.weight, noise, data.dt, data.stride),
         gap=gap,
         x=corrected + v * (data.dt / 2),
         v=np.maximum(v, 0.0),
@@ -112,7 +113,11 @@ def _residuals(solver: Solver, world: World, noise: Noise) -> Residuals:
 
 
 def smoothed_acceleration(
-    innovation: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarray, "steps pieces"], noise: Noise, dt: float
+    innovation: Float[np.ndarray, "steps pieces"],
+    weight: Float[np.ndarray, "steps pieces"],
+    noise: Noise,
+    dt: float,
+    stride: int,
 ) -> Float[np.ndarray, "steps pieces"]:
     """What drivers did beside the model in every moment, given the whole drive [m/s^2].
 
@@ -121,39 +126,32 @@ def smoothed_acceleration(
         weight: 1 where a moment counts; after the last of them a drive has ended.
         noise: As the observer takes it.
         dt: Time between moments [s].
+        stride: Moments from one correction to the next.
     """
-    gain, loop, covariance = _steady_state(noise, dt)
+    steady = steady_state(noise, dt, stride)
+    gain = steady.gain
     ended = np.cumsum(weight[::-1] > 0, axis=0)[::-1] == 0
-    known = np.where(ended, 0.0, innovation)
+    looks = np.arange(len(innovation)) % stride == 0
+    known = np.where(ended | ~looks[:, None], 0.0, innovation)
     before, o = np.zeros_like(known), np.zeros(known.shape[1])
     for t in range(len(known)):
         before[t] = o
         o = gain[3] * (o + gain[2] * known[t])
-    ahead, out = np.zeros((3, known.shape[1])), np.empty_like(known)
+    ahead, out = np.zeros((4, known.shape[1])), np.empty_like(known)
     for t in range(len(known) - 1, -1, -1):
-        ahead = loop.T @ ahead
-        ahead[0] += known[t] / gain[4]
-        out[t] = before[t] + covariance[2] @ ahead
+        ahead = (steady.corrected if looks[t] else steady.step).T @ ahead
+        ahead += MEASURED[:, None] * known[t] / gain[4]
+        out[t] = before[t] + steady.covariance[t % stride][2] @ ahead
     return np.where(ended, 0.0, out)
 
 
-def smoothing_error(noise: Noise, dt: float) -> float:
-    """Standard deviation of the smoothed acceleration around the true one, where the noise is as assumed [m/s^2]."""
-    gain, loop, covariance = _steady_state(noise, dt)
-    information = np.zeros((3, 3))
-    information[0, 0] = 1 / gain[4]
-    ahead = np.linalg.solve(np.eye(9) - np.kron(loop.T, loop.T), information.ravel()).reshape(3, 3)
-    left = covariance - covariance @ ahead @ covariance
+def smoothing_error(noise: Noise, dt: float, stride: int) -> float:
+    """Standard deviation of the smoothed acceleration around the true one where something new is measured [m/s^2], if
+    the noise is as assumed; other arguments as of `smoothed_acceleration`.
+    """
+    steady = steady_state(noise, dt, stride)
+    period = np.linalg.matrix_power(steady.step, stride - 1) @ steady.corrected
+    information = np.outer(MEASURED, MEASURED) / steady.gain[4]
+    ahead = np.linalg.solve(np.eye(16) - np.kron(period.T, period.T), information.ravel()).reshape(4, 4)
+    left = steady.covariance[0] - steady.covariance[0] @ ahead @ steady.covariance[0]
     return float(np.sqrt(max(left[2, 2], 0.0)))
-
-
-def _steady_state(
-    noise: Noise, dt: float
-) -> tuple[Float[np.ndarray, "5"], Float[np.ndarray, "3 3"], Float[np.ndarray, "3 3"]]:
-    """Gain, transition of the prediction error, and covariance of the prediction of x, v, o."""
-    gain = noise.gain(dt)
-    step = np.array([[1.0, dt, dt * dt / 2], [0.0, 1.0, dt], [0.0, 0.0, gain[3]]])
-    shock = np.diag([0.0, 0.0, noise.acceleration**2 * (1 - gain[3] ** 2)])
-    loop = step - step @ np.outer(gain[:3], [1.0, 0.0, 0.0])
-    covariance = np.linalg.solve(np.eye(9) - np.kron(loop, step), shock.ravel()).reshape(3, 3)
-    return gain, loop, covariance

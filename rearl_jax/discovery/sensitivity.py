@@ -28,6 +28,7 @@ class Tangents(NamedTuple):
     x: Float[Array, "directions pieces"]
     v: Float[Array, "directions pieces"]
     o: Float[Array, "directions pieces"]
+    w: Float[Array, "directions pieces"]
     last: Float[Array, "directions pieces"]
 
 
@@ -86,12 +87,12 @@ def look_along(
     answer = jax.grad(wanted, has_aux=True)
 
     def step(carry: tuple, now: tuple) -> tuple[tuple, None]:
-        (x, v, o, last, memory), tangents, total = carry
-        y, weight, around, extra, follows = now
+        (x, v, o, w, last, memory), tangents, total = carry
+        y, weight, looks, around, extra, follows = now
         if lens is None:
-            surprise, slope = y - x, -tangents.x
+            surprise, slope = y - x - w, -tangents.x - tangents.w
         else:
-            surprise, slope = y - x - lens.bend(x), -(1 + lens.slope(x))[None] * tangents.x
+            surprise, slope = y - x - lens.bend(x) - w, -(1 + lens.slope(x))[None] * tangents.x - tangents.w
             slope = slope.at[lens_rows].add(-lens.weights(x)[lens_knots])
         weighted = (weight * kept_share(surprise, pieces.deviation))[None] * slope
         total = {
@@ -105,9 +106,14 @@ def look_along(
             ),
         }
         gain = pieces.gain
-        x, v, o = x + gain[0] * surprise, v + gain[1] * surprise, o + gain[2] * surprise
+        known, d_known = looks * surprise, looks[None] * slope
+        x, v, o, w = x + gain[0] * known, v + gain[1] * known, o + gain[2] * known, w + gain[5] * known
         d = Tangents(
-            tangents.x + gain[:1] * slope, tangents.v + gain[1:2] * slope, tangents.o + gain[2:3] * slope, tangents.last
+            tangents.x + gain[:1] * d_known,
+            tangents.v + gain[1:2] * d_known,
+            tangents.o + gain[2:3] * d_known,
+            tangents.w + gain[5:6] * d_known,
+            tangents.last,
         )
         later = v + last * (dt / 2)
         halfway = (x + v * (dt / 2) + last * (dt * dt / 8), jnp.maximum(later, 0.0))
@@ -118,8 +124,9 @@ def look_along(
         acceleration, d_acceleration = acceleration + o + extra, d_wanted + d.o
         free = v + acceleration * dt
         faster, d_faster = jnp.maximum(free, 0.0), jnp.where((free > 0)[None], d.v + d_acceleration * dt, 0.0)
-        tangents = Tangents(d.x + dt * (d.v + d_faster) / 2, d_faster, gain[3:4] * d.o, d_acceleration)
-        return ((x + dt * (v + faster) / 2, faster, gain[3] * o, acceleration, memory), tangents, total), None
+        tangents = Tangents(d.x + dt * (d.v + d_faster) / 2, d_faster, gain[3:4] * d.o, gain[6:7] * d.w, d_acceleration)
+        carry = (x + dt * (v + faster) / 2, faster, gain[3] * o, gain[6] * w, acceleration, memory)
+        return (carry, tangents, total), None
 
     groups = [*groups, range(len(places), len(places) + n_clocks)]
     parts = [jnp.asarray([n_own + k for k in group], int) for group in groups]
@@ -136,10 +143,11 @@ def look_along(
     seen = stimulus(x, v, pieces.length, pieces.is_truck, first)
     effects = effects_at(theta, layout, knots, active)
     memory = begin_effects(effects, seen, following_params(z, pieces.is_truck), dt)
-    carry = ((x, v, jnp.zeros_like(x), jnp.zeros_like(x), memory), Tangents(*(nothing,) * 4), total)
+    zero = jnp.zeros_like(x)
+    carry = ((x, v, zero, zero, zero, memory), Tangents(*(nothing,) * 5), total)
     extra = jnp.broadcast_to(pieces.known, pieces.y.shape)
     (_, _, total), _ = lax.scan(
-        step, carry, (pieces.y, pieces.weight, pieces.seen, extra, jnp.moveaxis(following, 1, 0))
+        step, carry, (pieces.y, pieces.weight, pieces.looks, pieces.seen, extra, jnp.moveaxis(following, 1, 0))
     )
     blocks = {f"block_{k}": block for k, block in enumerate(total["blocks"])}
     return {name: values for name, values in total.items() if name != "blocks"} | blocks

@@ -67,6 +67,19 @@ def position_noise(position: np.ndarray, starts: np.ndarray, stops: np.ndarray) 
     return float(np.median(np.abs(np.concatenate(parts))) / 0.6745 / np.sqrt(70.0)) if parts else 0.0
 
 
+def lasting_noise(white: float, time: float, dt: float) -> float:
+    """Standard deviation of errors that last [m], as rough as white noise would be.
+
+    Args:
+        white: As of `position_noise` [m].
+        time: Correlation time of the errors [s].
+        dt: Time between moments [s].
+    """
+    lags = np.array([70.0, -56.0, 28.0, -8.0, 1.0])  # of the fourth difference with itself
+    share = (lags * np.exp(-dt / time) ** np.arange(5) * np.array([1, 2, 2, 2, 2])).sum() / 70.0
+    return white / float(np.sqrt(share))
+
+
 def cut_off(noise: float, dt: float) -> float:
     """Angular frequency [rad/s] beyond which noise outweighs motion.
 

@@ -98,7 +98,7 @@ class DriverSums:
     count: Float[np.ndarray, " drivers"]
 
 
-def new_world(data: Measured, layout: Layout, gain: Float[np.ndarray, "5"]) -> World:
+def new_world(data: Measured, layout: Layout, gain: Float[np.ndarray, "7"]) -> World:
     """A world at the usual parameters, with nothing added."""
     return World(
         data=data,
@@ -111,13 +111,19 @@ def new_world(data: Measured, layout: Layout, gain: Float[np.ndarray, "5"]) -> W
     )
 
 
-def with_gain(world: World, gain: Float[np.ndarray, "5"]) -> World:
+def with_gain(world: World, gain: Float[np.ndarray, "7"]) -> World:
     """The same world under another observer; S starts at what that observer expects."""
     pieces = replace_gain(world.pieces, gain)
-    return replace(world, pieces=pieces, variance=float(gain[4]), sums=None, z=world.z.copy(), mean=world.mean.copy())
+    return copied(world, pieces=pieces, variance=float(gain[4]))
 
 
-def replace_gain(pieces: Pieces, gain: Float[np.ndarray, "5"]) -> Pieces:
+def copied(world: World, **changes: object) -> World:
+    """A world of its own, not evaluated yet, that begins where another one is."""
+    own = {"z": world.z.copy(), "mean": world.mean.copy(), "sums": None, "log": []}
+    return replace(world, **(own | changes))
+
+
+def replace_gain(pieces: Pieces, gain: Float[np.ndarray, "7"]) -> Pieces:
     """Pieces under another observer."""
     n = pieces.length.shape[0]
     return replace(pieces, gain=np.repeat(np.asarray(gain)[:, None], n, axis=1), deviation=np.full(n, np.sqrt(gain[4])))
@@ -196,7 +202,7 @@ class Solver:
             for world, columns in zip(worlds, _columns(worlds), strict=True)
         ]
 
-    def innovations(self, worlds: Sequence[World], gain: Float[np.ndarray, "5"] | None = None) -> list[np.ndarray]:
+    def innovations(self, worlds: Sequence[World], gain: Float[np.ndarray, "7"] | None = None) -> list[np.ndarray]:
         """Measured minus predicted positions [m] of each world, `[n_steps, n_pieces]`; under another gain if given."""
         pieces = [world.pieces if gain is None else replace_gain(world.pieces, gain) for world in worlds]
         result = self.programs.innovations(worlds[0].active)(self._arguments(worlds, _joined(pieces)))

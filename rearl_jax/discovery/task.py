@@ -22,8 +22,11 @@ from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery import tables, terminal
 from rearl_jax.discovery.adequacy import adequacy
+from rearl_jax.discovery.confirmation import confirmed
 from rearl_jax.discovery.errors import model_errors
 from rearl_jax.discovery.gate import Finding, gate
+from rearl_jax.discovery.lane_changes import LaneChangeFindings
+from rearl_jax.discovery.lane_choice import lane_choice, with_lane_choice
 from rearl_jax.discovery.layout import layout_of
 from rearl_jax.discovery.moments import Programs
 from rearl_jax.discovery.noise import calibrate
@@ -37,10 +40,13 @@ from rearl_jax.discovery.screen import scores
 from rearl_jax.discovery.solver import Solver
 from rearl_jax.discovery.uncertainty import known
 from rearl_jax.discovery.verdict import (
+    DOUBTFUL,
+    RELIABILITY,
     Named,
     candidate_rows,
     differing_clocks,
     found_in_columns,
+    is_smoothed,
     named_trial,
     unseen,
     verdict_of,
@@ -69,12 +75,15 @@ def run(config: DiscoverTask) -> dict:
     if study.begin(resume=config.results.resume) is not None:
         return json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
     with progress_bar() as bar:
-        parts = read_parts(config, identity, bar, generated=generated)
+        parts, recordings = read_parts(config, identity, bar, generated=generated)
         solver = Solver(Programs(layout_of(parts.fitted), parts.fitted.dt))
         if config.discover.oracle is not None:
             verdict = _oracle(config, solver, parts)
         else:
-            verdict = _verdict(config, study, solver, parts, bar)
+            found = _search(config, study, solver, parts, bar)
+            lanes = lane_choice(solver, found, parts, recordings, config.discover)
+            del recordings  # they may be large, and nobody needs them any more
+            verdict = _verdict(config, study, solver, parts, found, lanes)
     verdict["seconds"] = time.perf_counter() - begin
     study.write_text("verdict.json", json.dumps(verdict, indent=1, allow_nan=False) + "\n")
     terminal.print_verdict(verdict, generated=generated)
@@ -82,8 +91,8 @@ def run(config: DiscoverTask) -> dict:
     return verdict
 
 
-def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated: bool) -> Parts:
-    """Recordings read, looked at and split.
+def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated: bool) -> tuple[Parts, list[Recording]]:
+    """Recordings read, looked at and split, and the recordings themselves.
 
     Raises:
         ValueError: Too few drivers follow a leader long enough.
@@ -95,7 +104,8 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
         say(len(recordings), len(recordings))
     findings = gate(recordings)
     late = next((finding.value for finding in findings if finding.name == "position_lag"), 0.0)
-    data = measure(recordings, late)
+    smoothing = next((finding.value for finding in findings if finding.name == "smoothing"), 0.0)
+    data = measure(recordings, late, smoothing)
     notes = tuple(dict.fromkeys(note for one in recordings for note in one.info.notes))
     if data.n_drivers < 9:
         raise ValueError(
@@ -108,10 +118,11 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
         data = data.select(np.flatnonzero(np.isin(data.driver, kept)))
     fitted, checked, reported = split_drivers(data, SHARES, config.discover.seed)
     infos = tuple(one.info for one in recordings)
-    return Parts(identity, generated, infos, findings, fitted, checked, reported, notes)
+    return Parts(identity, generated, infos, findings, fitted, checked, reported, notes), recordings
 
 
-def _verdict(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, bar: Progress) -> dict[str, Any]:
+def _search(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, bar: Progress) -> Search:
+    """What is found about car following."""
     options = config.discover
     line = bar.add_task("calibrating drivers", total=None)
     replicates = shown(bar, "simulated nulls")
@@ -128,6 +139,14 @@ def _verdict(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, b
 
     found = search(solver, parts.fitted, parts.checked, null_for, report)
     report("reporting", 0, 1)
+    return confirmed(solver, found, parts.checked, options.seed)
+
+
+def _verdict(
+    config: DiscoverTask, study: Study, solver: Solver, parts: Parts, found: Search, lanes: LaneChangeFindings
+) -> dict[str, Any]:
+    """The verdict, with the tables and the model; the page too where it is wanted."""
+    options = config.discover
     left = adequacy(solver, found)
     errors = model_errors(solver, parts.reported, {"before": found.before}, options.seed)
     if found.added or found.clocks is not None:
@@ -136,9 +155,8 @@ def _verdict(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, b
             reported = with_clocks(solver, reported, found.clocks.base)
         errors |= model_errors(solver, reported, {"after": found.last}, options.seed)
     effects = _effects(solver, found, parts.findings, options.confidence)
-    word = verdict_of(found, parts.findings, left)
-    verdict = {
-        "verdict": word,
+    following = {
+        "verdict": verdict_of(found, parts.findings, left),
         "effects": [effect.plain() for effect in effects],
         "candidates": candidate_rows(found),
         "unseen": unseen(found, found.null.threshold(FIRING_SURPRISE)),
@@ -152,11 +170,14 @@ def _verdict(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, b
         },
         "data": _described(parts),
     }
+    verdict = with_lane_choice(following, lanes)
     seeds = {"seeds": f"discover.seed={options.seed}"}
     study.write_table("candidates", pd.DataFrame(tables.candidate_table(verdict)), **seeds)
     study.write_table("errors", tables.error_table(errors), **seeds)
     study.write_table("drivers", tables.driver_table(solver, found), **seeds)
-    model = repaired_model(found.first, found.last, found.added, parts.fitted, solver.layout, parts.id, config.study)
+    model = repaired_model(
+        found.first, found.last, found.added, lanes.effects, parts.fitted, solver.layout, parts.id, config.study
+    )
     write_model(study.path / "model.yaml", model)
 
     if options.page:
@@ -170,7 +191,7 @@ def _verdict(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, b
 def _effects(solver: Solver, found: Search, findings: Sequence[Finding], confidence: float) -> list[Named]:
     """What is claimed: what the columns show, then what was added, with the numbers of the final model."""
     effects = [found_in_columns(finding, confidence) for finding in findings]
-    if any(finding.name == "smoothing" for finding in findings):
+    if is_smoothed(findings):
         return effects  # what drivers seem to do may be what the smoothing left of it: candidates, not claims
     if found.clocks is not None:
         effects.append(differing_clocks(found.clocks))
@@ -182,7 +203,10 @@ def _effects(solver: Solver, found: Search, findings: Sequence[Finding], confide
             continue
         size = len(trial.candidate.free)
         own = deviations[first : first + size]
-        effects.append(named_trial(trial, one.trials, found.last.world.theta, own, solver.layout, confidence))
+        reliability = DOUBTFUL if found.is_doubtful(trial) else RELIABILITY
+        effects.append(
+            named_trial(trial, one.trials, found.last.world.theta, own, solver.layout, confidence, reliability)
+        )
         first += size
     return effects
 
@@ -208,6 +232,7 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
         "unseen": [],
         "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
         "adequacy": None,
+        "lane_choice": None,
         "data": _described(parts),
     }
 

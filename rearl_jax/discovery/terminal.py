@@ -1,14 +1,25 @@
 """The verdict in the terminal."""
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+from rich.table import Table
+
 from rearl_jax.console import print_notes, standard_output, titled_table
-from rearl_jax.discovery.words import effect_words, error_words, verdict_words
+from rearl_jax.discovery.words import (
+    described,
+    effect_words,
+    error_words,
+    is_claimed,
+    is_lane_choice,
+    lane_choice_words,
+    verdict_words,
+)
 
 _WIDTH = 110
 
-_SHOWN = 8
-"""Candidates that are printed."""
+_SHOWN, _SHOWN_LANES = 8, 5
+"""Candidates that are printed, of car following and of the choice of the lane."""
 
 
 def print_verdict(verdict: dict[str, Any], *, generated: bool) -> None:
@@ -19,23 +30,31 @@ def print_verdict(verdict: dict[str, Any], *, generated: bool) -> None:
         f"{verdict_words(verdict)} [{drivers['fitted']} drivers fitted, {drivers['checked']} checked, "
         f"{drivers['reported']} reported, {verdict['data']['driver_seconds'] / 60:.0f} driver-minutes]"
     )
-    table = titled_table(title, generated=generated)
-    for name in ("candidate", "surprise", "gain", "on others", ""):
-        table.add_column(name, justify="left" if name in ("candidate", "") else "right", no_wrap=True)
-    claimed = {effect["name"] for effect in verdict["effects"]}
-    for row in verdict["candidates"][:_SHOWN]:
-        name = row["name"] if row["kind"] != "generic" else f"{row['name']} on {', '.join(row['variables'])}"
-        mark = "not told apart" if row["ambiguous"] else "named" if row["name"] in claimed else ""
-        table.add_row(name, _nats(row["surprise"]), _nats(row["gain"]), _nats(row["check"]), mark)
-    if verdict["candidates"]:
-        console.print(table)
+    following = [row for row in verdict["candidates"] if not is_lane_choice(row)]
+    lanes = [row for row in verdict["candidates"] if is_lane_choice(row)]
+    if following:
+        console.print(_table(title, following[:_SHOWN], verdict, generated=generated))
     else:
         console.print(title, highlight=False, markup=False)
+    if lanes:
+        title = f"choice of the lane: {lane_choice_words(verdict['lane_choice'])}"
+        console.print(_table(title, lanes[:_SHOWN_LANES], verdict, generated=generated))
     notes = [effect_words(effect) for effect in verdict["effects"]]
     notes += [error_words(verdict["error"])]
-    notes += verdict["data"]["findings"]
+    notes += [*verdict["data"]["findings"], *verdict["data"]["notes"]]
     print_notes(console, notes)
 
 
-def _nats(value: float | None) -> str:
+def _table(title: str, rows: Iterable[Mapping[str, Any]], verdict: Mapping[str, Any], *, generated: bool) -> Table:
+    """Candidates with their figures, and which of them are named."""
+    table = titled_table(title, generated=generated)
+    for name in ("candidate", "surprise", "gain", "on others", ""):
+        table.add_column(name, justify="left" if name in ("candidate", "") else "right", no_wrap=True)
+    for row in rows:
+        mark = "not told apart" if row["ambiguous"] else "named" if is_claimed(row, verdict) else ""
+        table.add_row(described(row), *(_figure(row[name]) for name in ("surprise", "gain", "check")), mark)
+    return table
+
+
+def _figure(value: float | None) -> str:
     return "-" if value is None else f"{value:.1f}"

@@ -3,11 +3,17 @@
 verdict      named | artefact | unexplained | nothing
 effects      [{name, kind: driver | road | artefact | generic, parameters: {name: {value, low, high, unit}},
                variables, confidence, evidence}]
-candidates   [{name, kind, evidence, surprise, gain, check, ambiguous, told_apart_by}], the best first
+candidates   [{name, kind, variables, evidence, surprise, gain, check, ambiguous, told_apart_by}], the best first; those
+             of car following, then those of the choice of the lane, whose surprise is in standard deviations of the
+             slope between drivers
 unseen       [{name, strength, unit}]: what an effect would have needed to be seen in these data
 error        {measure, before, after, change, floor, oracle, n_drivers}, each figure {value, low, high}
 adequacy     {kurtosis, autocorrelation, remaining}: what is left after everything that was added
-data         {id, recordings, drivers: {fitted, checked, reported}, seconds, step, position_noise, notes}
+lane_choice  {changes, opportunities, loss: {before, after, change}}: lane changes by choice, the chances for one, and
+             the mean log-loss of the report drivers' choices [nats], null where there were too few; what was found
+             is in `effects` and `candidates`, see `words.is_lane_choice`
+data         {id, recordings, drivers: {fitted, checked, reported}, driver_seconds, step, position_noise, findings,
+             notes}
 seconds      how long it took
 """
 
@@ -23,7 +29,7 @@ from rearl_jax.discovery.clocks import NAME
 from rearl_jax.discovery.decision import Trial
 from rearl_jax.discovery.families import told_apart_by
 from rearl_jax.discovery.gate import Finding
-from rearl_jax.discovery.procedure import ClockCheck, Search
+from rearl_jax.discovery.procedure import ClockCheck, Round, Search
 from rearl_jax.discovery.uncertainty import interval
 
 MOST_KURTOSIS = 0.1
@@ -33,6 +39,12 @@ KURTOSIS_LEFT = 0.6
 """Share of the excess kurtosis that may be left by what was added: the right effect takes most of it, a wrong one does
 not [-].
 """
+
+SURE_SURPRISE, SURE_EXCESS = 8.0, 8.0
+"""Standard deviations and nats above the null from which something is missing even if no candidate fits it."""
+
+DOUBTFUL = 0.5
+"""Upper bound of the confidence in an effect that leaves a dependence on what it acts by."""
 
 RELIABILITY = 0.98
 """Upper bound of a stated confidence: what the procedure has reached on generated data."""
@@ -98,6 +110,7 @@ def named_trial(
     deviations: np.ndarray,
     layout: Layout,
     confidence: float,
+    reliability: float,
 ) -> Named:
     """A believed candidate as an effect of the verdict.
 
@@ -108,6 +121,7 @@ def named_trial(
         deviations: Standard deviations of the candidate's places, in order.
         layout: Where its numbers are.
         confidence: Of the intervals.
+        reliability: Upper bound of the confidence in the effect.
     """
     candidate = trial.candidate
     parameters = {}
@@ -125,7 +139,7 @@ def named_trial(
         candidate.kind,
         parameters,
         candidate.variables,
-        min(share, RELIABILITY),
+        min(share, reliability),
         trial.total,
     )
 
@@ -164,18 +178,29 @@ def differing_clocks(check: ClockCheck) -> Named:
     )
 
 
+def is_smoothed(findings: Sequence[Finding]) -> bool:
+    """Whether positions were smoothed so much that nothing can be claimed about drivers."""
+    return any(finding.name == "smoothing" for finding in findings)
+
+
 def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) -> str:
     """One word: named, artefact, unexplained or nothing."""
     added = [trial.candidate.kind for trial in search.added]
-    if any(finding.name == "smoothing" for finding in findings):
+    if is_smoothed(findings):
         return "artefact"  # what drivers seem to do is what the smoothing left of it
     if any(kind in ("driver", "road") for kind in added):
-        return "named" if adequacy.is_smooth else "unexplained"
+        is_enough = adequacy.is_smooth and not any(search.is_doubtful(one) for one in search.added)
+        return "named" if is_enough else "unexplained"
     if "artefact" in added or findings or search.clocks is not None:
         return "artefact"
-    if added or search.rounds[-1].firing or not adequacy.is_smooth:
+    if added or search.rejected or _is_sure(search.rounds[-1]) or not adequacy.is_smooth:
         return "unexplained"
     return "nothing"
+
+
+def _is_sure(last: Round) -> bool:
+    """Whether something is left that the other drivers do not confirm in any form, and that is not chance."""
+    return any(last.surprise[name] > SURE_SURPRISE and last.excess[name] > SURE_EXCESS for name in last.evidence)
 
 
 def candidate_rows(search: Search) -> list[dict[str, Any]]:

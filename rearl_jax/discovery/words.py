@@ -1,31 +1,70 @@
 """The verdict in sentences, the same in terminal, page and notes."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rearl_jax.core.effects import EFFECTS
+from rearl_jax.discovery.lane_changes.candidates import LANE_CHOICE_DEPENDENCE
 
 
-def verdict_words(verdict: dict[str, Any]) -> str:
-    """The verdict in one line."""
-    names = " and ".join(described(effect) for effect in verdict["effects"])
-    word = verdict["verdict"]
+def verdict_words(verdict: Mapping[str, Any]) -> str:
+    """The verdict in one line: on car following, then on the choice of the lane where something was found there."""
+    following = [effect for effect in verdict["effects"] if not is_lane_choice(effect)]
+    lanes = [effect for effect in verdict["effects"] if is_lane_choice(effect)]
+    words = []
+    if following or not lanes or verdict["verdict"] == "unexplained":
+        words.append(_following_words(verdict["verdict"], following))
+    if lanes:
+        words.append(f"missing in the choice of the lane: {_names(lanes)}")
+    return "; ".join(words)
+
+
+def _following_words(word: str, effects: Sequence[Mapping[str, Any]]) -> str:
     if word == "named":
-        return f"missing in the model: {names}"
+        return f"missing in the model: {_names(effects)}"
     if word == "artefact":
-        return f"fault of the measurement: {names}"
+        return f"fault of the measurement: {_names(effects)}"
     if word == "unexplained":
-        variables = sorted({name for effect in verdict["effects"] for name in effect["variables"]})
+        variables = sorted({name for effect in effects for name in effect["variables"]})
         return f"unexplained, depends on {', '.join(variables)}" if variables else "unexplained"
     return "nothing significant is missing"
 
 
-def described(effect: dict[str, Any]) -> str:
+def _names(effects: Sequence[Mapping[str, Any]]) -> str:
+    return " and ".join(described(effect) for effect in effects)
+
+
+def is_lane_choice(row: Mapping[str, Any]) -> bool:
+    """Whether an effect or a candidate of a verdict acts on the choice of the lane, not on car following."""
+    name = row["name"]
+    return name == LANE_CHOICE_DEPENDENCE or (name in EFFECTS and EFFECTS[name].kind == "lane_change")
+
+
+def lane_choice_words(lanes: Mapping[str, Any]) -> str:
+    """What the choice of the lane was looked at in, and how much better other drivers' choices are predicted."""
+    text = f"{lanes['changes']} changes by choice in {lanes['opportunities']} opportunities"
+    loss = lanes["loss"]
+    if loss is None or loss["after"] == loss["before"]:
+        return text
+    change = loss["change"]
+    return (
+        f"{text}; log-loss of other drivers' choices {loss['before']:.4f} before, {loss['after']:.4f} after, "
+        f"change {change['value']:+.4f} ({change['low']:+.4f} to {change['high']:+.4f}) nats"
+    )
+
+
+def is_claimed(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> bool:
+    """Whether a candidate is among the effects."""
+    return any((row["name"], *row["variables"]) == (one["name"], *one["variables"]) for one in verdict["effects"])
+
+
+def described(effect: Mapping[str, Any]) -> str:
     """Name of an effect as people say it."""
     name = effect["name"].replace("_", " ")
     return f"{name} on {', '.join(effect['variables'])}" if effect["kind"] == "generic" else name
 
 
-def effect_words(effect: dict[str, Any]) -> str:
+def effect_words(effect: Mapping[str, Any]) -> str:
     """An effect with its numbers and how sure it is."""
     numbers = [
         f"{name} {value['value']:.3g}{_range(value)} {value['unit']}".rstrip(" -")
@@ -34,6 +73,8 @@ def effect_words(effect: dict[str, Any]) -> str:
     shown = "; ".join(numbers) if len(numbers) <= 5 else f"a curve through {len(numbers)} values"
     equation = EFFECTS[effect["name"]].equation if effect["name"] in EFFECTS else ""
     parts = [f"{described(effect)}: {shown}", equation, f"confidence {effect['confidence']:.2f}"]
+    if effect["name"] == LANE_CHOICE_DEPENDENCE:
+        parts.append("not in model.yaml, for no effect of the library does it")
     return "; ".join(part for part in parts if part)
 
 

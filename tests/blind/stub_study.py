@@ -6,27 +6,17 @@
 import os
 import signal
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from rearl_jax.blind.task import run_with
-from rearl_jax.config import ResultsConfig
-from rearl_jax.config._key import key
+from rearl_jax.config import DiscoverBlindTask, ResultsConfig
 from rearl_jax.config.blind import BlindConfig
 
 
-@dataclass(unsafe_hash=True)
-class StubTask:
-    """The task with the groups the study itself reads."""
-
-    study: str = key("blind", "name")
-    results: ResultsConfig = key(ResultsConfig, "results")
-    blind: BlindConfig = key(BlindConfig, "blind")
-
-
-def task(root: Path, **blind) -> StubTask:
+def task(root: Path, **blind) -> DiscoverBlindTask:
     """The small study with a master seed."""
-    return StubTask(results=ResultsConfig(str(root)), blind=replace(BlindConfig(seed=11), **blind))
+    return DiscoverBlindTask("blind", ResultsConfig(str(root)), replace(BlindConfig(seed=11), **blind))
 
 
 class Stub:

@@ -121,6 +121,19 @@ def test_rates_count_what_they_say():
     assert "half_identified" not in found
 
 
+def test_effects_on_the_choice_of_the_lane_are_asked_for_on_their_own():
+    lanes, free = hidden("keep_right", group="lane_choice"), hidden(group="lane_choice_control")
+    found = rates([
+        judged(lanes, said(effect("keep_right", variables=["side"]))),
+        judged(lanes, said(effect("truck_aversion"))),
+        judged(free, said()),
+        judged(free, said(effect("lane_choice_dependence", "generic", variables=["rear_gap"]))),
+    ])  # fmt: skip
+    assert found["lane_choice_identified"] == (1, 2)
+    assert found["lane_choice_false"] == (1, 2)
+    assert not {"identified", "control_false"} & set(found)
+
+
 def test_confusable_pairs_ask_for_the_true_one_alone():
     cases = [
         judged(hidden("grade", group="confusable"), said(GRADE)),

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import pandas as pd
@@ -15,11 +16,13 @@ from rearl_jax.blind.cases import list_cases
 from rearl_jax.blind.rounds import judge_cases, open_study, run_cases
 from rearl_jax.blind.sealing import open_protocol, open_truth
 from rearl_jax.blind.task import run_with
+from rearl_jax.blind.traffic.catalogue import LANE_CHOICE
 from rearl_jax.config.blind import BlindConfig, StudySize
 from rearl_jax.results import config_hash
 from tests.blind.stub_study import Stub, task
 
 ROOT = Path(__file__).resolve().parents[2]
+LANE_SETS = ("lane_choice", "lane_choice_control")
 
 
 def silent(done, total):
@@ -184,6 +187,24 @@ def test_sets_are_as_large_as_the_study_needs():
     assert [case.name for case in cases] != sorted(case.name for case in cases)
 
 
+def test_drivers_choose_their_lane_where_that_is_asked():
+    cases = list_cases(BlindConfig(size=StudySize.full, sets="lane_choice*"), 1)
+    controls = [case for case in cases if case.group == "lane_choice_control"]
+    hidden = pd.Series([case.variant for case in cases if case.group == "lane_choice"]).value_counts()
+    assert len(controls) == 10
+    assert all(case.planted == () for case in controls)
+    assert dict(hidden) == dict.fromkeys(LANE_CHOICE, 3)
+    assert all(case.scenario.free_changes for case in cases)
+    others = [case for case in list_cases(BlindConfig(size=StudySize.full), 1) if case.group not in LANE_SETS]
+    assert not any(case.scenario.free_changes for case in others)
+
+
+@pytest.mark.parametrize("size", [StudySize.medium, StudySize.full])
+def test_the_help_says_how_many_data_sets_there_are(size):
+    (about,) = [item.metadata["help"] for item in fields(BlindConfig) if item.name == "size"]
+    assert f"{size.name}: {len(list_cases(BlindConfig(size=size), 1))}" in about
+
+
 def test_another_master_seed_is_another_study_in_another_order():
     one, same, other = (list_cases(BlindConfig(), seed) for seed in (1, 1, 2))
     assert one == same
@@ -218,7 +239,6 @@ def test_discovery_gets_a_folder_and_nothing_else(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "DiscoverTask", SimpleNamespace)
     monkeypatch.setattr(module.discovery, "run", carry_out)
     config = task(tmp_path)
-    config.discover = BlindConfig()  # any record
     monkeypatch.setattr(module, "replace", lambda record, **changes: changes)
     discover = module.discovery_of(config)
     assert discover(tmp_path / "data", "blind/runs/x") == {"verdict": "nothing"}

@@ -67,6 +67,7 @@ VERDICT = {
         },
     },
     "adequacy": {"kurtosis": 0.01, "autocorrelation": 0.0, "remaining": {"name": "dependence.gap", "surprise": 1.0}},
+    "lane_choice": {"changes": 12, "opportunities": 345, "loss": None},
     "data": {
         "id": "abc",
         "recordings": 3,
@@ -101,6 +102,32 @@ def test_page_says_the_verdict_escapes_markup_and_has_no_nan():
     assert "<i>" not in body
     assert not re.search(r"\bnan\b|\bNone\b", body.split("Complete configuration")[0])
     assert 'name="viewport"' in body
+
+
+KEEP_RIGHT = {"name": "keep_right", "kind": "driver", "variables": ["side"]}
+FIGURES = {"evidence": 72.0, "surprise": 12.0, "gain": 30.0, "check": 20.0, "ambiguous": False, "told_apart_by": None}
+LOSS = {"before": 0.2, "after": 0.15, "change": {"value": -0.05, "low": -0.06, "high": -0.04, "unit": "nats"}}
+
+
+def test_page_has_the_choice_of_the_lane_where_there_was_one():
+    page = write_page(DiscoverTask(), VERDICT, {"before": atlas()}, {}, [])
+    assert "The choice of the lane" not in page
+    bias = {"bias": {"value": 0.3, "low": 0.2, "high": 0.4, "unit": "m/s^2"}}
+    effect = KEEP_RIGHT | {"parameters": bias, "confidence": 0.98, "evidence": 50.0}
+    with_lanes = VERDICT | {
+        "effects": [*VERDICT["effects"], effect],
+        "candidates": [*VERDICT["candidates"], KEEP_RIGHT | FIGURES, KEEP_RIGHT | FIGURES | {"name": "politeness"}],
+        "lane_choice": {"changes": 400, "opportunities": 9000, "loss": LOSS},
+    }
+    page = write_page(DiscoverTask(), with_lanes, {"before": atlas()}, {}, [])
+    assert "Missing in the model: reaction delay; missing in the choice of the lane: keep right" in page
+    following, lanes = page.split("The choice of the lane</h2>")
+    assert "400 changes by choice in 9000 opportunities" in lanes
+    assert "change -0.0500 (-0.0600 to -0.0400) nats" in lanes
+    assert re.search(r"<td>keep right</td><td>12.0</td><td>30.0</td><td>20.0</td><td class=\"text\">added</td>", lanes)
+    assert re.search(r"<td>politeness</td>.*<td class=\"text\"></td>", lanes)
+    assert "<td>keep right</td>" not in following
+    assert "<td>reaction delay</td>" in following
 
 
 def test_map_table_has_no_value_where_nothing_was_added():

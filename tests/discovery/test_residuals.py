@@ -104,24 +104,30 @@ def test_nothing_that_drivers_react_to_knows_their_future(planted):
     assert np.abs(left.v - moved.v)[cut + 2 :].max() > 1.0
 
 
-def test_smoothed_acceleration_errs_as_little_as_it_says():
+@pytest.mark.parametrize("stride", [1, 7])
+def test_smoothed_acceleration_errs_as_little_as_it_says(stride):
     rng, dt, shape = np.random.default_rng(0), 0.1, (600, 40)
     known = driver_noise(NOISE, shape, dt, rng)
     place, speed = np.zeros(shape), np.zeros(shape[1])
     for t in range(1, shape[0]):
         place[t] = place[t - 1] + dt * speed + known[t - 1] * dt**2 / 2
         speed = speed + dt * known[t - 1]
-    y, gain = place + NOISE.position * rng.standard_normal(shape), NOISE.gain(dt)
+    y, gain = place + NOISE.position * rng.standard_normal(shape), NOISE.gain(dt, stride)
     state, innovation = np.zeros((3, shape[1])), np.zeros(shape)
     for t in range(shape[0]):
         innovation[t] = y[t] - state[0]
-        state = state + gain[:3, None] * innovation[t]
+        if t % stride == 0:
+            state = state + gain[:3, None] * innovation[t]
         state = np.stack(
             [state[0] + dt * state[1] + dt**2 / 2 * state[2], state[1] + dt * state[2], gain[3] * state[2]]
         )
-    error = (smoothed_acceleration(innovation, np.ones(shape), NOISE, dt) - known)[50:-50]
-    assert error.std() == pytest.approx(smoothing_error(NOISE, dt), rel=0.1)
-    assert error.std() < 0.75 * known.std()
+    looked, later = innovation[::stride], innovation[stride // 2 :: stride]
+    assert looked[8:].var() == pytest.approx(gain[4], rel=0.1)
+    assert stride == 1 or later[8:].var() < looked[8:].var()  # less time to err
+    error = smoothed_acceleration(innovation, np.ones(shape), NOISE, dt, stride) - known
+    error = error[7 * stride : -7 * stride : stride]
+    assert error.std() == pytest.approx(smoothing_error(NOISE, dt, stride), rel=0.1)
+    assert error.std() < (0.75 if stride == 1 else 0.95) * known.std()
 
 
 def noisy_votes(rng, n_drivers=40, n_groups=12, size=5, n=200, planted=None):

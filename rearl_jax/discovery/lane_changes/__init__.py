@@ -3,3 +3,4 @@
 from rearl_jax.discovery.lane_changes.findings import LaneChangeFindings as LaneChangeFindings
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers as KnownDrivers
 from rearl_jax.discovery.lane_changes.selection import lane_change_findings as lane_change_findings
+from rearl_jax.discovery.lane_changes.selection import too_few_changes as too_few_changes

@@ -11,6 +11,9 @@ from rearl_jax.discovery.lane_changes.opportunities import Opportunities
 
 Column = Float[np.ndarray, " rows"]
 
+LANE_CHOICE_DEPENDENCE = "lane_choice_dependence"
+"""Name of what no effect of the library stands for."""
+
 MOST_GAIN = 2.0
 """Bound of accelerations gained or lost [m/s^2]: what lies beyond counts no more, and is mostly error."""
 
@@ -150,7 +153,7 @@ CANDIDATES = (
     ),
     *(
         LaneCandidate(
-            "lane_choice_dependence",
+            LANE_CHOICE_DEPENDENCE,
             "generic",
             (variable,),
             ("slope", "m/s^2"),

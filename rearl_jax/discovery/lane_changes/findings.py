@@ -108,11 +108,15 @@ class LaneChangeFindings:
     loss_change: Estimate | None
     words: str
 
-    def as_verdict_parts(self) -> dict[str, list[dict[str, Any]]]:
-        """Entries for `effects` and `candidates` of verdict.json."""
+    def as_verdict_parts(self) -> dict[str, Any]:
+        """Entries for `effects` and `candidates` of verdict.json, and its `lane_choice`."""
+        loss = None
+        if self.loss_change is not None:
+            loss = {"before": self.loss_before, "after": self.loss_after, "change": self.loss_change.plain()}
         return {
             "effects": [effect.plain() for effect in self.effects],
             "candidates": [candidate.plain() for candidate in self.candidates],
+            "lane_choice": {"changes": self.n_changes, "opportunities": self.n_opportunities, "loss": loss},
         }
 
 

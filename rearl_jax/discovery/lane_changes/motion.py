@@ -36,3 +36,11 @@ def with_motion(table: pd.DataFrame, dt: float) -> pd.DataFrame:
         next_step=np.where(found, step[np.minimum(later, n - 1)], 0.0),
         left_in_record=(end - 1 - row) * dt,
     )
+
+
+def count_changes(table: pd.DataFrame) -> int:
+    """How often the vehicles of a canonical table change lanes; moments of an unknown lane are skipped."""
+    known = table["lane"].notna().to_numpy()
+    track = table["track_id"].to_numpy()[known]
+    lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)[known]
+    return int(((track[1:] == track[:-1]) & (lane[1:] != lane[:-1])).sum())

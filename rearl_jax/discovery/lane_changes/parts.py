@@ -12,7 +12,7 @@ N_PARTS = 3
 
 
 def part_of_rows(
-    table: Opportunities, split: Sequence[Int[np.ndarray, " vehicles"]] | None, seed: int
+    table: Opportunities, split: Sequence[Int[np.ndarray, " _"]] | None, seed: int
 ) -> Int[np.ndarray, " rows"]:
     """Part of each opportunity, 0 to 2; no driver is in two parts.
 

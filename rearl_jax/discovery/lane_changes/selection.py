@@ -17,6 +17,7 @@ from rearl_jax.discovery.lane_changes.findings import (
 )
 from rearl_jax.discovery.lane_changes.hazard import fit
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers
+from rearl_jax.discovery.lane_changes.motion import count_changes
 from rearl_jax.discovery.lane_changes.opportunities import opportunities
 from rearl_jax.discovery.lane_changes.parts import N_PARTS, part_of_rows
 from rearl_jax.discovery.lane_changes.trials import Trial, Tried, tried
@@ -40,10 +41,26 @@ RELIABILITY = 0.98
 """Upper bound of a stated confidence [-]."""
 
 
+UNSEEN = "choice of the lane: could not have been seen here"
+
+_NEEDED = f"{LEAST_CHANGES} are needed"
+
+
+def too_few_changes(recordings: Sequence[Recording]) -> LaneChangeFindings | None:
+    """That nothing can be seen, where there are fewer changes of any kind than are needed; else None.
+
+    It costs a look at one column, so whoever has to calibrate drivers first asks it before.
+    """
+    n_changes = sum(count_changes(recording.table) for recording in recordings)
+    if n_changes >= LEAST_CHANGES:
+        return None
+    return nothing_seen(n_changes, 0, f"{UNSEEN}, too few lane changes: {n_changes}, {_NEEDED}")
+
+
 def lane_change_findings(
     recordings: Sequence[Recording],
     drivers: KnownDrivers | None = None,
-    split: Sequence[Int[np.ndarray, " vehicles"]] | None = None,
+    split: Sequence[Int[np.ndarray, " _"]] | None = None,
     confidence: float = 0.9,
     seed: int = 0,
 ) -> LaneChangeFindings:
@@ -56,23 +73,27 @@ def lane_change_findings(
         confidence: Of all intervals [-].
         seed: Of the split of drivers it does not know, and of resampling.
     """
+    few = too_few_changes(recordings)
+    if few is not None:
+        return few
     table, why = opportunities(recordings, KnownDrivers.of([]) if drivers is None else drivers)
     n_changes, n = int(table.changes.sum()), len(table.side)
     if n_changes < LEAST_CHANGES:
-        why = why or f"{n_changes} changes by choice, at least {LEAST_CHANGES} are needed"
-        return nothing_seen(n_changes, n, f"lane changing could not have been seen here: {why}")
+        words = f"{UNSEEN}: {why}" if why else f"{UNSEEN}, too few lane changes by choice: {n_changes}, {_NEEDED}"
+        return nothing_seen(n_changes, n, words)
     part = part_of_rows(table, split, seed)
     fewest = min(int(table.changes[part == number].sum()) for number in range(N_PARTS))
     if fewest < LEAST_IN_PART:
-        why = f"{fewest} changes in a third of the drivers, at least {LEAST_IN_PART} are needed"
-        return nothing_seen(n_changes, n, f"lane changing could not have been seen here: {why}")
+        words = f"{UNSEEN}, too few lane changes in a third of the drivers: {fewest}, {LEAST_IN_PART} are needed"
+        return nothing_seen(n_changes, n, words)
     every = Tried(table, part, seed)
     if not _gain_counts(every):
         words = "lane changes do not follow what drivers gain: they are forced, or made for a destination"
         return nothing_seen(n_changes, n, words)
     added, rounds = _selected(every)
     before, after, change = _loss(every, added, confidence)
-    names = ", ".join(one.candidate.name for one in added) or "nothing beside the own acceleration counts"
+    names = ", ".join(one.candidate.name.replace("_", " ") for one in added)
+    names = names or "nothing beside the own acceleration counts"
     return LaneChangeFindings(
         effects=_effects(every, added, rounds, confidence),
         candidates=_ranked(every, added, rounds),

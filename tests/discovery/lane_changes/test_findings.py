@@ -65,6 +65,8 @@ def test_parts_of_a_verdict_are_plain_and_complete(findings):
     assert len(parts["candidates"]) == len(CANDIDATES)
     keys = {"name", "kind", "variables", "evidence", "surprise", "gain", "check", "ambiguous", "told_apart_by"}
     assert all(set(row) == keys for row in parts["candidates"])
+    assert parts["lane_choice"]["changes"] == found.n_changes
+    assert parts["lane_choice"]["loss"]["change"]["value"] < 0
     surprises = [row["surprise"] for row in parts["candidates"]]
     assert surprises == sorted(surprises, reverse=True)
 
@@ -79,9 +81,11 @@ def test_nothing_is_named_in_a_control(findings):
 
 def test_too_few_changes_are_said(findings):
     _, found = findings(None, n_vehicles=15, duration=20.0)
-    assert found.as_verdict_parts() == {"effects": [], "candidates": []}
+    lanes = {"changes": found.n_changes, "opportunities": 0, "loss": None}
+    assert found.as_verdict_parts() == {"effects": [], "candidates": [], "lane_choice": lanes}
+    assert found.n_changes > 0
     assert "could not have been seen here" in found.words
-    assert f"{found.n_changes} changes" in found.words
+    assert f"too few lane changes: {found.n_changes}, 150 are needed" in found.words
 
 
 @pytest.mark.slow

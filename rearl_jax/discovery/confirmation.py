@@ -1,0 +1,40 @@
+"""The last word of the drivers that were checked: what is added must not make their simulation worse.
+
+Evidence is gathered from one moment to the next, where noise that is not as the observer takes it may look like an
+effect; a simulation adds up what an effect does.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from rearl_jax.discovery.errors import gap_errors
+from rearl_jax.discovery.measured import Measured
+from rearl_jax.discovery.procedure import Search, with_clocks
+from rearl_jax.discovery.solver import Solver
+
+CERTAINTY = 0.95
+"""Share of resamples in which the error must be larger for an addition to be rejected [-]."""
+
+DRAWS = 1000
+
+
+def confirmed(solver: Solver, found: Search, checked: Measured, seed: int) -> Search:
+    """The search, without additions with which the closed-loop gap error of the checked drivers is larger.
+
+    Args:
+        solver: Simulates.
+        found: What was found.
+        checked: Drivers nothing was fitted to.
+        seed: Of the resampling of drivers.
+    """
+    if not found.added:
+        return found
+    if found.clocks is not None:
+        checked = with_clocks(solver, checked, found.clocks.base)
+    before, after = gap_errors(solver, checked, [found.first, found.last])
+    worse = after**2 - before**2
+    drawn = np.random.default_rng(seed).integers(0, len(worse), (DRAWS, len(worse)))
+    if (worse[drawn].mean(axis=1) > 0).mean() < CERTAINTY:
+        return found
+    return replace(found, rounds=[replace(found.rounds[0], held=[])], rejected=found.added)

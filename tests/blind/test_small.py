@@ -1,0 +1,32 @@
+"""The small blind study, end to end with the real discovery: a few minutes, most of them compiling."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+SEED = 7
+
+
+@pytest.fixture(scope="module")
+def summary(tmp_path_factory):
+    """The summary of the study, as a user gets it."""
+    folder = tmp_path_factory.mktemp("blind")
+    command = [sys.executable, "-m", "rearl_jax", "discover", "blind", f"blind.seed={SEED}", "study=small"]
+    done = subprocess.run(
+        [*command, f"results.root={folder}"], capture_output=True, text=True, timeout=1800, env={**os.environ}
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    return json.loads((folder / "small" / "summary.json").read_text(encoding="utf-8"))
+
+
+def test_small_study_finds_what_is_hidden(summary):
+    assert summary["n_cases"] == 6
+    assert summary["n_right"] >= 5
+    assert summary["n_wrong"] == summary["n_failed"] == 0
+    hits = {score["name"]: score["hits"] for score in summary["scores"]}
+    assert hits["control_false"] == hits["artefact_as_effect"] == 0
