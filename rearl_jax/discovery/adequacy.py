@@ -8,16 +8,22 @@ Econometrica 47 (1979) 1287.
 import numpy as np
 from jaxtyping import Float
 
+from rearl_jax.discovery.forcing import answers
 from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.procedure import Search
+from rearl_jax.discovery.residuals import Residuals, residuals_of
 from rearl_jax.discovery.solver import Solver
 from rearl_jax.discovery.verdict import Adequacy
+
+MOST_ENERGY = 9.0
+"""Bound of a squared acceleration over a driver's usual one [-]: no single moment decides."""
 
 
 def adequacy(solver: Solver, found: Search) -> Adequacy:
     """Moments of the final model's innovations, and the candidate that is most surprising still."""
     world, last = found.last.world, found.rounds[-1]
     (surprise,), (before,) = solver.innovations([world]), solver.innovations([found.first.world])
+    (left,) = residuals_of(solver, [world], [found.last])
     weight = world.data.weight
     variance = (surprise**2 * weight).sum() / weight.sum()
     lag = world.data.stride
@@ -26,9 +32,11 @@ def adequacy(solver: Solver, found: Search) -> Adequacy:
     name = max(last.surprise, key=lambda key: last.surprise[key])
     return Adequacy(
         kurtosis=kurtosis(surprise, weight),
+        kurtosis_deviation=float(np.sqrt(24.0 / weight.sum())),
         kurtosis_before=kurtosis(before, weight),
         autocorrelation=float(neighbours / variance),
         unequal_noise=unequal_noise(surprise, world.data),
+        misjudgement=misjudgement(left),
         remaining=(name, float(last.surprise[name])),
     )
 
@@ -66,3 +74,28 @@ def unequal_noise(surprise: Float[np.ndarray, "steps pieces"], data: Measured) -
         votes = np.bincount(data.driver, vote.sum(axis=0), data.n_drivers)
         found[name] = float(votes.sum() / np.sqrt((votes**2).sum()))
     return found
+
+
+def misjudgement(left: Residuals) -> float:
+    """How surely what drivers do beside the model grows with what a misjudged gap would make them do.
+
+    An error of the gap in proportion to it changes the acceleration by the gap times the model's answer to it. Noise of
+    the acceleration does not depend on that answer, and is even damped by it: negative figures. Drivers are compared
+    with themselves, and each driver has one vote.
+
+    Args:
+        left: What the final model leaves.
+    """
+    data = left.world.data
+    gap, answer = np.asarray(left.stimulus().gap), answers(left).x
+    square = (answer * gap) ** 2
+    counts = data.weight > 0
+    if not counts.any():
+        return 0.0
+    usual, most = np.quantile(square[counts], [0.9, 0.98])
+    stake = np.minimum(square, most) / max(float(usual), 1e-12)
+    energy = left.acceleration**2
+    energy = np.minimum(energy / np.maximum(data.driver_mean(energy), 1e-12)[data.driver], MOST_ENERGY)
+    off = (energy - data.driver_mean(energy)[data.driver]) * (stake - data.driver_mean(stake)[data.driver])
+    votes = np.bincount(data.driver, (off * data.weight).sum(axis=0), data.n_drivers)
+    return float(votes.sum() / max(float(np.sqrt((votes**2).sum())), 1e-12))

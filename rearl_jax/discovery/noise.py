@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from rearl_jax.discovery.measured import Measured
+from rearl_jax.discovery.moments import N_DRIVER
 from rearl_jax.discovery.observer import Noise
 from rearl_jax.discovery.smoothing import lasting_noise
 from rearl_jax.discovery.solver import Solver, World, new_world, with_gain
 
-ACCELERATIONS = (0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0)
+ACCELERATIONS = (0.03, 0.05, 0.07, 0.1, 0.125, 0.15, 0.2, 0.25, 0.3, 0.45, 0.7, 1.0)
 """Standard deviations of what drivers do beside the model that are tried [m/s^2]."""
 
 TIMES = (0.6, 1.5, 4.0)
@@ -29,6 +30,11 @@ WORTH_LASTING = 5.0
 def best_noise(solver: Solver, world: World, tried: Sequence[Noise]) -> tuple[Noise, float]:
     """The noise under which what a world, as it is, fails to predict is most likely, and how likely it is then [nats].
 
+    The drivers' own parameters are integrated out: they have taken in part of the noise, the more of it the less there
+    is taken to be.
+
+    Source: restricted likelihood, Patterson & Thompson, Biometrika 58 (1971) 545.
+
     Args:
         solver: Runs the observers.
         world: Calibrated already.
@@ -37,9 +43,16 @@ def best_noise(solver: Solver, world: World, tried: Sequence[Noise]) -> tuple[No
     # S is what each observer expects, not what fits best: the errors' size says how large the noise is.
     trials = [with_gain(world, noise.gain(world.data.dt, world.data.stride)) for noise in tried]
     solver.sums(trials)
-    likely = [float(trial.log_likelihood().sum()) for trial in trials]
+    likely = [float(trial.log_likelihood().sum()) - 0.5 * _log_width(trial) for trial in trials]
     best = int(np.argmax(likely))
     return tried[best], likely[best]
+
+
+def _log_width(world: World) -> float:
+    """Logarithm of how sharply the drivers' own parameters are known, against their population."""
+    assert world.sums is not None
+    own = world.sums.gram[:, :N_DRIVER, :N_DRIVER] / world.variance + np.eye(N_DRIVER)
+    return float(np.linalg.slogdet(own)[1].sum())
 
 
 def noises(like: Noise, accelerations: Sequence[float]) -> list[Noise]:

@@ -1,6 +1,6 @@
 """From measured drivers to what the model lacks: calibrate, screen, fit, check on other drivers, and again."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -40,8 +40,14 @@ LATER_TOTAL = 12.0
 KIN_SHARE = 0.25
 """Least total of an effect beside one that it may be a remainder of, as a share of that one's total [-]."""
 
-CLOCK_LOOKS = 2
+CLOCK_LOOKS = 3
 """How often clocks are looked at and put right."""
+
+CLOCK_SHARE = 0.75
+"""Least evidence for clocks as a share of that for a shift of every driver against every leader [-]."""
+
+UNFIRED_TOTAL = 25.0
+"""Total [nats] from which a candidate is believed that does not fire where others do."""
 
 LEAST_FILLED = 0.7
 """Share of what a part should hold, below which recordings are too unlike in size to be split whole [-]."""
@@ -194,7 +200,7 @@ def _check_clocks(
     """Whether the vehicles' clocks differ, by the fitted drivers and by the others; None if not."""
     own = clocks_in(base.world, seen)
     evidence = {NAME: own.evidence}
-    if own.evidence < own.pairs:
+    if own.evidence < CLOCK_SHARE * own.pairs:
         return None
     if null.surprise(evidence)[NAME] < FIRING_SURPRISE or null.excess(evidence)[NAME] < FIRING_EXCESS:
         return None
@@ -240,8 +246,17 @@ def _round(solver: Solver, base: Fit, checked: Measured, null: Null, report: Rep
     trials = [
         trial(solver, fit, base.world, other, other_base) for fit, other in zip(fits.values(), others, strict=True)
     ]
-    held = [one for one in ranked(trials) if one.candidate.name in firing and _is_news(one, added)]
+    held = [one for one in ranked(trials) if _is_significant(one, firing) and _is_news(one, added)]
     return Round(base, evidence, excess, surprise, frozenset(firing), trials, held)
+
+
+def _is_significant(one: Trial, firing: Collection[str]) -> bool:
+    """Whether a candidate fires, or is so much better in full than at a glance that it needs not."""
+    if one.candidate.name == "reaction_delay":
+        (place,) = one.candidate.free
+        if abs(one.fit.world.theta[place]) < one.fit.world.data.dt:
+            return False  # less than a moment: of the numerics, not of the driver
+    return one.candidate.name in firing or one.total > UNFIRED_TOTAL
 
 
 def _is_news(one: Trial, added: list[Trial]) -> bool:

@@ -43,6 +43,20 @@ _STEPS_UNIT = 64
 _OWN = ("y", "weight", "smooth", "smooth_speed")
 
 
+def one_frame_rate(recordings: Sequence[Recording]) -> None:
+    """Makes sure that all recordings have the same.
+
+    Raises:
+        ValueError: They have not.
+    """
+    rates = sorted({recording.info.frame_rate for recording in recordings})
+    if len(rates) > 1:
+        raise ValueError(
+            f"the recordings have different frame rates ({', '.join(f'{rate:g}' for rate in rates)} 1/s): "
+            "choose recordings of one rate with data.recordings"
+        )
+
+
 def measure(recordings: Sequence[Recording], position_lag: float = 0.0, smoothing: float = 0.0) -> Measured:
     """All drivers of the recordings who follow somebody long enough.
 
@@ -52,14 +66,8 @@ def measure(recordings: Sequence[Recording], position_lag: float = 0.0, smoothin
         smoothing: Width of the kernel that positions have been smoothed with [s].
 
     Raises:
-        ValueError: The frame rates differ, or nobody follows anybody long enough.
+        ValueError: Nobody follows anybody long enough.
     """
-    rates = {recording.info.frame_rate for recording in recordings}
-    if len(rates) > 1:
-        raise ValueError(
-            f"the recordings have different frame rates ({', '.join(f'{rate:g}' for rate in sorted(rates))} 1/s): "
-            "choose recordings of one rate with data.recordings"
-        )
     tables = [thinned(recording) for recording in recordings]
     dt = tables[0][1]
     rows = [_Rows(table, dt, round(position_lag / dt)) for table, _ in tables]

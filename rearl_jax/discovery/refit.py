@@ -13,6 +13,9 @@ from rearl_jax.discovery.observer import Noise
 from rearl_jax.discovery.screen import Score
 from rearl_jax.discovery.solver import Solver, World, copied, new_world, with_gain
 
+TRIED = 7
+"""How many sizes of the drivers' noise are tried under a candidate."""
+
 DELAYS = (0.25, 0.8)
 """Reaction delays the search starts from [s]."""
 
@@ -151,7 +154,7 @@ def refit(
         ]
         solver.solve(worlds, iterations=15, tolerance=0.3)
         best = min(worlds, key=lambda world: world.log[-1])
-        noise, _ = best_noise(solver, best, noises(base.noise, lower[-5:]))
+        noise, _ = best_noise(solver, best, noises(base.noise, lower[-TRIED:]))
         best = with_gain(best, noise.gain(best.data.dt, best.data.stride))
         solver.solve([best], iterations=20, tolerance=0.05)
         fits[candidate.name] = Fit(candidate, best, noise)

@@ -33,7 +33,7 @@ from rearl_jax.discovery.noise import calibrate
 from rearl_jax.discovery.null import Null, null_of
 from rearl_jax.discovery.parts import Parts
 from rearl_jax.discovery.procedure import FIRING_SURPRISE, Search, search, split_drivers, with_clocks
-from rearl_jax.discovery.reading import measure
+from rearl_jax.discovery.reading import measure, one_frame_rate
 from rearl_jax.discovery.refit import Fit, rebased, refit
 from rearl_jax.discovery.repaired import repaired_model
 from rearl_jax.discovery.screen import scores
@@ -41,6 +41,7 @@ from rearl_jax.discovery.solver import Solver
 from rearl_jax.discovery.uncertainty import known
 from rearl_jax.discovery.verdict import (
     DOUBTFUL,
+    MISJUDGED,
     RELIABILITY,
     Named,
     candidate_rows,
@@ -95,13 +96,14 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
     """Recordings read, looked at and split, and the recordings themselves.
 
     Raises:
-        ValueError: Too few drivers follow a leader long enough.
+        ValueError: The frame rates differ, or too few drivers follow a leader long enough.
     """
     say = shown(bar, "reading recordings")
     recordings: list[Recording] = []
     for recording in iterate_recordings(config.data):
         recordings.append(recording)
         say(len(recordings), len(recordings))
+    one_frame_rate(recordings)
     findings = gate(recordings)
     late = next((finding.value for finding in findings if finding.name == "position_lag"), 0.0)
     smoothing = next((finding.value for finding in findings if finding.name == "smoothing"), 0.0)
@@ -166,9 +168,10 @@ def _verdict(
             "kurtosis_before": left.kurtosis_before,
             "autocorrelation": left.autocorrelation,
             "unequal_noise": left.unequal_noise,
+            "misjudgement": left.misjudgement,
             "remaining": {"name": left.remaining[0], "surprise": left.remaining[1]},
         },
-        "data": _described(parts),
+        "data": _described(parts, (*parts.notes, *([MISJUDGED] if left.misjudges else ()))),
     }
     verdict = with_lane_choice(following, lanes)
     seeds = {"seeds": f"discover.seed={options.seed}"}
@@ -233,11 +236,11 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
         "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
         "adequacy": None,
         "lane_choice": None,
-        "data": _described(parts),
+        "data": _described(parts, parts.notes),
     }
 
 
-def _described(parts: Parts) -> dict[str, Any]:
+def _described(parts: Parts, notes: Sequence[str]) -> dict[str, Any]:
     return {
         "id": parts.id,
         "recordings": len(parts.infos),
@@ -251,5 +254,5 @@ def _described(parts: Parts) -> dict[str, Any]:
         "step": parts.fitted.dt,
         "position_noise": parts.fitted.noise,
         "findings": [finding.words for finding in parts.findings],
-        "notes": list(parts.notes),
+        "notes": list(notes),
     }

@@ -8,7 +8,7 @@ candidates   [{name, kind, variables, evidence, surprise, gain, check, ambiguous
              slope between drivers
 unseen       [{name, strength, unit}]: what an effect would have needed to be seen in these data
 error        {measure, before, after, change, floor, oracle, n_drivers}, each figure {value, low, high}
-adequacy     {kurtosis, autocorrelation, remaining}: what is left after everything that was added
+adequacy     {kurtosis, autocorrelation, misjudgement, remaining, ...}: what is left after everything that was added
 lane_choice  {changes, opportunities, loss: {before, after, change}}: lane changes by choice, the chances for one, and
              the mean log-loss of the report drivers' choices [nats], null where there were too few; what was found
              is in `effects` and `candidates`, see `words.is_lane_choice`
@@ -32,8 +32,17 @@ from rearl_jax.discovery.gate import Finding
 from rearl_jax.discovery.procedure import ClockCheck, Round, Search
 from rearl_jax.discovery.uncertainty import interval
 
-MOST_KURTOSIS = 0.1
-"""Excess kurtosis of the innovations beyond which something not smooth is left [-]."""
+MOST_KURTOSIS, CERTAIN_KURTOSIS = 0.1, 4.5
+"""Excess kurtosis of the innovations beyond which something not smooth is left [-], and in standard deviations."""
+
+CERTAIN_MISJUDGEMENT = 2.5
+"""Standard deviations from which noise grows with what a misjudged gap would do; between -5 and 0 where it does not."""
+
+MISJUDGED = (
+    "what drivers do beside the model grows with what a misjudged gap would make them do: they misjudge gaps, or act "
+    "on what they saw some time ago"
+)
+"""What a reader is told then."""
 
 KURTOSIS_LEFT = 0.6
 """Share of the excess kurtosis that may be left by what was added: the right effect takes most of it, a wrong one does
@@ -56,23 +65,37 @@ class Adequacy:
 
     Attributes:
         kurtosis: Excess kurtosis of the innovations [-].
+        kurtosis_deviation: Its standard deviation where innovations are normal [-].
         kurtosis_before: The same without anything added [-].
         autocorrelation: Of innovations one moment apart [-].
         unequal_noise: How surely the size of innovations depends on a situation, in standard deviations [-].
+        misjudgement: How surely noise grows with what a misjudged gap would do, in standard deviations [-].
         remaining: The candidate with the largest surprise, and its surprise.
     """
 
     kurtosis: float
+    kurtosis_deviation: float
     kurtosis_before: float
     autocorrelation: float
     unequal_noise: dict[str, float]
+    misjudgement: float
     remaining: tuple[str, float]
+
+    @property
+    def misjudges(self) -> bool:
+        """Whether drivers seem to misjudge gaps, or to act on what they saw some time ago."""
+        return self.misjudgement > CERTAIN_MISJUDGEMENT
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether the final model leaves nothing but noise as drivers make it."""
+        return self.is_smooth and not self.misjudges
 
     @property
     def is_smooth(self) -> bool:
         """Whether the innovations look like those of a smooth model, or as rough as rare emergencies leave them."""
         explained = self.kurtosis < KURTOSIS_LEFT * self.kurtosis_before
-        return self.kurtosis <= MOST_KURTOSIS or explained
+        return self.kurtosis <= max(MOST_KURTOSIS, CERTAIN_KURTOSIS * self.kurtosis_deviation) or explained
 
 
 @dataclass(frozen=True)
@@ -189,11 +212,11 @@ def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) 
     if is_smoothed(findings):
         return "artefact"  # what drivers seem to do is what the smoothing left of it
     if any(kind in ("driver", "road") for kind in added):
-        is_enough = adequacy.is_smooth and not any(search.is_doubtful(one) for one in search.added)
-        return "named" if is_enough else "unexplained"
+        is_doubtful = any(search.is_doubtful(one) for one in search.added)
+        return "unexplained" if is_doubtful or not adequacy.is_enough else "named"
     if "artefact" in added or findings or search.clocks is not None:
         return "artefact"
-    if added or search.rejected or _is_sure(search.rounds[-1]) or not adequacy.is_smooth:
+    if added or search.rejected or _is_sure(search.rounds[-1]) or not adequacy.is_enough:
         return "unexplained"
     return "nothing"
 

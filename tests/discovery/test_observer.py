@@ -7,14 +7,14 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from rearl_jax.discovery.null import driver_noise, simulate_again
-from rearl_jax.discovery.observer import CLOSED_LOOP, Noise
+from rearl_jax.discovery.observer import CLOSED_LOOP, DAMPING, PULL, Noise
 from rearl_jax.discovery.solver import new_world
 
 
 def test_gain_is_that_of_the_steady_state_filter():
     noise, dt = Noise(0.2, 1.5, 0.1), 0.1
     kept = np.exp(-dt / noise.time)
-    step = np.array([[1, dt, dt * dt / 2], [0, 1, dt], [0, 0, kept]])
+    step = np.array([[1, dt, dt * dt / 2], [-PULL * dt, 1 - DAMPING * dt, dt], [0, 0, kept]])
     shock = np.diag([0.0, 0.0, noise.acceleration**2 * (1 - kept**2)])
     seen = np.array([[1.0, 0.0, 0.0]])
     ahead = solve_discrete_are(step.T, seen.T, shock, np.array([[noise.position**2]]))
@@ -43,7 +43,7 @@ def test_innovations_of_the_right_model_are_white_and_of_the_wrong_gain_are_not(
         pair = weight[1:] * weight[:-1]
         return float((errors[1:] * errors[:-1] * pair).sum() / (errors**2 * weight).sum())
 
-    # The gain is that of a driver who does not react: a little is left of the reaction.
+    # The gain is that of a driver who reacts as is usual: a little is left of the reaction.
     assert abs(lag_one(noise.gain(world.data.dt))) < 0.1
     assert lag_one(CLOSED_LOOP) > 0.9
 

@@ -111,4 +111,5 @@ def test_nobody_who_follows_is_an_error(recordings_of):
         reading.measure([alone])
     other = Recording(replace(recording.info, frame_rate=5.0), recording.table)
     with pytest.raises(ValueError, match=r"data\.recordings"):
-        reading.measure([recording, other])
+        reading.one_frame_rate([recording, other])
+    reading.one_frame_rate([recording, recording])

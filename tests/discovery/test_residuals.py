@@ -16,7 +16,7 @@ from rearl_jax.discovery.layout import layout_of
 from rearl_jax.discovery.maps import curve_of
 from rearl_jax.discovery.moments import Programs
 from rearl_jax.discovery.null import driver_noise
-from rearl_jax.discovery.observer import CLOSED_LOOP, Noise, pieces_of
+from rearl_jax.discovery.observer import CLOSED_LOOP, DAMPING, PULL, Noise, pieces_of
 from rearl_jax.discovery.reactions import reactions
 from rearl_jax.discovery.reading import measure
 from rearl_jax.discovery.refit import Fit
@@ -111,16 +111,15 @@ def test_smoothed_acceleration_errs_as_little_as_it_says(stride):
     place, speed = np.zeros(shape), np.zeros(shape[1])
     for t in range(1, shape[0]):
         place[t] = place[t - 1] + dt * speed + known[t - 1] * dt**2 / 2
-        speed = speed + dt * known[t - 1]
+        speed = speed + dt * (known[t - 1] - PULL * place[t - 1] - DAMPING * speed)
     y, gain = place + NOISE.position * rng.standard_normal(shape), NOISE.gain(dt, stride)
     state, innovation = np.zeros((3, shape[1])), np.zeros(shape)
     for t in range(shape[0]):
         innovation[t] = y[t] - state[0]
         if t % stride == 0:
             state = state + gain[:3, None] * innovation[t]
-        state = np.stack(
-            [state[0] + dt * state[1] + dt**2 / 2 * state[2], state[1] + dt * state[2], gain[3] * state[2]]
-        )
+        answer = state[2] - PULL * state[0] - DAMPING * state[1]
+        state = np.stack([state[0] + dt * state[1] + dt**2 / 2 * state[2], state[1] + dt * answer, gain[3] * state[2]])
     looked, later = innovation[::stride], innovation[stride // 2 :: stride]
     assert looked[8:].var() == pytest.approx(gain[4], rel=0.1)
     assert stride == 1 or later[8:].var() < looked[8:].var()  # less time to err

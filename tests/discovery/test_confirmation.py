@@ -1,0 +1,39 @@
+"""What makes simulations of other drivers worse is not kept."""
+
+from dataclasses import replace
+
+from rearl_jax.discovery.confirmation import confirmed
+from rearl_jax.discovery.null import Null
+from rearl_jax.discovery.procedure import Round, Search
+from rearl_jax.discovery.refit import Fit
+from rearl_jax.discovery.solver import copied
+
+
+def search_with(solver, calibrated, delay):
+    """A search that has added a reaction delay, right or wrong."""
+    from rearl_jax.discovery.decision import Trial
+
+    world, noise = calibrated
+    candidate = solver.layout.candidates["reaction_delay"]
+    theta = world.theta.copy()
+    theta[candidate.free[0]] = delay
+    slow = copied(world, theta=theta, active=("reaction_delay",))
+    solver.sums([slow])
+    gains = world.penalised() * 0.0 + 10.0
+    trial = Trial(candidate, Fit(candidate, slow, noise), gains, gains, 0.0)
+    base = Round(Fit(None, world, noise), {}, {}, {}, frozenset(), [trial], [trial])
+    return Search(solver.layout, Null({}, {}, 1), {}, None, [base, replace(base, base=trial.fit, held=[])])
+
+
+def test_an_addition_that_makes_simulations_worse_is_taken_back(solver, calibrated):
+    found = search_with(solver, calibrated, 1.2)
+    assert found.added
+    kept = confirmed(solver, found, calibrated[0].data, 0)
+    assert not kept.added
+    assert kept.rejected == found.added
+    assert kept.last is found.first
+
+
+def test_an_addition_that_does_nothing_is_left_alone(solver, calibrated):
+    found = search_with(solver, calibrated, 0.0)
+    assert confirmed(solver, found, calibrated[0].data, 0) is found
