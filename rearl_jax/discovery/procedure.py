@@ -37,6 +37,9 @@ FITTED = 5
 LATER_TOTAL = 12.0
 """Least total [nats] of an effect beside another one."""
 
+LATER_SHARE = 0.05
+"""Least total of a later effect, as a share of the largest total before it [-]: no form fits without a remainder."""
+
 KIN_SHARE = 0.25
 """Least total of an effect beside one that it may be a remainder of, as a share of that one's total [-]."""
 
@@ -261,7 +264,7 @@ def _is_significant(one: Trial, firing: Collection[str]) -> bool:
 
 def _is_news(one: Trial, added: list[Trial]) -> bool:
     """Whether an effect is more than what another form of an earlier one would have taken in."""
-    if added and one.total < LATER_TOTAL:
+    if added and one.total < max(LATER_TOTAL, LATER_SHARE * max(other.total for other in added)):
         return False
 
     def may_be_remainder(other: Trial) -> bool:

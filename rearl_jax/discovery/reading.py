@@ -26,6 +26,11 @@ SETTLING = 1.5
 LEAST_USED = 4.0
 """Least time that must be left for a driver to be used [s]."""
 
+LEAST_NOISE = 0.02
+"""Least standard deviation of positions [m]. Better ones get noise added up to it: closer than that, it is only the
+steps in time that are compared, of the model and of whoever made the data.
+"""
+
 APART = 2.0
 """Moments that say something new in smoothed positions are this many kernel widths apart."""
 
@@ -72,13 +77,15 @@ def measure(recordings: Sequence[Recording], position_lag: float = 0.0, smoothin
     dt = tables[0][1]
     rows = [_Rows(table, dt, round(position_lag / dt)) for table, _ in tables]
     noise = float(np.median([part.noise for part in rows]))
+    added = 0.0 if smoothing else float(np.sqrt(max(LEAST_NOISE**2 - noise**2, 0.0)))
     stride, edge = max(1, round(APART * smoothing / dt)), round(EDGE * smoothing / dt)
     most = max((part.longest for part in rows), default=0)
     n_steps = min(int(LONGEST / dt), most)
     n_steps = -(-n_steps // _STEPS_UNIT) * _STEPS_UNIT
     pieces, offset = [], 0
     for index, part in enumerate(rows):
-        pieces.append(part.pieces(n_steps, stride, edge, noise, index, offset))
+        blur = added * np.random.default_rng(index).standard_normal(len(part.position))
+        pieces.append(part.pieces(n_steps, stride, edge, noise, blur, index, offset))
         offset += part.n_tracks
     found = [piece for piece in pieces if len(piece.driver)]
     if not found:
@@ -90,7 +97,7 @@ def measure(recordings: Sequence[Recording], position_lag: float = 0.0, smoothin
         around=jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *(piece.around for piece in found)),
         dt=dt,
         stride=stride,
-        noise=max(noise, SMOOTHED_NOISE) if smoothing else noise,
+        noise=max(noise, SMOOTHED_NOISE) if smoothing else float(np.hypot(noise, added)),
         **{
             name: np.concatenate([getattr(piece, name) for piece in found], axis=-1)
             for name in (*_OWN, "length", "is_truck", "driver", "vehicle", "leader", "recording")
@@ -117,9 +124,11 @@ class _Rows:
         self.noise = position_noise(self.position, self.starts, self.stops)
         self.longest = int((self.stops - self.starts).max(initial=0))
 
-    def pieces(self, n_steps: int, stride: int, edge: int, noise: float, recording: int, offset: int) -> Measured:
-        """All usable pieces of the recording, in which every `stride`-th moment says something new, and the first and
-        last `edge` rows of a track are bent.
+    def pieces(
+        self, n_steps: int, stride: int, edge: int, noise: float, blur: np.ndarray, recording: int, offset: int
+    ) -> Measured:
+        """All usable pieces of the recording, in which every `stride`-th moment says something new, the first and last
+        `edge` rows of a track are bent, and own positions get `blur` added.
         """
         dt, table = self.dt, self.table
         x, v, a = (np.empty(len(self.position)) for _ in range(3))
@@ -149,7 +158,7 @@ class _Rows:
         is_truck = (table["vehicle_class"] == "truck").to_numpy()
         new = np.arange(n_steps)[:, None] % stride == 0
         return Measured(
-            y=self.position[index],
+            y=(self.position + blur)[index],
             weight=weight[index] * real * settled * new,
             smooth=x[index],
             smooth_speed=v[index],

@@ -35,7 +35,7 @@ from rearl_jax.discovery.uncertainty import interval
 MOST_KURTOSIS, CERTAIN_KURTOSIS = 0.1, 4.5
 """Excess kurtosis of the innovations beyond which something not smooth is left [-], and in standard deviations."""
 
-CERTAIN_MISJUDGEMENT = 2.5
+CERTAIN_MISJUDGEMENT = 3.0
 """Standard deviations from which noise grows with what a misjudged gap would do; between -5 and 0 where it does not."""
 
 MISJUDGED = (

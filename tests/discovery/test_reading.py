@@ -113,3 +113,33 @@ def test_nobody_who_follows_is_an_error(recordings_of):
     with pytest.raises(ValueError, match=r"data\.recordings"):
         reading.one_frame_rate([recording, other])
     reading.one_frame_rate([recording, recording])
+
+
+def test_positions_without_noise_get_a_little(recordings_of):
+    exact = [Recording(one.info, without_noise(one.table)) for one in recordings_of()]
+    data = reading.measure(exact)
+    assert data.noise == pytest.approx(reading.LEAST_NOISE, rel=1e-3)
+    added = (data.y - data.smooth)[data.weight > 0]
+    assert added.std() == pytest.approx(reading.LEAST_NOISE, rel=0.2)
+    np.testing.assert_array_equal(data.y, reading.measure(exact).y)
+
+
+def test_of_smoothed_positions_few_moments_count(recordings_of):
+    recordings, kernel = recordings_of(), 0.5
+    data = reading.measure(recordings, smoothing=kernel)
+    assert data.stride == round(reading.APART * kernel / data.dt) > 1
+    counts = data.weight.sum(axis=1) > 0
+    assert counts[:: data.stride].any()
+    assert not counts[data.looks() == 0].any()
+    edge = round(reading.EDGE * kernel / data.dt)
+    assert not counts[:edge].any()
+    plain = reading.measure(recordings)
+    assert plain.stride == 1
+    assert plain.seconds > 2 * data.seconds * data.stride / 3 > 0
+
+
+def without_noise(table):
+    """The same tracks at constant accelerations."""
+    first = table.groupby("track_id")["position"].transform("first")
+    time = table["time"] - table.groupby("track_id")["time"].transform("first")
+    return table.assign(position=first + 20.0 * time + 0.02 * time**2)
