@@ -22,8 +22,9 @@ MOST_ENERGY = 9.0
 def adequacy(solver: Solver, found: Search) -> Adequacy:
     """Moments of the final model's innovations, and the candidate that is most surprising still."""
     world, last = found.last.world, found.rounds[-1]
-    (surprise,), (before,) = solver.innovations([world]), solver.innovations([found.first.world])
+    (before,) = solver.innovations([found.first.world])
     (left,) = residuals_of(solver, [world], [found.last])
+    surprise = left.innovation
     weight = world.data.weight
     variance = (surprise**2 * weight).sum() / weight.sum()
     lag = world.data.stride
@@ -50,13 +51,11 @@ def kurtosis(surprise: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarr
 def unequal_noise(surprise: Float[np.ndarray, "steps pieces"], data: Measured) -> dict[str, float]:
     """How surely the size of innovations depends on the situation: standard normal figures where it does not.
 
-    Drivers are compared with themselves, and each driver has one vote.
-
     Args:
         surprise: Innovations [m].
         data: The drivers.
     """
-    around, weight = data.around, data.weight
+    around = data.around
     gap = np.maximum(around.leader_rear - (data.smooth + data.length / 2), 1.0)
     situations = {
         "gap": np.log(gap),
@@ -64,24 +63,15 @@ def unequal_noise(surprise: Float[np.ndarray, "steps pieces"], data: Measured) -
         "approach_rate": np.abs(data.smooth_speed - around.leader_speed),
     }
 
-    def driver_mean(values: np.ndarray) -> np.ndarray:
-        return data.driver_mean(values)[data.driver]
-
-    relative = surprise**2 / driver_mean(surprise**2) - 1.0
-    found = {}
-    for name, values in situations.items():
-        vote = relative * (values - driver_mean(values)) * weight
-        votes = np.bincount(data.driver, vote.sum(axis=0), data.n_drivers)
-        found[name] = float(votes.sum() / np.sqrt((votes**2).sum()))
-    return found
+    relative = surprise**2 / data.driver_mean(surprise**2)[data.driver]
+    return {name: _grows_with(relative, values, data) for name, values in situations.items()}
 
 
 def misjudgement(left: Residuals) -> float:
     """How surely what drivers do beside the model grows with what a misjudged gap would make them do.
 
     An error of the gap in proportion to it changes the acceleration by the gap times the model's answer to it. Noise of
-    the acceleration does not depend on that answer, and is even damped by it: negative figures. Drivers are compared
-    with themselves, and each driver has one vote.
+    the acceleration does not depend on that answer, and is even damped by it: negative figures.
 
     Args:
         left: What the final model leaves.
@@ -96,6 +86,16 @@ def misjudgement(left: Residuals) -> float:
     stake = np.minimum(square, most) / max(float(usual), 1e-12)
     energy = left.acceleration**2
     energy = np.minimum(energy / np.maximum(data.driver_mean(energy), 1e-12)[data.driver], MOST_ENERGY)
-    off = (energy - data.driver_mean(energy)[data.driver]) * (stake - data.driver_mean(stake)[data.driver])
-    votes = np.bincount(data.driver, (off * data.weight).sum(axis=0), data.n_drivers)
+    return _grows_with(energy, stake, data)
+
+
+def _grows_with(
+    energy: Float[np.ndarray, "steps pieces"], situation: Float[np.ndarray, "steps pieces"], data: Measured
+) -> float:
+    """How surely one grows with the other [-]; drivers are compared with themselves, and each has one vote."""
+
+    def off(values: np.ndarray) -> np.ndarray:
+        return values - data.driver_mean(values)[data.driver]
+
+    votes = np.bincount(data.driver, (off(energy) * off(situation) * data.weight).sum(axis=0), data.n_drivers)
     return float(votes.sum() / max(float(np.sqrt((votes**2).sum())), 1e-12))

@@ -10,7 +10,7 @@ import numpy as np
 
 from rearl_jax.discovery.errors import gap_errors
 from rearl_jax.discovery.measured import Measured
-from rearl_jax.discovery.procedure import Search, with_clocks
+from rearl_jax.discovery.procedure import Search, in_time
 from rearl_jax.discovery.solver import Solver
 
 CERTAINTY = 0.95
@@ -30,9 +30,7 @@ def confirmed(solver: Solver, found: Search, checked: Measured, seed: int) -> Se
     """
     if not found.added:
         return found
-    if found.clocks is not None:
-        checked = with_clocks(solver, checked, found.clocks.base)
-    before, after = gap_errors(solver, checked, [found.first, found.last])
+    before, after = gap_errors(solver, in_time(solver, found, checked), [found.first, found.last])
     worse = after**2 - before**2
     drawn = np.random.default_rng(seed).integers(0, len(worse), (DRAWS, len(worse)))
     if (worse[drawn].mean(axis=1) > 0).mean() < CERTAINTY:

@@ -12,6 +12,9 @@ import pandas as pd
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.smoothing import cut_off, position_noise, smoothed, thinned, track_bounds
 
+SMOOTHING = "smoothing"
+"""Name of the artefact that leaves nothing to claim about drivers: what they seem to do may be what it left of it."""
+
 CERTAIN = 5.0
 """Standard deviations from which a disagreement is certain."""
 
@@ -45,7 +48,6 @@ class Finding:
 
     Attributes:
         name: As in the verdict.
-        alternatives: Others that would look the same.
         parameter: Name of its number.
         unit: Of the number.
         value: The number.
@@ -54,12 +56,16 @@ class Finding:
     """
 
     name: str
-    alternatives: tuple[str, ...]
     parameter: str
     unit: str
     value: float
     deviation: float
     words: str
+
+
+def amount(findings: Sequence[Finding], name: str) -> float:
+    """How much of an artefact was found, in its own unit; 0 for none."""
+    return next((finding.value for finding in findings if finding.name == name), 0.0)
 
 
 def gate(recordings: Sequence[Recording]) -> list[Finding]:
@@ -73,7 +79,6 @@ def gate(recordings: Sequence[Recording]) -> list[Finding]:
         found.append(
             Finding(
                 f"{late}_lag",
-                (),
                 "lag",
                 "s",
                 abs(lag[0]),
@@ -85,7 +90,6 @@ def gate(recordings: Sequence[Recording]) -> list[Finding]:
         found.append(
             Finding(
                 "speed_scale",
-                ("position_scale",),
                 "factor",
                 "-",
                 1 + scale[0],
@@ -97,11 +101,11 @@ def gate(recordings: Sequence[Recording]) -> list[Finding]:
     if typical > NOISY:
         spread = float(np.std(noise) / np.sqrt(len(noise))) if len(noise) > 1 else 0.05 * typical
         words = f"positions scatter by {typical:.2f} m, more than a motorway camera's"
-        found.append(Finding("position_noise", (), "sd", "m", typical, spread, words))
+        found.append(Finding("position_noise", "sd", "m", typical, spread, words))
     smoothing = _smoothing_time(tables)
     if smoothing is not None:
         words = f"positions have been smoothed over about {smoothing:.1f} s before they were released"
-        found.append(Finding("smoothing", (), "time", "s", smoothing, 0.2 * smoothing, words))
+        found.append(Finding(SMOOTHING, "time", "s", smoothing, 0.2 * smoothing, words))
     return found
 
 

@@ -6,12 +6,12 @@ from typing import Any
 
 from rearl_jax.config import DiscoverConfig
 from rearl_jax.data.records import Recording
+from rearl_jax.discovery.gate import SMOOTHING, amount
 from rearl_jax.discovery.lane_changes import KnownDrivers, LaneChangeFindings, lane_change_findings, too_few_changes
 from rearl_jax.discovery.parts import Parts
-from rearl_jax.discovery.procedure import Search, with_clocks
+from rearl_jax.discovery.procedure import Search, in_time
 from rearl_jax.discovery.refit import on_others
 from rearl_jax.discovery.solver import Solver
-from rearl_jax.discovery.verdict import is_smoothed
 
 
 def lane_choice(
@@ -29,11 +29,11 @@ def lane_choice(
     few = too_few_changes(recordings)
     if few is not None:
         return few  # before anybody is calibrated for it
-    checked = parts.checked if found.clocks is None else with_clocks(solver, parts.checked, found.clocks.base)
+    checked = in_time(solver, found, parts.checked)
     known = KnownDrivers.of([found.first.world, *on_others(solver, checked, [found.first])])
     split = [part.vehicle for part in (parts.fitted, parts.checked, parts.reported)]
     lanes = lane_change_findings(recordings, known, split, options.confidence, options.seed)
-    if lanes.effects and is_smoothed(parts.findings):
+    if lanes.effects and amount(parts.findings, SMOOTHING):
         # As with car following: candidates, not claims.
         return replace(lanes, effects=(), words=f"{lanes.words}; not claimed, for the positions have been smoothed")
     return lanes

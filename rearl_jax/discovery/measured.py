@@ -75,6 +75,11 @@ class Surroundings(eqx.Module):
     time_gap_at_change: Float[Any, "*steps pieces"]
 
 
+def is_new(steps: int, stride: int) -> Bool[np.ndarray, " steps"]:
+    """Whether a moment of a piece says something new, where every `stride`-th does."""
+    return np.arange(steps) % stride == 0
+
+
 @dataclass(frozen=True)
 class Measured:
     """Pieces of measured drives and who drove them.
@@ -122,7 +127,7 @@ class Measured:
 
     def looks(self) -> Float[np.ndarray, " steps"]:
         """1 where something new is measured."""
-        return (np.arange(len(self.y)) % self.stride == 0).astype(float)
+        return is_new(len(self.y), self.stride).astype(float)
 
     def driver_mean(self, values: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, " drivers"]:
         """Mean over the moments of each driver that count."""

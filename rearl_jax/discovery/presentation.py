@@ -10,7 +10,7 @@ from rearl_jax.config import DiscoverTask
 from rearl_jax.discovery.atlas import Atlas, added_curves, atlas_of, ballot_of, chart_of
 from rearl_jax.discovery.errors import ModelErrors
 from rearl_jax.discovery.parts import Parts
-from rearl_jax.discovery.procedure import FIRING_SURPRISE, Search, with_clocks
+from rearl_jax.discovery.procedure import FIRING_SURPRISE, Search, in_time
 from rearl_jax.discovery.refit import on_others
 from rearl_jax.discovery.residuals import Residuals, residuals_of
 from rearl_jax.discovery.solver import Solver
@@ -101,8 +101,8 @@ def all_residuals(solver: Solver, search: Search, checked: Any, reported: Any) -
     found = {}
     for model, fit in fits.items():
         others = [checked, reported]
-        if model == "after" and search.clocks is not None:
-            others = [with_clocks(solver, part, search.clocks.base) for part in others]
+        if model == "after":
+            others = [in_time(solver, search, part) for part in others]
         worlds = [fit.world, *(on_others(solver, part, [fit])[0] for part in others)]
         found[model] = [residuals_of(solver, [world], [fit])[0] for world in worlds]
     return found

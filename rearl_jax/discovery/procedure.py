@@ -186,7 +186,7 @@ def search(
         if clocks is not None and not found.rounds and (one.chosen is None or clocks.total > one.chosen.total):
             # The data are put right, and the loop begins again.
             found.clocks, clocks = clocks, None
-            fitted, checked = (with_clocks(solver, part, base) for part in (fitted, checked))
+            fitted, checked = (_with_clocks(solver, part, base) for part in (fitted, checked))
             world, noise = calibrate(solver, fitted)
             base = Fit(None, world, noise)
             continue
@@ -216,7 +216,12 @@ def _check_clocks(
     return ClockCheck(base, gain, check, float(np.std(own.offset)))
 
 
-def with_clocks(solver: Solver, data: Measured, base: Fit) -> Measured:
+def in_time(solver: Solver, found: Search, data: Measured) -> Measured:
+    """Other drivers as the final model takes them: with their clocks put right where the fitted ones' were."""
+    return data if found.clocks is None else _with_clocks(solver, data, found.clocks.base)
+
+
+def _with_clocks(solver: Solver, data: Measured, base: Fit) -> Measured:
     """Drivers with their clocks put right, under the calibrated model; each look begins where the last one ended."""
     for _ in range(CLOCK_LOOKS):
         (world,) = on_others(solver, data, [base])

@@ -10,7 +10,7 @@ from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
 from rearl_jax.core.encounter import MOST_GAP_LOST, NEVER_CHANGED
 from rearl_jax.core.following import HARDEST_BRAKING
 from rearl_jax.data.records import Recording
-from rearl_jax.discovery.measured import Measured, Surroundings
+from rearl_jax.discovery.measured import Measured, Surroundings, is_new
 from rearl_jax.discovery.smoothing import cut_off, position_noise, smoothed, thinned, track_bounds
 from rearl_jax.discovery.surroundings import NOBODY, look_around
 
@@ -156,10 +156,9 @@ class _Rows:
         track = table["track_id"].to_numpy()[index[0]].astype(np.int64) if cuts else np.empty(0, np.int64)
         length = table["length"].to_numpy()
         is_truck = (table["vehicle_class"] == "truck").to_numpy()
-        new = np.arange(n_steps)[:, None] % stride == 0
         return Measured(
             y=(self.position + blur)[index],
-            weight=weight[index] * real * settled * new,
+            weight=weight[index] * real * settled * is_new(n_steps, stride)[:, None],
             smooth=x[index],
             smooth_speed=v[index],
             around=Surroundings(**values),

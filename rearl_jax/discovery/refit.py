@@ -173,8 +173,8 @@ def rebased(solver: Solver, base: Fit, fits: dict[str, Fit]) -> Fit:
         theta = np.where(np.isin(places, kept), fit.world.theta, solver.layout.reference)
         data = base.world.data
         for noise in dict.fromkeys((base.noise, fit.noise)):
-            start = with_gain(copied(base.world, theta=theta), noise.gain(data.dt, data.stride))
-            start.z, start.mean = fit.world.z.copy(), fit.world.mean.copy()
+            start = with_gain(base.world, noise.gain(data.dt, data.stride))
+            start.theta, start.z, start.mean = theta, fit.world.z.copy(), fit.world.mean.copy()
             starts.append(start)
             noises_of.append(noise)
     if starts:

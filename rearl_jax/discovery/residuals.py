@@ -23,7 +23,7 @@ from jaxtyping import Float
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.discovery.candidates import lens_at
 from rearl_jax.discovery.errors import FARTHEST
-from rearl_jax.discovery.measured import Surroundings
+from rearl_jax.discovery.measured import Surroundings, is_new
 from rearl_jax.discovery.observer import CLOSED_LOOP, MEASURED, Noise, steady_state, stimulus, straightened
 from rearl_jax.discovery.refit import Fit
 from rearl_jax.discovery.solver import Solver, World
@@ -131,7 +131,7 @@ def smoothed_acceleration(
     steady = steady_state(noise, dt, stride)
     gain = steady.gain
     ended = np.cumsum(weight[::-1] > 0, axis=0)[::-1] == 0
-    looks = np.arange(len(innovation)) % stride == 0
+    looks = is_new(len(innovation), stride)
     known = np.where(ended | ~looks[:, None], 0.0, innovation)
     before, o = np.zeros_like(known), np.zeros(known.shape[1])
     for t in range(len(known)):

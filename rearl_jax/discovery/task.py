@@ -24,7 +24,7 @@ from rearl_jax.discovery import tables, terminal
 from rearl_jax.discovery.adequacy import adequacy
 from rearl_jax.discovery.confirmation import confirmed
 from rearl_jax.discovery.errors import model_errors
-from rearl_jax.discovery.gate import Finding, gate
+from rearl_jax.discovery.gate import SMOOTHING, Finding, amount, gate
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
 from rearl_jax.discovery.lane_choice import lane_choice, with_lane_choice
 from rearl_jax.discovery.layout import layout_of
@@ -32,7 +32,7 @@ from rearl_jax.discovery.moments import Programs
 from rearl_jax.discovery.noise import calibrate
 from rearl_jax.discovery.null import Null, null_of
 from rearl_jax.discovery.parts import Parts
-from rearl_jax.discovery.procedure import FIRING_SURPRISE, Search, search, split_drivers, with_clocks
+from rearl_jax.discovery.procedure import FIRING_SURPRISE, Search, in_time, search, split_drivers
 from rearl_jax.discovery.reading import measure, one_frame_rate
 from rearl_jax.discovery.refit import Fit, rebased, refit
 from rearl_jax.discovery.repaired import repaired_model
@@ -47,7 +47,6 @@ from rearl_jax.discovery.verdict import (
     candidate_rows,
     differing_clocks,
     found_in_columns,
-    is_smoothed,
     named_trial,
     unseen,
     verdict_of,
@@ -105,9 +104,7 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
         say(len(recordings), len(recordings))
     one_frame_rate(recordings)
     findings = gate(recordings)
-    late = next((finding.value for finding in findings if finding.name == "position_lag"), 0.0)
-    smoothing = next((finding.value for finding in findings if finding.name == "smoothing"), 0.0)
-    data = measure(recordings, late, smoothing)
+    data = measure(recordings, amount(findings, "position_lag"), amount(findings, SMOOTHING))
     notes = tuple(dict.fromkeys(note for one in recordings for note in one.info.notes))
     if data.n_drivers < 9:
         raise ValueError(
@@ -152,9 +149,7 @@ def _verdict(
     left = adequacy(solver, found)
     errors = model_errors(solver, parts.reported, {"before": found.before}, options.seed)
     if found.added or found.clocks is not None:
-        reported = parts.reported
-        if found.clocks is not None:
-            reported = with_clocks(solver, reported, found.clocks.base)
+        reported = in_time(solver, found, parts.reported)
         errors |= model_errors(solver, reported, {"after": found.last}, options.seed)
     effects = _effects(solver, found, parts.findings, options.confidence)
     following = {
@@ -194,7 +189,7 @@ def _verdict(
 def _effects(solver: Solver, found: Search, findings: Sequence[Finding], confidence: float) -> list[Named]:
     """What is claimed: what the columns show, then what was added, with the numbers of the final model."""
     effects = [found_in_columns(finding, confidence) for finding in findings]
-    if is_smoothed(findings):
+    if amount(findings, SMOOTHING):
         return effects  # what drivers seem to do may be what the smoothing left of it: candidates, not claims
     if found.clocks is not None:
         effects.append(differing_clocks(found.clocks))

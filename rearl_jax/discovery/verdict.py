@@ -28,7 +28,7 @@ from rearl_jax.discovery.candidates import TWINS, Candidate, Layout
 from rearl_jax.discovery.clocks import NAME
 from rearl_jax.discovery.decision import Trial
 from rearl_jax.discovery.families import told_apart_by
-from rearl_jax.discovery.gate import Finding
+from rearl_jax.discovery.gate import SMOOTHING, Finding, amount
 from rearl_jax.discovery.procedure import ClockCheck, Round, Search
 from rearl_jax.discovery.uncertainty import interval
 
@@ -201,16 +201,11 @@ def differing_clocks(check: ClockCheck) -> Named:
     )
 
 
-def is_smoothed(findings: Sequence[Finding]) -> bool:
-    """Whether positions were smoothed so much that nothing can be claimed about drivers."""
-    return any(finding.name == "smoothing" for finding in findings)
-
-
 def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) -> str:
     """One word: named, artefact, unexplained or nothing."""
     added = [trial.candidate.kind for trial in search.added]
-    if is_smoothed(findings):
-        return "artefact"  # what drivers seem to do is what the smoothing left of it
+    if amount(findings, SMOOTHING):
+        return "artefact"
     if any(kind in ("driver", "road") for kind in added):
         is_doubtful = any(search.is_doubtful(one) for one in search.added)
         return "unexplained" if is_doubtful or not adequacy.is_enough else "named"

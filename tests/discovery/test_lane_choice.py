@@ -31,7 +31,7 @@ from rearl_jax.models.traffic import populate, traffic_numbers
 from tests.models.drivers import model
 
 SMALL = {**FREE_CHANGES, "n_vehicles": 180, "duration": 150.0}
-SMOOTHED = Finding("smoothing", (), "time", "s", 1.0, 0.2, "positions have been smoothed")
+SMOOTHED = Finding("smoothing", "time", "s", 1.0, 0.2, "positions have been smoothed")
 ROAD = TrafficModel(n_lanes=3, speed_limit=None)
 BIAS = {"bias": Estimate(0.35, 0.3, 0.4, "m/s^2")}
 KEEP_RIGHT = LaneEffect("keep_right", "driver", BIAS, ("side",), 0.98, 90.0)
