@@ -27,17 +27,6 @@ LEAST_SCALE = 0.015
 NOISY = 0.25
 """Standard deviation of positions [m] beyond what cameras over motorways have (highD, pNEUMA: below 0.1 to 0.2)."""
 
-BANDS = (1.1, 1.6, 2.2, 3.2, 4.5, 6.4, 9.0, 12.8)
-"""Edges of frequency bands, half an octave each [rad/s]."""
-
-STEEPEST = 0.05
-"""Least ratio of the accelerations' power an octave apart: what drivers and engines do falls by a quarter at most, and
-noise makes it rise.
-"""
-
-SPECTRUM_TIME = 10.0
-"""Window of the spectrum [s]."""
-
 LOWEST_FREQUENCY = 2.0
 """Cut-off [rad/s] of the comparison: slower than any noise, faster than any drift."""
 
@@ -68,8 +57,13 @@ def amount(findings: Sequence[Finding], name: str) -> float:
     return next((finding.value for finding in findings if finding.name == name), 0.0)
 
 
-def gate(recordings: Sequence[Recording]) -> list[Finding]:
-    """What the columns show of lags, scales and noise."""
+def gate(recordings: Sequence[Recording], smoothing: float) -> list[Finding]:
+    """What the columns show of lags, scales and noise.
+
+    Args:
+        recordings: What was measured.
+        smoothing: Width of the kernel positions have been smoothed with [s]; 0 for none.
+    """
     tables = [thinned(recording) for recording in recordings]
     noise = [position_noise(table["position"].to_numpy(), *track_bounds(table)) for table, _ in tables]
     lag, scale = _speed_against_position(tables, noise)
@@ -102,39 +96,10 @@ def gate(recordings: Sequence[Recording]) -> list[Finding]:
         spread = float(np.std(noise) / np.sqrt(len(noise))) if len(noise) > 1 else 0.05 * typical
         words = f"positions scatter by {typical:.2f} m, more than a motorway camera's"
         found.append(Finding("position_noise", "sd", "m", typical, spread, words))
-    smoothing = _smoothing_time(tables)
-    if smoothing is not None:
+    if smoothing:
         words = f"positions have been smoothed over about {smoothing:.1f} s before they were released"
         found.append(Finding(SMOOTHING, "time", "s", smoothing, 0.2 * smoothing, words))
     return found
-
-
-def _smoothing_time(tables: Sequence[tuple[pd.DataFrame, float]]) -> float | None:
-    """Standard deviation [s] of the Gaussian kernel that would make the spectrum fall as it does; None for none."""
-    powers, dt = [], 0.1
-    for table, dt in tables:
-        position = table["position"].to_numpy()
-        n = 2 * int(SPECTRUM_TIME / dt / 2)
-        window = np.hanning(n)
-        for start, stop in zip(*track_bounds(table), strict=True):
-            acceleration = np.diff(position[start:stop], 2) / dt**2
-            for k in range(0, len(acceleration) - n + 1, n):
-                piece = acceleration[k : k + n]
-                powers.append(np.abs(np.fft.rfft((piece - piece.mean()) * window)) ** 2)
-    if len(powers) < 10:
-        return None
-    power = np.median(powers, axis=0)
-    frequency = 2 * np.pi * np.fft.rfftfreq(2 * (len(power) - 1), dt)
-    edges = [edge for edge in BANDS if edge < np.pi / dt / 2]
-    levels = [
-        power[(frequency >= low) & (frequency < high)].mean() for low, high in zip(edges[:-1], edges[1:], strict=True)
-    ]
-    ratios = [later / earlier for earlier, later in zip(levels[:-2], levels[2:], strict=True)]
-    if not ratios or min(ratios) > STEEPEST:
-        return None
-    k = int(np.argmin(ratios))
-    low, high = (np.sqrt(edges[j] * edges[j + 1]) for j in (k, k + 2))
-    return float(np.sqrt(np.log(0.25 / ratios[k]) / (high**2 - low**2)))
 
 
 def _speed_against_position(

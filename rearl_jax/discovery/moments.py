@@ -27,6 +27,12 @@ N_DRIVER = 5
 _MADE: dict[tuple, dict[tuple, ScenarioMap]] = {}
 """Programs of every configuration this process has met: time step and places of theta."""
 
+_SHAPES: set[tuple] = set()
+"""What they have been compiled for: configuration, program, number of steps and of pieces."""
+
+MOST_SHAPES = 120
+"""So many are kept: each takes about two hundred memory maps, and Linux gives a process 65,530 (vm.max_map_count)."""
+
 
 class Programs:
     """The compiled programs of one data configuration: number of steps, time step, places of theta.
@@ -37,8 +43,13 @@ class Programs:
     """
 
     def __init__(self, layout: Layout, dt: float) -> None:
+        if len(_SHAPES) > MOST_SHAPES:
+            _MADE.clear()
+            _SHAPES.clear()
+            jax.clear_caches()
         self.layout, self.dt = layout, dt
-        self._made = _MADE.setdefault((dt, tuple(layout.places.items())), {})
+        self._configuration = (dt, tuple(layout.places.items()))
+        self._made = _MADE.setdefault(self._configuration, {})
 
     def free(self, active: tuple[str, ...]) -> tuple[int, ...]:
         """Places of theta that belong to active candidates, in order."""
@@ -110,9 +121,10 @@ class Programs:
         program = self._made[key]
 
         def call(arguments: dict) -> Any:
-            n = arguments["z"].shape[-1]
+            n, width = arguments["z"].shape[-1], _width(arguments["z"].shape[-1], widest)
+            _SHAPES.add((self._configuration, key, len(arguments["pieces"].y), width))
             knots = jax.tree.map(lambda values: np.asarray(values)[:, None], self.layout.knots)
-            result = program(_widened(arguments | {"knots": knots}, n, _width(n, widest)))
+            result = program(_widened(arguments | {"knots": knots}, n, width))
             return jax.tree.map(lambda values: values[..., :n], result)
 
         return call

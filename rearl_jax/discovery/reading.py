@@ -12,6 +12,7 @@ from rearl_jax.core.following import HARDEST_BRAKING
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.measured import Measured, Surroundings, is_new
 from rearl_jax.discovery.smoothing import cut_off, position_noise, smoothed, thinned, track_bounds
+from rearl_jax.discovery.smoothness import Smoothness
 from rearl_jax.discovery.surroundings import NOBODY, look_around
 
 SHORTEST = 6.0
@@ -42,6 +43,8 @@ another leader, whom a smoothed driver reacts to before he is there.
 SMOOTHED_NOISE = 0.005
 """Standard deviation of smoothed positions [m]: smoothing hides noise and does not undo it."""
 
+UNSMOOTHED = Smoothness()
+
 _STEPS_UNIT = 64
 """Numbers of steps are rounded up to multiples of it, so that few programs are compiled."""
 
@@ -62,13 +65,13 @@ def one_frame_rate(recordings: Sequence[Recording]) -> None:
         )
 
 
-def measure(recordings: Sequence[Recording], position_lag: float = 0.0, smoothing: float = 0.0) -> Measured:
+def measure(recordings: Sequence[Recording], position_lag: float = 0.0, smooth: Smoothness = UNSMOOTHED) -> Measured:
     """All drivers of the recordings who follow somebody long enough.
 
     Args:
         recordings: Canonical recordings of equal frame rate.
         position_lag: By how much positions are late [s]; lanes and places in them are put to the same clock.
-        smoothing: Width of the kernel that positions have been smoothed with [s].
+        smooth: What positions and their errors have been smoothed with.
 
     Raises:
         ValueError: Nobody follows anybody long enough.
@@ -76,30 +79,37 @@ def measure(recordings: Sequence[Recording], position_lag: float = 0.0, smoothin
     tables = [thinned(recording) for recording in recordings]
     dt = tables[0][1]
     rows = [_Rows(table, dt, round(position_lag / dt)) for table, _ in tables]
-    noise = float(np.median([part.noise for part in rows]))
-    added = 0.0 if smoothing else float(np.sqrt(max(LEAST_NOISE**2 - noise**2, 0.0)))
-    stride, edge = max(1, round(APART * smoothing / dt)), round(EDGE * smoothing / dt)
+    found = float(np.median([part.noise for part in rows]))
+    if smooth.drives:
+        noise, added = max(found, SMOOTHED_NOISE), 0.0
+    else:
+        noise = max(found, smooth.size, LEAST_NOISE)
+        added = float(np.sqrt(noise**2 - max(found, smooth.size) ** 2))
+    stride, edge = max(1, round(APART * smooth.drives / dt)), round(EDGE * smooth.drives / dt)
     most = max((part.longest for part in rows), default=0)
     n_steps = min(int(LONGEST / dt), most)
     n_steps = -(-n_steps // _STEPS_UNIT) * _STEPS_UNIT
     pieces, offset = [], 0
     for index, part in enumerate(rows):
-        blur = added * np.random.default_rng(index).standard_normal(len(part.position))
+        rng = np.random.default_rng(index)
+        blur = added * rng.standard_normal(len(part.position))
+        for start, stop in zip(part.starts, part.stops, strict=True):
+            blur[start:stop] += smooth.complement(int(stop - start), dt, rng)
         pieces.append(part.pieces(n_steps, stride, edge, noise, blur, index, offset))
         offset += part.n_tracks
-    found = [piece for piece in pieces if len(piece.driver)]
-    if not found:
+    used = [piece for piece in pieces if len(piece.driver)]
+    if not used:
         raise ValueError(
             f"nobody follows a leader for {LEAST_USED:g} s in these recordings: the lanes or leaders may be missing, "
             "or tracks may be cut into fragments; `rearl prepare` shows what was left out"
         )
     joined = Measured(
-        around=jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *(piece.around for piece in found)),
+        around=jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *(piece.around for piece in used)),
         dt=dt,
         stride=stride,
-        noise=max(noise, SMOOTHED_NOISE) if smoothing else float(np.hypot(noise, added)),
+        noise=noise,
         **{
-            name: np.concatenate([getattr(piece, name) for piece in found], axis=-1)
+            name: np.concatenate([getattr(piece, name) for piece in used], axis=-1)
             for name in (*_OWN, "length", "is_truck", "driver", "vehicle", "leader", "recording")
         },
     )

@@ -37,6 +37,7 @@ from rearl_jax.discovery.reading import measure, one_frame_rate
 from rearl_jax.discovery.refit import Fit, rebased, refit
 from rearl_jax.discovery.repaired import repaired_model
 from rearl_jax.discovery.screen import scores
+from rearl_jax.discovery.smoothness import smoothness
 from rearl_jax.discovery.solver import Solver
 from rearl_jax.discovery.uncertainty import known
 from rearl_jax.discovery.verdict import (
@@ -103,8 +104,9 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
         recordings.append(recording)
         say(len(recordings), len(recordings))
     one_frame_rate(recordings)
-    findings = gate(recordings)
-    data = measure(recordings, amount(findings, "position_lag"), amount(findings, SMOOTHING))
+    smooth = smoothness(recordings)
+    findings = gate(recordings, smooth.drives)
+    data = measure(recordings, amount(findings, "position_lag"), smooth)
     notes = tuple(dict.fromkeys(note for one in recordings for note in one.info.notes))
     if data.n_drivers < 9:
         raise ValueError(

@@ -9,6 +9,7 @@ import pytest
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery import reading, smoothing
 from rearl_jax.discovery.procedure import split_drivers
+from rearl_jax.discovery.smoothness import Smoothness
 from rearl_jax.discovery.surroundings import NOBODY, look_around
 
 
@@ -126,7 +127,7 @@ def test_positions_without_noise_get_a_little(recordings_of):
 
 def test_of_smoothed_positions_few_moments_count(recordings_of):
     recordings, kernel = recordings_of(), 0.5
-    data = reading.measure(recordings, smoothing=kernel)
+    data = reading.measure(recordings, smooth=Smoothness(drives=kernel))
     assert data.stride == round(reading.APART * kernel / data.dt) > 1
     counts = data.weight.sum(axis=1) > 0
     assert counts[:: data.stride].any()

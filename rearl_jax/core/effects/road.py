@@ -9,9 +9,6 @@ from jaxtyping import Array, Float
 from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.stimulus import Stimulus
 
-EDGE = 15.0
-"""Distance [m] over which a driver enters and leaves a section of the road."""
-
 NO_LIMIT = 100.0
 """Speed [m/s] that limits nobody."""
 
@@ -21,12 +18,15 @@ FAR_AWAY = 1.0e5
 _SECTION = (
     Parameter("start", "m", "where the section begins", 0.0, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
     Parameter("end", "m", "where it ends", FAR_AWAY, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
+    Parameter("edge", "m", "how gradually it comes and goes", 6.0, 1.0, 80.0, 6.0, is_strength=False),
 )
 
 
-def inside(position: Float[Array, "*#n"], start: Float[Array, "*#n"], end: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-    """How far a vehicle is inside a section of the road, 0 to 1, smooth over EDGE."""
-    return jax.nn.sigmoid((position - start) / EDGE) * jax.nn.sigmoid((end - position) / EDGE)
+def inside(
+    position: Float[Array, "*#n"], start: Float[Array, "*#n"], end: Float[Array, "*#n"], edge: Float[Array, "*#n"]
+) -> Float[Array, "*n"]:
+    """How far a vehicle is inside a section of the road, 0 to 1; it comes and goes on a way of a few times `edge`."""
+    return jax.nn.sigmoid((position - start) / edge) * jax.nn.sigmoid((end - position) / edge)
 
 
 def limited(desired_speed: Float[Array, "*#n"], limit: Float[Array, "*#n"]) -> Float[Array, "*n"]:
@@ -42,6 +42,7 @@ class Grade(Effect):
     push: Float[Array, "*#n"]
     start: Float[Array, "*#n"]
     end: Float[Array, "*#n"]
+    edge: Float[Array, "*#n"]
 
     name: ClassVar[str] = "grade"
     equation: ClassVar[str] = "a + push between start and end; push = -g sin(slope)"
@@ -53,7 +54,7 @@ class Grade(Effect):
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
         """More downhill, less uphill."""
-        return value + self.push * inside(seen.position, self.start, self.end)
+        return value + self.push * inside(seen.position, self.start, self.end, self.edge)
 
 
 class SpeedLimit(Effect):
@@ -64,6 +65,7 @@ class SpeedLimit(Effect):
     limit: Float[Array, "*#n"]
     start: Float[Array, "*#n"]
     end: Float[Array, "*#n"]
+    edge: Float[Array, "*#n"]
 
     name: ClassVar[str] = "speed_limit"
     equation: ClassVar[str] = "v0 -> min(v0, limit) between start and end"
@@ -76,7 +78,7 @@ class SpeedLimit(Effect):
     def desired_speed(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
         """At most the limit."""
         cut = value - limited(value, self.limit)
-        return value - inside(seen.position, self.start, self.end) * cut
+        return value - inside(seen.position, self.start, self.end, self.edge) * cut
 
 
 class Bend(Effect):
@@ -88,6 +90,7 @@ class Bend(Effect):
     radius: Float[Array, "*#n"]
     start: Float[Array, "*#n"]
     end: Float[Array, "*#n"]
+    edge: Float[Array, "*#n"]
 
     name: ClassVar[str] = "bend"
     equation: ClassVar[str] = "v0 -> min(v0, sqrt(lateral_acceleration radius)) between start and end"
@@ -102,7 +105,7 @@ class Bend(Effect):
         """At most what the bend allows."""
         limit = jnp.sqrt(self.lateral_acceleration * self.radius)
         cut = value - limited(value, limit)
-        return value - inside(seen.position, self.start, self.end) * cut
+        return value - inside(seen.position, self.start, self.end, self.edge) * cut
 
 
 class LaneDesiredSpeed(Effect):

@@ -18,8 +18,8 @@ def sigmoid(value):
     return 1 / (1 + math.exp(-value))
 
 
-def inside(x, start, end):
-    return sigmoid((x - start) / 15.0) * sigmoid((end - x) / 15.0)
+def inside(x, p):
+    return sigmoid((x - p["start"]) / p["edge"]) * sigmoid((p["end"] - x) / p["edge"])
 
 
 def limited(v0, limit):
@@ -89,12 +89,12 @@ def lane_desired_speed(seen, p, past):
 
 
 def speed_limit(seen, p, past):
-    share = inside(seen.x, p["start"], p["end"])
+    share = inside(seen.x, p)
     return idm(seen, v0=V0 - share * (V0 - limited(V0, p["limit"])))
 
 
 def bend(seen, p, past):
-    share = inside(seen.x, p["start"], p["end"])
+    share = inside(seen.x, p)
     return idm(seen, v0=V0 - share * (V0 - limited(V0, math.sqrt(p["lateral_acceleration"] * p["radius"]))))
 
 
@@ -125,7 +125,7 @@ EQUATIONS = {
         idm(seen) - p["gain"] * math.tanh(max(seen.v - seen.beside_speed, 0.0) / p["scale"])
     ),
     "lane_desired_speed": lane_desired_speed,
-    "grade": lambda seen, p, past: idm(seen) + p["push"] * inside(seen.x, p["start"], p["end"]),
+    "grade": lambda seen, p, past: idm(seen) + p["push"] * inside(seen.x, p),
     "speed_limit": speed_limit,
     "bend": bend,
     "weather": weather,
