@@ -55,6 +55,11 @@ SURE_SURPRISE, SURE_EXCESS = 8.0, 8.0
 DOUBTFUL = 0.5
 """Upper bound of the confidence in an effect that leaves a dependence on what it acts by."""
 
+STRETCH = 1.5
+"""Intervals of parameters are wider than curvature and scatter say, by this [-]: what the driver model itself gets wrong
+moves them too. With 1, two thirds of 46 generated truths were inside 90 % intervals.
+"""
+
 RELIABILITY = 0.98
 """Upper bound of a stated confidence: what the procedure has reached on generated data."""
 
@@ -152,7 +157,7 @@ def named_trial(
         parameter_names(candidate), parameter_units(candidate), candidate.free, deviations, strict=True
     ):
         value = float(theta[place])
-        low, high = interval(value, float(deviation), confidence)
+        low, high = interval(value, STRETCH * float(deviation), confidence)
         low, high = max(low, float(layout.low[place])), min(high, float(layout.high[place]))
         parameters[name] = {"value": value, "low": low, "high": high, "unit": unit}
     rivals = [0.0, *(one.total for one in others if one is not trial)]
