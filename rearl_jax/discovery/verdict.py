@@ -56,7 +56,7 @@ DOUBTFUL = 0.5
 """Upper bound of the confidence in an effect that leaves a dependence on what it acts by."""
 
 STRETCH = 1.5
-"""Intervals of parameters are wider than curvature and scatter say, by this [-]: what the driver model itself gets wrong
+"""Intervals of parameters are wider than curvature and scatter say, by this [-]: what the driver model gets wrong
 moves them too. With 1, two thirds of 46 generated truths were inside 90 % intervals.
 """
 
