@@ -23,10 +23,12 @@ class BlindResults:
     """Everything a study has found.
 
     Attributes:
-        cases: All data sets.
+        cases: The data sets that were run.
+        n_drawn: How many there are in the study, of which they are the first in its random order.
     """
 
     cases: Sequence[Judged]
+    n_drawn: int
 
     @cached_property
     def scores(self) -> list[Score]:
@@ -76,6 +78,7 @@ class BlindResults:
         outcomes = [case.judgement.outcome for case in self.cases]
         return {
             "n_cases": len(self.cases),
+            "n_drawn": self.n_drawn,
             **{f"n_{outcome}": outcomes.count(outcome) for outcome in OUTCOMES},
             "oracle_share": share,
             "n_oracles": n,

@@ -74,7 +74,10 @@ def run_with(config: DiscoverBlindTask, discover: Discover) -> dict:
 def _judged(
     config: DiscoverBlindTask, study: Study, discover: Discover, bar: Progress
 ) -> tuple[Protocol, BlindResults]:
-    protocol, cases = open_study(study.path, config_hash(config), config.blind, shown(bar, "truth"))
+    # How many are run says nothing about what they are: the truth of all is sealed.
+    whole = replace(config, blind=replace(config.blind, first=None))
+    protocol, every_case = open_study(study.path, config_hash(whole), config.blind, shown(bar, "truth"))
+    cases = every_case[: config.blind.first]
     left = time_left(count_finished(study.path, cases), time.perf_counter())
     line = bar.add_task("data sets", total=len(cases))
 
@@ -82,7 +85,7 @@ def _judged(
         bar.update(line, description=f"data sets{left(done, total)}", completed=done, total=total)
 
     run_cases(study.path, config.study, cases, discover, config.blind, watch)
-    return protocol, BlindResults(judge_cases(study.path, protocol, cases))
+    return protocol, BlindResults(judge_cases(study.path, protocol, cases), len(every_case))
 
 
 def discovery_of(config: DiscoverBlindTask) -> Discover:

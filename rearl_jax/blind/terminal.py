@@ -41,6 +41,8 @@ def notes(results: BlindResults, protocol: Protocol) -> list[str]:
         f"code {protocol.code_hash}, then master seed {protocol.master_seed} "
         f"({'drawn' if protocol.seed_drawn else 'given'}), then truth sealed as {(protocol.truth_sha256 or '')[:16]}"
     ]
+    if results.n_drawn > len(results.cases):
+        said.append(f"{len(results.cases)} of {results.n_drawn} data sets, the first in the study's random order")
     if summary["oracle_share"] is not None:
         said.append(
             f"squared error: {percent(summary['oracle_share'])} of the fall that the hidden effect itself brings, "

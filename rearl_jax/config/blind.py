@@ -23,6 +23,11 @@ class BlindConfig:
         None, "master seed of all data sets; null: drawn when the study begins, after the code's hash is written down"
     )
     sets: str = key("*", "shell pattern on the sets that are run, such as control* or half; * takes all")
+    first: int | None = key(
+        None,
+        "data sets that are run and judged, the first of the study's random order; null: all. A study goes on from "
+        "what it has when more are asked for",
+    )
     sumo: bool = key(True, "generate data sets with SUMO too, in the sizes that have any; needs the extra `bench`")
     oracle: bool = key(False, "after each verdict, refit with what was hidden, to know the smallest error there is")
     keep_data: bool = key(False, "leave the generated recordings in the study's folder instead of removing them")
@@ -31,5 +36,7 @@ class BlindConfig:
         """Raise ValueError for a value outside its range."""
         if self.seed is not None and not 0 <= self.seed < 2**32:
             raise ValueError(f"seed must be within 0 and {2**32 - 1} or null, got {self.seed}")
+        if self.first is not None and self.first < 1:
+            raise ValueError(f"first must be at least 1 or null, got {self.first}")
         if not self.sets:
             raise ValueError("sets must be a shell pattern such as *, got an empty text")

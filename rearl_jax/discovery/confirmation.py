@@ -7,6 +7,7 @@ effect; a simulation adds up what an effect does.
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from rearl_jax.discovery.errors import gap_errors
 from rearl_jax.discovery.measured import Measured
@@ -31,8 +32,24 @@ def confirmed(solver: Solver, found: Search, checked: Measured, seed: int) -> Se
     if not found.added:
         return found
     before, after = gap_errors(solver, in_time(solver, found, checked), [found.first, found.last])
-    worse = after**2 - before**2
-    drawn = np.random.default_rng(seed).integers(0, len(worse), (DRAWS, len(worse)))
-    if (worse[drawn].mean(axis=1) > 0).mean() < CERTAINTY:
+    if _share_worse(before, after, seed) < CERTAINTY:
         return found
     return replace(found, rounds=[replace(found.rounds[0], held=[])], rejected=found.added)
+
+
+def clocks_confirmed(solver: Solver, found: Search, checked: Measured, seed: int) -> bool:
+    """Whether the closed-loop gap error of the checked drivers is rather smaller than larger with their clocks put
+    right; arguments as of `confirmed`. The search takes other irregularities for clocks too, a simulation does not.
+    """
+    if found.clocks is None:
+        return True
+    (before,) = gap_errors(solver, checked, [found.before])
+    (after,) = gap_errors(solver, in_time(solver, found, checked), [found.first])
+    return _share_worse(before, after, seed) < 0.5
+
+
+def _share_worse(before: Float[np.ndarray, " drivers"], after: Float[np.ndarray, " drivers"], seed: int) -> float:
+    """Share of resamples of drivers in which the squared error is larger after than before [-]."""
+    worse = after**2 - before**2
+    drawn = np.random.default_rng(seed).integers(0, len(worse), (DRAWS, len(worse)))
+    return float((worse[drawn].mean(axis=1) > 0).mean())

@@ -163,7 +163,13 @@ class Search:
 
 
 def search(
-    solver: Solver, fitted: Measured, checked: Measured, null_for: Callable[[Fit], Null], report: Report
+    solver: Solver,
+    fitted: Measured,
+    checked: Measured,
+    null_for: Callable[[Fit], Null],
+    report: Report,
+    *,
+    looks_at_clocks: bool = True,
 ) -> Search:
     """The loop: until nothing more fires, or nothing that fires is believed.
 
@@ -173,6 +179,7 @@ def search(
         checked: Other drivers, for the check.
         null_for: The null of the calibrated model.
         report: Called with what is being done, and how far it is.
+        looks_at_clocks: Whether vehicles' clocks may differ.
     """
     report("calibrating drivers", 0, 1)
     world, noise = calibrate(solver, fitted)
@@ -180,7 +187,7 @@ def search(
     null = null_for(base)
     (seen,) = scores(solver, [world])
     found = Search(solver.layout, null, seen)
-    clocks = _check_clocks(solver, base, seen, checked, null)
+    clocks = _check_clocks(solver, base, seen, checked, null) if looks_at_clocks else None
     while len(found.added) <= MOST_EFFECTS:
         one = _round(solver, base, checked, null, report, found.added)
         if clocks is not None and not found.rounds and (one.chosen is None or clocks.total > one.chosen.total):

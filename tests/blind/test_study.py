@@ -140,6 +140,20 @@ def test_a_killed_study_goes_on_where_it_was(tmp_path, finished):
         pd.testing.assert_frame_equal(ours, theirs)
 
 
+def test_a_study_can_be_run_in_portions(tmp_path, finished, capsys):
+    whole, _ = finished
+    stub = Stub(tmp_path / "asked.txt")
+    part = run_with(task(tmp_path, first=2), stub)
+    assert (part["n_cases"], part["n_drawn"]) == (2, 6)
+    assert "2 of 6 data sets, the first in the study's random order" in " ".join(capsys.readouterr().out.split())
+    assert len(json.loads((tmp_path / "blind" / "truth.json").read_text())) == 6
+    rest = run_with(task(tmp_path), stub)
+    assert (rest["n_cases"], rest["n_drawn"]) == (6, 6)
+    assert len(stub.log.read_text().splitlines()) == 6
+    ours, theirs = (pd.read_parquet(root / "blind" / "cases.parquet") for root in (tmp_path, whole))
+    pd.testing.assert_frame_equal(ours, theirs)
+
+
 def test_a_data_set_that_discovery_stumbles_over_is_counted(tmp_path):
     def discover(data, study, oracle=None):
         raise ValueError("too few drivers")

@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from rearl_jax.discovery.confirmation import confirmed
+from rearl_jax.discovery.confirmation import clocks_confirmed, confirmed
 from rearl_jax.discovery.null import Null
-from rearl_jax.discovery.procedure import Round, Search
+from rearl_jax.discovery.procedure import ClockCheck, Round, Search
 from rearl_jax.discovery.refit import Fit
 from rearl_jax.discovery.solver import copied
 
@@ -37,3 +37,16 @@ def test_an_addition_that_makes_simulations_worse_is_taken_back(solver, calibrat
 def test_an_addition_that_does_nothing_is_left_alone(solver, calibrated):
     found = search_with(solver, calibrated, 0.0)
     assert confirmed(solver, found, calibrated[0].data, 0) is found
+
+
+def test_clocks_that_make_simulations_worse_are_not_believed(solver, calibrated, monkeypatch):
+    from rearl_jax.discovery import confirmation
+
+    found = replace(search_with(solver, calibrated, 0.0), clocks=ClockCheck(Fit(None, *calibrated), 9.0, 9.0, 0.3))
+    data = calibrated[0].data
+    late = replace(data, around=replace(data.around, leader_rear=data.around.leader_rear + 8.0))
+    monkeypatch.setattr(confirmation, "in_time", lambda solver, found, data: late)
+    assert not clocks_confirmed(solver, found, data, 0)
+    monkeypatch.setattr(confirmation, "in_time", lambda solver, found, data: data)
+    assert clocks_confirmed(solver, found, data, 0)  # no worse
+    assert clocks_confirmed(solver, replace(found, clocks=None), data, 0)
