@@ -1,9 +1,9 @@
 """Collisions: which rectangles touch, and by how much they are pushed apart in the next tick.
 
-Contact is rare, so the work is split. A cheap test of bounding boxes finds the vehicles that may touch
-somebody behind them in the list; only those are then tested in full, one vehicle per scenario at a time against
-all others. A push is the last one written: the partner with the highest list index counts, which is why the vehicles
-are taken in rising order.
+Contact is rare, so the work is split. A cheap test of bounding boxes finds the vehicles that may touch somebody behind
+them in the list; only those are then tested in full, in small traffic one vehicle per scenario at a time against all
+others, in large traffic pair by pair (`rearl_jax.core.pile_ups`). A push is the last one written: the partner with the
+highest list index counts.
 
 Source: highway-env 1.12.1, `Road.step`, `RoadObject.handle_collisions`.
 """
@@ -11,37 +11,18 @@ Source: highway-env 1.12.1, `Road.step`, `RoadObject.handle_collisions`.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Int
 
 from rearl_jax.core.affected import if_any, on_affected
+from rearl_jax.core.contacts import Extent, Marks, extent_of, may_touch
 from rearl_jax.core.drivers import Body
 from rearl_jax.core.elementary import cosine, sine
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import for_each_vehicle, is_large, row
-from rearl_jax.core.order import within_reach
+from rearl_jax.core.pile_ups import collide_along_road
 from rearl_jax.core.rectangles import Rectangle, separate
 from rearl_jax.core.state import TrafficState
-
-ROUNDING_MARGIN = 1e-3
-"""Slack [m] of the cheap test, far above any rounding error of a distance between vehicles that touch."""
-
-
-_Marks = tuple[Array, Array, Array, Array]
-"""Who has crashed, who is pushed, and the pushes in x and y [m]."""
-
-
-class _Extent(eqx.Module):
-    """Upright bounding box of a vehicle: centre, half sizes, and sqrt(2) times its displacement in a tick, all in m."""
-
-    x: Float[Array, "vehicles *scenarios"]
-    y: Float[Array, "vehicles *scenarios"]
-    reach_x: Float[Array, "vehicles *scenarios"]
-    reach_y: Float[Array, "vehicles *scenarios"]
-    moved_x: Float[Array, "vehicles *scenarios"]
-    moved_y: Float[Array, "vehicles *scenarios"]
-    collides: Bool[Array, "vehicles *scenarios"]
 
 
 def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficState:
@@ -59,40 +40,41 @@ def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficStat
             collides=jnp.broadcast_to(body.collides, shape),
         )
     )
-    extent = _extent(rectangles, model)
-    if is_large(shape[0]):
-        reach = extent.reach_x + jnp.abs(extent.moved_x) + jnp.abs(extent.moved_y)
-        may_touch = within_reach(state.order, extent.x, reach, extent, _may_touch)
-    else:
-        # Half the list once more behind its end, so that everybody can be held against those who come after.
-        cycle = jax.tree.map(lambda values: jnp.concatenate([values, values[: shape[0] // 2]]), extent)
-        may_touch = if_any(rectangles.collides, lambda: _may_touch_next(extent, cycle), jnp.zeros(shape, bool))
+    extent = extent_of(rectangles, model)
     marks = lax.stop_gradient((state.crashed, state.is_pushed, state.push_x, state.push_y))
-    marks = on_affected(
-        jnp.any(may_touch, axis=0),
-        lambda work: _collide_all(*work, model),
-        (extent, rectangles, marks),
-        marks,
-    )
+    if is_large(shape[0]):
+        marks = collide_along_road(state.order, extent, rectangles, marks, model)
+    else:
+        marks = _collide_in_list(extent, rectangles, marks, model)
     return eqx.tree_at(lambda s: (s.crashed, s.is_pushed, s.push_x, s.push_y), state, marks)
 
 
+def _collide_in_list(extent: Extent, rectangles: Rectangle, marks: Marks, model: TrafficModel) -> Marks:
+    """Marks after everybody has been held against everybody."""
+    shape = extent.x.shape
+    # Half the list once more behind its end, so that everybody can be held against those who come after.
+    cycle = jax.tree.map(lambda values: jnp.concatenate([values, values[: shape[0] // 2]]), extent)
+    close = if_any(rectangles.collides, lambda: _may_touch_next(extent, cycle), jnp.zeros(shape, bool))
+    work = extent, rectangles, marks
+    return on_affected(jnp.any(close, axis=0), lambda work: _collide_all(*work, model), work, marks)
+
+
 def _collide_all(
-    extent: _Extent,
+    extent: Extent,
     rectangles: Rectangle,
-    marks: _Marks,
+    marks: Marks,
     model: TrafficModel,
-) -> _Marks:
+) -> Marks:
     """Crash marks and pushes after all vehicles that may touch have been tested, the lowest index of each scenario
     first.
     """
     pending = _may_touch_later(extent)
     index = lax.broadcasted_iota(jnp.int32, pending.shape, 0)
 
-    def is_unfinished(work: tuple[Array, _Marks]) -> Array:
+    def is_unfinished(work: tuple[Array, Marks]) -> Array:
         return jnp.any(work[0])
 
-    def take_next(work: tuple[Array, _Marks]) -> tuple[Array, _Marks]:
+    def take_next(work: tuple[Array, Marks]) -> tuple[Array, Marks]:
         pending, marks = work
         first = jnp.argmax(pending, axis=0, keepdims=True).astype(jnp.int32)
         has_one = jnp.any(pending, axis=0, keepdims=True)
@@ -101,22 +83,7 @@ def _collide_all(
     return lax.while_loop(is_unfinished, take_next, (pending, marks))[1]
 
 
-def _extent(all_: Rectangle, model: TrafficModel) -> _Extent:
-    """Bounding boxes of all vehicles."""
-    cos, sin = jnp.abs(all_.cos), jnp.abs(all_.sin)
-    moved = all_.speed * (float(np.sqrt(2)) * model.tick)
-    return _Extent(
-        x=all_.x,
-        y=all_.y,
-        reach_x=all_.half_length * cos + all_.half_width * sin + ROUNDING_MARGIN,
-        reach_y=all_.half_length * sin + all_.half_width * cos + ROUNDING_MARGIN,
-        moved_x=moved * all_.cos,
-        moved_y=moved * all_.sin,
-        collides=all_.collides,
-    )
-
-
-def _may_touch_next(all_: _Extent, cycle: _Extent) -> Bool[Array, "vehicles *scenarios"]:
+def _may_touch_next(all_: Extent, cycle: Extent) -> Bool[Array, "vehicles *scenarios"]:
     """Whether a vehicle may touch, now or in the coming tick, one of the half of all vehicles that come next.
 
     The list is a circle here, so every pair is looked at, in one direction.
@@ -124,41 +91,28 @@ def _may_touch_next(all_: _Extent, cycle: _Extent) -> Bool[Array, "vehicles *sce
     n_vehicles = all_.x.shape[0]
     found = jnp.zeros(all_.x.shape, bool)
     for places in range(1, n_vehicles // 2 + 1):
-        found = found | _may_touch(all_, jax.tree.map(lambda values, k=places: values[k : k + n_vehicles], cycle))
+        found = found | may_touch(all_, jax.tree.map(lambda values, k=places: values[k : k + n_vehicles], cycle))
     return found
 
 
-def _may_touch_later(all_: _Extent) -> Bool[Array, "vehicles *scenarios"]:
+def _may_touch_later(all_: Extent) -> Bool[Array, "vehicles *scenarios"]:
     """Whether a vehicle may touch, now or in the coming tick, one that comes after it in the list."""
     index = lax.broadcasted_iota(jnp.int32, all_.x.shape, 0)
 
     def look_at(number: Int[Array, ""], found: Array) -> Array:
         other = jax.tree.map(lambda values: row(values, number), all_)
-        return found | (_may_touch(all_, other) & (index < number))
+        return found | (may_touch(all_, other) & (index < number))
 
     return for_each_vehicle(all_.x.shape[0], look_at, jnp.zeros(all_.x.shape, bool))
 
 
-def _may_touch(one: _Extent, other: _Extent) -> Array:
-    """Whether two vehicles may touch now or in the coming tick.
-
-    A necessary condition. Rectangles a distance D apart have a gap of at least D / sqrt(2) along one of their edge
-    normals, and the full test lengthens intervals by no more than the relative displacement r of one tick. So they
-    cannot touch where their upright bounding boxes are more than sqrt(2) |r| apart in x or in y.
-    """
-    moved_apart = jnp.abs(other.moved_x - one.moved_x) + jnp.abs(other.moved_y - one.moved_y)
-    near_x = jnp.abs(other.x - one.x) <= other.reach_x + one.reach_x + moved_apart
-    near_y = jnp.abs(other.y - one.y) <= other.reach_y + one.reach_y + moved_apart
-    return near_x & near_y & (other.collides | one.collides)
-
-
 def _collide_one(
-    marks: _Marks,
+    marks: Marks,
     all_: Rectangle,
     chosen: Int[Array, "1 *scenarios"],
     is_chosen: Bool[Array, "1 *scenarios"],
     model: TrafficModel,
-) -> _Marks:
+) -> Marks:
     """Crash marks and pushes after one vehicle per scenario has been tested against all that come after it in the
     list.
     """

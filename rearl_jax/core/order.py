@@ -6,17 +6,13 @@ followers. The order changes little from tick to tick, so that sorting starts fr
 """
 
 from collections.abc import Callable
-from typing import TypeVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
 
 from rearl_jax.core.model import TrafficModel
-
-Fields = TypeVar("Fields")
 
 _Sorted = tuple[Array, Array]
 """Positions [m] and vehicle indices, by place in the order."""
@@ -165,39 +161,3 @@ def inverse(order: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *s
         .set(places.reshape(flat.shape), unique_indices=True, mode="promise_in_bounds")
     )
     return found.reshape(order.shape)
-
-
-def within_reach(
-    order: Int[Array, "vehicles *scenarios"],
-    x: Float[Array, "vehicles *scenarios"],
-    reach: Float[Array, "vehicles *scenarios"],
-    fields: Fields,
-    meets: Callable[[Fields, Fields], Array],
-) -> Array:
-    """Places in the order whose vehicle meets a condition with one ahead of it and within reach along the road.
-
-    Args:
-        order: Vehicle indices by rising x.
-        x: Positions [m].
-        reach: Half the distance [m] below which a vehicle may meet another one just like itself.
-        fields: Pytree of `[vehicles, *scenarios]` arrays the condition looks at.
-        meets: From the fields of the rear and of the front vehicles of all pairs to booleans.
-    """
-    n_vehicles = order.shape[0]
-    along = jax.tree.map(lambda values: pick(values, order), (x, reach, fields))
-    widest = jnp.max(along[1], axis=0, keepdims=True)
-    # A second copy beyond the end lets every vehicle look any number of places ahead.
-    ahead = jax.tree.map(lambda values: jnp.concatenate([values, values]), along)
-
-    def goes_on(work: tuple[Array, Array, Array]) -> Array:
-        return jnp.any(work[1]) & (work[0] < n_vehicles)
-
-    def one_further(work: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        places, _, found = work
-        front = jax.tree.map(lambda values: lax.dynamic_slice_in_dim(values, places, n_vehicles), ahead)
-        is_pair = lax.broadcasted_iota(jnp.int32, order.shape, 0) + places < n_vehicles
-        is_near = is_pair & (front[0] - along[0] <= along[1] + widest)
-        return places + 1, is_near, found | (is_near & meets(along[2], front[2]))
-
-    nowhere = jnp.zeros(order.shape, bool)
-    return lax.while_loop(goes_on, one_further, (jnp.int32(1), ~nowhere, nowhere))[2]
