@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
@@ -26,10 +27,17 @@ from rearl_jax.core.neighbours import (
     for_each_vehicle,
     row,
 )
+from rearl_jax.core.order import own_places
 from rearl_jax.core.state import Controller, TrafficState
 
 LEAST_SPEED = 1.0
 """Speed [m/s] below which nobody decides to change lanes. Source: highway-env 1.12.1, `change_lane_policy`."""
+
+FEW = 64
+"""Vehicles per scenario that may be on their way to another lane for conflicts to be settled among them alone."""
+
+NOWHERE = -1_000
+"""A lane that does not exist."""
 
 REACHABLE_LANES = 2.0
 """Lateral distance, in lane widths, within which a lane can be reached. Source: highway-env 1.12.1,
@@ -227,7 +235,36 @@ def abort_conflicts(
     view = eqx.tree_at(lambda v: v.nearest, view, None, is_leaf=lambda leaf: leaf is None)
     # What drivers remember has other axes than the treated few scenarios could be picked from.
     operands = lax.stop_gradient((decided_lane, changing, replace(state, memory=None), view, drivers.idm))
-    return on_affected(concerned, _settle, operands, decided_lane)
+    settle = _settle_few if state.x.shape[0] >= 2 * FEW else _settle
+    return on_affected(concerned, settle, operands, decided_lane)
+
+
+def _settle_few(
+    operands: tuple[Int[Array, "n *s"], Bool[Array, "n *s"], TrafficState, View, IDMParams],
+) -> Int[Array, "n *s"]:
+    """What `_settle` finds, of those alone who are or will be on their way to another lane, where they are few."""
+    decided_lane, _, state, view, _ = operands
+    shape = state.x.shape
+    moves = (state.target_lane != view.lane) | (decided_lane != view.lane)
+
+    def among_few() -> Int[Array, "n *s"]:
+        index = lax.broadcasted_iota(jnp.int32, shape, 0)
+        slot = jnp.where(moves, jnp.cumsum(moves, axis=0, dtype=jnp.int32) - 1, FEW)
+        nobody = jnp.full((FEW, *shape[1:]), shape[0], jnp.int32)
+        who = nobody.at[own_places(slot)].set(index, mode="drop")
+        is_there = who < shape[0]
+
+        def take(values: Array) -> Array:
+            each = jnp.broadcast_to(values, (values.shape[0], *shape[1:]))
+            return each if each.shape[0] == 1 else jnp.take_along_axis(each, who, axis=0, mode="clip")
+
+        decided, changing, few, seen, idm = jax.tree.map(take, operands)
+        # An empty place is on its way to where nobody else is going.
+        few = replace(few, target_lane=jnp.where(is_there, few.target_lane, NOWHERE))
+        answer = _settle((jnp.where(is_there, decided, NOWHERE), changing & is_there, few, seen, idm))
+        return decided_lane.at[own_places(who)].set(answer, mode="drop")
+
+    return lax.cond(jnp.all(jnp.sum(moves, axis=0) <= FEW), among_few, lambda: _settle(operands))
 
 
 def _settle(

@@ -62,6 +62,11 @@ def pick(values: Array, index: Int[Array, "vehicles *scenarios"]) -> Array:
     return jnp.take_along_axis(jnp.broadcast_to(values, index.shape), jnp.maximum(index, 0), axis=0)
 
 
+def own_places(index: Int[Array, "places *scenarios"]) -> tuple[Array, ...]:
+    """Each scenario's own places of an array `[vehicles, *scenarios]`, to write to with `.at`."""
+    return index, *(lax.broadcasted_iota(jnp.int32, index.shape, axis) for axis in range(1, index.ndim))
+
+
 class NearestOnLanes(eqx.Module):
     """The nearest vehicle ahead and behind on every lane, as indices; NOBODY where there is none.
 
@@ -153,11 +158,4 @@ def _see_beside(
 def inverse(order: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
     """Place of each vehicle in the order."""
     places = lax.broadcasted_iota(jnp.int32, order.shape, 0)
-    columns = jnp.broadcast_to(jnp.arange(order.size // order.shape[0]), (order.shape[0], order.size // order.shape[0]))
-    flat = order.reshape(order.shape[0], -1)
-    found = (
-        jnp.zeros(flat.shape, jnp.int32)
-        .at[flat, columns]
-        .set(places.reshape(flat.shape), unique_indices=True, mode="promise_in_bounds")
-    )
-    return found.reshape(order.shape)
+    return jnp.zeros_like(places).at[own_places(order)].set(places, unique_indices=True, mode="promise_in_bounds")

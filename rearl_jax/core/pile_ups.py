@@ -6,7 +6,7 @@ on, until nobody is within reach of anybody; pairs that may touch are remembered
 full, those of a few vehicles of every scenario side by side.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Int
 from rearl_jax.core.affected import if_any
 from rearl_jax.core.contacts import Extent, Marks, may_touch
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.order import pick
+from rearl_jax.core.order import own_places, pick
 from rearl_jax.core.rectangles import Rectangle, separate
 
 AT_A_TIME = 32
@@ -106,8 +106,8 @@ def _test_pairs(
     def test_some(work: tuple[Array, _Found]) -> tuple[Array, _Found]:
         tested, found = work
         slot = jnp.where((close != 0) & (rank >= tested), rank - tested, AT_A_TIME)
-        rear = _at(jnp.zeros((AT_A_TIME, *others), jnp.int32), slot).set(place, mode="drop")
-        bits = _at(jnp.zeros((AT_A_TIME, *others), jnp.int32), slot).set(close, mode="drop")
+        rear = jnp.zeros((AT_A_TIME, *others), jnp.int32).at[own_places(slot)].set(place, mode="drop")
+        bits = jnp.zeros((AT_A_TIME, *others), jnp.int32).at[own_places(slot)].set(close, mode="drop")
 
         def test_next(work: tuple[Array, _Found]) -> tuple[Array, _Found]:
             bits, found = work
@@ -148,23 +148,17 @@ def _test(
     crashed, is_pushed, push_x, push_y = found.marks
     partner = found.partner
     for who, pusher in ((low, high), (high, low)):
-        crashed = _at(crashed, who).max(touches)
-        is_pushed = _at(is_pushed, who).max(will_touch)
-        partner = _at(partner, who).max(jnp.where(will_touch, pusher, -1))
+        crashed = crashed.at[own_places(who)].max(touches)
+        is_pushed = is_pushed.at[own_places(who)].max(will_touch)
+        partner = partner.at[own_places(who)].max(jnp.where(will_touch, pusher, -1))
     for who, pusher, sign in ((low, high, 0.5), (high, low, -0.5)):
         counts = will_touch & (_of(partner, who) == pusher)
         written = jnp.where(counts, who, partner.shape[0])
-        push_x = _at(push_x, written).set(sign * shift_x, mode="drop")
-        push_y = _at(push_y, written).set(sign * shift_y, mode="drop")
+        push_x = push_x.at[own_places(written)].set(sign * shift_x, mode="drop")
+        push_y = push_y.at[own_places(written)].set(sign * shift_y, mode="drop")
     return _Found((crashed, is_pushed, push_x, push_y), partner)
 
 
 def _of(values: Array, who: Int[Array, "pairs *scenarios"]) -> Array:
     """Each scenario's values of some vehicles, or at some places."""
     return jnp.take_along_axis(values, who, axis=0)
-
-
-def _at(values: Array, who: Int[Array, "pairs *scenarios"]) -> Any:
-    """The same as a place to write to; one beyond the end is written to by nobody who drops."""
-    columns = tuple(lax.broadcasted_iota(jnp.int32, who.shape, axis) for axis in range(1, who.ndim))
-    return values.at[(who, *columns)]

@@ -9,11 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.core import mobil
 from rearl_jax.core.batch import ScenarioMap, chunk_for
 from rearl_jax.core.meta_actions import apply_meta_actions
+from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import Frames, rollout
 from rearl_jax.core.spawn import spawn
-from rearl_jax.core.state import Controller
+from rearl_jax.core.state import Controller, nearest_lane
+from rearl_jax.core.step import tick
 from tests.core import simulation
 from tests.core.simulation import MODEL, N_VEHICLES
 
@@ -108,6 +111,7 @@ def test_map_compiles_once():
 DEVICES = """
 import numpy as np
 import jax
+from rearl_jax.core import mobil
 from rearl_jax.core.batch import ScenarioMap
 assert len(jax.local_devices()) == 3
 for n in (1, 2, 7, 12, 25):
@@ -141,3 +145,25 @@ def test_chunks_shrink_with_the_number_of_vehicles():
     sizes = [chunk_for(n) for n in (1, 5, 10, 30, 60, 1000)]
     assert sizes == sorted(sizes, reverse=True)
     assert all(128 <= size <= 4096 and size // 16 % 2 == 1 and size % 16 == 0 for size in sizes)
+
+
+def test_conflicts_among_few_are_settled_as_among_all(monkeypatch):
+    model = TrafficModel()
+    n_vehicles = 2 * mobil.FEW + 2
+    state, drivers = spawn(jax.random.split(jax.random.key(3), 4), model, n_vehicles=n_vehicles, density=1.0)
+
+    def drive():
+        def advance(before, _):
+            after = tick(before, drivers, model)
+            return after, (after.target_lane, nearest_lane(after.y, model), after.x)
+
+        return jax.jit(lambda: jax.lax.scan(advance, state, length=120)[1])()
+
+    among_few = drive()
+    monkeypatch.setattr(mobil, "FEW", n_vehicles)
+    among_all = drive()
+    target, lane, _ = (np.asarray(values) for values in among_few)
+    broken_off = (target != lane)[:-1] & (target == lane)[1:] & (lane[:-1] == lane[1:])
+    assert broken_off.any()
+    for few, every in zip(among_few, among_all, strict=True):
+        np.testing.assert_array_equal(few, every)
