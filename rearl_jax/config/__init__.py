@@ -22,6 +22,7 @@ from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.llm import LlmConfig, PromptConfig
 from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
 from rearl_jax.config.ppo import PpoConfig, PpoPolicyConfig
+from rearl_jax.config.report import FolderConfig, ReportConfig
 from rearl_jax.config.scenes import (
     FeaturesConfig,
     ScenesConfig,
@@ -324,3 +325,12 @@ class BenchRequestsTask:
     results: ResultsConfig = _group(ResultsConfig)
     requests: BenchRequestsConfig = _group(BenchRequestsConfig)
     llm: LlmConfig = _group(LlmConfig)
+
+
+@dataclass(unsafe_hash=True)
+class ReportTask:
+    """A finished study as one file."""
+
+    study: str = key("evaluate", "name of the finished study: its folder under results.root, as in table1/rows/base")
+    results: FolderConfig = _group(FolderConfig)
+    report: ReportConfig = _group(ReportConfig)

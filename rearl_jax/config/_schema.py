@@ -107,6 +107,37 @@ def as_plain(value: Any) -> Any:
     return value
 
 
+def from_plain(record: type[Record], plain: Mapping[str, Any], prefix: str = "") -> Record:
+    """The record that `as_plain` took apart; keys that did not exist then have their defaults.
+
+    Raises:
+        ValueError: A key is unknown, or a value is none of its choices; the message begins with the key.
+    """
+    hints = get_type_hints(record)
+    unknown = sorted(plain.keys() - {item.name for item in fields(record)})  # type: ignore[arg-type]
+    if unknown:
+        raise ValueError(f"{prefix}{unknown[0]} is no key of this version")
+    return record(**{name: _from_plain(hints[name], value, prefix + name) for name, value in plain.items()})
+
+
+def _from_plain(hint: Any, value: Any, name: str) -> Any:
+    if value is None:
+        return None
+    if get_origin(hint) in (Union, types.UnionType):
+        hint = next(part for part in get_args(hint) if part is not type(None))
+    if is_dataclass(hint) and isinstance(hint, type) and isinstance(value, Mapping):
+        return from_plain(hint, value, f"{name}.")
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        if value not in hint.__members__:
+            raise ValueError(f"{name}={value} is none of {type_name(hint)}")
+        return hint[value]
+    if get_origin(hint) is tuple:
+        parts = get_args(hint)
+        inner = [parts[0]] * len(value) if Ellipsis in parts else parts
+        return tuple(_from_plain(part, one, name) for part, one in zip(inner, value, strict=True))
+    return float(value) if hint is float else value
+
+
 def finished(record: Record, prefix: str = "") -> Record:
     """The record with lists turned into the declared tuples, after every nested `check` has passed.
 

@@ -18,6 +18,10 @@ _HOME = "rearl_jax.evaluation"
 """The package that holds `layout.html.j2`, which templates extend."""
 
 
+_SHORT = 40
+"""Characters of a table's cell that stays on one line."""
+
+
 def render_page(
     template: str,
     *,
@@ -27,6 +31,7 @@ def render_page(
     figures: Mapping[str, bytes],
     captions: Mapping[str, str],
     data_id: str | None = None,
+    made_by: Mapping[str, Any] | None = None,
     **content: Any,
 ) -> str:
     """The page as HTML text; nothing in it is loaded from anywhere else.
@@ -39,6 +44,7 @@ def render_page(
         figures: PNG files by name.
         captions: What is below each figure, by name.
         data_id: Identity of the data; None without data.
+        made_by: Provenance of results that were made before, as `results.PROVENANCE` names it; None for those made now.
         **content: What the blocks of the template need, and `title`, `generated`, `data`.
     """
     environment = Environment(
@@ -47,15 +53,24 @@ def render_page(
         undefined=StrictUndefined,
         trim_blocks=True,
     )
-    identity = "" if data_id is None else f"scenes {data_id}, "
+    environment.tests |= {"long": lambda text: len(text) > _SHORT, "words": lambda text: text[:1].isalpha()}
+    if made_by is None:
+        made_by = {
+            "code_version": __version__,
+            "config_hash": config_hash(config),
+            "git_sha": git_sha(),
+            "data_id": None if data_id is None else f"scenes {data_id}",
+        }
+    identity = "" if made_by["data_id"] is None else f"{made_by['data_id']}, "
+    version, code = made_by["code_version"], made_by["git_sha"] or made_by["code_version"]
     return environment.get_template(template).render(
-        subtitle=f"rearl_jax {__version__}, study {config.study}",
+        subtitle=f"rearl_jax {version}, study {config.study}",
         figures=[
             {"alt": name.replace("_", " "), "content": b64encode(png).decode(), "caption": captions[name]}
             for name, png in figures.items()
         ],
         command=command(words, config),
-        provenance=f"configuration {config_hash(config)}, {identity}code {git_sha() or __version__}",
+        provenance=f"configuration {made_by['config_hash']}, {identity}code {code}",
         configuration=json.dumps(as_plain(config), indent=2),
         **content,
     )

@@ -13,7 +13,7 @@ from rearl_jax.evaluation.tables import source_names, table_notes, written
 from rearl_jax.metrics import METRICS
 from rearl_jax.metrics.histograms import legacy_scale
 
-_CAPTIONS = {
+CAPTIONS = {
     "speed_histogram": ("Speeds of all held-out scenes (rescaled to the range of the simulator) and of all rollouts."),
     "errors_over_time": (
         "Hellinger distance of the window that ends at each second, relative error of the mean spacing, and "
@@ -33,13 +33,15 @@ _CAPTIONS = {
         "states: every mixture that was tried out, and how far its traffic was from the threshold scenes."
     ),
 }
+"""What is below each figure."""
 
 _STARTS = {
     InitialSource.seed: "drawn by eval.seed, run and scene alone",
     InitialSource.scene: "the first snapshot of the scene; drivers drawn by eval.seed, run and scene alone",
 }
 
-_BETTER = {"lower": "lower", "higher": "higher", "none": "neither; compare with `real`"}
+BETTER = {"lower": "lower", "higher": "higher", "none": "neither; compare with `real`"}
+"""What people read for a metric's direction."""
 
 
 def render(
@@ -62,7 +64,7 @@ def render(
         words=f"evaluate method={config.method.name}",
         config=config,
         figures=figures,
-        captions=_CAPTIONS,
+        captions=CAPTIONS,
         data_id=scenes.data_id,
         title=f"{evaluation.method.title} against {source_names(evaluation)}",
         generated=scenes.generated,
@@ -97,7 +99,7 @@ def _metric(
         "name": name,
         "title": metric.title,
         "unit": metric.unit,
-        "better": _BETTER[metric.direction.name],
+        "better": BETTER[metric.direction.name],
         "definition": metric.definition,
         "source": metric.source,
         "cells": cells,

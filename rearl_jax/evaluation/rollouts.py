@@ -6,7 +6,7 @@ from copy import copy
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Array, Float, Int, Key
 
 from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.baselines.weights import TrainedPolicy, load_policy
@@ -26,8 +26,11 @@ from rearl_jax.evaluation.simulators import (
     Interventions,
     Simulated,
     beginnings,
+    decision_keys,
     interventions,
+    populated,
     program,
+    rollout_keys,
 )
 from rearl_jax.evaluation.traffic import numbers_of
 
@@ -100,7 +103,8 @@ class Rollouts:
             references: Representative scenes, for methods that intervene.
             thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene; every pair gets
                 the same rollouts.
-            outside: Makes the policies that decide outside the compiled program, for `PolicyName.is_outside`.
+            outside: Makes the policies that decide outside the compiled program; needed for `PolicyName.is_outside`,
+                and whoever wants to see every decision of another policy gives one too.
             mixtures: Shares of the driver classes, for method=critical; every mixture gets the same rollouts. By
                 default that of `critical.ratios`.
             apart: Whether initial states are drawn that no evaluation has; needs eval.seed_scope=run.
@@ -182,7 +186,7 @@ class Rollouts:
         config = self._config
         policy = self._policy
         acts = interventions(config) if policy is None else policy.options
-        if isinstance(acts, Interventions) and acts.policy.is_outside:
+        if isinstance(acts, Interventions) and (acts.policy.is_outside or self._outside is not None):
             return self._decided_outside(acts)
         simulate = program(config.method, acts, config.core, config.init.speed, self._n_seconds, width)
         thresholds = None if self._thresholds is None else tuple(self._thresholds[:, self.cell])
@@ -193,6 +197,19 @@ class Rollouts:
         )
         shares = None if self._shares is None else self._shares[:, self.cell]
         return simulate.chunks(Batch(*self._starts(), references, thresholds, actor, shares, self._traffic))
+
+    @property
+    def decision_keys(self) -> Key[Array, " rollouts"]:
+        """Random keys of the policy, from which it draws those of each second."""
+        return decision_keys(rollout_keys(self._starts()[0]))
+
+    def vehicle_lengths(self) -> Float[np.ndarray, "vehicles rollouts"]:
+        """Lengths of the simulated vehicles [m]."""
+        config, starts = self._config, self._starts()
+        shares = None if self._shares is None else self._shares[:, self.cell]
+        batch = Batch(*starts, shares=shares, traffic=self._traffic)
+        drivers = populated(batch, config.core, config.init.speed, traffic_model(config.core))[1]
+        return np.array(np.broadcast_to(drivers.body.length, (config.core.n_vehicles, len(self))))
 
     def _starts(self) -> tuple[dict[str, np.ndarray], TrafficState | None]:
         """Seeds, and initial states where they are measured."""

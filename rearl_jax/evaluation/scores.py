@@ -37,6 +37,13 @@ NEEDS_LANES = (
 )
 
 
+def title_of(row: str) -> str:
+    """What people read for a row."""
+    if row.endswith(WITH_EFFECT):
+        return f"{row.removesuffix(WITH_EFFECT)} + effect"
+    return TITLES.get(row, row)
+
+
 @dataclass(frozen=True)
 class Scores:
     """Figures of one row of the table, pair by pair: a rollout or recording, and the scene it is scored on.
@@ -71,9 +78,7 @@ class Scores:
     @property
     def title(self) -> str:
         """What people read."""
-        if self.row.endswith(WITH_EFFECT):
-            return f"{self.row.removesuffix(WITH_EFFECT)} + effect"
-        return TITLES.get(self.row, self.row)
+        return title_of(self.row)
 
     def without(self, names: tuple[str, ...]) -> "Scores":
         """The same without some metrics."""

@@ -89,6 +89,12 @@ def interventions(config: EvaluateTask) -> Interventions | None:
     return Interventions(config.decision.policy, config.matcher, loop)
 
 
+def rollout_keys(starts: Mapping[str, Array | np.ndarray]) -> Key[Array, " scenarios"]:
+    """Random keys of rollouts with the given `seed`, `run` and `scene_id`."""
+    seed, run, scene_id = (jnp.asarray(starts[name]) for name in ("seed", "run", "scene_id"))
+    return jax.vmap(rollout_key)(seed, run, scene_id)
+
+
 def rollout_key(seed: Int[Array, ""], run: Int[Array, ""], scene_id: Int[Array, ""]) -> PRNGKey:
     """Random key of a rollout: seed, run and scene folded into one."""
     return jax.random.fold_in(jax.random.fold_in(jax.random.key(seed), run), scene_id)
@@ -133,8 +139,7 @@ def begin(
         traffic: Drivers and effects of a repaired model, its leaves with a last axis of length 1; None for
             highway-env's.
     """
-    seed, run, scene_id = (jnp.asarray(starts[name]) for name in ("seed", "run", "scene_id"))
-    keys = jax.vmap(rollout_key)(seed, run, scene_id)
+    keys = rollout_keys(starts)
     state, drivers = spawn(
         keys,
         traffic_model(core),
@@ -147,6 +152,27 @@ def begin(
     if traffic is not None:
         numbers = jax.tree.map(lambda leaf: jnp.asarray(leaf)[..., 0], traffic)
         state, drivers = populate_by_model(state, drivers, keys, numbers, traffic_model(core))
+    return state, drivers, keys
+
+
+def populated(
+    batch: Batch, core: CoreConfig, speed: InitialSpeed, model: TrafficModel
+) -> tuple[TrafficState, Drivers, Key[Array, " scenarios"]]:
+    """Initial states, drivers and random keys of a chunk, with the classes of drivers where there are any.
+
+    Args:
+        batch: What the chunk is computed from.
+        core: The road and its vehicles.
+        speed: How initial speeds are drawn.
+        model: The road.
+    """
+    state, drivers, keys = begin(batch.starts, batch.measured, core, speed, batch.traffic)
+    if batch.shares is None:
+        return state, drivers, keys
+    measured_speed = state.speed
+    state, drivers = populate(state, drivers, keys, jnp.asarray(batch.shares), model)
+    if batch.measured is not None:
+        state = replace(state, speed=measured_speed)
     return state, drivers, keys
 
 
@@ -165,12 +191,7 @@ def program(
 
     def simulate(batch: Batch) -> Simulated:
         references, thresholds = batch.references, batch.thresholds
-        state, drivers, keys = begin(batch.starts, batch.measured, core, speed, batch.traffic)
-        if batch.shares is not None:
-            measured_speed = state.speed
-            state, drivers = populate(state, drivers, keys, jnp.asarray(batch.shares), model)
-            if batch.measured is not None:
-                state = replace(state, speed=measured_speed)
+        state, drivers, keys = populated(batch, core, speed, model)
         if isinstance(acts, DrivingOptions):
             assert batch.actor is not None  # loaded with its options
             actor = jax.tree.map(lambda leaf: leaf[..., 0], batch.actor)

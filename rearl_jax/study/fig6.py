@@ -31,6 +31,9 @@ _CAPTION = (
     "the row, grey: real against real, dashed: base. The first Hellinger distance is that of the first full window."
 )
 
+CAPTIONS = {"fig6": _CAPTION}
+"""What is below the figure."""
+
 
 def run(config: StudyFig6Task) -> dict:
     """The summary, as in summary.json.
@@ -57,7 +60,7 @@ def run(config: StudyFig6Task) -> dict:
         data=page_data(config, results, inputs),
         generated=generated,
         data_id=inputs.scenes.data_id,
-        captions={"fig6": _CAPTION},
+        captions=CAPTIONS,
     )
     summary: dict[str, Any] = {"n_rows": len(results.rows), "n_scenes": results.n_scenes}
     for item in series:

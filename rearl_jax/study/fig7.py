@@ -35,6 +35,9 @@ _CAPTION = (
     "thresholds, those of the Hellinger distance divided by the factor that they likely hold."
 )
 
+CAPTIONS = {"fig7": _CAPTION}
+"""What is below the figure."""
+
 
 def run(config: StudyFig7Task) -> dict:
     """The summary, as in summary.json.
@@ -69,7 +72,7 @@ def run(config: StudyFig7Task) -> dict:
         },
         generated=generated,
         data_id=scenes.data_id,
-        captions={"fig7": _CAPTION},
+        captions=CAPTIONS,
     )
     summary: dict[str, Any] = {
         "n_scenes": len(subset),

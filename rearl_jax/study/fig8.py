@@ -26,13 +26,14 @@ from rearl_jax.study.parts import carry_out, part_record
 from rearl_jax.study.published import N_SCENE_CLUSTERS, N_TRACK_CLUSTERS
 from rearl_jax.study.report import NONE, Cell, Line, Report, Shown, finish, long_table
 
-_CAPTIONS = {
+CAPTIONS = {
     "fig8": (
         "All scenes on a t-SNE map of their label shares, coloured by cluster; stars are the representatives. "
         "Distances on such a map mean little, neighbourhoods do."
     ),
     "fig8_clusters": "What the clusters hold: mean label shares of their scenes, and how many scenes they have.",
 }
+"""What is below each figure."""
 
 
 def run(config: StudyFig8Task) -> dict:
@@ -63,7 +64,7 @@ def run(config: StudyFig8Task) -> dict:
         },
         generated=generated,
         data_id=scenes.data_id,
-        captions=_CAPTIONS,
+        captions=CAPTIONS,
     )
     summary: dict[str, Any] = {name: found[name] for name in _KEPT} | {
         "n_scenes_paper": PAPER_SCENES,

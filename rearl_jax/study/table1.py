@@ -31,6 +31,9 @@ _CAPTION = (
     "themselves for time headway and lane-change rate."
 )
 
+CAPTIONS = {"table1": _CAPTION}
+"""What is below the figure."""
+
 
 def run(config: StudyTable1Task) -> dict:
     """The summary, as in summary.json.
@@ -56,7 +59,7 @@ def run(config: StudyTable1Task) -> dict:
         data=page_data(config, results, inputs),
         generated=generated,
         data_id=inputs.scenes.data_id,
-        captions={"table1": _CAPTION},
+        captions=CAPTIONS,
     )
     summary = summary_of(config, results, said)
     metadata = {"seeds": config.seeds}

@@ -23,7 +23,7 @@ from rearl_jax.study.report import Report, finish
 from rearl_jax.study.table3_tables import conclusions, long_pairs, shown_pairs, summary_of
 from rearl_jax.sweep import task
 
-_CAPTIONS = {
+CAPTIONS = {
     "table3": (
         "Both errors of every pair on the tuning scenes. Left: beside base; bars are intervals of the best pair and of "
         "base. Right: the pairs alone, named by the percentiles of Hellinger distance and spacing error; the line "
@@ -31,6 +31,7 @@ _CAPTIONS = {
     ),
     "pairs": "The same errors as maps, from the sweep.",
 }
+"""What is below each figure."""
 
 
 def run(config: StudyTable3Task) -> dict:
@@ -69,7 +70,7 @@ def run(config: StudyTable3Task) -> dict:
         },
         generated=generated,
         data_id=scenes.data_id,
-        captions=_CAPTIONS,
+        captions=CAPTIONS,
     )
     summary = summary_of(config, results)
     seeds = config.seeds

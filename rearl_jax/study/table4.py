@@ -42,6 +42,9 @@ _CAPTION = (
     "Diamonds: the paper's figures, of an ambiguous unit and from another machine."
 )
 
+CAPTIONS = {"table4": _CAPTION}
+"""What is below the figure."""
+
 
 def run(config: StudyTable4Task) -> dict:
     """The summary, as in summary.json.
@@ -73,7 +76,7 @@ def run(config: StudyTable4Task) -> dict:
             "sources": [],
         },
         generated=False,
-        captions={"table4": _CAPTION},
+        captions=CAPTIONS,
     )
     summary = {"machine": machine, "load_average": load} | summary_of(timings, n_steps)
     draw = partial(_draw, timings, n_steps)

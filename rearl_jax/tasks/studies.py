@@ -1,4 +1,4 @@
-"""Tasks that put results beside the paper's tables and figures."""
+"""Tasks that put results beside the paper's tables and figures, and the one that reports any of them."""
 
 from rearl_jax.tasks.task import Task
 
@@ -78,5 +78,24 @@ STUDIES = (
             "representatives, beside the paper's numbers. Prints a table, writes Parquet, figures and one HTML page."
         ),
         examples=("rearl study fig8", "rearl study fig8 data=highd data.root=/data/highD study=highd_fig8"),
+    ),
+    Task(
+        words="report",
+        run="rearl_jax.report.task:run",
+        config="rearl_jax.config:ReportTask",
+        summary="a finished study as one HTML file, its scenes replayed beside the recorded ones",
+        description=(
+            "Reads the folder of a finished `rearl evaluate`, `discover`, `discover blind`, `sweep thresholds` or "
+            "`study ...` and writes report.html into it: the result in one sentence, tables with intervals, figures, "
+            "data and licence, the command that repeats it. Of `rearl evaluate` some scenes are simulated again, "
+            "checked against the figures the study has kept, and played beside the recorded ones. The file needs "
+            "nothing but a browser."
+        ),
+        examples=(
+            "rearl report",
+            "rearl report study=highd_effects",
+            "rearl report study=study_table1/rows/matcher_rank report.n_scenes=5 report.run=2",
+            "rearl report study=evaluate report.scenes=[3,17] report.path=for_the_meeting.html",
+        ),
     ),
 )

@@ -1,0 +1,129 @@
+"""Trajectories as compact JSON inside the page: whole centimetres, each less the one before."""
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.core.road import traffic_model
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scene_windows import UNKNOWN_LANE
+from rearl_jax.report.replay import Replay, ReplayedScene
+
+MOST_CHARACTERS = 600_000
+"""Length of the data in a page; scenes beyond it are left out."""
+
+_CM = 100.0
+
+_UNSAFE = {ord(char): f"\\u{ord(char):04x}" for char in "<>&'\u2028\u2029"}
+"""Characters that could end a script element or an attribute, or a line of JavaScript."""
+
+
+def embedded(value: Any) -> str:
+    """JSON that cannot break out of the script element or attribute it stands in."""
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).translate(_UNSAFE)
+
+
+def replay_data(replay: Replay) -> dict[str, Any]:
+    """What the player draws.
+
+    `lanes`, `laneWidth` [cm]: the simulated road; `seconds`: frames of a scene; `scenes`: objects with `id`,
+    `recording`, `start` [s], `run`, `h`, `sim` and `real`. Both have `vehicles`: pieces `{t, x, y, l}`, first frame,
+    positions along and across the road as differences [cm], length [cm]; and `speed`, the mean of each frame [m/s].
+    `sim` has `crash` (frame of each vehicle's crash, -1 for none) and `asked`, `[frame, vehicle, action]`.
+    """
+    model = traffic_model(replay.config.core)
+    scenes, size = [], 0
+    for one in replay.replayed:
+        scene = _scene(replay.scenes, one, model.lane_width)
+        size += len(embedded(scene))
+        if scenes and size > MOST_CHARACTERS:
+            break
+        scenes.append(scene)
+    return {
+        "lanes": model.n_lanes,
+        "realLanes": max(scene["lanes"] for scene in scenes),
+        "laneWidth": round(_CM * model.lane_width),
+        "seconds": replay.scenes.seconds,
+        "scenes": scenes,
+    }
+
+
+def _scene(scenes: SceneSet, one: ReplayedScene, lane_width: float) -> dict[str, Any]:
+    index = one.index
+    y, n_lanes = _lateral(scenes, index, lane_width)
+    frames = one.frames
+    crashed = np.asarray(frames.crashed)
+    crash = np.where(crashed.any(axis=0), crashed.argmax(axis=0), -1)
+    columns = zip(frames.x.T, frames.y.T, one.lengths, strict=True)
+    return {
+        "id": int(scenes.scene_id[index]),
+        "recording": str(scenes.recording[index]),
+        "start": round(float(scenes.start_time[index]), 1),
+        "run": one.run,
+        "h": round(one.h, 4),
+        "lanes": n_lanes,
+        "sim": {
+            "vehicles": [_piece(0, x, across, float(length)) for x, across, length in columns],
+            "speed": _means(np.asarray(frames.speed)),
+            "crash": crash.tolist(),
+            "asked": [[told.second, told.vehicle, told.action] for told in one.decisions],
+        },
+        "real": {
+            "vehicles": _recorded_pieces(scenes, index, y),
+            "speed": _means(scenes.speed[index]),
+            "scaled": _means(scenes.scaled_speed[index]),
+        },
+    }
+
+
+def _means(speed: np.ndarray) -> list[float]:
+    return [round(float(value), 2) for value in speed.mean(axis=1)]
+
+
+def _lateral(scenes: SceneSet, index: int, lane_width: float) -> tuple[Float[np.ndarray, "frames slots"], int]:
+    """Where recorded vehicles are drawn across the road [m], and for how many lanes: the middle of their lane, the
+    carriageways side by side; where lanes are unknown, the measured place.
+    """
+    lane, direction = scenes.lane[index].astype(np.int64), scenes.direction[index]
+    if (lane == UNKNOWN_LANE).any():
+        y = scenes.y[index] - scenes.y[index].min()
+        return y, int(np.ceil(y.max() / lane_width)) + 1
+    name = str(scenes.recording[index])
+    counts = next((info.lane_count for info in scenes.infos if info.id == name), {})
+    first = counts.get(1, 0)
+    lane = lane + np.where(direction == 2, first, 0)
+    return lane * lane_width, max(int(lane.max()) + 1, sum(counts.values()))
+
+
+def _recorded_pieces(scenes: SceneSet, index: int, y: np.ndarray) -> list[dict[str, Any]]:
+    """Every vehicle as long as it is among the picked ones without a break."""
+    track, x, length = scenes.track_id[index], scenes.position[index], scenes.length[index]
+    pieces = []
+    for vehicle in np.unique(track):
+        frame, slot = np.nonzero(track == vehicle)
+        for part in np.split(np.arange(len(frame)), np.flatnonzero(np.diff(frame) != 1) + 1):
+            at = (frame[part], slot[part])
+            pieces.append(_piece(int(frame[part[0]]), x[at], y[at], float(length[at][0])))
+    return pieces
+
+
+def _piece(first: int, x: np.ndarray, y: np.ndarray, length: float) -> dict[str, Any]:
+    return {"t": first, "x": differences(x), "y": differences(y), "l": round(_CM * length)}
+
+
+def differences(values: np.ndarray) -> list[int]:
+    """Whole centimetres, each less the one before, the first as it is; no error adds up.
+
+    Args:
+        values: Positions [m].
+    """
+    whole = np.rint(_CM * np.asarray(values, np.float64)).astype(np.int64)
+    return np.diff(whole, prepend=0).tolist()
+
+
+def positions(steps: Sequence[int]) -> Float[np.ndarray, " frames"]:
+    """Positions [m] from what `differences` made of them."""
+    return np.cumsum(np.asarray(steps, np.int64)) / _CM

@@ -1,0 +1,234 @@
+"""Some rollouts of a finished evaluation simulated again, and checked against what the study has kept of them.
+
+The study keeps figures, no trajectories. A rollout follows from seed, run and scene alone, so the same functions give
+the same one again; where they do not, nothing is shown.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+
+import jax
+import numpy as np
+from jaxtyping import Float
+from rich.progress import Progress
+
+from rearl_jax.baselines.critical.mixture import Mixture
+from rearl_jax.config import EvaluateTask
+from rearl_jax.config.decision import PolicyName
+from rearl_jax.config.evaluation import Method, Variant
+from rearl_jax.config.report import ReportConfig
+from rearl_jax.core.rollout import Frames
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.splits import Split
+from rearl_jax.evaluation.inputs import Inputs, read_inputs
+from rearl_jax.evaluation.language_model import language_model
+from rearl_jax.evaluation.outside import MakePolicy
+from rearl_jax.evaluation.percentiles import detection_thresholds
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.runner import make_scorer, scored_chunks
+from rearl_jax.evaluation.scores import WITH_EFFECT
+from rearl_jax.evaluation.simulators import NEVER, interventions
+from rearl_jax.evaluation.traffic import inputs_id
+from rearl_jax.evaluation.variants import compares_variants
+from rearl_jax.progress import shown
+from rearl_jax.report.finished import FinishedStudy
+from rearl_jax.report.witness import Decision, Witness, policy_of
+from rearl_jax.results import Study
+from rearl_jax.runtime import set_precision
+
+SAME_FIGURE = 1e-5
+"""Difference of Hellinger distances [-] up to which a rollout is that of the study: what rounding may do to a mean."""
+
+
+class NoReplayError(ValueError):
+    """The scenes of a study cannot be shown; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class ReplayedScene:
+    """A rollout and the recorded scene it was scored on.
+
+    Attributes:
+        index: Index of the scene in the `SceneSet`.
+        run: Run of the study.
+        frames: The rollout, `[n_steps, n_vehicles]`.
+        lengths: Lengths of its vehicles [m].
+        decisions: Who was asked when, and told what.
+        h: Its Hellinger distance [-].
+    """
+
+    index: int
+    run: int
+    frames: Frames
+    lengths: Float[np.ndarray, " vehicles"]
+    decisions: tuple[Decision, ...]
+    h: float
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Scenes to be shown.
+
+    Attributes:
+        config: The method that was simulated.
+        row: Its row in the study's tables.
+        scenes: All recorded scenes.
+        replayed: The chosen ones.
+    """
+
+    config: EvaluateTask
+    row: str
+    scenes: SceneSet
+    replayed: tuple[ReplayedScene, ...]
+
+
+def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -> Replay:
+    """The chosen rollouts of a study.
+
+    Args:
+        study: A finished `rearl evaluate`.
+        options: Which scenes, which run.
+        bar: Shows what is read and simulated.
+
+    Raises:
+        NoReplayError: The data are missing or others, or the rollouts are not those of the study.
+        ValueError: The scenes or the run asked for are none of the study.
+    """
+    config, row = _one_method(study.config)
+    if options.run >= config.eval.n_runs:
+        raise ValueError(f"report.run={options.run}: the study has the runs 0 to {config.eval.n_runs - 1}")
+    _require_same_data(study)
+    set_precision(config.core.dtype)
+    folder = Study(str(study.path.parent), study.path.name, study.config, study.task.words, generated=study.generated)
+    inputs = read_inputs(config, folder, bar, with_references=config.method.needs_references)
+    held_out = inputs.splits.indices(Split[config.eval.subset.name.upper()])
+    chosen = chosen_scenes(inputs.scenes, held_out, options)
+    found = _replayed(study, config, inputs, chosen, len(held_out), options.run, bar)
+    replay = Replay(config, row, inputs.scenes, tuple(found))
+    _require_same_figures(study, replay)
+    return replay
+
+
+def _one_method(config: EvaluateTask) -> tuple[EvaluateTask, str]:
+    """The method that is shown and its row: with variants of a model the closed loop on the repaired one."""
+    row = config.method.name
+    if compares_variants(config):
+        config = replace(config, method=Method.rearl, variant=Variant.repaired)
+        row = f"{Method.rearl.name}{WITH_EFFECT}"
+    if config.decision.policy is PolicyName.llm:
+        # The answers were kept: nobody has to be asked again.
+        config = replace(config, decision=replace(config.decision, policy=PolicyName.replay))
+    return config, row
+
+
+def _require_same_data(study: FinishedStudy) -> None:
+    """Raise NoReplayError where the recordings are not there, or not those of the study."""
+    try:
+        found = inputs_id(study.config)
+    except (OSError, ValueError) as error:
+        raise NoReplayError(f"its data cannot be read: {error}") from error
+    if found != study.provenance["data_id"]:
+        raise NoReplayError(
+            f"the data of the study are {study.provenance['data_id']}, those at data.root are {found} now: put the "
+            "former back, or run the study again"
+        )
+
+
+def chosen_scenes(scenes: SceneSet, held_out: np.ndarray, options: ReportConfig) -> np.ndarray:
+    """Indices of the scenes that are shown, rising; by default from the slowest to the fastest, so that none is picked
+    for its looks.
+
+    Raises:
+        ValueError: A scene asked for is not held out.
+    """
+    ids = scenes.scene_id[held_out]
+    if options.scenes is not None:
+        missing = sorted(set(options.scenes) - set(ids.tolist()))
+        if missing:
+            known = ", ".join(map(str, ids[:20])) + (", ..." if len(ids) > 20 else "")
+            raise ValueError(f"report.scenes: {missing[0]} is no held-out scene of the study; these are: {known}")
+        return held_out[np.isin(ids, options.scenes)]
+    by_speed = held_out[np.argsort(scenes.speed[held_out].mean(axis=(1, 2)), kind="stable")]
+    places = np.linspace(0, len(by_speed) - 1, min(options.n_scenes, len(by_speed)))
+    return np.sort(by_speed[np.unique(np.rint(places).astype(int))])
+
+
+def _replayed(
+    study: FinishedStudy,
+    config: EvaluateTask,
+    inputs: Inputs,
+    chosen: np.ndarray,
+    n_held_out: int,
+    run: int,
+    bar: Progress,
+) -> Iterator[ReplayedScene]:
+    """One run of the chosen scenes, scored as the study scored it."""
+    scenes, thresholds = inputs.scenes, NEVER
+    if config.method.needs_references:
+        asked = replace(config, variant=study.config.variant)
+        thresholds = detection_thresholds(asked, scenes, inputs.splits.threshold, shown(bar, "thresholds"))
+    mixtures = _mixture(study)
+
+    def rollouts_with(outside: MakePolicy | None) -> Rollouts:
+        all_runs = Rollouts(config, scenes, chosen, inputs.references, [thresholds], outside, mixtures=mixtures)
+        n = len(all_runs) // config.eval.n_runs
+        return all_runs[run * n : (run + 1) * n]
+
+    # As many at a time as in the study, so that its compiled programs serve again.
+    scorer, width = make_scorer(config, scenes, config.eval.n_runs * n_held_out)
+    with _witness(config, rollouts_with, bar) as witness:
+        rollouts = rollouts_with(witness)
+        lengths = rollouts.vehicle_lengths()
+        first = 0
+        for simulated, chunk in scored_chunks(config, rollouts, scorer, chosen, width, shown(bar, "replay")):
+            for column, scene, h in zip(chunk.rollout, chunk.scene, chunk.metrics.h.value, strict=True):
+                at = first + int(column)
+                told = () if witness is None else tuple(one for one in witness.decisions if one.rollout == at)
+                frames = jax.tree.map(lambda leaf, column=column: np.asarray(leaf[..., column]), simulated.frames)
+                yield ReplayedScene(int(scene), run, frames, lengths[:, at], told, float(h))
+            first += simulated.frames.x.shape[-1]
+
+
+def _mixture(study: FinishedStudy) -> tuple[Mixture, ...]:
+    """Shares of the driver classes that the study came to; nothing for other methods."""
+    if study.config.method is not Method.critical:
+        return ()
+    names = tuple(f"ratio_{name}" for name in Mixture._fields)
+    study.needs(study.rows[0], names, "summary.json")
+    return (Mixture(*(float(study.rows[0][name]) for name in names)),)
+
+
+@contextmanager
+def _witness(
+    config: EvaluateTask, rollouts_with: Callable[[MakePolicy | None], Rollouts], bar: Progress
+) -> Iterator[Witness | None]:
+    """Writes down who is asked; None where nobody is."""
+    acts = interventions(config)
+    if acts is None:
+        yield None
+        return
+    with ExitStack() as opened:
+        try:
+            asked = opened.enter_context(language_model(config, bar))
+        except (ImportError, OSError, ValueError) as error:
+            raise NoReplayError(f"the kept answers of its language model cannot be read: {error}") from error
+        yield Witness(policy_of(acts, rollouts_with(None).decision_keys) if asked is None else asked.make_policy)
+
+
+def _require_same_figures(study: FinishedStudy, replay: Replay) -> None:
+    """Raise NoReplayError where a rollout scores otherwise than it did in the study."""
+    runs = study.table("runs")
+    study.needs(runs, ("method", "scene_id", "run", "h"), "runs.parquet")
+    rows = runs.loc[(runs["method"] == replay.row) & runs["h"].notna(), ["scene_id", "run", "h"]]
+    kept = {(int(scene), int(run)): float(h) for scene, run, h in rows.itertuples(index=False)}
+    for one in replay.replayed:
+        scene = int(replay.scenes.scene_id[one.index])
+        before = kept.get((scene, one.run))
+        if before is None or abs(before - one.h) > SAME_FIGURE:
+            figure = "no" if before is None else f"{before:.5f} as"
+            raise NoReplayError(
+                f"simulated again, run {one.run} of scene {scene} has a Hellinger distance of {one.h:.5f}, but the "
+                f"study has {figure} figure for it: it was made by other code or on another machine "
+                f"({study.provenance['code_version']}, {study.provenance['git_sha']}); {study.again}"
+            )

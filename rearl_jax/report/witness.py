@@ -1,0 +1,128 @@
+"""Policies whose every decision is written down: who was asked in which second, and what they were told.
+
+The closed loop inside the compiled program keeps counts alone. Here its policy decides outside, in lockstep, which
+gives the same traffic bit for bit.
+"""
+
+import functools
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Int, Key
+
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.decision.execution import accept
+from rearl_jax.decision.lockstep import HostPolicy
+from rearl_jax.decision.loop import LoopOptions
+from rearl_jax.decision.policies import make_policy
+from rearl_jax.decision.situation import Situation
+from rearl_jax.detection.detector import Thresholds
+from rearl_jax.detection.table import ReferenceTable
+from rearl_jax.evaluation.outside import MakePolicy
+from rearl_jax.evaluation.simulators import Interventions
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One vehicle that was asked.
+
+    Attributes:
+        rollout: Number of the rollout.
+        second: Frame at whose end it was asked; the answer is followed in the second after it.
+        vehicle: Number of the vehicle.
+        action: What it is told, in the order of `MetaAction`; NO_ACTION where the answer cannot be followed.
+    """
+
+    rollout: int
+    second: int
+    vehicle: int
+    action: int
+
+
+@dataclass
+class Witness:
+    """Makes policies that write down what they decide.
+
+    Attributes:
+        make: Makes the policies themselves.
+        decisions: What they have decided so far.
+    """
+
+    make: MakePolicy
+    decisions: list[Decision] = field(default_factory=list)
+
+    def __call__(
+        self, table: ReferenceTable, model: TrafficModel, options: LoopOptions, thresholds: Thresholds, first: int
+    ) -> HostPolicy:
+        """A policy for some scenarios; see `outside.MakePolicy`."""
+        return _Witnessed(self.make(table, model, options, thresholds, first), first, self.decisions)
+
+
+@dataclass(frozen=True)
+class _Witnessed:
+    policy: HostPolicy
+    first: int
+    decisions: list[Decision]
+
+    def ask(self, situation: Situation) -> Future[np.ndarray]:
+        """The policy's own answer, once it is written down."""
+        answer = self.policy.ask(situation)
+        told: Future[np.ndarray] = Future()
+        told.set_result(self._written_down(situation, np.asarray(answer.result())))
+        return told
+
+    def _written_down(self, situation: Situation, actions: np.ndarray) -> np.ndarray:
+        mask, admissible = jnp.asarray(situation.detection.mask), jnp.asarray(situation.admissible)
+        orders = accept(jnp.asarray(actions), mask, admissible)
+        asked, followed, second = np.asarray(orders.is_asked), np.asarray(orders.action), int(situation.second)
+        self.decisions.extend(
+            Decision(self.first + int(rollout), second, int(vehicle), int(followed[vehicle, rollout]))
+            for rollout, vehicle in np.argwhere(asked.T)
+        )
+        return actions
+
+
+def policy_of(acts: Interventions, keys: Key[Array, " rollouts"]) -> MakePolicy:
+    """Makes policies that decide as the one inside the compiled program does.
+
+    Args:
+        acts: Policy and its options.
+        keys: Random keys of the policy, one per rollout.
+    """
+
+    def make(
+        table: ReferenceTable, model: TrafficModel, options: LoopOptions, thresholds: Thresholds, first: int
+    ) -> HostPolicy:
+        n_rollouts = thresholds.hellinger.shape[-1]
+        decide = _compiled(acts, model)
+        return _Compiled(functools.partial(decide, table=table, keys=keys[first : first + n_rollouts]))
+
+    return make
+
+
+@functools.cache
+def _compiled(acts: Interventions, model: TrafficModel) -> Callable[..., Array]:
+    policy = make_policy(acts.policy, acts.matcher, model)
+
+    def decide(
+        situation: Situation, table: ReferenceTable, keys: Key[Array, " rollouts"]
+    ) -> Int[Array, "vehicles rollouts"]:
+        own_keys = jax.vmap(lambda key: jax.random.fold_in(key, situation.second))(keys)
+        return policy(situation, table, own_keys)
+
+    return jax.jit(decide)
+
+
+@dataclass(frozen=True)
+class _Compiled:
+    decide: Callable[[Situation], Array]
+
+    def ask(self, situation: Situation) -> Future[np.ndarray]:
+        """The answer, at once."""
+        answer: Future[np.ndarray] = Future()
+        answer.set_result(np.asarray(self.decide(situation)))
+        return answer

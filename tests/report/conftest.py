@@ -1,0 +1,204 @@
+"""One real evaluation of the shipped recordings with its report, and folders of studies that would take minutes."""
+
+import contextlib
+import io
+import json
+import re
+import shutil
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+HOSTILE = "</script><script>alert(1)</script><!--"
+
+
+@dataclass(frozen=True)
+class Reported:
+    """What `rearl evaluate` and `rearl report` did."""
+
+    config: object
+    root: Path
+    folder: Path
+    found: dict
+    printed: str
+
+    @property
+    def page(self):
+        return (self.folder / "report.html").read_text(encoding="utf-8")
+
+    @property
+    def replay(self):
+        return replay_of(self.page)
+
+
+def replay_of(page):
+    """The data of the player in a page."""
+    return json.loads(re.search(r'id="replay-data">(.*?)</script>', page, re.DOTALL)[1])
+
+
+@pytest.fixture(scope="session")
+def drifting():
+    """The method base replaced by vehicles that keep their speed, which compiles in no time.
+
+    Vehicle 0 changes to lane 3 after the fifth second and crashes after the eighth.
+    """
+    import jax.numpy as jnp
+
+    from rearl_jax.config.evaluation import Method
+    from rearl_jax.core.rollout import Frames
+    from rearl_jax.core.state import nearest_lane
+    from rearl_jax.evaluation import simulators
+
+    def simulate(state, drivers, model, n_seconds):
+        second = jnp.arange(1, n_seconds + 1)[:, None, None]
+        same = jnp.zeros((n_seconds, *state.x.shape), state.x.dtype)
+        first = jnp.arange(state.x.shape[0])[None, :, None] == 0
+        y = jnp.where(first & (second > 5), 3 * model.lane_width, state.y[None] + same).astype(state.y.dtype)
+        return Frames(
+            x=state.x[None] + second.astype(state.x.dtype) * state.speed[None],
+            y=y,
+            heading=same,
+            speed=state.speed[None] + same,
+            acceleration=same,
+            lane=nearest_lane(y, model),
+            crashed=first & (second > 8) & (same == 0),
+        )
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(simulators.SIMULATORS, Method.base, simulate)
+        simulators.program.cache_clear()
+        yield
+        simulators.program.cache_clear()
+
+
+@pytest.fixture(scope="session")
+def reported(tmp_path_factory, drifting):
+    """`rearl evaluate` of drifting vehicles, one run, few resamples, and `rearl report` on it."""
+    from rearl_jax.config import EvaluateTask, ResultsConfig
+    from rearl_jax.config.evaluation import EvaluationConfig
+    from rearl_jax.evaluation import task
+
+    root = tmp_path_factory.mktemp("results")
+    config = EvaluateTask(
+        study="quick",
+        results=ResultsConfig(root=str(root)),
+        eval=EvaluationConfig(n_runs=1, resamples=50, noise_draws=10),
+    )
+    with contextlib.redirect_stdout(io.StringIO()):
+        task.run(config)
+    found, printed = report(root, "quick")
+    return Reported(config, root, root / "quick", found, printed)
+
+
+def report(root, study, **options):
+    """What the task gives back, and what it prints."""
+    from rearl_jax.config import ReportTask
+    from rearl_jax.config.report import FolderConfig, ReportConfig
+    from rearl_jax.report.task import run
+
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        found = run(ReportTask(study, FolderConfig(str(root)), ReportConfig(**options)))
+    return found, printed.getvalue()
+
+
+@pytest.fixture
+def copied(reported, tmp_path):
+    """A copy of the evaluation that a test may spoil, without its report: its root."""
+    shutil.copytree(reported.folder, tmp_path / "quick", ignore=shutil.ignore_patterns("report.html"))
+    return tmp_path
+
+
+@pytest.fixture
+def make_report():
+    return report
+
+
+@pytest.fixture
+def read_replay():
+    return replay_of
+
+
+FIGURE = {"value": 1.5, "low": 1.0, "high": 2.0}
+DELAY = {"name": "reaction_delay", "kind": "driver", "variables": ["gap"]}
+SCORES = {"evidence": 60.0, "surprise": 40.0, "gain": 30.0, "check": 20.0, "ambiguous": False, "told_apart_by": None}
+
+VERDICT = {
+    "verdict": "named",
+    "effects": [
+        DELAY
+        | {
+            "parameters": {"delay": {"value": 0.7, "low": 0.6, "high": 0.8, "unit": "s"}},
+            "confidence": 0.9,
+            "evidence": 50.0,
+        }
+    ],
+    "candidates": [
+        DELAY | SCORES,
+        {"name": "leader_acceleration", "kind": "driver", "variables": ["leader_acceleration"]}
+        | SCORES
+        | {"gain": None, "check": None, "ambiguous": True, "told_apart_by": f"faster changes {HOSTILE}"},
+    ],
+    "unseen": [{"name": "rear_pressure", "parameter": "gain", "strength": 0.4, "unit": "-"}],
+    "error": {
+        "measure": "gap_rmse",
+        "n_drivers": 36,
+        "before": FIGURE,
+        "after": FIGURE | {"value": 0.5},
+        "change": FIGURE | {"value": -1.0},
+        "floor": FIGURE | {"value": 0.4},
+        "oracle": None,
+        "explained_share": 0.9,
+        "all": {
+            name: {"before": FIGURE, "after": FIGURE, "change": FIGURE}
+            for name in ("gap_rmse", "speed_rmse", "one_step", "energy_score")
+        },
+    },
+    "adequacy": None,
+    "lane_choice": {"changes": 12, "opportunities": 345, "loss": None},
+    "data": {
+        "id": "abc",
+        "recordings": 3,
+        "generated": True,
+        "drivers": {"fitted": 36, "checked": 35, "reported": 34},
+        "driver_seconds": 6000.0,
+        "step": 0.1,
+        "position_noise": 0.1,
+        "findings": [f"the {HOSTILE} column is late"],
+        "notes": ["made for a test"],
+    },
+    "seconds": 1.0,
+}
+
+
+@pytest.fixture
+def make_study(tmp_path):
+    """Makes the folder of a finished study: its task, configuration, summary, tables and other files."""
+    from rearl_jax.results import Study
+
+    def make(name, task, config, summary, tables=None, **texts):
+        study = Study(tmp_path, name, replace(config, study=name), task, None, generated=True)
+        study.write_config()
+        for table, frame in (tables or {}).items():
+            study.write_table(table, frame)
+        for file, content in texts.items():
+            study.write_text(f"{file}.json", json.dumps(content))
+        study.write_summary(summary)
+        return tmp_path
+
+    return make
+
+
+@pytest.fixture
+def discovery(make_study):
+    """The folder of a discovery in which everything that is a text is hostile; its root."""
+    from rearl_jax.config import DiscoverTask
+    from rearl_jax.config.data import DataConfig, DataFormat
+
+    config = DiscoverTask(data=DataConfig(format=DataFormat.table, root=f"nowhere{HOSTILE}"))
+    root = make_study("found", "discover", config, {"verdict": "named"}, verdict=VERDICT)
+    dot = bytes.fromhex("89504e470d0a1a0a")
+    for name in ("planes", "maps", "another"):
+        (root / "found" / f"{name}.png").write_bytes(dot)
+    return root

@@ -1,0 +1,293 @@
+"""`rearl report` from end to end: what is on the page, that nothing is loaded, and what it says where it cannot."""
+
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+
+
+class Seen(HTMLParser):
+    """Elements of a page by name, with their attributes; whatever is opened is closed."""
+
+    VOID = ("meta", "img", "br", "input", "link", "hr")
+
+    def __init__(self, page):
+        super().__init__()
+        self.elements, self.open = [], []
+        self.feed(page)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        self.elements.append((tag, dict(attributes)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def of(self, tag):
+        return [attributes for name, attributes in self.elements if name == tag]
+
+
+def check_alone(page):
+    """Nothing is loaded from anywhere, everything is well formed and described."""
+    assert not re.search(r"""(src|href|action)\s*=\s*["']?\s*(https?:)?//""", page)
+    assert not re.search(r"@import|url\(\s*['\"]?(?!data:)", page)
+    assert "default-src 'none'" in page
+    seen = Seen(page)
+    assert all(attributes["src"].startswith("data:image/png;base64,") for attributes in seen.of("img"))
+    assert all(attributes["alt"] for attributes in seen.of("img"))
+    assert all("src" not in attributes for attributes in seen.of("script"))
+    assert len(seen.of("caption")) == len(seen.of("table"))
+    assert len(seen.of("h1")) == 1
+    assert all(attributes.get("aria-label") for attributes in seen.of("canvas"))
+    assert 'name="viewport"' in page
+    assert "prefers-color-scheme: dark" in page
+    return seen
+
+
+def words(page):
+    """What people read, without figures and scripts."""
+    page = re.sub(r"<(script|style)\b.*?</\1>|base64,[^\"]*", "", page, flags=re.DOTALL)
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", page))
+
+
+def test_an_evaluation_is_reported_with_intervals_and_provenance(reported):
+    seen = check_alone(reported.page)
+    text = words(reported.page)
+    summary = json.loads((reported.folder / "summary.json").read_text())[0]
+    low, high = summary["h_low"], summary["h_high"]
+    assert f"The speeds of base are a Hellinger distance of {summary['h']:.3f} ({low:.3f} to {high:.3f})" in text
+    assert f"{low:.3f} to {high:.3f}" in text.split("Metrics by method")[1]
+    for part in ("config_hash", "data_id", "git_sha"):
+        assert summary[part] is None or summary[part] in text
+    assert "rearl evaluate method=base" in text
+    assert "Licence: CC BY-SA 4.0" in text
+    assert "Interventions" not in text  # nobody intervenes in base
+    assert len(seen.of("img")) == len(list(reported.folder.glob("*.png"))) == 3
+    assert not re.search(r"\b(nan|None)\b", text.split("Complete configuration")[0])
+    assert f"scenes {', '.join(map(str, reported.found['scenes']))}" in reported.printed
+    assert reported.found["size"] < 1_500_000
+
+
+def test_the_replay_is_the_rollout_of_the_study(reported):
+    """Positions are those of the same functions `rearl evaluate` calls, to the centimetre."""
+    from rearl_jax.evaluation.inputs import read_inputs
+    from rearl_jax.evaluation.rollouts import Rollouts
+    from rearl_jax.progress import progress_bar
+    from rearl_jax.report.embedding import positions
+    from rearl_jax.results import Study
+
+    with progress_bar() as bar:
+        study = Study(reported.root, "other", reported.config, "evaluate")
+        scenes = read_inputs(reported.config, study, bar, with_references=False).scenes
+    replay = reported.replay
+    assert len(replay["scenes"]) == 3
+    chosen = np.array([int(np.flatnonzero(scenes.scene_id == one["id"])[0]) for one in replay["scenes"]])
+    (simulated,) = Rollouts(reported.config, scenes, chosen).chunks(3)
+    runs = pd.read_parquet(reported.folder / "runs.parquet").query("method == 'base'").set_index("scene_id")
+    for column, (index, one) in enumerate(zip(chosen, replay["scenes"], strict=True)):
+        assert one["h"] == pytest.approx(float(runs.loc[one["id"], "h"]), abs=1e-4)
+        for vehicle, piece in enumerate(one["sim"]["vehicles"]):
+            assert piece["l"] == 500
+            np.testing.assert_allclose(positions(piece["x"]), simulated.frames.x[:, vehicle, column], atol=0.006)
+            np.testing.assert_allclose(positions(piece["y"]), simulated.frames.y[:, vehicle, column], atol=0.006)
+        # Every picked vehicle of every snapshot is there once, at its place.
+        found = {}
+        for piece in one["real"]["vehicles"]:
+            for second, x in enumerate(positions(piece["x"])):
+                found.setdefault(piece["t"] + second, []).append(x)
+        assert sorted(found) == list(range(scenes.seconds))
+        for second, x in found.items():
+            np.testing.assert_allclose(sorted(x), np.sort(scenes.position[index, second]), atol=0.006)
+        travelled = positions(one["sim"]["vehicles"][0]["x"])
+        assert travelled[-1] - travelled[0] > 500  # it drives
+        assert not one["sim"]["asked"]
+        assert one["sim"]["crash"] == [8, *[-1] * 9]  # the first vehicle, in the ninth second
+
+
+def test_scenes_path_and_replay_are_as_asked_for(reported, make_report, read_replay, tmp_path):
+    some = reported.found["scenes"][:1]
+    found, _ = make_report(reported.root, "quick", scenes=tuple(some), path=str(tmp_path / "mine.html"))
+    assert [one["id"] for one in read_replay((tmp_path / "mine.html").read_text())["scenes"]] == some
+    found, _ = make_report(reported.root, "quick", replay=False, path=str(tmp_path / "without.html"))
+    assert found["scenes"] == []
+    assert "replay-data" not in (tmp_path / "without.html").read_text()
+    with pytest.raises(ValueError, match=r"report.scenes: 999 is no held-out scene of the study; these are: \d+"):
+        make_report(reported.root, "quick", scenes=(999,))
+    with pytest.raises(ValueError, match="report.run=7: the study has the runs 0 to 0"):
+        make_report(reported.root, "quick", run=7)
+
+
+def test_without_its_data_a_study_is_reported_without_replay(copied, make_report):
+    file = copied / "quick" / "summary.json"
+    rows = json.loads(file.read_text())
+    file.write_text(json.dumps([row | {"data_id": "us101-gone"} for row in rows]))
+    found, printed = make_report(copied, "quick")
+    assert found["scenes"] == []
+    page = (copied / "quick" / "report.html").read_text()
+    check_alone(page)
+    for text in (printed, words(page)):
+        assert "No scenes are replayed here: the data of the study are us101-gone, those at data.root are" in text
+    assert "Metrics by method" in page
+    assert "replay-data" not in page
+
+
+def test_rollouts_that_are_not_those_of_the_study_are_not_shown(copied, make_report):
+    runs = pd.read_parquet(copied / "quick" / "runs.parquet")
+    runs["h"] = runs["h"] + 0.01
+    runs.to_parquet(copied / "quick" / "runs.parquet")
+    found, _ = make_report(copied, "quick")
+    assert re.search(
+        r"run 0 of scene \d+ has a Hellinger distance of 0\.\d+, but the study has 0\.\d+", found["no_replay"]
+    )
+    assert found["scenes"] == []
+
+
+def test_a_discovery_is_reported_with_its_verdict_and_hostile_names_are_text(discovery, make_report):
+    make_report(discovery, "found")
+    page = (discovery / "found" / "report.html").read_text()
+    seen = check_alone(page)
+    text = words(page)
+    assert "Missing in the model: reaction delay." in text
+    assert "Generated recordings, no measurements" in text
+    assert "0.700 s 0.600 to 0.800 0.90" in text  # value, interval, confidence
+    assert "closed-loop gap error [m] 1.50 1.00 to 2.00" in text
+    assert "gap error by drivers&#39; own noise alone [m] 0.40" in text
+    assert "105 drivers who follow somebody" in text
+    assert "Source and licence of the recordings cannot be told: " in text
+    assert seen.of("script") == []
+    assert page.count("alert(1)") >= 3
+    assert page.count("&lt;/script&gt;&lt;script&gt;alert(1)") == page.count("alert(1)")
+    # Maps of what the model leaves come first, figures nobody describes last.
+    assert [attributes["alt"] for attributes in seen.of("img")] == ["maps", "planes", "another"]
+
+
+def test_a_sweep_is_reported_with_its_pairs(make_study, make_report):
+    from rearl_jax.config import SweepThresholdsTask
+
+    summary = {"n_pairs": 2, "n_rollouts": 30, "best_h_pct": 10.0, "best_m_pct": 5.0, "best_score": 0.5}
+    summary |= {"base_score": 0.7, "best_win_share": 0.9, "lead": 0.1, "lead_low": 0.05, "lead_high": 0.2}
+    table = pd.DataFrame({"h_pct": [5.0, 10.0], "m_pct": [5.0, 5.0], "score": [0.6, 0.5], "win_share": [0.1, 0.9]})
+    root = make_study(
+        "sweep", "sweep thresholds", SweepThresholdsTask(), summary | {"is_distinguishable": True}, {"table3": table}
+    )
+    make_report(root, "sweep")
+    page = (root / "sweep" / "report.html").read_text()
+    check_alone(page)
+    text = words(page)
+    assert "the percentiles 10 % and 5 % leave the least error, 0.500 beside 0.700 without interventions" in text
+    assert "can tell it from the next, its lead is 0.100 (0.0500 to 0.200)" in text
+    assert text.index("10 % / 5 %") < text.index("5 % / 5 %")  # the best first
+
+
+def test_a_study_beside_the_paper_is_reported_with_both(make_study, make_report):
+    from rearl_jax.config import StudyTable1Task
+
+    table = pd.DataFrame(
+        {
+            "row": ["base", "rearl"],
+            "title": ["base", "<b>REARL</b>"],
+            "metric": ["h", "h"],
+            "ours": [0.5, 0.4],
+            "low": [0.45, 0.35],
+            "high": [0.55, 0.45],
+            "less_base": [None, -0.1],
+            "less_base_low": [None, -0.15],
+            "less_base_high": [None, -0.05],
+            "paper": [None, 0.3],
+        }
+    )
+    findings = {"findings": "H: closer than base: REARL. 2 intervals were looked at.", "rearl_h": 0.4}
+    root = make_study("paper", "study table1", StudyTable1Task(), findings, {"table1": table})
+    (root / "paper" / "rows").mkdir()
+    found, _ = make_report(root, "paper")
+    page = (root / "paper" / "report.html").read_text()
+    check_alone(page)
+    text = words(page)
+    assert "1 of 1 rows are closer to the recorded traffic than base, 0 are farther and 0 cannot" in text
+    assert "&lt;b&gt;REARL&lt;/b&gt; 0.400 0.350 to 0.450 paper: &lt;b&gt;REARL&lt;/b&gt; 0.300" in text
+    assert "H: closer than base: REARL. 2 intervals were looked at." in text
+    assert "rearl report study=paper/rows/ROW" in found["no_replay"]
+
+
+def test_a_blind_study_is_reported_with_its_rates(make_study, make_report):
+    from rearl_jax.config import DiscoverBlindTask
+
+    score = {"name": "identified", "title": "effects named", "n_hits": 2, "n_cases": 3, "low": 0.09, "high": 0.99}
+    scores = pd.DataFrame([score | {"rate": 2 / 3, "goal": "≥ 95 %", "is_met": False}])
+    cases = pd.DataFrame(
+        [{"variant": "grade", "set": "named", "verdict": "named", "named": "grade", "outcome": "right"}]
+    )
+    confusion = pd.DataFrame({"hidden": ["grade"], "grade": [1], "nothing": [0]})
+    summary = {"n_cases": 3, "n_right": 2, "master_seed": 7}
+    tables = {"scores": scores, "cases": cases, "confusion": confusion}
+    root = make_study("blind", "discover blind", DiscoverBlindTask(), summary, tables)
+    make_report(root, "blind")
+    page = (root / "blind" / "report.html").read_text()
+    check_alone(page)
+    text = words(page)
+    assert "Discovery was right about 2 of 3 data sets" in text
+    assert "effects named 2 of 3 67 % 9 % to 99 % ≥ 95 % missed" in text
+    assert "grade 1 0" in text
+
+
+def test_what_is_no_finished_study_is_refused_with_the_remedy(discovery, make_report, make_study):
+    from rearl_jax.config import PrepareTask
+
+    with pytest.raises(
+        FileNotFoundError, match=r"study=missing: there is no folder .*missing; finished studies there: found"
+    ):
+        make_report(discovery, "missing")
+    with pytest.raises(ValueError, match=r"study='\.\./found' is no name of a study"):
+        make_report(discovery, "../found")
+    (discovery / "empty").mkdir()
+    with pytest.raises(FileNotFoundError, match=r"empty is no folder of a study: it has no config\.json"):
+        make_report(discovery, "empty")
+    make_study("tables", "prepare", PrepareTask(), {"n": 1})
+    with pytest.raises(ValueError, match="study=tables is of `rearl prepare`; there are reports on evaluate, discover"):
+        make_report(discovery, "tables")
+    (discovery / "found" / "summary.json").unlink()
+    with pytest.raises(
+        FileNotFoundError, match=r"study=found is not finished: .* has no summary\.json.*run its task again"
+    ):
+        make_report(discovery, "found")
+
+
+def test_a_study_of_an_older_version_is_refused_with_the_key(discovery, make_report):
+    folder = discovery / "found"
+    verdict = json.loads((folder / "verdict.json").read_text())
+    del verdict["lane_choice"]
+    (folder / "verdict.json").write_text(json.dumps(verdict))
+    with pytest.raises(
+        ValueError, match=r"verdict\.json has no lane_choice: .*run it again with this version: rearl discover"
+    ):
+        make_report(discovery, "found")
+    config = json.loads((folder / "config.json").read_text())
+    (folder / "config.json").write_text(json.dumps(config | {"data": config["data"] | {"kind": "us101"}}))
+    with pytest.raises(ValueError, match=r"config\.json: data\.kind is no key of this version; .*run the study again"):
+        make_report(discovery, "found")
+    (folder / "summary.json").write_text('{"task": "discover"}')
+    with pytest.raises(
+        ValueError, match=r"summary\.json' does not say|summary\.json does not say where its figures come"
+    ):
+        make_report(discovery, "found")
+    (folder / "summary.json").write_text("{")
+    with pytest.raises(ValueError, match=r"summary\.json is no JSON .*run the study again"):
+        make_report(discovery, "found")
+
+
+def test_keys_that_did_not_exist_then_have_their_defaults(discovery, make_report):
+    file = discovery / "found" / "config.json"
+    config = json.loads(file.read_text())
+    del config["discover"]["confidence"]
+    file.write_text(json.dumps(config))
+    summary = json.loads((discovery / "found" / "summary.json").read_text())
+    (discovery / "found" / "summary.json").write_text(json.dumps(summary | {"config_hash": "of_another_time"}))
+    make_report(discovery, "found")
+    text = words((discovery / "found" / "report.html").read_text())
+    assert "Keys that did not exist when the study was made are listed with their defaults." in text
+    assert "configuration of_another_time" in text
