@@ -58,7 +58,6 @@ def measure(scenario: Scenario, events: Events) -> Frames:
     position = _sampled(events, time, _clock_offsets(events, fault, rng))
     true = position
     position = position + _lens(position, fault, events)
-    position = position * (1.0 + 0.05 * fault.get("position_scale", 0.0))
     position = position + _errors(scenario, position.shape, fault, rng)
     if "smoothing" in fault:
         position = gaussian_filter1d(position, 0.9 * fault["smoothing"] * rate, axis=0, mode="nearest")
@@ -67,6 +66,8 @@ def measure(scenario: Scenario, events: Events) -> Frames:
         np.asarray(savgol_filter(position, window, 2, deriv=order, delta=1.0 / rate, axis=0)) for order in (1, 2)
     )
     speed = np.maximum(0.0, speed * (1.0 + 0.05 * fault.get("speed_scale", 0.0)))
+    # Only now: a scale that speeds share is another unit of length, and no data would show it.
+    position = position * (1.0 + 0.05 * fault.get("position_scale", 0.0))
 
     def released(column: np.ndarray, late_by: float = 0.0) -> np.ndarray:
         begin = pad - round(late_by * rate)
