@@ -9,7 +9,7 @@ from rearl_jax.blind.sealing import Protocol
 from rearl_jax.blind.terminal import notes, percent
 from rearl_jax.evaluation.layout import render_page
 
-_CAPTIONS = {
+CAPTIONS = {
     "confusion": "Data sets by what was hidden (rows) and what was said first (columns); rows add up to one in colour. "
     "What was recognised under another of its names stands on the diagonal.",
     "strengths": "Share of data sets with one hidden effect in which it is named. Blue: all effects; grey: each.",
@@ -24,7 +24,7 @@ def write_page(config: Any, results: BlindResults, protocol: Protocol, figures: 
         words="discover blind",
         config=config,
         figures=figures,
-        captions=_CAPTIONS,
+        captions=CAPTIONS,
         title="Blind study of discovery",
         generated=True,
         protocol=protocol,

@@ -15,13 +15,13 @@ from jax import lax
 from jaxtyping import Array, Bool, Int
 
 from rearl_jax.core.affected import if_any, on_affected
-from rearl_jax.core.contacts import Extent, Marks, extent_of, may_touch
+from rearl_jax.core.contacts import Extent, Marks, contact, extent_of, may_touch
 from rearl_jax.core.drivers import Body
 from rearl_jax.core.elementary import cosine, sine
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import for_each_vehicle, is_large, row
 from rearl_jax.core.pile_ups import collide_along_road
-from rearl_jax.core.rectangles import Rectangle, separate
+from rearl_jax.core.rectangles import Rectangle
 from rearl_jax.core.state import TrafficState
 
 
@@ -119,14 +119,7 @@ def _collide_one(
     crashed, is_pushed, push_x, push_y = marks
     index = lax.broadcasted_iota(jnp.int32, all_.x.shape, 0)
     one = jax.tree.map(lambda values: jnp.take_along_axis(values, chosen, axis=0), all_)
-    nowhere, nothing = jnp.zeros(all_.x.shape, bool), jnp.zeros_like(all_.x)
-    apart = (nowhere, nowhere, nothing, nothing)
-    touches, will_touch, shift_x, shift_y = if_any(is_chosen, lambda: separate(one, all_, model), apart)
-
-    diagonals = jnp.hypot(one.half_length, one.half_width) + jnp.hypot(all_.half_length, all_.half_width)
-    is_near = jnp.hypot(all_.x - one.x, all_.y - one.y) <= diagonals + one.speed * model.tick
-    is_pair = is_near & (index > chosen) & is_chosen & (one.collides | all_.collides)
-    touches, will_touch = touches & is_pair, will_touch & is_pair
+    touches, will_touch, shift_x, shift_y = contact(one, all_, (index > chosen) & is_chosen, model)
 
     last = jnp.max(jnp.where(will_touch, index, -1), axis=0, keepdims=True)
     is_last = (index == last) & will_touch

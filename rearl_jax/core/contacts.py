@@ -1,12 +1,13 @@
-"""The cheap test of contact: who may touch whom, by upright bounding boxes."""
+"""The tests of contact: the cheap one, by upright bounding boxes, and the full one."""
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from rearl_jax.core.affected import if_any
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.rectangles import Rectangle
+from rearl_jax.core.rectangles import Rectangle, separate
 
 ROUNDING_MARGIN = 1e-3
 """Slack [m] of the cheap test, far above any rounding error of a distance between vehicles that touch."""
@@ -53,3 +54,24 @@ def may_touch(one: Extent, other: Extent) -> Array:
     near_x = jnp.abs(other.x - one.x) <= other.reach_x + one.reach_x + moved_apart
     near_y = jnp.abs(other.y - one.y) <= other.reach_y + one.reach_y + moved_apart
     return near_x & near_y & (other.collides | one.collides)
+
+
+def contact(
+    one: Rectangle, other: Rectangle, is_pair: Bool[Array, "#rows *#scenarios"], model: TrafficModel
+) -> tuple[Array, Array, Array, Array]:
+    """Whether vehicles touch, whether they will within a tick, and the shift of `one` that prevents it (x, y) [m].
+
+    Args:
+        one: Vehicles of lower list index, of one or all rows.
+        other: Those they are held against.
+        is_pair: Which of the pairs are looked at.
+        model: The tick.
+    """
+    nowhere, nothing = jnp.zeros(other.x.shape, bool), jnp.zeros_like(other.x)
+    apart = nowhere, nowhere, nothing, nothing
+    # Behind a branch it is a program of its own, which rounds to the last place alike wherever it is asked.
+    touches, will_touch, shift_x, shift_y = if_any(is_pair, lambda: separate(one, other, model), apart)
+    diagonals = jnp.hypot(one.half_length, one.half_width) + jnp.hypot(other.half_length, other.half_width)
+    is_near = jnp.hypot(other.x - one.x, other.y - one.y) <= diagonals + one.speed * model.tick
+    is_tested = is_pair & is_near & (one.collides | other.collides)
+    return touches & is_tested, will_touch & is_tested, shift_x, shift_y

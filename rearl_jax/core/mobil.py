@@ -27,7 +27,7 @@ from rearl_jax.core.neighbours import (
     for_each_vehicle,
     row,
 )
-from rearl_jax.core.order import own_places
+from rearl_jax.core.order import own_places, pick
 from rearl_jax.core.state import Controller, TrafficState
 
 LEAST_SPEED = 1.0
@@ -255,8 +255,7 @@ def _settle_few(
         is_there = who < shape[0]
 
         def take(values: Array) -> Array:
-            each = jnp.broadcast_to(values, (values.shape[0], *shape[1:]))
-            return each if each.shape[0] == 1 else jnp.take_along_axis(each, who, axis=0, mode="clip")
+            return pick(values, jnp.minimum(who, shape[0] - 1))
 
         decided, changing, few, seen, idm = jax.tree.map(take, operands)
         # An empty place is on its way to where nobody else is going.

@@ -55,11 +55,12 @@ def sort_along_road(
     return lax.while_loop(is_unsorted, passes, (pick(x, order), order))[1]
 
 
-def pick(values: Array, index: Int[Array, "vehicles *scenarios"]) -> Array:
+def pick(values: Array, index: Int[Array, "places *scenarios"]) -> Array:
     """Each scenario's values at the given vehicle indices; the first vehicle's for NOBODY."""
     if values.shape[0] == 1:
         return values
-    return jnp.take_along_axis(jnp.broadcast_to(values, index.shape), jnp.maximum(index, 0), axis=0)
+    each = jnp.broadcast_to(values, (values.shape[0], *index.shape[1:]))
+    return jnp.take_along_axis(each, jnp.maximum(index, 0), axis=0)
 
 
 def own_places(index: Int[Array, "places *scenarios"]) -> tuple[Array, ...]:

@@ -13,11 +13,10 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Int
 
-from rearl_jax.core.affected import if_any
-from rearl_jax.core.contacts import Extent, Marks, may_touch
+from rearl_jax.core.contacts import Extent, Marks, contact, may_touch
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.order import own_places, pick
-from rearl_jax.core.rectangles import Rectangle, separate
+from rearl_jax.core.rectangles import Rectangle
 
 AT_A_TIME = 32
 """Vehicles per scenario whose pairs are tested side by side."""
@@ -113,7 +112,7 @@ def _test_pairs(
             bits, found = work
             lowest = bits & -bits
             further = first + lax.population_count(jnp.maximum(lowest, 1) - 1)
-            pair = _of(order, rear), _of(order, jnp.minimum(rear + further, n_vehicles - 1))
+            pair = pick(order, rear), pick(order, jnp.minimum(rear + further, n_vehicles - 1))
             found = _test(jnp.minimum(*pair), jnp.maximum(*pair), bits != 0, rectangles, found, model)
             return bits & ~lowest, found
 
@@ -135,15 +134,8 @@ def _test(
 
     Of all that push a vehicle, the one with the highest index is the last to do so in highway-env, and counts.
     """
-    one, other = (jax.tree.map(lambda values, who=who: _of(values, who), rectangles) for who in (low, high))
-    # A program of its own rounds to the last place as the same test does in small traffic.
-    nowhere, nothing = jnp.zeros(low.shape, bool), jnp.zeros_like(one.x)
-    apart = nowhere, nowhere, nothing, nothing
-    touches, will_touch, shift_x, shift_y = if_any(is_pair, lambda: separate(one, other, model), apart)
-    diagonals = jnp.hypot(one.half_length, one.half_width) + jnp.hypot(other.half_length, other.half_width)
-    is_near = jnp.hypot(other.x - one.x, other.y - one.y) <= diagonals + one.speed * model.tick
-    is_tested = is_pair & is_near & (one.collides | other.collides)
-    touches, will_touch = touches & is_tested, will_touch & is_tested
+    one, other = (jax.tree.map(lambda values, who=who: pick(values, who), rectangles) for who in (low, high))
+    touches, will_touch, shift_x, shift_y = contact(one, other, is_pair, model)
 
     crashed, is_pushed, push_x, push_y = found.marks
     partner = found.partner
@@ -152,13 +144,8 @@ def _test(
         is_pushed = is_pushed.at[own_places(who)].max(will_touch)
         partner = partner.at[own_places(who)].max(jnp.where(will_touch, pusher, -1))
     for who, pusher, sign in ((low, high, 0.5), (high, low, -0.5)):
-        counts = will_touch & (_of(partner, who) == pusher)
+        counts = will_touch & (pick(partner, who) == pusher)
         written = jnp.where(counts, who, partner.shape[0])
         push_x = push_x.at[own_places(written)].set(sign * shift_x, mode="drop")
         push_y = push_y.at[own_places(written)].set(sign * shift_y, mode="drop")
     return _Found((crashed, is_pushed, push_x, push_y), partner)
-
-
-def _of(values: Array, who: Int[Array, "pairs *scenarios"]) -> Array:
-    """Each scenario's values of some vehicles, or at some places."""
-    return jnp.take_along_axis(values, who, axis=0)

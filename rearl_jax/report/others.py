@@ -8,17 +8,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from rearl_jax.blind.page import CAPTIONS
 from rearl_jax.evaluation.tables import written
 from rearl_jax.metrics import METRICS
 from rearl_jax.report.content import Content, Section, interval, number, shown_frame, spoken
 from rearl_jax.report.finished import FinishedStudy
 from rearl_jax.results import PROVENANCE
 from rearl_jax.study.report import NONE, Cell, Line, Shown
-
-_BLIND_CAPTIONS = {
-    "confusion": "Data sets by what was hidden (rows) and what was said (columns).",
-    "strengths": "Share of data sets with one hidden effect in which it is named, by its strength.",
-}
 
 _SWEEP_CAPTIONS = {
     "base_values": "Values of the method base on the threshold scenes, whose percentiles become thresholds.",
@@ -69,7 +65,7 @@ def blind_content(study: FinishedStudy) -> Content:
         ),
         data=f"{n_cases} generated data sets, master seed {summary['master_seed']}.",
         words="discover blind",
-        captions=_BLIND_CAPTIONS,
+        captions=CAPTIONS,
     )  # fmt: skip
 
 
