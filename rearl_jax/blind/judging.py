@@ -110,8 +110,10 @@ def judge(truth: Mapping[str, Any], verdict: Verdict) -> Judgement:
 
 
 def recoveries(truth: Mapping[str, Any], verdict: Verdict) -> Iterator[Recovery]:
-    """Parameters of recognised effects beside their true values."""
+    """Parameters of recognised effects beside their true values, where no other effect has a share in them."""
     for item in truth["planted"]:
+        if any(set(item["truths"]) & set(other["truths"]) for other in truth["planted"] if other is not item):
+            continue
         for effect in verdict.effects:
             if effect.name not in item["truths"][:1]:
                 continue

@@ -8,7 +8,8 @@ Econometrica 47 (1979) 1287.
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.forcing import answers
+from rearl_jax.core.following import follow
+from rearl_jax.discovery.forcing import answers, parameters
 from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.procedure import Search
 from rearl_jax.discovery.residuals import Residuals, residuals_of
@@ -17,6 +18,12 @@ from rearl_jax.discovery.verdict import Adequacy
 
 MOST_ENERGY = 9.0
 """Bound of a squared acceleration over a driver's usual one [-]: no single moment decides."""
+
+OF_LATE = 0.3
+"""Time over which a change of what the model wants is looked at [s]."""
+
+REASONABLE = (-5.0, 3.0)
+"""What a driver may want [m/s^2]; beyond it, a leader is measured too close."""
 
 
 def adequacy(solver: Solver, found: Search) -> Adequacy:
@@ -38,6 +45,7 @@ def adequacy(solver: Solver, found: Search) -> Adequacy:
         autocorrelation=float(neighbours / variance),
         unequal_noise=unequal_noise(surprise, world.data),
         misjudgement=misjudgement(left),
+        staleness=staleness(left),
         remaining=(name, float(last.surprise[name])),
     )
 
@@ -76,9 +84,31 @@ def misjudgement(left: Residuals) -> float:
     Args:
         left: What the final model leaves.
     """
-    data = left.world.data
     gap, answer = np.asarray(left.stimulus().gap), answers(left).x
-    square = (answer * gap) ** 2
+    return _energy_grows_with((answer * gap) ** 2, left)
+
+
+def staleness(left: Residuals) -> float:
+    """How surely what drivers do beside the model grows with how much of late what the model wants has changed.
+
+    Who decides now and then, and holds on to it in between, is behind by a random time; what that does is in proportion
+    to the change. Behind by always the same time he has a delay, which leaves nothing of the kind once it is known, and
+    noise of the acceleration does not ask what has changed.
+
+    Args:
+        left: What the final model leaves.
+    """
+    data = left.world.data
+    wanted = np.asarray(follow(left.stimulus(), parameters(left), (), (), data.dt)[0], float).clip(*REASONABLE)
+    ago = max(1, round(OF_LATE / data.dt))
+    change = np.zeros_like(wanted)
+    change[ago:] = wanted[ago:] - wanted[:-ago]
+    return _energy_grows_with(change**2, left)
+
+
+def _energy_grows_with(square: Float[np.ndarray, "steps pieces"], left: Residuals) -> float:
+    """How surely the energy of what drivers do beside the model grows with another one; 0 where nothing counts."""
+    data = left.world.data
     counts = data.weight > 0
     if not counts.any():
         return 0.0

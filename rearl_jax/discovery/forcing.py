@@ -72,11 +72,16 @@ class Answers:
     own: Float[np.ndarray, "own steps pieces"]
 
 
+def parameters(left: Residuals) -> FollowingParams:
+    """Drivers' parameters, moment by moment."""
+    data = left.world.data
+    params = following_params(jnp.asarray(left.world.z[data.driver].T), data.is_truck.astype(float))
+    return jax.tree.map(lambda value: jnp.broadcast_to(value, left.x.shape), params)
+
+
 def answers(left: Residuals) -> Answers:
     """Derivatives of the car-following model where the observer was; added effects change them little."""
-    data, seen = left.world.data, left.stimulus()
-    params = following_params(jnp.asarray(left.world.z[data.driver].T), data.is_truck.astype(float))
-    usual = jax.tree.map(lambda value: jnp.broadcast_to(value, left.x.shape), params)
+    data, seen, usual = left.world.data, left.stimulus(), parameters(left)
 
     def wanted(x: Array, v: Array, logs: Array) -> Array:
         params = jax.tree.map(lambda value, log: value * jnp.exp(log), usual, FollowingParams(*logs))

@@ -44,6 +44,7 @@ from rearl_jax.discovery.verdict import (
     DOUBTFUL,
     MISJUDGED,
     RELIABILITY,
+    Adequacy,
     Named,
     candidate_rows,
     differing_clocks,
@@ -156,7 +157,7 @@ def _verdict(
     if found.added or found.clocks is not None:
         reported = in_time(solver, found, parts.reported)
         errors |= model_errors(solver, reported, {"after": found.last}, options.seed)
-    effects = _effects(solver, found, parts.findings, options.confidence)
+    effects = _effects(solver, found, left, parts.findings, options.confidence)
     following = {
         "verdict": verdict_of(found, parts.findings, left),
         "effects": [effect.plain() for effect in effects],
@@ -169,6 +170,7 @@ def _verdict(
             "autocorrelation": left.autocorrelation,
             "unequal_noise": left.unequal_noise,
             "misjudgement": left.misjudgement,
+            "staleness": left.staleness,
             "remaining": {"name": left.remaining[0], "surprise": left.remaining[1]},
         },
         "data": _described(parts, (*parts.notes, *([MISJUDGED] if left.misjudges else ()))),
@@ -191,7 +193,9 @@ def _verdict(
     return verdict
 
 
-def _effects(solver: Solver, found: Search, findings: Sequence[Finding], confidence: float) -> list[Named]:
+def _effects(
+    solver: Solver, found: Search, left: Adequacy, findings: Sequence[Finding], confidence: float
+) -> list[Named]:
     """What is claimed: what the columns show, then what was added, with the numbers of the final model."""
     effects = [found_in_columns(finding, confidence) for finding in findings]
     if amount(findings, SMOOTHING):
@@ -206,7 +210,7 @@ def _effects(solver: Solver, found: Search, findings: Sequence[Finding], confide
             continue
         size = len(trial.candidate.free)
         own = deviations[first : first + size]
-        reliability = DOUBTFUL if found.is_doubtful(trial) else RELIABILITY
+        reliability = DOUBTFUL if found.is_doubtful(trial) or not left.is_enough else RELIABILITY
         effects.append(
             named_trial(trial, one.trials, found.last.world.theta, own, solver.layout, confidence, reliability)
         )

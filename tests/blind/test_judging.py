@@ -221,3 +221,11 @@ def test_a_verdict_without_a_key_is_refused(key):
     del verdict[key]
     with pytest.raises(ValueError, match=key):
         read_verdict(verdict)
+
+
+def test_what_two_effects_share_is_no_truth_of_either():
+    """A delay that an anticipation takes back can be found only as the difference."""
+    pair = hidden("reaction_delay", "anticipation", truths=["reaction_delay"], delay=0.7)
+    said_delay = said(effect("reaction_delay", delay=0.3))
+    assert judged(hidden("reaction_delay", delay=0.7), said_delay).recoveries
+    assert not judged(pair, said_delay).recoveries

@@ -1,0 +1,31 @@
+"""Whether what drivers do beside the model is noise, or an answer to what the model wants."""
+
+import numpy as np
+import pytest
+
+from rearl_jax.discovery.adequacy import misjudgement, staleness
+from rearl_jax.discovery.layout import layout_of
+from rearl_jax.discovery.moments import Programs
+from rearl_jax.discovery.noise import calibrate
+from rearl_jax.discovery.refit import Fit
+from rearl_jax.discovery.residuals import residuals_of
+from rearl_jax.discovery.solver import Solver
+from rearl_jax.discovery.verdict import CERTAIN_GROWTH
+
+
+def growth_in(data, solver, calibrated):
+    world, noise = calibrated
+    (left,) = residuals_of(solver, [world], [Fit(None, world, noise)])
+    assert np.abs(left.acceleration).max() > 0.01, "drivers did nothing beside the model"
+    return misjudgement(left), staleness(left)
+
+
+def test_noise_does_not_ask_what_the_model_wants(measured_of, solver, calibrated):
+    assert max(growth_in(measured_of(), solver, calibrated)) < CERTAIN_GROWTH
+
+
+@pytest.mark.parametrize("name", ["action_points", "perception_noise"])
+def test_old_decisions_and_misjudged_gaps_do(measured_of, name):
+    data = measured_of(name)
+    solver = Solver(Programs(layout_of(data), data.dt))
+    assert max(growth_in(data, solver, calibrate(solver, data))) > 2.0
