@@ -40,6 +40,11 @@ CERTAIN_GROWTH = 3.0
 neither is there, up to 0 of the one and 2 of the other were seen.
 """
 
+MOST_AUTOCORRELATION = 0.1
+"""Correlation of neighbouring innovations beyond which a drive is left that the model does not follow [-]; of 66
+generated data sets all but one, with drivers who do not react to their leader, were between -0.04 and 0.04.
+"""
+
 MISJUDGED = (
     "what drivers do beside the model grows with what a misjudged gap or an old decision would make them do: they "
     "misjudge gaps, or decide now and then and hold on to it"
@@ -103,7 +108,7 @@ class Adequacy:
     @property
     def is_enough(self) -> bool:
         """Whether the final model leaves nothing but noise as drivers make it."""
-        return self.is_smooth and not self.misjudges
+        return self.is_smooth and not self.misjudges and abs(self.autocorrelation) < MOST_AUTOCORRELATION
 
     @property
     def is_smooth(self) -> bool:

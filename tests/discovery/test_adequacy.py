@@ -10,7 +10,7 @@ from rearl_jax.discovery.noise import calibrate
 from rearl_jax.discovery.refit import Fit
 from rearl_jax.discovery.residuals import residuals_of
 from rearl_jax.discovery.solver import Solver
-from rearl_jax.discovery.verdict import CERTAIN_GROWTH
+from rearl_jax.discovery.verdict import CERTAIN_GROWTH, Adequacy
 
 
 def growth_in(data, solver, calibrated):
@@ -29,3 +29,23 @@ def test_old_decisions_and_misjudged_gaps_do(measured_of, name):
     data = measured_of(name)
     solver = Solver(Programs(layout_of(data), data.dt))
     assert max(growth_in(data, solver, calibrate(solver, data))) > 2.0
+
+
+LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "autocorrelation": 0.01,
+        "unequal_noise": {}, "misjudgement": -1.0, "staleness": 0.5, "remaining": ("grade", 1.0)}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("figures", "expected"),
+    [
+        ({}, True),
+        ({"autocorrelation": 0.3}, False),
+        ({"autocorrelation": -0.3}, False),
+        ({"misjudgement": 3.5}, False),
+        ({"staleness": 3.5}, False),
+        ({"kurtosis": 0.5}, False),
+        ({"kurtosis": 0.5, "kurtosis_before": 2.0}, True),
+    ],
+)
+def test_what_is_left_is_enough_only_if_it_is_noise(figures, expected):
+    assert Adequacy(**(LEFT | figures)).is_enough is expected
