@@ -79,6 +79,29 @@ def _error_fell(case: Judged) -> bool:
     return before is not None and after is not None and after.high is not None and after.high < before.value
 
 
+def _error_is_lower(case: Judged) -> bool:
+    change = case.verdict.errors["change"]
+    return change is not None and change.value < 0.0
+
+
+def _error_surely_fell(case: Judged) -> bool:
+    change = case.verdict.errors["change"]
+    return change is not None and change.high is not None and change.high < 0.0
+
+
+def _error_surely_rose(case: Judged) -> bool:
+    change = case.verdict.errors["change"]
+    return change is not None and change.low is not None and change.low > 0.0
+
+
+def _changes_the_model(case: Judged) -> bool:
+    return any(effect.kind != "artefact" for effect in case.verdict.effects)
+
+
+def _other_model(case: Judged) -> bool:
+    return _in_sumo("unlisted")(case) and _changes_the_model(case)
+
+
 def _alone(case: Judged) -> bool:
     return case.judgement.alone
 
@@ -140,6 +163,11 @@ QUESTIONS = (
     Question("sumo_other", "SUMO: other models, said to be unexplained", _in_sumo("unlisted"), _is_flagged, 0.8),
     Question("sumo_control", "SUMO: controls with an effect named", _in_sumo("control"), _claims_traffic, 1 / 30, True),
     Question("error_fell", "effects named whose error fell beyond its interval", _named_in_named, _error_fell, 0.8),
+    Question("error_surely_fell", "the same, driver by driver", _named_in_named, _error_surely_fell, 0.8),
+    Question("sumo_error", "SUMO's other models: error lower after", _other_model, _error_is_lower, 0.95),
+    Question(
+        "error_rose", "something added: error surely higher after", _changes_the_model, _error_surely_rose, 0.0, True
+    ),
     Question("failed", "data sets on which discovery stopped with an error", _any, _has("failed"), 0.0, True),
 )
 """What a study is asked, in the order it is shown."""

@@ -6,6 +6,9 @@ from typing import Any
 
 NOTHING, UNEXPLAINED, FAILED = "nothing", "unexplained", "failed"
 
+ERRORS = ("before", "after", "change", "floor", "oracle")
+"""Figures of the closed-loop error in a verdict."""
+
 
 @dataclass(frozen=True)
 class Interval:
@@ -43,7 +46,7 @@ class Verdict:
         verdict: `named`, `artefact`, `unexplained`, `nothing`; `failed` where discovery stopped with an error.
         effects: What is claimed, the strongest first.
         alternatives: Names of candidates that explain the data about as well as what is claimed.
-        errors: `before`, `after`, `floor`, `oracle` of the closed-loop error; None where unknown.
+        errors: ERRORS of the simulation behind the measured leader, `change` driver by driver; None where unknown.
         n_drivers: Drivers the error was measured on.
         seconds: Time it took.
         message: Of the error that stopped discovery.
@@ -71,7 +74,7 @@ def read_verdict(stored: Mapping[str, Any]) -> Verdict:
             verdict=str(stored["verdict"]),
             effects=effects,
             alternatives=frozenset(item["name"] for item in stored["candidates"] if item.get("ambiguous", False)),
-            errors={name: _interval(error.get(name)) for name in ("before", "after", "floor", "oracle")},
+            errors={name: _interval(error.get(name)) for name in ERRORS},
             n_drivers=error.get("n_drivers"),
             seconds=stored["seconds"],
             message=str(stored.get("message", "")),

@@ -229,3 +229,14 @@ def test_what_two_effects_share_is_no_truth_of_either():
     said_delay = said(effect("reaction_delay", delay=0.3))
     assert judged(hidden("reaction_delay", delay=0.7), said_delay).recoveries
     assert not judged(pair, said_delay).recoveries
+
+
+def test_errors_are_compared_driver_by_driver():
+    lower = judged(hidden("grade"), said(GRADE, before=2.0, after=1.9, change=-0.3))
+    unsure = judged(hidden("grade"), said(GRADE, before=2.0, after=1.9, change=-0.1))
+    higher = judged(hidden("grade"), said(GRADE, before=2.0, after=2.3, change=0.3))
+    found = rates([lower, unsure, higher])
+    assert found["error_surely_fell"] == (1, 3)
+    assert found["error_rose"] == (1, 3)
+    krauss = hidden("sumo_krauss", group="sumo", kind="unlisted", truths=[], source="sumo")
+    assert rates([judged(krauss, said(DELAY, change=-0.1)), judged(krauss, said())])["sumo_error"] == (1, 1)
