@@ -98,6 +98,7 @@ class Measured:
         dt: Time between moments [s].
         stride: Moments from one that says something new to the next; those between do not count.
         noise: Standard deviation of the measured positions [m].
+        jumps: Jumps of positions in the recordings, around which nothing counts.
     """
 
     y: Float[np.ndarray, "steps pieces"]
@@ -114,6 +115,7 @@ class Measured:
     dt: float
     stride: int
     noise: float
+    jumps: int = 0
 
     @property
     def n_drivers(self) -> int:
@@ -180,4 +182,5 @@ class Measured:
             dt=self.dt,
             stride=self.stride,
             noise=self.noise,
+            jumps=self.jumps,
         )

@@ -11,7 +11,7 @@ from rearl_jax.core.encounter import MOST_GAP_LOST, NEVER_CHANGED
 from rearl_jax.core.following import HARDEST_BRAKING
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.measured import Measured, Surroundings, is_new
-from rearl_jax.discovery.smoothing import cut_off, position_noise, smoothed, thinned, track_bounds
+from rearl_jax.discovery.smoothing import cut_off, jumps, position_noise, smoothed, thinned, track_bounds
 from rearl_jax.discovery.smoothness import Smoothness
 from rearl_jax.discovery.surroundings import NOBODY, look_around
 
@@ -23,6 +23,9 @@ LONGEST = 65.0
 
 SETTLING = 1.5
 """Time the observer needs to settle at the start of a piece, or after a stretch that is left out [s]."""
+
+BEFORE_JUMP = 0.5
+"""Time before a jump of a position in which smoothing feels it [s]."""
 
 LEAST_USED = 4.0
 """Least time that must be left for a driver to be used [s]."""
@@ -108,6 +111,7 @@ def measure(recordings: Sequence[Recording], position_lag: float = 0.0, smooth: 
         dt=dt,
         stride=stride,
         noise=noise,
+        jumps=sum(int(part.jumps.sum()) for part in rows),
         **{
             name: np.concatenate([getattr(piece, name) for piece in used], axis=-1)
             for name in (*_OWN, "length", "is_truck", "driver", "vehicle", "leader", "recording")
@@ -132,6 +136,9 @@ class _Rows:
         self.table = table
         self.position = table["position"].to_numpy()
         self.noise = position_noise(self.position, self.starts, self.stops)
+        self.jumps = np.zeros(len(self.position), bool)
+        for start, stop in zip(self.starts, self.stops, strict=True):
+            self.jumps[start:stop] = jumps(self.position[start:stop], dt)
         self.longest = int((self.stops - self.starts).max(initial=0))
 
     def pieces(
@@ -237,13 +244,17 @@ class _Rows:
 
     def _weight(self, leader: np.ndarray, leader_row: np.ndarray, edge: int) -> np.ndarray:
         """1 where a leader has been seen for a moment: without one, it may be out of the picture; 0 where it or the
-        driver is within `edge` rows of the ends of its track, or of another leader.
+        driver has jumped, or is within `edge` rows of the ends of its track, or of another leader.
         """
         n = max(1, round(1.0 / self.dt))
         row = np.arange(len(leader))
         first, stop = (np.repeat(bound, self.stops - self.starts) for bound in (self.starts, self.stops))
         absent = np.r_[0, np.cumsum(leader == NOBODY)]
         seen = absent[row + 1] == absent[np.maximum(row - n, first)]
+        jumped = np.r_[0, np.cumsum(self.jumps)]
+        before, after = (round(time / self.dt) for time in (BEFORE_JUMP, SETTLING))
+        is_calm = jumped[np.minimum(row + before, stop - 1) + 1] == jumped[np.maximum(row - after, first)]
+        seen &= is_calm & (is_calm[leader_row] | (leader_row == NOBODY))
         if not edge:
             return seen.astype(float)
         is_inside = np.minimum(row - first, stop - 1 - row) >= edge

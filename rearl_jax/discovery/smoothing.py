@@ -22,6 +22,13 @@ CUT_OFF_RANGE = (2.0, 12.0)
 """Bounds of the cut-off [rad/s]."""
 
 
+JUMP = 12.0
+"""Change of the acceleration from one moment to the next that is no driver's [m/s^2]: he may brake fully at once."""
+
+JUMP_NOISE = 8.0
+"""The same in standard deviations of what else scatters [-]."""
+
+
 def thinned(recording: Recording) -> tuple[pd.DataFrame, float]:
     """The table with as few moments as are enough, and the time between two of them [s].
 
@@ -65,6 +72,23 @@ def position_noise(position: np.ndarray, starts: np.ndarray, stops: np.ndarray) 
     """
     parts = [np.diff(position[a:b], 4) for a, b in zip(starts, stops, strict=True) if b - a > 4]
     return float(np.median(np.abs(np.concatenate(parts))) / 0.6745 / np.sqrt(70.0)) if parts else 0.0
+
+
+def jumps(position: np.ndarray, dt: float) -> np.ndarray:
+    """Rows of one track [bool] at which its position jumps as no vehicle moves and no noise scatters.
+
+    Receivers that lose their satellites and sensors that take another vehicle for the leader leave such jumps.
+
+    Args:
+        position: Of the track [m].
+        dt: Time between moments [s].
+    """
+    found = np.zeros(len(position), bool)
+    if len(position) > 3:
+        third = np.abs(np.diff(position, 3))
+        usual = float(np.median(third)) / 0.6745
+        found[2:-1] = third > max(JUMP * dt**2, JUMP_NOISE * usual)
+    return found
 
 
 def lasting_noise(white: float, time: float, dt: float) -> float:

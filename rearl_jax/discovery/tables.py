@@ -11,6 +11,7 @@ from rearl_jax.discovery.drivers import CAR, NAMES, SPREAD, TRUCK
 from rearl_jax.discovery.errors import MEASURES, Interval, ModelErrors, with_interval
 from rearl_jax.discovery.null import Null
 from rearl_jax.discovery.procedure import Search
+from rearl_jax.discovery.refit import Fit
 from rearl_jax.discovery.solver import Solver
 from rearl_jax.discovery.uncertainty import known
 
@@ -84,20 +85,27 @@ def error_table(errors: Mapping[str, ModelErrors]) -> pd.DataFrame:
 
 
 def driver_table(solver: Solver, found: Search) -> pd.DataFrame:
-    """Calibrated parameters of the fitted drivers, with the standard deviations of their logarithms."""
+    """Calibrated parameters of the fitted drivers before and after, see `fit_table`."""
     parts = []
     for model, fit in (("before", found.first), ("after", found.last)):
-        world = fit.world
-        truck = world.truck[:, None]
-        logs = np.where(truck, np.log(TRUCK), np.log(CAR)) + SPREAD * world.z
-        deviations = known(solver, world).drivers * SPREAD
-        part = pd.DataFrame({"model": model, "driver": np.arange(len(world.z)), "truck": world.truck.astype(bool)})
-        for k, name in enumerate(NAMES):
-            part[name], part[f"{name}_log_sd"] = np.exp(logs[:, k]), deviations[:, k]
-        assert world.sums is not None
-        part["one_step"] = np.sqrt(world.sums.square / np.maximum(world.sums.count, 1.0))
+        part = fit_table(solver, fit)
+        part.insert(0, "model", model)
         parts.append(part)
     return pd.concat(parts, ignore_index=True)
+
+
+def fit_table(solver: Solver, fit: Fit) -> pd.DataFrame:
+    """Calibrated parameters of the drivers of a fit, with the standard deviations of their logarithms."""
+    world = fit.world
+    truck = world.truck[:, None]
+    logs = np.where(truck, np.log(TRUCK), np.log(CAR)) + SPREAD * world.z
+    deviations = known(solver, world).drivers * SPREAD
+    table = pd.DataFrame({"driver": np.arange(len(world.z)), "truck": world.truck.astype(bool)})
+    for k, name in enumerate(NAMES):
+        table[name], table[f"{name}_log_sd"] = np.exp(logs[:, k]), deviations[:, k]
+    assert world.sums is not None
+    table["one_step"] = np.sqrt(world.sums.square / np.maximum(world.sums.count, 1.0))
+    return table
 
 
 def candidate_table(verdict: dict[str, Any]) -> list[dict[str, Any]]:

@@ -109,6 +109,8 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
     findings = gate(recordings, smooth.drives)
     data = measure(recordings, amount(findings, "position_lag"), smooth)
     notes = tuple(dict.fromkeys(note for one in recordings for note in one.info.notes))
+    if data.jumps:
+        notes += (f"positions jump {data.jumps} times: left out around them",)
     if data.n_drivers < 9:
         raise ValueError(
             f"{data.n_drivers} drivers follow a leader long enough, at least 9 are needed to fit, check and report on "

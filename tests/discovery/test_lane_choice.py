@@ -158,6 +158,7 @@ def test_every_effect_that_can_be_found_can_be_written(candidate, tmp_path):
             assert all(read.parameters[key] == estimate.value for key, estimate in shape.items())
 
 
+@pytest.mark.slow
 def test_what_was_found_changes_the_simulation(found, tmp_path):
     (effect,) = found.effects
     write_model(tmp_path / "model.yaml", model(lane_effect_values(effect)))

@@ -144,3 +144,38 @@ def without_noise(table):
     first = table.groupby("track_id")["position"].transform("first")
     time = table["time"] - table.groupby("track_id")["time"].transform("first")
     return table.assign(position=first + 20.0 * time + 0.02 * time**2)
+
+
+def test_a_position_that_jumps_is_found_and_one_that_scatters_is_not():
+    dt, rng = 0.1, np.random.default_rng(1)
+    time = np.arange(600) * dt
+    braking = 25 * time - np.where(time > 30, 3.0 * (time - 30) ** 2, 0.0)
+    assert not smoothing.jumps(braking, dt).any(), "full braking at once is driving"
+    for noise in (0.0, 0.02, 0.3):
+        scattered = braking + noise * rng.standard_normal(600)
+        assert not smoothing.jumps(scattered, dt).any()
+        scattered[200:] += 20 * noise + 1.0
+        found = np.flatnonzero(smoothing.jumps(scattered, dt))
+        assert len(found)
+        assert np.abs(found - 200).max() <= 2
+
+
+def test_nothing_counts_where_the_driver_or_the_leader_has_jumped(recordings_of):
+    (recording, *_) = recordings_of()
+    data = reading.measure([recording])
+    vehicle, counts = np.unique(data.leader[(data.leader != NOBODY) & (data.weight > 0)], return_counts=True)
+    leader = vehicle[np.argmax(counts)]
+    table = recording.table.copy()
+    table.loc[(table["track_id"] == leader) & (table["time"] > 20.0), "position"] += 3.0
+    jumped = reading.measure([Recording(recording.info, table)])
+    assert data.jumps == 0
+    assert jumped.jumps > 0
+    np.testing.assert_array_equal(jumped.vehicle, data.vehicle)
+    concerned = (data.leader == leader) | (data.vehicle == leader)
+    around = (data.around.time > 19.6) & (data.around.time < 21.3)
+    assert data.weight[concerned & around].sum() > 10
+    assert jumped.weight[concerned & around].sum() == 0
+    np.testing.assert_array_equal(jumped.weight[~concerned], data.weight[~concerned])
+    np.testing.assert_array_equal(
+        jumped.weight[data.around.time < 19.0], data.weight[data.around.time < 19.0], "before the jump all is as it was"
+    )
