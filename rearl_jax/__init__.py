@@ -1,5 +1,44 @@
 """Batch highway traffic simulation in JAX, held to measured trajectories.
 
+Scenes of recordings, the shipped ones by default (`data={"format": "highd", "root": FOLDER}` for others):
+
+    scenes = rearl_jax.cut_scenes()
+    print(scenes.speed.shape, scenes.speed.mean())  # scenes, seconds, vehicles; m/s
+
+A rollout of 100 scenarios, the scenario axis last:
+
+    model = rearl_jax.TrafficModel(n_lanes=3)
+    state, drivers = rearl_jax.spawn(jax.random.split(jax.random.key(0), 100), model, n_vehicles=10)
+    simulate = jax.jit(lambda state, drivers: rearl_jax.rollout(state, drivers, model, n_seconds=60))
+    last, frames = simulate(state, drivers)
+    print(frames.speed.shape, frames.speed.mean())  # seconds, vehicles, scenarios; m/s
+
+The metric table, simulated against measured scenes:
+
+    result = rearl_jax.evaluate(method="base", eval={"n_runs": 1})
+    print(result)
+    print(result.summary.pivot(index="metric", columns="method", values="value"))
+
+A calibration of drivers, and traffic that drives by it:
+
+    found = rearl_jax.calibrate(data={"format": "table", "root": folder})
+    print(found.drivers[["desired_speed", "time_gap", "jam_gap"]].median())
+    found.save("model.yaml")  # rearl_jax.evaluate(model="model.yaml", variant="calibrated")
+
+A discovery of what the drivers' model lacks:
+
+    found = rearl_jax.discover(data={"format": "table", "root": folder})
+    print(found)
+    print(found.verdict["verdict"], [effect["name"] for effect in found.verdict["effects"]])
+
+An environment of reinforcement learning in Gymnasium's way, or in gymnax's:
+
+    env = rearl_jax.make_env(n_others=20)  # num_envs=64 for as many in lockstep
+    observation, info = env.reset(seed=0)
+    observation, reward, terminated, truncated, info = env.step(rearl_jax.MetaAction.FASTER)
+    env = rearl_jax.FunctionalHighway(n_others=20)
+    observation, state = jax.vmap(env.reset)(jax.random.split(jax.random.key(0), 64))
+
 Names are imported on first use, so that `import rearl_jax` and `rearl --help` do not wait for JAX.
 """
 
@@ -9,75 +48,74 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rearl_jax.config import DataConfig, PrepareTask
     from rearl_jax.core.batch import ScenarioMap
-    from rearl_jax.core.drivers import Drivers, highway_env_drivers
+    from rearl_jax.core.drivers import highway_env_drivers
     from rearl_jax.core.meta_actions import MetaAction
     from rearl_jax.core.model import TrafficModel
-    from rearl_jax.core.rollout import Frames, rollout
+    from rearl_jax.core.rollout import rollout
     from rearl_jax.core.spawn import spawn
-    from rearl_jax.core.state import Controller, TrafficState, make_state
+    from rearl_jax.core.state import Controller, make_state
     from rearl_jax.core.step import tick
-    from rearl_jax.data.recordings import Recording, RecordingInfo, iterate_recordings
+    from rearl_jax.data.recordings import iterate_recordings
     from rearl_jax.data.scene_files import load_scenes
-    from rearl_jax.data.scene_set import SceneSet
     from rearl_jax.data.scenes import build_scenes
-    from rearl_jax.data.splits import split_scenes
+    from rearl_jax.environments.functional import FunctionalHighway
+    from rearl_jax.environments.registration import make_env
     from rearl_jax.metrics import METRICS
-    from rearl_jax.results import Study, read_metadata
+    from rearl_jax.results import read_metadata
+    from rearl_jax.workflows import calibrate, cut_scenes, discover, evaluate, read_recordings
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "Controller": "rearl_jax.core.state",
     "DataConfig": "rearl_jax.config",
-    "Drivers": "rearl_jax.core.drivers",
-    "Frames": "rearl_jax.core.rollout",
+    "FunctionalHighway": "rearl_jax.environments.functional",
     "METRICS": "rearl_jax.metrics",
     "MetaAction": "rearl_jax.core.meta_actions",
     "PrepareTask": "rearl_jax.config",
-    "Recording": "rearl_jax.data.recordings",
-    "RecordingInfo": "rearl_jax.data.recordings",
     "ScenarioMap": "rearl_jax.core.batch",
-    "SceneSet": "rearl_jax.data.scene_set",
-    "Study": "rearl_jax.results",
     "TrafficModel": "rearl_jax.core.model",
-    "TrafficState": "rearl_jax.core.state",
     "build_scenes": "rearl_jax.data.scenes",
+    "calibrate": "rearl_jax.workflows",
+    "cut_scenes": "rearl_jax.workflows",
+    "discover": "rearl_jax.workflows",
+    "evaluate": "rearl_jax.workflows",
     "highway_env_drivers": "rearl_jax.core.drivers",
     "iterate_recordings": "rearl_jax.data.recordings",
     "load_scenes": "rearl_jax.data.scene_files",
+    "make_env": "rearl_jax.environments.registration",
     "make_state": "rearl_jax.core.state",
     "read_metadata": "rearl_jax.results",
+    "read_recordings": "rearl_jax.workflows",
     "rollout": "rearl_jax.core.rollout",
     "spawn": "rearl_jax.core.spawn",
-    "split_scenes": "rearl_jax.data.splits",
     "tick": "rearl_jax.core.step",
 }
 
 __all__ = [
     "Controller",
     "DataConfig",
-    "Drivers",
-    "Frames",
+    "FunctionalHighway",
     "METRICS",
     "MetaAction",
     "PrepareTask",
-    "Recording",
-    "RecordingInfo",
     "ScenarioMap",
-    "SceneSet",
-    "Study",
     "TrafficModel",
-    "TrafficState",
     "__version__",
     "build_scenes",
+    "calibrate",
+    "cut_scenes",
+    "discover",
+    "evaluate",
     "highway_env_drivers",
     "iterate_recordings",
     "load_scenes",
+    "make_env",
     "make_state",
     "read_metadata",
+    "read_recordings",
     "rollout",
     "spawn",
-    "split_scenes",
     "tick",
 ]
 

@@ -6,7 +6,30 @@ import os
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
 import jax
+import numpy as np
+import pytest
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
+
+
+@pytest.fixture(scope="session")
+def wild():
+    """Vehicles anywhere and anyhow: off their lanes, turned, some crashed, some absent, some far away."""
+    from rearl_jax.core.model import TrafficModel
+    from rearl_jax.core.state import Controller, make_state
+
+    rng = np.random.default_rng(5)
+    shape = (10, 12)
+    return make_state(
+        rng.uniform(100.0, 500.0, shape),
+        rng.uniform(-3.0, 15.0, shape),
+        rng.uniform(0.0, 40.0, shape),
+        TrafficModel(),
+        heading=rng.uniform(-0.5, 0.5, shape),
+        target_lane=rng.integers(0, 4, shape),
+        controller=np.where(rng.random(shape) < 0.2, Controller.ABSENT, Controller.META),
+        crashed=rng.random(shape) < 0.2,
+        dtype=np.float64,
+    )

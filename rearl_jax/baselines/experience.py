@@ -9,10 +9,10 @@ from jaxtyping import Array, Bool, Float, Int
 from rearl_jax._typing import PRNGKey
 from rearl_jax.baselines.driving import Driven, DrivingOptions, Sight, begin, drive, look
 from rearl_jax.baselines.network import ActorCritic, drawn_actions, log_shares
-from rearl_jax.baselines.reward import reward
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import TrafficState
+from rearl_jax.decision.reward import reward
 from rearl_jax.decision.situation import N_ACTIONS
 
 

@@ -11,10 +11,11 @@ from jaxtyping import Array, Float, Int, Key
 from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.baselines.weights import TrainedPolicy, load_policy
 from rearl_jax.config import EvaluateTask
-from rearl_jax.config.core import CoreConfig, InitialSource
+from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.core.road import traffic_model
-from rearl_jax.core.state import TrafficState, make_state
+from rearl_jax.core.state import TrafficState
+from rearl_jax.data.initial_states import measured_state
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.decision.execution import model_under_decisions
 from rearl_jax.detection.detector import Thresholds
@@ -36,44 +37,6 @@ from rearl_jax.evaluation.traffic import numbers_of
 
 NO_SCENE = -1
 """In the place of a scene_id: rollouts that share no initial state with those of any scene, whatever seed and run."""
-
-
-def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
-    """States with the vehicles of every scene's first snapshot, `[n_vehicles, n_scenes]`.
-
-    x = position along the own driving direction less the least one of the scene, so the carriageways lie side
-    by side and everybody drives towards larger x; lane = lane within the carriageway plus, on carriageway 2,
-    the number of lanes of carriageway 1; speed = rescaled speed, which is the desired speed too, as
-    highway-env sets it.
-
-    Raises:
-        ValueError: The simulated road has too few lanes or another number of vehicles, or a lane is unknown.
-    """
-    if core.n_vehicles != scenes.n_slots:
-        raise ValueError(
-            f"init.source=scene starts from the {scenes.n_slots} vehicles of a snapshot, but core.n_vehicles "
-            f"is {core.n_vehicles}: set core.n_vehicles={scenes.n_slots} (or scenes.slots)"
-        )
-    if (scenes.lane[:, 0] < 0).any():
-        raise ValueError("init.source=scene needs the lane of every vehicle; these recordings lack some")
-    lanes = {info.id: info.lane_count for info in scenes.infos}
-    first = np.array([lanes[name].get(1, 0) for name in scenes.recording.tolist()])
-    lane = scenes.lane[:, 0] + np.where(scenes.direction[:, 0] == 2, first[:, None], 0)
-    n_lanes = int(lane.max()) + 1
-    if n_lanes > core.n_lanes:
-        raise ValueError(
-            f"init.source=scene needs a road of {n_lanes} lanes for these recordings, but core.n_lanes is "
-            f"{core.n_lanes}: set core.n_lanes={n_lanes}"
-        )
-    position = scenes.position[:, 0]
-    model = traffic_model(core)
-    return make_state(
-        (position - position.min(axis=1, keepdims=True)).T,
-        lane.T * model.lane_width,
-        scenes.scaled_speed[:, 0].T,
-        model,
-        dtype=np.dtype(core.dtype.name).type,
-    )
 
 
 class Rollouts:

@@ -1,8 +1,7 @@
-"""Dense traffic of all kinds to look at and to drive in."""
+"""Dense traffic to drive in."""
 
 from functools import partial
 
-import numpy as np
 import pytest
 
 N_VEHICLES, N_SCENARIOS = 10, 12
@@ -23,30 +22,6 @@ def start(model):
     from rearl_jax.core.spawn import spawn
 
     return spawn(jax.random.split(jax.random.key(4), N_SCENARIOS), model, n_vehicles=N_VEHICLES, density=2.0)
-
-
-@pytest.fixture(scope="session")
-def wild(model):
-    """Vehicles anywhere and anyhow: off their lanes, turned, some crashed, some absent, some far away."""
-    import jax.numpy as jnp
-
-    from rearl_jax.core.state import Controller, make_state
-
-    rng = np.random.default_rng(5)
-    shape = (N_VEHICLES, N_SCENARIOS)
-    state = make_state(
-        rng.uniform(100.0, 500.0, shape),
-        rng.uniform(-3.0, 15.0, shape),
-        rng.uniform(0.0, 40.0, shape),
-        model,
-        heading=rng.uniform(-0.5, 0.5, shape),
-        target_lane=rng.integers(0, 4, shape),
-        controller=np.where(rng.random(shape) < 0.2, Controller.ABSENT, Controller.META),
-        crashed=rng.random(shape) < 0.2,
-        dtype=np.float64,
-    )
-    assert isinstance(state.x, jnp.ndarray)
-    return state
 
 
 @pytest.fixture(scope="session")

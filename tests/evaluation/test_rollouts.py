@@ -146,6 +146,7 @@ def test_batches_of_any_width_score_alike(scenes, small):
     assert frames.equals(other_frames)
 
 
+@pytest.mark.slow
 def test_the_real_simulation_does_not_depend_on_the_batch(scenes, small):
     from rearl_jax.config.evaluation import EvaluationConfig
 

@@ -19,8 +19,8 @@ import pytest
     ],
 )
 def test_hand_values(model, speed, lane, changes, expected):
-    from rearl_jax.baselines.reward import reward
     from rearl_jax.core.state import make_state
+    from rearl_jax.decision.reward import reward
 
     column = {name: np.array([[value]]) for name, value in changes.items()}
     state = make_state(np.array([[100.0]]), np.array([[4.0 * lane]]), np.array([[speed]]), model, **column)
@@ -29,8 +29,8 @@ def test_hand_values(model, speed, lane, changes, expected):
 
 @pytest.mark.parametrize(("x", "y", "pays"), [(5.0, 13.9, True), (5.0, 14.1, False), (5.0, -2.1, False)])
 def test_nothing_off_the_road(model, x, y, pays):
-    from rearl_jax.baselines.reward import reward
     from rearl_jax.core.state import make_state
+    from rearl_jax.decision.reward import reward
 
     state = make_state(np.array([[x]]), np.array([[y]]), np.array([[30.0]]), model)
     assert (float(reward(state, model)[0, 0]) > 0) == pays
@@ -40,7 +40,7 @@ def test_against_highway_env(wild, model):
     from highway_env.envs.highway_env import HighwayEnv
     from highway_env.vehicle.controller import MDPVehicle
 
-    from rearl_jax.baselines.reward import reward
+    from rearl_jax.decision.reward import reward
 
     env = HighwayEnv({"lanes_count": 4, "vehicles_count": 1})
     env.reset(seed=0)

@@ -1,4 +1,4 @@
-"""What the policy is rewarded for: speed, the right lanes, no crash."""
+"""What driving is rewarded for: speed, the right lanes, no crash."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float

@@ -1,0 +1,222 @@
+"""The highway as gymnax has environments: pure functions of an explicit state and key, to be jitted and vmapped.
+
+Nothing of gymnax is needed but for the spaces, which are its own classes (`pip install 'rearl_jax[gymnax]'`).
+
+Source: gymnax 1.0, `environments.environment.Environment`.
+"""
+
+from dataclasses import replace
+from functools import partial
+from importlib import import_module
+from typing import Any, TypeAlias
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, Key, UInt32
+
+from rearl_jax._typing import PRNGKey
+from rearl_jax.core.affected import if_any
+from rearl_jax.core.state import TrafficState
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.decision.situation import N_ACTIONS
+from rearl_jax.environments import highway
+from rearl_jax.environments.batching import in_lockstep
+from rearl_jax.environments.highway import HighwayOptions, HighwayState, Outcome
+from rearl_jax.environments.starts import with_scenes
+
+AnyKey: TypeAlias = PRNGKey | UInt32[Array, "2"]
+"""A random key of either kind."""
+
+
+class HighwayParams(eqx.Module):
+    """What may differ from call to call without compiling anew.
+
+    Attributes:
+        max_steps_in_episode: Seconds until an episode is truncated [s].
+        starts: Measured vehicles to begin with, one case drawn for each episode; None to draw the traffic.
+    """
+
+    max_steps_in_episode: Int[Array, ""] | int = 40
+    starts: TrafficState | None = None
+
+    def replace(self, **changes: Any) -> "HighwayParams":
+        """A copy with other values."""
+        return replace(self, **changes)
+
+
+class FunctionalHighway:
+    """One controlled vehicle on a highway, one scenario at a time.
+
+    `jax.vmap` over it runs all scenarios in lockstep, with the scenario axis where the core wants it:
+
+        env = FunctionalHighway(n_others=20)
+        keys = jax.random.split(jax.random.key(0), 1024)
+        observation, state = jax.vmap(env.reset)(keys)
+        observation, state, reward, terminated, truncated, info = jax.vmap(env.step)(keys, state, actions)
+
+    Actions are those of `MetaAction`; observation, reward, termination and truncation those of `highway.Outcome`.
+    `step` begins a new episode where one ends: the observation is then that of the new one, and
+    `info["final_observation"]` the last of the old one.
+    """
+
+    def __init__(self, scenes: SceneSet | None = None, **options: Any) -> None:
+        """Prepares the environment; nothing is compiled before the first call.
+
+        Args:
+            scenes: Measured scenes to begin with, each vehicle of each in the place of the controlled one; None to draw
+                the traffic.
+            **options: Fields of `HighwayOptions`.
+
+        Raises:
+            TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road.
+        """
+        self.options, self._starts = with_scenes(HighwayOptions(**options), scenes)
+
+    @property
+    def name(self) -> str:
+        """Its name in gymnax's way."""
+        return "Highway-rearl_jax"
+
+    @property
+    def num_actions(self) -> int:
+        """Number of actions."""
+        return N_ACTIONS
+
+    @property
+    def default_params(self) -> HighwayParams:
+        """The duration of the options, and the measured scenes."""
+        return HighwayParams(self.options.duration, self._starts)
+
+    @partial(jax.jit, static_argnames="self")
+    def reset(
+        self, key: AnyKey, params: HighwayParams | None = None
+    ) -> tuple[Float[Array, "rows columns"], HighwayState]:
+        """Observation and state at the beginning of an episode."""
+        return self.reset_env(key, self.default_params if params is None else params)
+
+    @partial(jax.jit, static_argnames="self")
+    def step(
+        self,
+        key: AnyKey,
+        state: HighwayState,
+        action: Int[Array, ""] | int,
+        params: HighwayParams | None = None,
+    ) -> tuple[Float[Array, "rows columns"], HighwayState, Float[Array, ""], Bool[Array, ""], Bool[Array, ""], dict]:
+        """Observation, state, reward, whether the episode has terminated, whether it was truncated, and more.
+
+        Args:
+            key: Random key of the next episode, if one begins.
+            state: The scenario.
+            action: Of the controlled vehicle, see `MetaAction`.
+            params: As of `default_params`.
+        """
+        params = self.default_params if params is None else params
+        after, outcome = self._second(state, action, params)
+        start_key, own_key = jax.random.split(_typed(key))
+        observation, after = in_lockstep(self._renewed)(
+            outcome.terminated | outcome.truncated, own_key, after, outcome.observation, _drawn_start(start_key, params)
+        )
+        info = {
+            "terminated": outcome.terminated,
+            "truncated": outcome.truncated,
+            "final_observation": outcome.observation,
+            "speed": outcome.speed,
+        }
+        return observation, after, outcome.reward, outcome.terminated, outcome.truncated, info
+
+    def reset_env(self, key: AnyKey, params: HighwayParams) -> tuple[Float[Array, "rows columns"], HighwayState]:
+        """As `reset`, to be jitted by the caller."""
+
+        def start(key: Array, measured: TrafficState | None) -> tuple[Array, HighwayState]:
+            state = highway.begin(key, self.options, measured)
+            return highway.look(state, self.options), state
+
+        start_key, own_key = jax.random.split(_typed(key))
+        return in_lockstep(start)(own_key, _drawn_start(start_key, params))
+
+    def step_env(
+        self, key: AnyKey, state: HighwayState, action: Int[Array, ""] | int, params: HighwayParams
+    ) -> tuple[Float[Array, "rows columns"], HighwayState, Float[Array, ""], Bool[Array, ""], dict]:
+        """As `step`, but no episode begins and none is truncated; to be jitted by the caller."""
+        after, outcome = self._second(state, action, params)
+        return outcome.observation, after, outcome.reward, outcome.terminated, {"speed": outcome.speed}
+
+    def get_obs(
+        self, state: HighwayState, params: HighwayParams | None = None, key: AnyKey | None = None
+    ) -> Float[Array, "rows columns"]:
+        """What the controlled vehicle sees; the same for any params and key."""
+        return in_lockstep(partial(highway.look, options=self.options))(state)
+
+    def observe(
+        self, key: AnyKey, state: HighwayState, action: Int[Array, ""] | int | None, params: HighwayParams
+    ) -> Float[Array, "rows columns"]:
+        """As `get_obs`, in the order of gymnax's arguments."""
+        return self.get_obs(state, params, key)
+
+    def is_terminated(self, state: HighwayState, params: HighwayParams) -> Bool[Array, ""]:
+        """Whether the controlled vehicle has crashed."""
+        return state.traffic.crashed[highway.EGO]
+
+    def is_truncated(self, state: HighwayState, params: HighwayParams) -> Bool[Array, ""]:
+        """Whether the episode has lasted its full duration."""
+        return state.time >= params.max_steps_in_episode
+
+    def action_space(self, params: HighwayParams | None = None) -> Any:
+        """gymnax's space of the actions."""
+        return _spaces().Discrete(N_ACTIONS)
+
+    def observation_space(self, params: HighwayParams | None = None) -> Any:
+        """gymnax's space of the observations."""
+        return _spaces().Box(-1.0, 1.0, self.options.observation_shape, jnp.float32)
+
+    def _second(
+        self, state: HighwayState, action: Int[Array, ""] | int, params: HighwayParams
+    ) -> tuple[HighwayState, Outcome]:
+        """The state a second later, and what the action was worth."""
+
+        def second(state: HighwayState, action: Array, duration: Array) -> tuple[HighwayState, Outcome]:
+            after = highway.advance(state, action, self.options)
+            return after, highway.judge(after, self.options, duration)
+
+        duration = jnp.asarray(params.max_steps_in_episode, jnp.int32)
+        return in_lockstep(second)(state, jnp.asarray(action, jnp.int32), duration)
+
+    def _renewed(
+        self,
+        ended: Bool[Array, " scenarios"],
+        keys: Key[Array, " scenarios"],
+        state: HighwayState,
+        observation: Float[Array, "rows columns scenarios"],
+        measured: TrafficState | None,
+    ) -> tuple[Float[Array, "rows columns scenarios"], HighwayState]:
+        """Observation and state of the next episode where one has ended."""
+
+        def begun() -> tuple[Array, HighwayState]:
+            new = highway.chosen(ended, highway.begin(keys, self.options, measured), state)
+            return highway.look(new, self.options), new
+
+        return if_any(ended, begun, (observation, state))
+
+
+def _drawn_start(key: PRNGKey, params: HighwayParams) -> TrafficState | None:
+    """One of the measured cases; None where there are none."""
+    if params.starts is None:
+        return None
+    case = jax.random.randint(key, (), 0, params.starts.x.shape[-1])
+    return jax.tree.map(lambda leaf: leaf[..., case], params.starts)
+
+
+def _spaces() -> Any:
+    try:
+        return import_module("gymnax.environments.spaces")
+    except ImportError as error:
+        raise ImportError(
+            "the spaces of the functional environment are gymnax's: pip install 'rearl_jax[gymnax]'; without it: there "
+            f"are {N_ACTIONS} actions, and observations are within -1 and 1"
+        ) from error
+
+
+def _typed(key: AnyKey) -> PRNGKey:
+    """A key of `jax.random.key`, also from one of `jax.random.PRNGKey`."""
+    return key if jnp.issubdtype(key.dtype, jax.dtypes.prng_key) else jax.random.wrap_key_data(key)

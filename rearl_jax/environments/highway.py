@@ -1,0 +1,204 @@
+"""The highway as a decision process: one vehicle takes a meta-action every second, the others drive by IDM and MOBIL.
+
+Scenarios in lockstep, the scenario axis last as in the core; the controlled vehicle ("ego") is vehicle 0. The traffic,
+what is seen, what is rewarded and when it ends are those of highway-env's `highway-v0`.
+
+Source: highway-env 1.12.1, `HighwayEnv` and `AbstractEnv.step`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int, Key
+
+from rearl_jax.core.drivers import Drivers, highway_env_drivers
+from rearl_jax.core.meta_actions import MetaAction, apply_meta_actions
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.rollout import simulate_second
+from rearl_jax.core.spawn import EXPONENT_RANGE, spawn
+from rearl_jax.core.state import Controller, TrafficState, nearest_level
+from rearl_jax.decision.observation import COLUMNS, N_ROWS, View, highway_env_view, observe_neighbours
+from rearl_jax.decision.reward import reward
+
+EGO = 0
+"""The controlled vehicle."""
+
+EGO_SPEED = 25.0
+"""Its initial speed [m/s]. Source: highway-env 1.12.1, `HighwayEnv._create_vehicles`."""
+
+PRECISIONS = ("float32", "float64")
+
+
+@dataclass(frozen=True)
+class HighwayOptions:
+    """What of the environment changes the compiled program.
+
+    Attributes:
+        n_lanes: Lanes of the road, 1 to 8; None for 4, or as many as measured scenes have.
+        n_others: Vehicles besides the controlled one; measured scenes bring their own number.
+        density: highway-env's `vehicles_density` [-].
+        duration: Seconds until an episode is truncated [s].
+        speed_levels: Target speeds FASTER and SLOWER choose from [m/s].
+        ticks_per_second: Simulation ticks per second [1/s].
+        n_rows: Vehicles in an observation, the controlled one first.
+        see_behind: Whether vehicles more than 10 m behind are seen.
+        dtype: Floating type of the simulation, float32 or float64; the latter needs JAX's x64 mode.
+
+    Source: highway-env 1.12.1, `HighwayEnv.default_config`, `MDPVehicle.DEFAULT_TARGET_SPEEDS`.
+    """
+
+    n_lanes: int | None = None
+    n_others: int = 50
+    density: float = 1.0
+    duration: int = 40
+    speed_levels: Sequence[float] = (20.0, 25.0, 30.0)
+    ticks_per_second: int = 15
+    n_rows: int = N_ROWS
+    see_behind: bool = False
+    dtype: str = "float32"
+
+    def __post_init__(self) -> None:
+        # Lists, as JSON has them, would not be hashable.
+        object.__setattr__(self, "speed_levels", tuple(self.speed_levels))
+        for name, least in (("n_others", 0), ("duration", 1), ("n_rows", 1)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} = {getattr(self, name)}: must be at least {least}")
+        if not self.density > 0:
+            raise ValueError(f"density = {self.density}: must be greater than 0 (highway-env: 1)")
+        if self.dtype not in PRECISIONS:
+            raise ValueError(f"dtype = {self.dtype!r}: choose one of {', '.join(PRECISIONS)}")
+        if self.dtype == "float64" and not jax.config.read("jax_enable_x64"):
+            raise ValueError("dtype = 'float64' needs jax.config.update(\"jax_enable_x64\", True) first")
+        _ = self.model  # which checks the rest
+
+    @cached_property
+    def model(self) -> TrafficModel:
+        """The road."""
+        return TrafficModel(
+            n_lanes=4 if self.n_lanes is None else self.n_lanes,
+            speed_levels=tuple(self.speed_levels),
+            ticks_per_second=self.ticks_per_second,
+        )
+
+    @cached_property
+    def view(self) -> View:
+        """How the controlled vehicle sees the traffic: highway-env's `Kinematics`."""
+        return highway_env_view(self.model.n_lanes, self.n_rows, see_behind=self.see_behind)
+
+    @property
+    def observation_shape(self) -> tuple[int, int]:
+        """Rows and columns of an observation."""
+        return self.n_rows, len(COLUMNS)
+
+
+class HighwayState(eqx.Module):
+    """Scenarios between two decisions.
+
+    Attributes:
+        traffic: The vehicles, the controlled one first.
+        drivers: How the others drive.
+        time: Seconds since the episode began [s].
+    """
+
+    traffic: TrafficState
+    drivers: Drivers
+    time: Int[Array, "*scenarios"]
+
+
+class Outcome(eqx.Module):
+    """What a decision has led to.
+
+    Attributes:
+        observation: What is seen afterwards: per vehicle presence, x, y, vx, vy, normalised, see `View`.
+        reward: For the second, within [0, 1], see `decision.reward`.
+        terminated: Whether the controlled vehicle has crashed.
+        truncated: Whether the episode has lasted its full duration; both may hold.
+        speed: Of the controlled vehicle [m/s].
+    """
+
+    observation: Float[Array, "rows columns *scenarios"]
+    reward: Float[Array, "*scenarios"]
+    terminated: Bool[Array, "*scenarios"]
+    truncated: Bool[Array, "*scenarios"]
+    speed: Float[Array, "*scenarios"]
+
+
+def begin(
+    keys: Key[Array, " scenarios"], options: HighwayOptions, measured: TrafficState | None = None
+) -> HighwayState:
+    """The first state of an episode for each key.
+
+    Traffic is drawn as `core.spawn` places it and the controlled vehicle, the rearmost, begins at `EGO_SPEED`. That is
+    highway-env's traffic, but for where it stands on its road of 10 km: `ego_spacing` moves all vehicles alike.
+
+    Args:
+        keys: Random keys.
+        options: The environment.
+        measured: Vehicles to begin with instead of drawn ones, the controlled one first; the keys draw their drivers.
+    """
+    dtype = jnp.dtype(options.dtype)
+    if measured is None:
+        traffic, drivers = spawn(
+            keys, options.model, n_vehicles=options.n_others + 1, density=options.density, dtype=dtype
+        )
+        level = int(nearest_level(np.array([EGO_SPEED]), options.model)[0])
+        traffic = replace(
+            traffic,
+            speed=traffic.speed.at[EGO].set(EGO_SPEED),
+            desired_speed=traffic.desired_speed.at[EGO].set(options.speed_levels[level]),
+            controller=traffic.controller.at[EGO].set(int(Controller.META)),
+        )
+    else:
+        n_vehicles = measured.x.shape[0]
+        draw = jax.vmap(lambda key: jax.random.uniform(key, (n_vehicles,), dtype, *EXPONENT_RANGE), out_axes=-1)
+        traffic, drivers = measured, highway_env_drivers(draw(keys), ticks_per_second=options.ticks_per_second)
+    return HighwayState(traffic, drivers, jnp.zeros(keys.shape, jnp.int32))
+
+
+def advance(state: HighwayState, action: Int[Array, " scenarios"], options: HighwayOptions) -> HighwayState:
+    """The state one second later, in which the controlled vehicle has followed an action, see `MetaAction`."""
+    is_ego = lax.broadcasted_iota(jnp.int32, state.traffic.x.shape, 0) == EGO
+    actions = jnp.where(is_ego, action.astype(jnp.int32)[None], int(MetaAction.IDLE))
+    traffic = apply_meta_actions(state.traffic, actions, options.model)
+    return HighwayState(simulate_second(traffic, state.drivers, options.model), state.drivers, state.time + 1)
+
+
+def look(state: HighwayState, options: HighwayOptions) -> Float[Array, "rows columns scenarios"]:
+    """What the controlled vehicle sees."""
+    seen = observe_neighbours(state.traffic, options.view, slice(EGO, EGO + 1))
+    return seen.reshape(*options.observation_shape, -1)
+
+
+def judge(
+    state: HighwayState, options: HighwayOptions, duration: Int[Array, ""] | Int[Array, " scenarios"] | int
+) -> Outcome:
+    """What the decision that led to a state was worth, and whether the episode ends with it.
+
+    Args:
+        state: The scenarios.
+        options: The environment.
+        duration: Seconds until an episode is truncated [s].
+    """
+    return Outcome(
+        observation=look(state, options),
+        reward=reward(state.traffic, options.model)[EGO].astype(jnp.float32),
+        terminated=state.traffic.crashed[EGO],
+        truncated=state.time >= duration,
+        speed=state.traffic.speed[EGO].astype(jnp.float32),
+    )
+
+
+def chosen(is_first: Bool[Array, " scenarios"], one: HighwayState, other: HighwayState) -> HighwayState:
+    """Scenario by scenario one of two states; what is the same for all scenarios is the same in both."""
+    n_scenarios = is_first.shape[0]
+
+    def choose(a: Array, b: Array) -> Array:
+        return jnp.where(is_first.reshape(*(1,) * (a.ndim - 1), -1), a, b) if a.shape[-1] == n_scenarios else b
+
+    return jax.tree.map(choose, one, other)

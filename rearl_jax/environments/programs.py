@@ -1,0 +1,100 @@
+"""The compiled programs behind the Gymnasium environments: scenarios in lockstep, each with random keys of its own.
+
+A scenario's episodes depend on its own seed alone, so that scenario i of a batch seeded with s is the single
+environment seeded with s + i.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import cache, partial
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, Key
+
+from rearl_jax.core.state import TrafficState
+from rearl_jax.environments import highway
+from rearl_jax.environments.highway import HighwayOptions, HighwayState, Outcome
+
+
+class Scenarios(eqx.Module):
+    """What is carried from call to call.
+
+    Attributes:
+        keys: Of the episodes to come.
+        state: The present episodes.
+    """
+
+    keys: Key[Array, " scenarios"]
+    state: HighwayState
+
+
+class Sight(NamedTuple):
+    """What is seen where no decision was made: at the beginning of an episode.
+
+    Attributes:
+        observation: As of `highway.Outcome`.
+        speed: Of the controlled vehicle [m/s].
+    """
+
+    observation: Float[Array, "rows columns scenarios"]
+    speed: Float[Array, " scenarios"]
+
+
+def keys_of(seeds: Sequence[int]) -> Key[Array, " scenarios"]:
+    """A random key for each seed."""
+    return jax.vmap(jax.random.key)(jnp.asarray(np.array(seeds, np.uint32)))
+
+
+@cache
+def start_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, Sight]]:
+    """From keys and measured cases to the first episodes; compiled once for all environments of a process."""
+    return jax.jit(partial(_start, options=options))
+
+
+@cache
+def restart_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, Sight]]:
+    """From scenarios, measured cases and who begins anew to the scenarios with new episodes there."""
+    return jax.jit(partial(_restart, options=options))
+
+
+@cache
+def step_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, Outcome]]:
+    """From scenarios and actions to the scenarios a second later and what the second was worth."""
+    return jax.jit(partial(_step, options=options))
+
+
+def _start(
+    keys: Key[Array, " scenarios"], cases: TrafficState | None, options: HighwayOptions
+) -> tuple[Scenarios, Sight]:
+    later, case_keys, own_keys = jax.vmap(partial(jax.random.split, num=3), out_axes=1)(keys)
+    measured = None
+    if cases is not None:
+        draw = partial(jax.random.randint, shape=(), minval=0, maxval=cases.x.shape[-1])
+        number = jax.vmap(draw)(case_keys)
+        measured = jax.tree.map(lambda leaf: leaf[..., number], cases)
+    scenarios = Scenarios(later, highway.begin(own_keys, options, measured))
+    return scenarios, _sight(scenarios, options)
+
+
+def _restart(
+    scenarios: Scenarios, cases: TrafficState | None, begins: Bool[Array, " scenarios"], options: HighwayOptions
+) -> tuple[Scenarios, Sight]:
+    new = _start(scenarios.keys, cases, options)[0]
+    keys = jnp.where(begins, new.keys, scenarios.keys)
+    scenarios = Scenarios(keys, highway.chosen(begins, new.state, scenarios.state))
+    return scenarios, _sight(scenarios, options)
+
+
+def _step(
+    scenarios: Scenarios, actions: Int[Array, " scenarios"], options: HighwayOptions
+) -> tuple[Scenarios, Outcome]:
+    state = highway.advance(scenarios.state, actions, options)
+    return Scenarios(scenarios.keys, state), highway.judge(state, options, options.duration)
+
+
+def _sight(scenarios: Scenarios, options: HighwayOptions) -> Sight:
+    speed = scenarios.state.traffic.speed[highway.EGO].astype(jnp.float32)
+    return Sight(highway.look(scenarios.state, options), speed)

@@ -1,0 +1,47 @@
+"""The environment under its Gymnasium id."""
+
+from typing import Any, overload
+
+import gymnasium
+
+ENV_ID = "rearl_jax/Highway-v0"
+
+
+def register() -> None:
+    """Makes the id known to Gymnasium; the environment itself is imported when one is made."""
+    gymnasium.register(
+        ENV_ID,
+        entry_point="rearl_jax.environments.single:HighwayEnv",
+        vector_entry_point="rearl_jax.environments.vector:HighwayVectorEnv",
+    )
+
+
+@overload
+def make_env(num_envs: None = None, **options: Any) -> gymnasium.Env: ...
+
+
+@overload
+def make_env(num_envs: int, **options: Any) -> gymnasium.vector.VectorEnv: ...
+
+
+def make_env(num_envs: int | None = None, **options: Any) -> gymnasium.Env | gymnasium.vector.VectorEnv:
+    """A Gymnasium environment: one vehicle drives by meta-actions among traffic of IDM and MOBIL.
+
+    The same as `gymnasium.make("rearl_jax.environments:rearl_jax/Highway-v0", **options)`, or `gymnasium.make_vec` of
+    it. Example:
+
+        env = rearl_jax.make_env(n_others=20)
+        observation, info = env.reset(seed=0)
+        observation, reward, terminated, truncated, info = env.step(rearl_jax.MetaAction.FASTER)
+
+    Args:
+        num_envs: Scenarios that run in lockstep in a vector environment; None for a single environment.
+        **options: `scenes` (measured ones to begin with), the fields of `environments.highway.HighwayOptions`, and
+            those of `gymnasium.make` or `gymnasium.make_vec`.
+
+    Raises:
+        TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road.
+    """
+    if num_envs is None:
+        return gymnasium.make(ENV_ID, **options)
+    return gymnasium.make_vec(ENV_ID, num_envs, **options)

@@ -1,0 +1,85 @@
+"""The highway as a Gymnasium environment."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.decision.situation import N_ACTIONS
+from rearl_jax.environments.highway import HighwayOptions
+from rearl_jax.environments.programs import Scenarios, keys_of, restart_program, start_program, step_program
+from rearl_jax.environments.starts import with_scenes
+
+
+class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
+    """One controlled vehicle on a highway.
+
+    Actions: `MetaAction`, one a second. Observation: rows of presence, x, y, vx, vy of the controlled vehicle and of
+    the nearest others, see `decision.observation`. Reward: within [0, 1], see `decision.reward`. Terminated: the
+    controlled vehicle has crashed. Truncated: the episode has lasted `duration` seconds. All as highway-env's
+    `highway-v0` has them.
+
+    `info` holds `speed` [m/s] and `crashed` of the controlled vehicle.
+    """
+
+    metadata = {"render_modes": []}
+
+    def __init__(self, scenes: SceneSet | None = None, **options: Any) -> None:
+        """Prepares the environment; nothing is compiled before the first reset.
+
+        Args:
+            scenes: Measured scenes to begin with, each vehicle of each in the place of the controlled one; None to draw
+                the traffic.
+            **options: Fields of `HighwayOptions`.
+
+        Raises:
+            TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road.
+        """
+        self.options, self._cases = with_scenes(HighwayOptions(**options), scenes)
+        self.observation_space, self.action_space = spaces(self.options)
+        self._scenarios: Scenarios | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Float[np.ndarray, "rows columns"], dict[str, Any]]:
+        """Observation and info at the beginning of an episode.
+
+        Args:
+            seed: Of this and all later episodes; None to go on with those that follow.
+            options: Without meaning here.
+        """
+        super().reset(seed=seed)
+        if seed is None and self._scenarios is not None:
+            program = restart_program(self.options)
+            self._scenarios, sight = program(self._scenarios, self._cases, np.ones(1, bool))
+        else:
+            first = int(self.np_random.integers(2**31)) if seed is None else seed
+            self._scenarios, sight = start_program(self.options)(keys_of([first]), self._cases)
+        return np.array(sight.observation)[..., 0], {"speed": float(sight.speed[0]), "crashed": False}
+
+    def step(self, action: Any) -> tuple[Float[np.ndarray, "rows columns"], float, bool, bool, dict[str, Any]]:
+        """Observation, reward, whether the episode has terminated, whether it was truncated, and info.
+
+        Raises:
+            RuntimeError: There was no reset.
+            ValueError: The action is none of `MetaAction`.
+        """
+        if self._scenarios is None:
+            raise RuntimeError("there is no episode yet: call reset() before step()")
+        if not self.action_space.contains(action):
+            raise ValueError(f"action {action!r} is none of 0 to {N_ACTIONS - 1}: see rearl_jax.MetaAction")
+        self._scenarios, outcome = step_program(self.options)(self._scenarios, np.array([action], np.int32))
+        terminated = bool(outcome.terminated[0])
+        info = {"speed": float(outcome.speed[0]), "crashed": terminated}
+        observation = np.array(outcome.observation)[..., 0]
+        return observation, float(outcome.reward[0]), terminated, bool(outcome.truncated[0]), info
+
+
+def spaces(options: HighwayOptions) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Discrete]:
+    """Spaces of the observations and of the actions of one scenario."""
+    return (
+        gymnasium.spaces.Box(-1.0, 1.0, options.observation_shape, np.float32),
+        gymnasium.spaces.Discrete(N_ACTIONS),
+    )

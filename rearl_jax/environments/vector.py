@@ -1,0 +1,200 @@
+"""The highway as a Gymnasium vector environment: many scenarios in lockstep in one compiled program."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import jax
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from jaxtyping import Bool, Float
+
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.decision.situation import N_ACTIONS
+from rearl_jax.environments.highway import HighwayOptions
+from rearl_jax.environments.programs import (
+    Scenarios,
+    Sight,
+    keys_of,
+    restart_program,
+    start_program,
+    step_program,
+)
+from rearl_jax.environments.single import spaces
+from rearl_jax.environments.starts import with_scenes
+
+
+class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+    """Scenarios with a controlled vehicle each; what `HighwayEnv` says of one holds for each.
+
+    Seeded with s, scenario i has the episodes of a `HighwayEnv` seeded with s + i, as in Gymnasium's `SyncVectorEnv`.
+    Who has finished begins anew by `autoreset_mode`: in the next step, whose action is ignored and whose reward is 0;
+    in the same step, with `final_obs` and `final_info` in the info; or (disabled) only by
+    `reset(options={"reset_mask": ...})`.
+
+    Source of the modes: Gymnasium 1.4, `SyncVectorEnv`.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scenes: SceneSet | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        **options: Any,
+    ) -> None:
+        """Prepares the environment; nothing is compiled before the first reset.
+
+        Args:
+            num_envs: Number of scenarios.
+            scenes: Measured scenes to begin with, each vehicle of each in the place of the controlled one; None to draw
+                the traffic.
+            autoreset_mode: What happens to finished episodes.
+            **options: Fields of `HighwayOptions`.
+
+        Raises:
+            TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road.
+        """
+        if num_envs < 1:
+            raise ValueError(f"num_envs = {num_envs}: at least one scenario is needed")
+        self.num_envs = num_envs
+        self.options, self._cases = with_scenes(HighwayOptions(**options), scenes)
+        self._mode = AutoresetMode(autoreset_mode)
+        self.metadata = {"render_modes": [], "autoreset_mode": self._mode}
+        self.single_observation_space, self.single_action_space = spaces(self.options)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._scenarios: Scenarios | None = None
+        self._has_ended = np.zeros(num_envs, bool)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Float[np.ndarray, "scenarios rows columns"], dict[str, Any]]:
+        """Observations and info at the beginning of episodes.
+
+        Args:
+            seed: s for s, s + 1, ...; or one for each scenario, None to go on with the episodes that follow.
+            options: `reset_mask`, who begins anew; all by default.
+
+        Raises:
+            ValueError: There are too few seeds, or the mask is no mask of the scenarios.
+        """
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        seeds = self._seeds(seed)
+        begins = self._mask(options)
+        if self._scenarios is None:
+            drawn = self.np_random.integers(2**31, size=self.num_envs)
+            keys = keys_of([int(new) if given is None else given for new, given in zip(drawn, seeds, strict=True)])
+            self._scenarios, sight = start_program(self.options)(keys, self._cases)
+        else:
+            is_given = np.array([given is not None for given in seeds]) & begins
+            if is_given.any():
+                keys = keys_of([0 if given is None else given for given in seeds])
+                keys = jax.numpy.where(is_given, keys, self._scenarios.keys)
+                self._scenarios = Scenarios(keys, self._scenarios.state)
+            sight = self._restart(begins)
+        self._has_ended = self._has_ended & ~begins
+        return _scenarios_first(sight.observation), _info(
+            np.asarray(sight.speed), np.zeros(self.num_envs, bool), begins
+        )
+
+    def step(
+        self, actions: np.ndarray
+    ) -> tuple[
+        Float[np.ndarray, "scenarios rows columns"],
+        Float[np.ndarray, " scenarios"],
+        Bool[np.ndarray, " scenarios"],
+        Bool[np.ndarray, " scenarios"],
+        dict[str, Any],
+    ]:
+        """Observations, rewards, who has terminated, who was truncated, and info.
+
+        Raises:
+            RuntimeError: There was no reset, or, without automatic resets, not of those that have finished.
+            ValueError: Actions are missing or none of `MetaAction`.
+        """
+        if self._scenarios is None:
+            raise RuntimeError("there are no episodes yet: call reset() before step()")
+        actions = np.asarray(actions)
+        if not self.action_space.contains(actions):
+            raise ValueError(
+                f"actions must be {self.num_envs} whole numbers from 0 to {N_ACTIONS - 1}, see rearl_jax.MetaAction; "
+                f"got {actions!r}"
+            )
+        ended_before = self._has_ended
+        if self._mode is AutoresetMode.DISABLED and ended_before.any():
+            raise RuntimeError(
+                f"{ended_before.sum()} episodes have ended: call reset with options={{'reset_mask': who ended}}"
+            )
+        self._scenarios, outcome = step_program(self.options)(self._scenarios, actions.astype(np.int32))
+        observation, speed = _scenarios_first(outcome.observation), np.asarray(outcome.speed)
+        reward = np.asarray(outcome.reward, np.float64)
+        terminated, truncated = np.array(outcome.terminated), np.array(outcome.truncated)
+        everybody, extra = np.ones(self.num_envs, bool), {}
+        if self._mode is AutoresetMode.NEXT_STEP and ended_before.any():
+            sight = self._restart(ended_before)
+            observation, speed = _scenarios_first(sight.observation), np.asarray(sight.speed)
+            reward = np.where(ended_before, 0.0, reward)
+            terminated, truncated = terminated & ~ended_before, truncated & ~ended_before
+        self._has_ended = terminated | truncated
+        crashed = terminated
+        if self._mode is AutoresetMode.SAME_STEP and self._has_ended.any():
+            extra = _last_of(observation, speed, crashed, self._has_ended)
+            sight = self._restart(self._has_ended)
+            observation, speed = _scenarios_first(sight.observation), np.asarray(sight.speed)
+            crashed = crashed & ~self._has_ended
+        return observation, reward, terminated, truncated, extra | _info(speed, crashed, everybody)
+
+    def _restart(self, begins: Bool[np.ndarray, " scenarios"]) -> Sight:
+        """What is seen once new episodes have begun."""
+        self._scenarios, sight = restart_program(self.options)(self._scenarios, self._cases, begins)
+        return sight
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None]:
+        """One for each scenario."""
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, int):
+            return [seed + number for number in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise ValueError(f"{len(seed)} seeds for {self.num_envs} scenarios: give one for each, or a single one")
+        return seed
+
+    def _mask(self, options: dict[str, Any] | None) -> Bool[np.ndarray, " scenarios"]:
+        """Who begins anew."""
+        mask = (options or {}).get("reset_mask")
+        if mask is None:
+            return np.ones(self.num_envs, bool)
+        mask = np.asarray(mask)
+        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
+            raise ValueError(
+                f"reset_mask must be {self.num_envs} booleans, at least one of them true; got {mask.dtype} {mask.shape}"
+            )
+        if self._scenarios is None and not mask.all():
+            raise ValueError("reset_mask leaves out scenarios that have never begun: reset all first")
+        return mask
+
+
+def _scenarios_first(observation: Any) -> Float[np.ndarray, "scenarios rows columns"]:
+    """A new array, which the caller may keep and change."""
+    return np.array(np.moveaxis(np.asarray(observation), -1, 0), order="C")
+
+
+def _info(speed: np.ndarray, crashed: np.ndarray, of: np.ndarray) -> dict[str, Any]:
+    """Figures by name, and under `_name` whose there are; 0 for all others."""
+    values = {"speed": speed.astype(np.float64), "crashed": crashed}
+    zeroed = {name: np.where(of, value, value.dtype.type(0)) for name, value in values.items()}
+    return zeroed | {f"_{name}": of.copy() for name in values}
+
+
+def _last_of(observation: np.ndarray, speed: np.ndarray, crashed: np.ndarray, ended: np.ndarray) -> dict[str, Any]:
+    """Observation and info at the end of episodes whose successors have already begun."""
+    last = np.full(len(ended), None, object)
+    for number in np.flatnonzero(ended):
+        last[number] = observation[number].copy()
+    return {
+        "final_obs": last,
+        "_final_obs": ended.copy(),
+        "final_info": _info(speed, crashed, ended),
+        "_final_info": ended.copy(),
+    }

@@ -1,0 +1,136 @@
+"""The Gymnasium environment: what its ecosystem checks, and what its options do."""
+
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+
+@pytest.fixture(scope="module")
+def env(small):
+    from rearl_jax import make_env
+
+    return make_env(**small)
+
+
+def test_gymnasium_finds_nothing_wrong(env):
+    assert env.spec is not None
+    assert env.spec.id == "rearl_jax/Highway-v0"
+    check_env(env.unwrapped)  # every warning is an error
+
+
+def test_an_episode_ends_by_a_crash_or_after_its_duration(env):
+    ends = set()
+    for seed in range(12):
+        env.reset(seed=seed)
+        for second in range(1, 7):
+            observation, reward, terminated, truncated, info = env.step(3)
+            assert env.observation_space.contains(observation)
+            assert 0 <= reward <= 1
+            assert truncated == (second == 6)
+            assert info == {"speed": pytest.approx(observation[0, 3] * 80, abs=2), "crashed": terminated}
+            if terminated or truncated:
+                break
+        ends.add((terminated, truncated))
+    assert {(True, False), (False, True)} <= ends
+
+
+def test_episodes_follow_from_the_seed_and_differ_from_each_other(env):
+    first, later = env.reset(seed=3)[0], env.reset()[0]
+    assert not np.array_equal(first, later)
+    np.testing.assert_array_equal(env.reset(seed=3)[0], first)
+    np.testing.assert_array_equal(env.reset()[0], later)
+    assert not np.array_equal(env.reset(seed=4)[0], first)
+
+
+def test_actions_do_what_they_say(env):
+    def after(action):
+        env.reset(seed=8)
+        return env.step(action)
+
+    by_action = [after(action) for action in range(5)]
+    speeds = [info["speed"] for *_, info in by_action]
+    assert speeds[3] > speeds[1] + 2 > speeds[4] + 4
+    across = [observation[0, 2] for observation, *_ in by_action]
+    assert across[0] < across[1] < across[2]
+
+
+@pytest.mark.parametrize("action", [5, -1, 1.5, None])
+def test_no_other_actions(env, action):
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="is none of 0 to 4"):
+        env.unwrapped.step(action)
+
+
+def test_a_step_needs_an_episode(small):
+    from rearl_jax.environments.single import HighwayEnv
+
+    with pytest.raises(RuntimeError, match="call reset"):
+        HighwayEnv(**small).step(1)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"n_others": -1}, "n_others = -1: must be at least 0"),
+        ({"duration": 0}, "duration = 0"),
+        ({"density": 0.0}, "density = 0.0"),
+        ({"n_lanes": 9}, "n_lanes = 9 is outside 1..8"),
+        ({"speed_levels": [20.0]}, "at least two speeds"),
+        ({"dtype": "float16"}, "float32, float64"),
+    ],
+)
+def test_bad_options_are_named(options, words):
+    from rearl_jax.environments.highway import HighwayOptions
+
+    with pytest.raises(ValueError, match=words):
+        HighwayOptions(**options)
+
+
+def test_unknown_options_are_named(small):
+    from rearl_jax import make_env
+
+    with pytest.raises(TypeError, match="vehicles_count"):
+        make_env(**small, vehicles_count=4)
+
+
+def test_double_precision_needs_x64(monkeypatch):
+    import jax
+
+    from rearl_jax.environments.highway import HighwayOptions
+
+    monkeypatch.setattr(jax.config, "read", lambda name: False)
+    with pytest.raises(ValueError, match="jax_enable_x64"):
+        HighwayOptions(dtype="float64")
+
+
+def test_gymnasium_imports_it_by_name():
+    """In a new process, in which nothing of the package has been imported."""
+    program = (
+        "import gymnasium\n"
+        "env = gymnasium.make('rearl_jax.environments:rearl_jax/Highway-v0', n_others=2, speed_levels=[5.0, 20.0])\n"
+        "print(type(env.unwrapped).__name__, env.unwrapped.options.speed_levels)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "HighwayEnv (5.0, 20.0)"
+
+
+def test_importing_the_environments_imports_no_jax():
+    program = "import sys, rearl_jax.environments; print('jax' in sys.modules, 'gymnasium' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True"]
+
+
+def test_wrappers_of_gymnasium_work(env):
+    wrapped = gymnasium.wrappers.FlattenObservation(gymnasium.wrappers.RecordEpisodeStatistics(env))
+    observation, _ = wrapped.reset(seed=1)
+    assert observation.shape == (25,)
+    for _ in range(6):
+        *_, terminated, truncated, info = wrapped.step(4)
+        if terminated or truncated:
+            break
+    assert info["episode"]["l"] <= 6
+    assert 0 < info["episode"]["r"] <= 6

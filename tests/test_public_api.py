@@ -1,0 +1,181 @@
+"""The public names: few, light to import, and the examples of the package's docstring do what they say."""
+
+import re
+import subprocess
+import sys
+import textwrap
+
+import jax
+import numpy as np
+import pandas as pd
+import pytest
+
+import rearl_jax
+
+HEAVY = ("gymnasium", "highway_env", "hydra", "jax", "matplotlib", "numpy", "pandas", "pyarrow", "scipy", "sklearn")
+LONGEST = 10
+"""Lines of an example."""
+
+
+def examples():
+    """The blocks of the docstring, by the first word that tells them apart."""
+    blocks = re.findall(r"((?:^    .*\n)+)", rearl_jax.__doc__ or "", re.MULTILINE)
+    found = [textwrap.dedent(block) for block in blocks]
+    names = ("cut_scenes", "spawn", "evaluate", "calibrate", "discover", "make_env")
+    assert len(found) == len(names)
+    return {name: next(text for text in found if f"rearl_jax.{name}(" in text) for name in names}
+
+
+def follow(name, **given):
+    """The names an example leaves behind."""
+    space = {"rearl_jax": rearl_jax, "jax": jax} | given
+    exec(compile(examples()[name], f"example of {name}", "exec"), space)
+    return space
+
+
+@pytest.fixture(scope="module")
+def lenient():
+    """JAX's usual promotion, as users have it."""
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        yield
+
+
+def test_importing_it_imports_nothing_heavy():
+    program = f"import sys, rearl_jax; print([name for name in {HEAVY} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_there_are_about_twenty_names():
+    assert 15 <= len(rearl_jax.__all__) <= 25
+    for name in rearl_jax.__all__:
+        assert name == "__version__" or getattr(rearl_jax, name).__doc__
+
+
+def test_every_example_is_short():
+    assert len(examples()) == 6
+    for name, text in examples().items():
+        assert len(text.splitlines()) <= LONGEST, name
+
+
+def test_example_scenes(capsys):
+    scenes = follow("cut_scenes")["scenes"]
+    assert capsys.readouterr().out.startswith(f"{scenes.speed.shape} ")
+    assert scenes.speed.shape[1:] == (60, 10)
+
+
+@pytest.mark.usefixtures("lenient")
+def test_example_rollout(capsys):
+    frames = follow("spawn")["frames"]
+    assert capsys.readouterr().out.startswith("(60, 10, 100) ")
+    assert 15 < frames.speed.mean() < 32
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("lenient")
+def test_example_metric_table(capsys):
+    result = follow("evaluate")["result"]
+    printed = capsys.readouterr().out
+    assert "real against real" in printed
+    assert str(result) in printed
+    row = result.summary.set_index(["method", "metric"])["value"]
+    assert row["base", "h"] > row["noise_floor", "h"] > 0
+    assert result.runs["method"].value_counts()["base"] == 5
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("lenient")
+def test_example_calibration(tmp_path, monkeypatch, capsys):
+    from rearl_jax.models.file import read_model
+
+    monkeypatch.chdir(tmp_path)
+    found = follow("calibrate", folder=str(planted(tmp_path / "data")))["found"]
+    assert "time_gap" in capsys.readouterr().out
+    drivers = found.drivers
+    assert len(drivers) > 20
+    assert 0.8 < drivers["time_gap"].median() < 2.0
+    assert (drivers["one_step"] < 0.3).all()
+    model = read_model("model.yaml")
+    assert model.effects == ()
+    assert np.exp(model.population["car"].log_mean["time_gap"]) == pytest.approx(drivers["time_gap"].median(), rel=0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("lenient")
+def test_example_discovery(tmp_path, capsys):
+    found = follow("discover", folder=str(planted(tmp_path)))["found"]
+    printed = capsys.readouterr().out
+    assert found.verdict["verdict"] in printed
+    assert isinstance(found.candidates, pd.DataFrame)
+    assert len(found.candidates) > 5
+    assert {effect.name for effect in found.model.effects} == {effect["name"] for effect in found.verdict["effects"]}
+    assert "grade" in {effect["name"] for effect in found.verdict["effects"]}
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("lenient")
+def test_example_environments():
+    space = follow("make_env")
+    assert space["observation"].shape == (64, 5, 5)
+    assert 0 < space["reward"] <= 1
+
+
+def planted(folder):
+    """Generated recordings with a grade in them."""
+    from rearl_jax.blind.traffic import Planted, Scenario
+    from rearl_jax.blind.traffic.dataset import write_dataset
+
+    folder.mkdir(exist_ok=True)
+    write_dataset(folder, Scenario(11, (Planted("grade", 1.5),), n_vehicles=24, duration=40.0))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: rearl_jax.evaluate(evl={"n_runs": 1}), "no key 'evl.n_runs'; nearest: eval.n_runs"),
+        (lambda: rearl_jax.evaluate(eval={"n_run": 1}), "no key 'eval.n_run'; nearest: eval.n_runs"),
+        (lambda: rearl_jax.evaluate(method="bse"), "method=bse is none of base"),
+        (lambda: rearl_jax.evaluate(eval={"n_runs": 0}), "eval.n_runs must be at least 1"),
+        (lambda: rearl_jax.discover(study="x"), "study: name the folder instead"),
+        (lambda: rearl_jax.cut_scenes(data={"format": "highd"}), "data.root must name the folder"),
+        (lambda: list(rearl_jax.read_recordings(form="highd")), "no key 'form'; nearest: format"),
+    ],
+)
+def test_wrong_keys_are_named(call, words):
+    with pytest.raises(ValueError, match=re.escape(words)):
+        call()
+
+
+def test_keys_imply_what_they_do_on_the_command_line(monkeypatch):
+    from rearl_jax import workflows
+    from rearl_jax.config.evaluation import Method
+
+    seen = []
+
+    def refuse(task):
+        def run(config):
+            seen.append(config)
+            raise RuntimeError
+
+        return run
+
+    monkeypatch.setattr("rearl_jax.tasks.Task.load_run", refuse)
+    for keys in ({}, {"detection": {"interval": 3}}, {"detection": {"interval": 3}, "method": "base"}):
+        with pytest.raises(RuntimeError):
+            workflows.evaluate("some/place", **keys)
+    assert [config.method for config in seen] == [Method.base, Method.rearl, Method.base]
+    assert (seen[0].results.root, seen[0].study) == ("some", "place")
+
+
+def test_double_precision_ends_with_the_task():
+    from rearl_jax.workflows import _double_precision
+
+    before = jax.config.read("jax_enable_x64")
+    jax.config.update("jax_enable_x64", False)
+    try:
+        with _double_precision():
+            assert jax.numpy.zeros(1, float).dtype == np.float64
+        assert not jax.config.read("jax_enable_x64")
+    finally:
+        jax.config.update("jax_enable_x64", before)
