@@ -1,11 +1,26 @@
 """Tables on standard output: one look, and a width where standard output has none of its own."""
 
+import os
 from collections.abc import Iterable
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
+from rich.console import Console as AnyConsole
 from rich.markup import escape
 from rich.table import Table
+
+
+def silence_standard_output() -> None:
+    """Sends to nowhere what is still written to standard output, because nobody reads it any more."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.close(nowhere)
+
+
+class Console(AnyConsole):
+    """Standard output of work that goes on when nobody reads it any more, as behind `| head`."""
+
+    def on_broken_pipe(self) -> None:
+        silence_standard_output()
 
 
 def standard_output(width: int) -> Console:

@@ -6,7 +6,29 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeElapsedColumn
+from rich.text import Text
+
+_MEMORY = 600.0
+"""Steps of so many last seconds say how long the others will take [s]; some steps take minutes."""
+
+
+class TimeLeftColumn(ProgressColumn):
+    """The time a line will still take; nothing where that is not known."""
+
+    max_refresh = 0.5
+
+    def render(self, task: Task) -> Text:
+        """The cell of one line."""
+        left = task.time_remaining
+        return Text("" if task.finished or left is None else f"{in_words(left)} left", style="progress.remaining")
+
+
+def in_words(seconds: float) -> str:
+    """A time as people say it, e.g. 40 s, 12 min, 3.5 h."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
 def shown(bar: Progress, title: str) -> Callable[[int, int], None]:
@@ -18,8 +40,14 @@ def shown(bar: Progress, title: str) -> Callable[[int, int], None]:
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
     """A live progress bar; what is logged meanwhile appears above it."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    bar = Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True)
+    done = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeLeftColumn())
+    bar = Progress(
+        *done,
+        console=Console(stderr=True),
+        disable=not sys.stderr.isatty(),
+        transient=True,
+        speed_estimate_period=_MEMORY,
+    )
     handlers = [
         handler
         for handler in logging.getLogger().handlers

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from rearl_jax import __version__
 from rearl_jax.code_version import code_hash, git_sha
 from rearl_jax.config._schema import as_plain
-from rearl_jax.whole_files import remove_leftovers, replacing
+from rearl_jax.whole_files import claim, remove_leftovers, replacing
 
 if TYPE_CHECKING:
     import pandas
@@ -71,6 +71,7 @@ class Study:
         self.path = _inside(Path(root), name, "study")
         self._config = as_plain(config)
         values = (task, name, config_hash(config), __version__, code_hash(), git_sha(), data_id, generated)
+        self._claim: object = None
         self._provenance: dict[str, Any] = dict(zip(PROVENANCE, values, strict=True))
         self.path.mkdir(parents=True, exist_ok=True)
         remove_leftovers(self.path)
@@ -80,6 +81,9 @@ class Study:
 
         Args:
             resume: Whether a finished study of the same task, configuration, data and code is left alone.
+
+        Raises:
+            FolderInUseError: Another process writes to the folder.
         """
         if resume and (stored := self.finished_summary()) is not None:
             log.info("finished before: %s", self.path)
@@ -135,7 +139,7 @@ class Study:
             if number and path.suffix == ".parquet" and self.owns(f"{name}/{path.stem}"):
                 kept.add(int(number[1]))
             else:
-                path.unlink()
+                path.unlink(missing_ok=True)
         return kept
 
     def finished_summary(self) -> Any:
@@ -171,7 +175,14 @@ class Study:
         return self.write_text("summary.json", json.dumps(whole, indent=2, allow_nan=False) + "\n")
 
     def write_config(self) -> Path:
-        """Path of `config.json`: every key of the task with the value that was used."""
+        """Path of `config.json`: every key of the task with the value that was used.
+
+        From here on no other process may write to the folder, until this object is dropped.
+
+        Raises:
+            FolderInUseError: Another process writes to it.
+        """
+        self._claim = claim(self.path)
         return self.write_text("config.json", json.dumps(self._config, indent=2, allow_nan=False) + "\n")
 
     def write_text(self, name: str, text: str) -> Path:

@@ -145,20 +145,8 @@ def test_no_loose_ends(kind):
 def test_documents_named_in_the_code_exist():
     for file in TEXTS:
         for name in re.findall(r"\b[\w-]+\.md\b", file.read_text(encoding="utf-8")):
-            assert list(ROOT.glob(f"rearl_jax/**/{name}")) or (ROOT / name).exists(), f"{file} names {name}"
-
-
-def test_readme_documents_the_canonical_table_as_it_is_enforced():
-    from rearl_jax.data.schema import COLUMNS
-
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    rows = [line.split("|")[1:4] for line in text.splitlines() if re.match(r"\| `\w+`.*\| \w+ \|", line)]
-    documented = {
-        name: (dtype.strip(), unit.strip().replace("²", "^2"), "*" in names)
-        for names, dtype, unit in rows
-        for name in re.findall(r"`(\w+)`", names)
-    }
-    assert documented == {column.name: (column.dtype, column.unit, column.nullable) for column in COLUMNS}
+            places = [*ROOT.glob(f"rearl_jax/**/{name}"), *ROOT.glob(f"docs/**/{name}"), ROOT / name]
+            assert any(place.exists() for place in places), f"{file} names {name}"
 
 
 def test_readme_example_runs(capsys):

@@ -1,67 +1,119 @@
 """The words of the command line: which task, which options.
 
-Mistakes of the user end with one sentence and exit code 2, mistakes of the program with a traceback and exit code 1.
+Mistakes of the user end with one sentence and exit code 2, mistakes of the program with a traceback and exit code 1;
+Ctrl-C and SIGTERM end a task in an orderly way and say how to go on.
 """
 
 import argparse
 import logging
 import os
+import shlex
 import sys
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from rearl_jax import __version__, tasks
 from rearl_jax.cli.composition import UsageError, compose_task
-from rearl_jax.cli.help import general_help, task_help
+from rearl_jax.cli.help import general_help, group_help, task_help, tasks_beginning_with
+from rearl_jax.cli.interruption import ended_by_signals, exit_code, name_of
 from rearl_jax.cli.multirun import run_many
-from rearl_jax.cli.running import complain, is_for_user, run_task
+from rearl_jax.cli.running import complain, explained, is_for_user, run_task
+from rearl_jax.cli.summary_output import (
+    multirun_object,
+    standard_output_apart,
+    summary_object,
+    write_object,
+)
 from rearl_jax.cli.sweep_files import read_sweep
 from rearl_jax.config._schema import nearest
 from rearl_jax.tasks import Task
 
+DONE, FAILED, UNUSABLE, BROKEN_PIPE = 0, 1, 2, 141
+"""Exit codes; what a signal has ended has 128 and its number."""
+
 
 def main(argv: list[str] | None = None) -> int:
-    """Exit code of `rearl`: 0 done, 2 a fault the user can mend, 130 interrupted; other faults are raised."""
+    """Exit code of `rearl`.
+
+    0 done, 1 a check has failed (faults of the program are raised, which is 1 as well), 2 a fault the user can mend,
+    130 interrupted by Ctrl-C, 143 by SIGTERM, 141 nobody reads standard output any more.
+    """
     arguments = sys.argv[1:] if argv is None else list(argv)
     show_traceback = "--traceback" in arguments or os.environ.get("HYDRA_FULL_ERROR") == "1"
     try:
-        _dispatch(arguments)
-    except KeyboardInterrupt:
-        complain("interrupted")
-        return 130
+        with ended_by_signals():
+            code = _dispatch(arguments)
+            sys.stdout.flush()
+            return code
+    except KeyboardInterrupt as stop:
+        complain(f"interrupted by {name_of(stop)}{_how_to_go_on(arguments)}")
+        return exit_code(stop)
+    except BrokenPipeError:
+        from rearl_jax.console import silence_standard_output
+
+        silence_standard_output()
+        return BROKEN_PIPE
     except Exception as error:
         if show_traceback or not is_for_user(error):
             raise
-        complain(str(error))
-        return 2
-    return 0
+        complain(explained(error))
+        return UNUSABLE
 
 
-def _dispatch(arguments: list[str]) -> None:
+def _dispatch(arguments: list[str]) -> int:
     options = _parser().parse_intermixed_args(arguments)
     if options.version:
         print(f"rearl_jax {__version__}")
-        return
+        return DONE
     if not options.words:
         print(general_help())
-        return
+        return DONE
+    if options.help and (group := tasks_beginning_with(options.words)):
+        print(group_help(group))
+        return DONE
     task = _task(options.words)
     overrides = options.words[len(task.words.split()) :]
     if options.help:
         print(task_help(task))
-    elif options.multirun or options.sweep:
-        if options.sweep:
-            overrides = [*read_sweep(options.sweep, task, options.config_dir), *overrides]
-        run_many(task, overrides, options.config_dir)
-    else:
-        config = compose_task(task, overrides, options.config_dir)
-        if options.config:
-            from omegaconf import OmegaConf
+        return DONE
+    if options.sweep:
+        overrides = [*read_sweep(options.sweep, task, options.config_dir), *overrides]
+    if options.config and not (options.multirun or options.sweep):
+        from omegaconf import OmegaConf
 
-            print(OmegaConf.to_yaml(OmegaConf.structured(config)), end="")
-            return
-        logging.basicConfig(format="%(message)s")
-        logging.getLogger("rearl_jax").setLevel(logging.INFO)
-        run_task(task, config)
+        print(OmegaConf.to_yaml(OmegaConf.structured(compose_task(task, overrides, options.config_dir))), end="")
+        return DONE
+    if not options.json:
+        return _carry_out(task, overrides, options)[0]
+    with standard_output_apart() as output:
+        code, found = _carry_out(task, overrides, options)
+        write_object(found, output)
+    return code
+
+
+def _carry_out(task: Task, overrides: list[str], options: argparse.Namespace) -> tuple[int, dict[str, Any]]:
+    """Exit code, and what `--json` shows."""
+    if options.multirun or options.sweep:
+        folder, cells = run_many(task, overrides, options.config_dir)
+        return DONE, multirun_object(task, folder, cells)
+    config = compose_task(task, overrides, options.config_dir)
+    logging.basicConfig(format="%(message)s")
+    logging.getLogger("rearl_jax").setLevel(logging.INFO)
+    folder, returned = run_task(task, config)
+    is_failed = task.failures is not None and returned[task.failures] > 0
+    return FAILED if is_failed else DONE, summary_object(task, folder, returned)
+
+
+def _how_to_go_on(arguments: list[str]) -> str:
+    """What is kept of a task that was ended, and the command that goes on with it."""
+    try:
+        options = _parser().parse_intermixed_args(arguments)
+        task = _task(options.words)
+    except (UsageError, IndexError):
+        return ""
+    command = shlex.join(["rearl", *arguments])
+    if task.goes_on or options.multirun or options.sweep:
+        return f"; what was finished is kept, go on with: {command}"
+    return f"; nothing of an unfinished run is kept, start again with: {command}"
 
 
 class _Parser(argparse.ArgumentParser):
@@ -75,6 +127,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("-h", "--help", action="store_true")
     parser.add_argument("-m", "--multirun", action="store_true")
     parser.add_argument("--sweep")
+    parser.add_argument("--json", action="store_true")
     parser.add_argument("--config", action="store_true")
     parser.add_argument("--config-dir")
     parser.add_argument("--traceback", action="store_true")

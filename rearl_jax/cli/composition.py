@@ -10,6 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import yaml
+from yaml import YAMLError
+
 from rearl_jax import tasks
 from rearl_jax.config._schema import finished, groups_of, keys_of, nearest
 from rearl_jax.tasks import Task
@@ -31,7 +34,39 @@ def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> An
         overrides = [f"hydra.searchpath=[{search_path(config_dir)}]", *overrides]
     register(task)
     with hydra_errors(task, overrides), initialize_config_dir(str(tasks.conf_dir()), version_base="1.3"):
-        return record_of(compose(task.config_name, overrides))
+        try:
+            composed = as_record(compose(task.config_name, overrides))
+        except _READING as error:
+            raise _unreadable(overrides, config_dir, error) from error
+    return finished(composed)
+
+
+_READING = (YAMLError, UnicodeError, OSError, AssertionError, OverflowError, TypeError, ValueError, RecursionError)
+"""What Hydra lets through of a configuration file, or of a value, that it cannot read."""
+
+
+def _unreadable(overrides: list[str], config_dir: str | None, error: Exception) -> Exception:
+    """What to say where Hydra has failed: the configuration file at fault, else the words."""
+    from hydra.errors import HydraException
+    from omegaconf.errors import OmegaConfBaseException
+
+    if isinstance(error, (HydraException, OmegaConfBaseException)):
+        return error
+    for file in sorted(Path(config_dir).rglob("*.yaml")) if config_dir is not None else ():
+        if problem := file_problem(file):
+            return UsageError(f"{file}: {problem}")
+    return UsageError(f"{' '.join(overrides)}: cannot be read ({str(error).partition(chr(10))[0]})")
+
+
+def file_problem(file: Path) -> str:
+    """Why a configuration file cannot be used; empty where it can."""
+    try:
+        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except UnicodeDecodeError as error:
+        return f"is no text in UTF-8 (byte {error.start})"
+    except (YAMLError, ValueError, TypeError, RecursionError) as error:
+        return f"is no readable YAML: {' '.join(str(error).split())}"
+    return "" if content is None or isinstance(content, dict) else "must hold one `key: value` per line"
 
 
 def with_implied(task: Task, overrides: list[str]) -> list[str]:
@@ -56,11 +91,11 @@ def register(task: Task) -> None:
     ConfigStore.instance().store(name="schema", node=task.load_config())
 
 
-def record_of(config: Any) -> Any:
-    """The checked record of a composed configuration."""
+def as_record(config: Any) -> Any:
+    """The record of a composed configuration, not yet checked; `finished` checks it."""
     from omegaconf import OmegaConf
 
-    return finished(OmegaConf.to_object(config))
+    return OmegaConf.to_object(config)
 
 
 def search_path(config_dir: str) -> str:

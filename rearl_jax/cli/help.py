@@ -16,10 +16,25 @@ options:
   -m, --multirun     one job for every combination of comma-separated values, e.g. -m eval.seed=1,2,3;
                      hydra/launcher=joblib, ray or submitit_slurm runs them side by side
   --sweep NAME       the multirun that is written down in sweeps/NAME.yaml
+  --json             the summary of the finished task as one line of JSON on standard output, all else on standard error
   --config           print the complete configuration and stop
   --config-dir DIR   look for configuration files in DIR as well
   --traceback        show where an error arose
   --version          version of the package"""
+
+_EXIT_CODES = """\
+exit codes:
+  0 done    1 a check or the program has failed    2 a fault you can mend: one sentence says which and how
+  130 ended by Ctrl-C, 143 by SIGTERM: the last line says how to go on    141 nobody reads the output any more"""
+
+_EXAMPLES = (
+    "rearl doctor                          is everything there and in order?",
+    "rearl evaluate                        simulate the shipped recordings and compare",
+    "rearl evaluate --help                 every key of the task",
+    "rearl evaluate --json | jq .rows[0].h",
+    "rearl discover data=highd data.root=/data/highD study=mine",
+    "rearl report study=mine               the finished study as one page",
+)
 
 
 def general_help() -> str:
@@ -29,8 +44,22 @@ def general_help() -> str:
     return (
         "rearl: batch highway traffic simulation, held to measured trajectories\n\n"
         f"usage: rearl TASK [options] [key=value ...]\n\ntasks:\n{lines}\n\n{_OPTIONS}\n\n"
+        f"{_listed('examples:', _EXAMPLES)}\n\n{_EXIT_CODES}\n\n"
         "`rearl TASK --help` lists the keys of a task."
     )
+
+
+def tasks_beginning_with(words: list[str]) -> list[Task]:
+    """Tasks of several words that begin with the first of these, if the words name no task of their own."""
+    if any(words[: len(own)] == own for own in (task.words.split() for task in tasks.TASKS)):
+        return []
+    return [task for task in tasks.TASKS if task.words.startswith(f"{words[0]} ")]
+
+
+def group_help(group: list[Task]) -> str:
+    """Tasks that begin with the same word, each with its examples."""
+    parts = [f"rearl {task.words}: {task.summary}\n" + _listed("", task.examples).lstrip("\n") for task in group]
+    return "\n\n".join([*parts, "`rearl TASK --help` lists the keys of a task."])
 
 
 def task_help(task: Task) -> str:
@@ -52,8 +81,11 @@ def task_help(task: Task) -> str:
         blocks.append(
             "\n".join(["sweeps:", *(f"  --sweep {n:<{width}}  {_first_comment(f)}" for n, f in files.items())])
         )
-    blocks.append("\n".join(["examples:", *(f"  {example}" for example in task.examples)]))
-    return "\n\n".join([*blocks, _OPTIONS])
+    return "\n\n".join([*blocks, _listed("examples:", task.examples), _OPTIONS, _EXIT_CODES])
+
+
+def _listed(heading: str, lines: tuple[str, ...]) -> str:
+    return "\n".join([heading, *(f"  {line}" for line in lines)])
 
 
 def _key_help(key: Key, columns: int) -> str:

@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from rearl_jax import tasks
-from rearl_jax.cli.composition import check_overrides, compose_task, hydra_errors, record_of, register, with_implied
+from rearl_jax.cli.composition import as_record, check_overrides, compose_task, hydra_errors, register, with_implied
 from rearl_jax.cli.launchers import launcher_errors, settings
 from rearl_jax.cli.running import JobError, complain, is_for_user, run_task
+from rearl_jax.config._schema import finished
 from rearl_jax.tasks import Task
 
 log = logging.getLogger(__name__)
@@ -24,8 +25,8 @@ _OWN_FOLDER = ("study", "results.root", "results.resume")
 """Keys that do not name the folder of a job."""
 
 
-def run_many(task: Task, overrides: list[str], config_dir: str | None) -> None:
-    """Runs all jobs, then puts the finished ones together.
+def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[Path, list[dict[str, str]]]:
+    """Runs all jobs, then puts the finished ones together; their folder, and the values of the swept keys in each.
 
     Args:
         task: The task of every job.
@@ -47,13 +48,15 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> None:
         _launch(task, overrides, swept, config_dir)
     except JobError as error:
         failed = error
+    own = [text for text in fixed if not text.lstrip("+~").startswith("hydra")]
+    whole, cells = compose_task(task, own, config_dir), cells_of(parsed, swept)
+    folder = Path(whole.results.root) / whole.study
     if task.collect is not None:
-        own = [text for text in fixed if not text.lstrip("+~").startswith("hydra")]
-        whole = compose_task(task, own, config_dir)
-        task.load_collect()(whole, cells_of(parsed, swept))
-        print(f"all cells: {Path(whole.results.root) / whole.study}")
+        task.load_collect()(whole, cells)
+        print(f"all cells: {folder}")
     if failed is not None:
         raise failed
+    return folder, cells
 
 
 def cells_of(overrides: Sequence[Any], swept: set[str]) -> list[dict[str, str]]:
@@ -103,7 +106,7 @@ def run_job(composed: Any) -> None:
     task = next(task for task in tasks.TASKS if task.config_name == hydra.job.config_name)
     name = hydra.job.override_dirname
     try:
-        config = record_of(composed)
+        config = finished(as_record(composed))
         config.study = "/".join(part for part in (config.study, name) if part)
         if not any(text.startswith("results.resume=") for text in hydra.overrides.task):
             config.results.resume = True

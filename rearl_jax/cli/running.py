@@ -1,12 +1,15 @@
 """A task carried out, and which faults are the user's to mend."""
 
+import errno
 import gc
+import logging
 import os
 import sys
 from pathlib import Path
 from typing import Any
 
 from rearl_jax.tasks import Task
+from rearl_jax.whole_files import is_private, private_folder
 
 _PACKAGE = str(Path(__file__).resolve().parents[1])
 
@@ -15,20 +18,60 @@ class JobError(RuntimeError):
     """One job of a multirun failed for a reason the user can mend."""
 
 
-def run_task(task: Task, config: Any) -> None:
-    """Runs the task's function and says where its results are."""
-    from rearl_jax import runtime
-
-    runtime.start(x64=task.x64)
+def run_task(task: Task, config: Any) -> tuple[Path | None, dict]:
+    """The folder of the task's results and what its function has returned; says where the results are."""
+    if task.uses_jax:
+        _start_jax(task)
     run = task.load_run()
     # What is imported stays to the end, and so do traced programs: to look through them all takes 0.2 s as measured, in
     # the midst of a burst of requests every few seconds.
     gc.freeze()
     gc.set_threshold(50_000, 20, 100)
-    run(config)
-    folder = Path(config.results.root) / config.study
-    if folder.is_dir():
+    returned = run(config)
+    folder = folder_of(config)
+    if folder is not None:
         print(f"results: {folder}")
+    return folder, returned
+
+
+def folder_of(config: Any) -> Path | None:
+    """Where the results of a task lie; None where it has written none."""
+    if not hasattr(config, "study"):
+        return None
+    folder = Path(config.results.root) / config.study
+    return folder if folder.is_dir() else None
+
+
+def _start_jax(task: Task) -> None:
+    from rearl_jax import runtime
+
+    # A multirun logs everybody's news; that JAX found no TPU is none.
+    logging.getLogger("jax").setLevel(logging.WARNING)
+    is_safe = _is_own(runtime.cache_folder())
+    runtime.start(x64=task.x64)
+    if not is_safe:
+        import jax
+
+        jax.config.update("jax_enable_compilation_cache", False)
+
+
+def _is_own(cache: Path) -> bool:
+    """Whether nobody else can put programs into the cache, which are run as they are found; says so where somebody can.
+
+    The folder is made, for this user alone.
+    """
+    try:
+        private_folder(cache.parent)
+        private_folder(cache)
+        if all(map(is_private, (cache.parent, cache))):
+            return True
+    except OSError:
+        return True  # there is no cache, as runtime.start will say
+    complain(
+        f"others can write to {cache}: compiled programs are neither kept nor taken from there; make it your own "
+        "(chmod o-w, chown), or set XDG_CACHE_HOME"
+    )
+    return False
 
 
 def is_for_user(error: BaseException) -> bool:
@@ -41,6 +84,18 @@ def is_for_user(error: BaseException) -> bool:
     while last.tb_next is not None:
         last = last.tb_next
     return last.tb_frame.f_code.co_filename.startswith(_PACKAGE + os.sep)
+
+
+def explained(error: BaseException) -> str:
+    """What to tell the user about an error: its message, and a remedy where the file system has none of its own."""
+    if not isinstance(error, OSError) or error.errno is None:
+        return str(error)
+    said = str(error)
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return f"{said}: free some space, or write elsewhere with results.root=FOLDER; then give the same command again"
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return f"{said}: allow it, or name other folders, results.root=FOLDER for results, data.root for recordings"
+    return said
 
 
 def complain(message: str) -> None:

@@ -11,8 +11,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from rearl_jax import tasks
-from rearl_jax.cli.composition import UsageError
+from rearl_jax.cli.composition import UsageError, file_problem
 from rearl_jax.config._schema import as_written, nearest
 from rearl_jax.tasks import Task
 
@@ -44,12 +46,9 @@ def sweeps_of(task: Task) -> dict[str, Path]:
 
 
 def _content(file: Path) -> dict[str, Any]:
-    import yaml
-
-    try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise UsageError(f"{file}: no readable YAML: {error}") from error
+    if problem := file_problem(file):
+        raise UsageError(f"{file}: {problem}")
+    content = yaml.safe_load(file.read_text(encoding="utf-8"))
     if not (isinstance(content, dict) and set(content) == {"task", "keys"} and isinstance(content["keys"], dict)):
         raise UsageError(f"{file} must hold `task: NAME` and `keys:` with one `key: values` per line, nothing else")
     return content

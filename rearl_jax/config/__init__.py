@@ -334,3 +334,13 @@ class ReportTask:
     study: str = key("evaluate", "name of the finished study: its folder under results.root, as in table1/rows/base")
     results: FolderConfig = _group(FolderConfig)
     report: ReportConfig = _group(ReportConfig)
+
+
+@dataclass(unsafe_hash=True)
+class DoctorTask:
+    """Is everything there and in order."""
+
+    results: FolderConfig = _group(FolderConfig)
+    data: DataConfig = _group(DataConfig)
+    decision: DecisionConfig = _group(DecisionConfig)
+    llm: LlmConfig = _group(LlmConfig)

@@ -10,6 +10,7 @@ import types
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import Enum
+from numbers import Integral, Real
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 Record = TypeVar("Record")
@@ -111,8 +112,11 @@ def from_plain(record: type[Record], plain: Mapping[str, Any], prefix: str = "")
     """The record that `as_plain` took apart; keys that did not exist then have their defaults.
 
     Raises:
-        ValueError: A key is unknown, or a value is none of its choices; the message begins with the key.
+        ValueError: A key is unknown, or a value is not of its type or none of its choices; the message begins with the
+            key.
     """
+    if not isinstance(plain, Mapping):
+        raise ValueError(f"{prefix.rstrip('.') or 'it'} is no mapping of keys to values")
     hints = get_type_hints(record)
     unknown = sorted(plain.keys() - {item.name for item in fields(record)})  # type: ignore[arg-type]
     if unknown:
@@ -125,16 +129,22 @@ def _from_plain(hint: Any, value: Any, name: str) -> Any:
         return None
     if get_origin(hint) in (Union, types.UnionType):
         hint = next(part for part in get_args(hint) if part is not type(None))
-    if is_dataclass(hint) and isinstance(hint, type) and isinstance(value, Mapping):
+    if is_dataclass(hint) and isinstance(hint, type):
         return from_plain(hint, value, f"{name}.")
     if isinstance(hint, type) and issubclass(hint, Enum):
-        if value not in hint.__members__:
+        if not (isinstance(value, str) and value in hint.__members__):
             raise ValueError(f"{name}={value} is none of {type_name(hint)}")
         return hint[value]
     if get_origin(hint) is tuple:
         parts = get_args(hint)
+        if not isinstance(value, (list, tuple)) or not (Ellipsis in parts or len(parts) == len(value)):
+            raise ValueError(f"{name}={value} is no {type_name(hint)}")
         inner = [parts[0]] * len(value) if Ellipsis in parts else parts
         return tuple(_from_plain(part, one, name) for part, one in zip(inner, value, strict=True))
+    is_inf_or_nan = hint is float and value in ("inf", "-inf", "nan")  # as `as_plain` writes them
+    kind = {int: Integral, float: Real}.get(hint, hint)
+    if not is_inf_or_nan and (not isinstance(value, kind) or (isinstance(value, bool) and hint is not bool)):
+        raise ValueError(f"{name}={value} is no {type_name(hint)}")
     return float(value) if hint is float else value
 
 
@@ -142,8 +152,8 @@ def finished(record: Record, prefix: str = "") -> Record:
     """The record with lists turned into the declared tuples, after every nested `check` has passed.
 
     Raises:
-        ValueError: A tuple has the wrong length, or a record's `check` refuses it; the message begins with
-            the full key.
+        ValueError: A tuple has the wrong length, a number is NaN, or a record's `check` refuses it; the message begins
+            with the full key.
     """
     hints = get_type_hints(type(record))
     changed = {}
@@ -153,6 +163,10 @@ def finished(record: Record, prefix: str = "") -> Record:
             changed[item.name] = finished(value, f"{prefix}{item.name}.")
         elif isinstance(value, (list, tuple)):
             changed[item.name] = _tuple_of(value, hints[item.name], prefix + item.name)
+        parts = value if isinstance(value, (list, tuple)) else (value,)
+        if any(isinstance(part, float) and math.isnan(part) for part in parts):
+            # It would pass every comparison that a check makes the wrong way round.
+            raise ValueError(f"{prefix}{item.name} must be {type_name(hints[item.name])}, got nan")
     record = replace(record, **changed)  # type: ignore[type-var]
     check = getattr(record, "check", None)
     if check is not None:

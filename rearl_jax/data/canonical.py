@@ -16,6 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from rearl_jax.config.data import DataConfig
+from rearl_jax.data.columnar import column_names, read_columns, stored_text
 from rearl_jax.data.delimited import read_csv, read_header
 from rearl_jax.data.losses import Losses
 from rearl_jax.data.problems import BadRecordingError, require_columns
@@ -28,6 +29,7 @@ METADATA = "recordings"
 # More lanes than any carriageway has; beyond it a lane number is a fault and says nothing about the road.
 _MOST_LANES = 12
 _NAMES = tuple(column.name for column in COLUMNS)
+_TEXTS = tuple(column.name for column in COLUMNS if column.dtype == "category")
 
 
 def find_tables(root: Path) -> list[Path]:
@@ -63,8 +65,7 @@ class TableFile:
             rows, _ = read_csv(self.path, {"recording": pa.string()}, self._policy.on_bad)
             names = rows["recording"].unique().to_pandas()
         else:
-            column = pq.read_table(self.path, columns=["recording"])["recording"]
-            names = column.cast("string").unique().to_pandas()
+            names = pd.Series(read_columns(self.path, (), ("recording",))["recording"].unique())
         if names.isna().any():
             raise BadRecordingError(str(self.path), "a row has no recording", "complete it", "recording")
         return [str(name) for name in names]
@@ -93,37 +94,38 @@ class TableFile:
     def _columns(self) -> list[str]:
         if self._is_csv:
             return read_header(self.path)
-        try:
-            return list(pq.read_schema(self.path).names)
-        except pa.ArrowInvalid as error:
-            text = f"not a readable Parquet file ({error})"
-            raise BadRecordingError(str(self.path), text, "copy or write it again") from None
+        return column_names(self.path)
 
     @cached_property
     def _csv(self) -> tuple[pd.DataFrame, int]:
         # Kept: several recordings may share the file, and CSV cannot be read in part.
         wanted = [column for column in COLUMNS if column.name in self._columns]
-        types = {c.name: pa.string() if c.dtype == "category" else pa.float64() for c in wanted}
+        types = {c.name: pa.string() if c.name in _TEXTS else pa.float64() for c in wanted}
         rows, n_broken = read_csv(self.path, types, self._policy.on_bad)
         return rows.to_pandas(), n_broken
 
     def _parquet_rows(self, recording: str) -> pd.DataFrame:
-        wanted = [name for name in _NAMES if name in self._columns]
+        texts = [name for name in _TEXTS if name in self._columns]
+        numbers = [name for name in _NAMES if name in self._columns and name not in _TEXTS]
         if "recording" not in self._columns:
-            return pq.read_table(self.path, columns=wanted).to_pandas()
-        names = pq.read_table(self.path, columns=["recording"])["recording"].cast("string").to_numpy()
-        rows = pq.read_table(self.path, columns=wanted, filters=[("recording", "=", recording)]).to_pandas()
+            return read_columns(self.path, numbers, texts)
+        names = read_columns(self.path, (), ("recording",))["recording"].to_numpy()
+        rows = read_columns(self.path, numbers, texts, only=("recording", recording))
         return rows.set_axis(np.flatnonzero(names == recording), axis=0)
 
     def stated(self) -> dict[str, RecordingInfo]:
         """What the file states about its recordings, by id."""
         if self._is_csv:
-            sidecar = _sidecar(self.path)
-            stored = sidecar.read_text(encoding="utf-8") if sidecar.is_file() else None
+            file = _sidecar(self.path)
+            stored = file.read_bytes() if file.is_file() else None
         else:
-            metadata = pq.read_schema(self.path).metadata or {}
-            stored = metadata.get(f"rearl_jax.{METADATA}".encode())
-        infos = (RecordingInfo.from_json(info, file=str(self.path)) for info in json.loads(stored or "[]"))
+            file = self.path
+            stored = stored_text(file, f"rearl_jax.{METADATA}")
+        try:
+            infos = [RecordingInfo.from_json(info, file=str(self.path)) for info in json.loads(stored or "[]")]
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError) as error:
+            text = f"what it states about the recordings cannot be used: {type(error).__name__}: {error}"
+            raise BadRecordingError(str(file), text, "correct it, or remove it to have it worked out") from None
         return {info.id: info for info in infos}
 
 
@@ -165,10 +167,12 @@ def _worked_out(recording: str, rows: pd.DataFrame, path: Path) -> RecordingInfo
         raise BadRecordingError(str(path), text, "add the column time [s]", "time")
     values = {
         name: pd.Series(pd.to_numeric(rows[name], errors="coerce")).to_numpy(np.float64, na_value=np.nan)
-        for name in ("track_id", "frame", "time", "direction", "position", "length")
+        for name in ("track_id", "frame", "time", "direction", "position", "length", "lane")
+        if name in rows
     }
-    step = (np.diff(values["track_id"]) == 0) & (np.diff(values["frame"]) > 0)
-    seconds = np.diff(values["time"])[step] / np.diff(values["frame"])[step]
+    rows_after = (np.diff(values["track_id"]) == 0) & (np.diff(values["frame"]) > 0)
+    with np.errstate(invalid="ignore", over="ignore"):  # what is not finite does not count
+        seconds = np.diff(values["time"])[rows_after] / np.diff(values["frame"])[rows_after]
     period = float(np.median(seconds[np.isfinite(seconds)])) if np.isfinite(seconds).any() else 0.0
     if period <= 0.0:
         text = "the frame rate cannot be told: no track has two rows with rising frame and time"
@@ -177,7 +181,7 @@ def _worked_out(recording: str, rows: pd.DataFrame, path: Path) -> RecordingInfo
     for direction in (1, 2):
         here = values["direction"] == direction
         if here.any():
-            lane = rows["lane"].to_numpy(dtype=np.float64, na_value=np.nan)[here] if "lane" in rows else np.nan
+            lane = values["lane"][here] if "lane" in values else np.full(1, np.nan)
             known = np.isfinite(lane)
             lanes[direction] = min(int(np.max(lane, where=known, initial=0.0)) + 1, _MOST_LANES)
     end = values["position"] + 0.5 * values["length"]

@@ -16,17 +16,18 @@ NULLABLE = frozenset({"lateral", "lane", "acceleration", "width", "leader_id"})
 # Wide enough for every road vehicle and for sensor noise, narrow enough for a broken row. Length: the longest
 # combinations on European and US motorways are 25.25 m and about 36 m. Speed: beyond production cars.
 RANGES = {"speed": (0.0, 100.0), "length": (0.5, 40.0), "width": (0.2, 5.0), "acceleration": (-50.0, 50.0)}
+LARGEST = 1e12  # beyond every number of a recording; squares of what is below it do not overflow
 RANGE_UNIT = {"speed": "m/s", "length": "m", "width": "m", "acceleration": "m/s^2"}
 
 
 def not_finite(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
-    """Rows with NaN in a column that must be known, or with an infinite value."""
+    """Rows with NaN in a column that must be known, or with a value that is infinite or as good as that."""
     for name in table.columns:
         column = table[name]
         if not pd.api.types.is_float_dtype(column.dtype):
             continue
         values = column.to_numpy(dtype=np.float64, na_value=np.nan)
-        bad = np.isinf(values) if name in NULLABLE else ~np.isfinite(values)
+        bad = np.abs(values) > LARGEST if name in NULLABLE else ~(np.abs(values) <= LARGEST)
         if bad.any():
             value = values[np.argmax(bad)]
             return Finding("not_finite", name, bad, f"the value is {value}", "write a finite number")

@@ -1,5 +1,10 @@
-"""CSV files in, Arrow tables out; a broken line is an error with its number, or is skipped and counted."""
+"""Text tables in, Arrow tables out; a broken line is an error with its number, or is skipped and counted."""
 
+import csv as header_csv
+import io
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import pyarrow as pa
@@ -10,7 +15,7 @@ from rearl_jax.data.problems import DROP_HINT, BadRecordingError, require_column
 
 
 def read_header(path: Path) -> list[str]:
-    """Column names of a CSV file, as written.
+    """Column names of a CSV file, without blanks around them.
 
     Raises:
         FileNotFoundError: There is no such file.
@@ -21,11 +26,12 @@ def read_header(path: Path) -> list[str]:
     try:
         with path.open(encoding="utf-8-sig") as file:
             line = file.readline().strip()
-    except UnicodeDecodeError as error:
-        raise BadRecordingError(str(path), f"not a text file ({error.reason})", "give a CSV file") from None
+        names = next(header_csv.reader([line], skipinitialspace=True), [])
+    except (UnicodeDecodeError, header_csv.Error) as error:
+        raise BadRecordingError(str(path), f"not a text file ({error})", "give a CSV file in UTF-8") from None
     if not line:
         raise BadRecordingError(str(path), "the file is empty", "remove the file or complete it")
-    return [name.strip().strip('"') for name in line.split(",")]
+    return [name.strip() for name in names]
 
 
 def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tuple[pa.Table, int]:
@@ -39,59 +45,112 @@ def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tupl
         on_bad: stop makes a broken line an error.
 
     Raises:
-        BadRecordingError: A column is missing, a value does not have the type of its column, or a line is
-            broken and on_bad is stop.
+        BadRecordingError: A column is missing or there twice, a value does not have the type of its column, the file
+            is not text, or a line is broken and on_bad is stop.
     """
     present = read_header(path)
     require_columns(present, tuple(columns), str(path))
-    broken: list[csv.InvalidRow] = []
-    try:
-        table = _parse(path, columns, broken, use_threads=True)
-        if broken and on_bad is OnBad.stop:
-            # Row numbers are known only to the sequential parser; it runs again, for the message.
-            broken.clear()
-            _parse(path, columns, broken, use_threads=False)
-            raise _broken_line(path, broken[0], len(broken))
-    except pa.ArrowInvalid:
+    twice = [name for name, n in Counter(present).items() if n > 1 and name in columns]
+    if twice:
+        raise BadRecordingError(str(path), "the column is there twice", "remove one of them", twice[0])
+    return _Lines(path, present).table(columns, on_bad)
+
+
+def read_blank_separated(
+    path: Path, names: Sequence[str], columns: dict[str, pa.DataType], on_bad: OnBad
+) -> tuple[pa.Table, int]:
+    """The same of a file without a header whose fields stand apart by any number of blanks.
+
+    Args:
+        path: The file.
+        names: Names of all its columns.
+        columns: Name and type of every column to read.
+        on_bad: stop makes a broken line an error.
+    """
+    with path.open("rb") as file:
+        content = b"\n".join(b",".join(line.split()) for line in file)
+    return _Lines(path, list(names), content).table(columns, on_bad)
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """Lines of a text table.
+
+    Attributes:
+        path: The file.
+        names: Names of all its columns.
+        content: Comma-separated lines without a header; None where the file itself holds such lines below its header.
+    """
+
+    path: Path
+    names: list[str]
+    content: bytes | None = None
+
+    def table(self, columns: dict[str, pa.DataType], on_bad: OnBad) -> tuple[pa.Table, int]:
+        """The columns, and the number of lines skipped."""
         try:
-            _parse(path, columns, [], use_threads=False)
+            return self._parsed(columns, None), 0
+        except pa.ArrowInvalid:
+            # Looked at before broken lines are asked for: Arrow can hand them over only as text.
+            self._require_text()
+        broken: list[csv.InvalidRow] = []
+        try:
+            table = self._parsed(columns, broken)
         except pa.ArrowInvalid as error:
-            raise _bad_value(path, present, str(error)) from None
-        raise
-    return table, len(broken)
+            raise self._bad_value(str(error)) from None
+        if broken and on_bad is OnBad.stop:
+            raise self._broken_line(broken[0], len(broken))
+        return table, len(broken)
 
+    def _parsed(self, columns: dict[str, pa.DataType], broken: list[csv.InvalidRow] | None) -> pa.Table:
+        """The columns; broken lines are put into the list, and are errors where there is none."""
 
-def _parse(path: Path, columns: dict[str, pa.DataType], broken: list[csv.InvalidRow], *, use_threads: bool) -> pa.Table:
-    def skip(row: csv.InvalidRow) -> str:
-        broken.append(row)
-        return "skip"
+        def skip(row: csv.InvalidRow) -> str:
+            assert broken is not None
+            broken.append(row)
+            return "skip"
 
-    return csv.read_csv(
-        path,
-        read_options=csv.ReadOptions(use_threads=use_threads),
-        parse_options=csv.ParseOptions(invalid_row_handler=skip),
-        convert_options=csv.ConvertOptions(
-            include_columns=list(columns), column_types=columns, strings_can_be_null=True
-        ),
-    )
+        return csv.read_csv(
+            self.path if self.content is None else io.BytesIO(self.content),
+            # Row numbers are known only to the sequential parser.
+            read_options=csv.ReadOptions(
+                use_threads=broken is None, column_names=self.names, skip_rows=self._header_lines
+            ),
+            parse_options=csv.ParseOptions(invalid_row_handler=None if broken is None else skip),
+            convert_options=csv.ConvertOptions(
+                include_columns=list(columns), column_types=columns, strings_can_be_null=True
+            ),
+        )
 
+    @property
+    def _header_lines(self) -> int:
+        return 1 if self.content is None else 0
 
-def _broken_line(path: Path, row: csv.InvalidRow, n_rows: int) -> BadRecordingError:
-    # Arrow counts lines from 1 and the header is the first.
-    text = f"the line has {row.actual_columns} fields instead of {row.expected_columns}"
-    if n_rows > 1:
-        text += f" (and {n_rows - 1} more lines)"
-    remedy = f"the file is cut off or damaged: copy it again{DROP_HINT}"
-    return BadRecordingError(str(path), text, remedy, row=row.number - 1)
+    def _require_text(self) -> None:
+        with self.path.open("rb") as file:
+            for number, line in enumerate(file, 1):
+                try:
+                    line.decode()
+                except UnicodeDecodeError as error:
+                    text = f"line {number} is not text in UTF-8 ({error.reason})"
+                    raise BadRecordingError(str(self.path), text, "the file is damaged: copy it again") from None
 
+    def _broken_line(self, row: csv.InvalidRow, n_rows: int) -> BadRecordingError:
+        text = f"the line has {row.actual_columns} fields instead of {row.expected_columns}"
+        if n_rows > 1:
+            text += f" (and {n_rows - 1} more lines)"
+        remedy = f"the file is cut off or damaged: copy it again{DROP_HINT}"
+        # Arrow counts lines from 1, the header among them.
+        return BadRecordingError(str(self.path), text, remedy, row=row.number - self._header_lines)
 
-def _bad_value(path: Path, present: list[str], message: str) -> BadRecordingError:
-    """The error for a message such as `In CSV column #2: Row #5: CSV conversion error to double: ...`."""
-    column, row = None, None
-    for part in message.split(": "):
-        if part.startswith("In CSV column #"):
-            number = int(part.removeprefix("In CSV column #"))
-            column = present[number] if number < len(present) else None
-        elif part.startswith("Row #"):
-            row = int(part.removeprefix("Row #")) - 1
-    return BadRecordingError(str(path), message.splitlines()[0], "write a number there", column, row)
+    def _bad_value(self, message: str) -> BadRecordingError:
+        """The error for a message such as `In CSV column #2: Row #5: CSV conversion error to double: ...`."""
+        column, row = None, None
+        for part in message.split(": "):
+            if part.startswith("In CSV column #"):
+                number = int(part.removeprefix("In CSV column #"))
+                column = self.names[number] if number < len(self.names) else None
+            elif part.startswith("Row #"):
+                row = int(part.removeprefix("Row #")) - self._header_lines
+        remedy = "the file is damaged: copy it again" if column is None else "write a number there"
+        return BadRecordingError(str(self.path), message.splitlines()[0], remedy, column, row)

@@ -78,6 +78,19 @@ def recording_files(tracks_file: Path) -> tuple[Path, Path, Path]:
     return tracks, meta, recording
 
 
+def require_files(tracks_file: Path) -> tuple[Path, Path, Path]:
+    """The same files, all of which are there.
+
+    Raises:
+        FileNotFoundError: One is missing.
+    """
+    files = recording_files(tracks_file)
+    for file in files:
+        if not file.is_file():
+            raise FileNotFoundError(f"{file} is missing: complete the recording or correct data.root")
+    return files
+
+
 def recording_id(tracks_file: Path, *, generated: bool = False) -> str:
     """Id of the recording with this tracks file, such as highd_01; generated_01 if it is no measurement."""
     return f"{'generated' if generated else 'highd'}_{tracks_file.name.removesuffix('_tracks.csv')}"
@@ -258,7 +271,7 @@ def _driver_frame(
             "width": source["height"].to_numpy(),
             "vehicle_class": pd.Categorical.from_codes(classes.codes[which], categories=classes.categories),
             # precedingId 0 says that there is no vehicle ahead in the picture.
-            "leader_id": pd.array(np.where(leader == 0.0, np.nan, leader), dtype="Int64"),
+            "leader_id": np.where(leader == 0.0, np.nan, leader),
         },
         index=source.index,
         copy=False,

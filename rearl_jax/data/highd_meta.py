@@ -1,6 +1,5 @@
 """The two small files of a highD recording: NN_recordingMeta.csv and NN_tracksMeta.csv."""
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +12,11 @@ from rearl_jax.data.checks import CLASSES
 from rearl_jax.data.delimited import read_csv, read_header
 from rearl_jax.data.losses import Losses
 from rearl_jax.data.problems import DROP_HINT, BadRecordingError, require_columns
+from rearl_jax.data.records import SPEED_LIMITS
+from rearl_jax.data.unit_checks import LANE_WIDTH
+
+_NEEDED = ("frameRate", "upperLaneMarkings", "lowerLaneMarkings")
+_FASTEST = 1000.0  # frames per second, beyond every camera that watches roads
 
 _TRACKS_META = {
     "id": pa.int64(),
@@ -44,31 +48,44 @@ def read_recording_meta(path: Path) -> RecordingMeta:
         BadRecordingError: A column is missing, or a value is no number.
     """
     present = read_header(path)
-    require_columns(present, ("frameRate", "upperLaneMarkings", "lowerLaneMarkings"), str(path))
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        row = next(csv.DictReader(file), None)
-    if row is None:
+    require_columns(present, _NEEDED, str(path))
+    columns = {name: pa.string() for name in (*_NEEDED, *({"speedLimit"} & set(present)))}
+    rows, _ = read_csv(path, columns, OnBad.stop)
+    if not rows.num_rows:
         raise BadRecordingError(str(path), "the recording has no row", "complete the file")
 
     def numbers(name: str, at_least: int) -> tuple[float, ...]:
+        written = rows[name][0].as_py() or ""
         try:
-            values = sorted(float(part) for part in str(row[name]).split(";") if part.strip())
+            values = sorted(float(part) for part in written.split(";") if part.strip())
         except ValueError:
             values = []
         if len(values) < at_least or not np.all(np.isfinite(values)):
-            text = f"{row[name]!r} is not {at_least} number{'s separated by ; or more' if at_least > 1 else ''}"
+            text = f"{written!r} is not {at_least} number{'s separated by ; or more' if at_least > 1 else ''}"
             raise BadRecordingError(str(path), text, "correct it", name, 1)
         return tuple(values)
 
+    def markings(name: str) -> tuple[float, ...]:
+        lines = numbers(name, 2)
+        width = float(np.median(np.diff(lines)))
+        if not LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
+            text = f"the lane markings are {width:.2f} m apart, outside {LANE_WIDTH[0]} to {LANE_WIDTH[1]} m"
+            raise BadRecordingError(str(path), text, "give them in m", name, 1)
+        return lines
+
     frame_rate = numbers("frameRate", 1)[0]
-    if frame_rate <= 0.0:
-        raise BadRecordingError(str(path), f"{frame_rate:g} is not positive", "correct it", "frameRate", 1)
-    limit = numbers("speedLimit", 1)[0] if row.get("speedLimit") else -1.0
+    if not 0.0 < frame_rate <= _FASTEST:
+        text = f"{frame_rate:g} is no number of frames per second"
+        raise BadRecordingError(str(path), text, "correct it", "frameRate", 1)
+    limit = numbers("speedLimit", 1)[0] if "speedLimit" in columns and rows["speedLimit"][0].as_py() else -1.0
+    if limit > 0.0 and not SPEED_LIMITS[0] <= limit <= SPEED_LIMITS[1]:
+        text = f"{limit:g} m/s is no speed limit of a highway"
+        raise BadRecordingError(str(path), text, "give it in m/s, -1 for none", "speedLimit", 1)
     return RecordingMeta(
         frame_rate=frame_rate,
         # highD writes -1 where there is no speed limit.
         speed_limit=limit if limit > 0.0 else None,
-        markings={1: numbers("upperLaneMarkings", 2), 2: numbers("lowerLaneMarkings", 2)},
+        markings={1: markings("upperLaneMarkings"), 2: markings("lowerLaneMarkings")},
     )
 
 

@@ -72,12 +72,19 @@ def reject(
 
 
 def remove_fragments(table: pd.DataFrame, info: RecordingInfo, losses: Losses) -> pd.DataFrame:
-    """The table without pieces of cut tracks shorter than 1 s, too short to be a vehicle's passage."""
+    """The table without pieces of cut tracks shorter than 1 s, too short to be a vehicle's passage.
+
+    Raises:
+        BadRecordingError: Nothing is left.
+    """
     if not losses.cut:
         return table
     track = table["track_id"].to_numpy()
     _, which, n_rows = np.unique(track, return_inverse=True, return_counts=True)
     short = np.isin(track, list(losses.cut)) & (n_rows[which] < info.frame_rate)
+    if short.all():
+        text = "no row is left: all pieces of tracks that were cut are shorter than 1 s"
+        raise BadRecordingError(info.file or info.id, text, "correct the faults at which they were cut")
     return losses.remove(table, short, "fragment") if short.any() else table
 
 

@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 from scipy.ndimage import median_filter
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data.problems import require_columns
+from rearl_jax.data.columnar import column_names, read_columns
+from rearl_jax.data.losses import Losses, reject
+from rearl_jax.data.problems import BadRecordingError, Finding, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
 FRAME_RATE = 10.0
@@ -25,6 +26,7 @@ ATTRIBUTION = (
 )
 US101_LENGTH = 640.0  # m, 2100 ft; NGSIM US-101 data description
 DEBOUNCE = 21  # frames, 2 s
+_MOST_LANES = 100  # a lane beyond it is no number of a lane
 
 _US101_PERIODS = {0: "us101_0750", 1: "us101_0805", 2: "us101_0820"}
 _US101_COLUMNS = ("period", "vehicle_id", "frame", "x_m", "y_m", "lane_est", "speed_mps", "accel_mps2")
@@ -42,8 +44,12 @@ _US101_SPELLING = {
 
 def us101_recordings(path: Path) -> dict[str, int]:
     """Recording id -> period of the shipped table."""
-    require_columns(pq.read_schema(path).names, _US101_COLUMNS, str(path))
-    periods = pq.read_table(path, columns=["period"])["period"].unique().to_pylist()
+    require_columns(column_names(path), _US101_COLUMNS, str(path))
+    periods = read_columns(path, ("period",))["period"].unique().tolist()
+    unknown = [period for period in periods if period not in _US101_PERIODS]
+    if unknown or not periods:
+        text = f"the period is {unknown[0]}" if unknown else "the table has no rows"
+        raise BadRecordingError(str(path), text, f"write one of {', '.join(map(str, _US101_PERIODS))}", "period")
     return {_US101_PERIODS[period]: period for period in sorted(periods)}
 
 
@@ -53,7 +59,7 @@ def read_us101(path: Path, recording: str, period: int, policy: DataConfig) -> R
     Lane ranks come from `lane_est`, a function of the lateral position that flickers at lane borders, after a
     running median over 2 s.
     """
-    rows = pq.read_table(path, columns=list(_US101_COLUMNS), filters=[("period", "=", period)]).to_pandas()
+    rows = read_columns(path, _US101_COLUMNS, only=("period", period))
     info = RecordingInfo(
         id=recording,
         frame_rate=FRAME_RATE,
@@ -74,29 +80,34 @@ def read_us101(path: Path, recording: str, period: int, policy: DataConfig) -> R
     )
     position = rows["y_m"].to_numpy(dtype=np.float64) - 0.5 * policy.default_length
     lateral = rows["x_m"].to_numpy(dtype=np.float64)
-    track = rows["vehicle_id"].to_numpy()
     table = pd.DataFrame(
         {
-            "track_id": track,
+            "track_id": rows["vehicle_id"].to_numpy(),
             "frame": rows["frame"].to_numpy(),
             "direction": 1,
             "x": position,
             "y": lateral,
             "position": position,
             "lateral": lateral,
-            "lane": debounced(rows["lane_est"].to_numpy(), track) - 1,
+            "lane": rows["lane_est"].to_numpy(dtype=np.float64) - 1.0,
             "speed": rows["speed_mps"].to_numpy(dtype=np.float64),
             "acceleration": rows["accel_mps2"].to_numpy(dtype=np.float64),
             "length": policy.default_length,
             "vehicle_class": "car",
         }
     )
-    table, dropped = validate(table, info, policy)
+    losses = Losses()
+    unknown = ~(np.abs(table["lane"].to_numpy()) < _MOST_LANES)
+    if unknown.any():
+        finding = Finding("not_finite", "lane", unknown, "the lane is unknown", "complete the row")
+        table = reject(table, finding, info, policy, losses)
+    table = table.assign(lane=debounced(table["lane"].to_numpy(), table["track_id"].to_numpy()))
+    table, dropped = validate(table, info, policy, losses)
     return Recording(info, table, dropped)
 
 
 def debounced(lane: np.ndarray, track: np.ndarray) -> np.ndarray:
     """Running median of the lane over 2 s within each track, mirrored at its ends."""
-    borders = np.flatnonzero(np.diff(track)) + 1
+    borders = np.flatnonzero(track[1:] != track[:-1]) + 1
     parts = np.split(lane.astype(np.int64), borders)
     return np.concatenate([median_filter(part, size=DEBOUNCE, mode="reflect") for part in parts])

@@ -11,17 +11,20 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 
 from rearl_jax.config.data import DataConfig
+from rearl_jax.data.columnar import column_names, read_columns
 from rearl_jax.data.losses import Losses, reject, split_tracks
 from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE
 from rearl_jax.data.problems import BadRecordingError, Finding, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.data.unit_checks import MEDIAN_SIZE, require_period
 
 TRUCK_LENGTH = 7.0  # m; the lengths of I-80 leaders have a gap between 6.8 m (cars) and 7.7 m
 LANES = 7  # six lanes and the on-ramp, NGSIM I-80 data description
-_COLUMNS = "run follower leader t_s y_f_m v_f_mps a_f_mps2 y_l_m v_l_mps a_l_mps2 leader_length_m lane".split()
+_NUMBERS = "follower leader t_s y_f_m v_f_mps a_f_mps2 y_l_m v_l_mps a_l_mps2 leader_length_m lane".split()
+_LARGEST_ID = 1e12
+_MOST_TIME = 1e7  # s, more than any recording lasts
 _SAME = 0.01  # m; rows that share a vehicle must agree on where it is and how long
 
 
@@ -35,15 +38,18 @@ def find_pairs(root: Path) -> Path:
     if len(found) != 1:
         raise FileNotFoundError(
             f"{len(found)} Parquet files in {root}: data.root must name the folder with the one file of "
-            f"leader-follower pairs, columns {', '.join(_COLUMNS)}"
+            f"leader-follower pairs, columns run, {', '.join(_NUMBERS)}"
         )
     return found[0]
 
 
 def pairs_recordings(path: Path) -> dict[str, str]:
     """Recording id -> run of the table, such as i80_0400 -> 0400pm-0415pm."""
-    require_columns(pq.read_schema(path).names, tuple(_COLUMNS), str(path))
-    runs = pq.read_table(path, columns=["run"])["run"].cast("string").unique().to_pylist()
+    require_columns(column_names(path), ("run", *_NUMBERS), str(path))
+    runs = read_columns(path, (), ("run",))["run"].unique().tolist()
+    if not runs or None in runs:
+        text = "a row has no run" if runs else "the table has no rows"
+        raise BadRecordingError(str(path), text, "complete the file", "run")
     return {f"i80_{run[:4]}": run for run in sorted(runs)}
 
 
@@ -53,7 +59,7 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     y is the front, so the centre is y - length / 2. A follower that is nobody's leader has no length in the
     source and gets data.default_length; the bumper gap does not depend on it.
     """
-    pairs = pq.read_table(path, columns=_COLUMNS, filters=[("run", "=", run)]).to_pandas()
+    pairs = read_columns(path, _NUMBERS, only=("run", run))
     info = RecordingInfo(
         id=recording,
         frame_rate=FRAME_RATE,
@@ -73,8 +79,11 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
         | {"position": "y_f_m", "x": "y_f_m", "speed": "v_f_mps", "acceleration": "a_f_mps2"}
         | {"length": "leader_length_m"},
     )
+    _require_ids(pairs, info)
+    _require_units(pairs, info)
     lengths = pairs.groupby("leader")["leader_length_m"]
-    span = np.asarray(lengths.transform("max")) - np.asarray(lengths.transform("min"))
+    with np.errstate(invalid="ignore"):  # infinite lengths are for the schema to find
+        span = np.asarray(lengths.transform("max")) - np.asarray(lengths.transform("min"))
     if (span > _SAME).any():
         row = int(np.argmax(span > _SAME))
         text = f"vehicle {pairs['leader'].iloc[row]} has several lengths"
@@ -92,6 +101,34 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     table, dropped = validate(split_tracks(members, returns), info, policy, losses)
     front = table["position"].to_numpy() + 0.5 * table["length"].to_numpy()
     return Recording(replace(info, road_length=float(front.max())), table, dropped)
+
+
+def _require_ids(pairs: pd.DataFrame, info: RecordingInfo) -> None:
+    """Raise BadRecordingError where a known id is no whole number."""
+    for name in ("follower", "leader"):
+        values = pairs[name].to_numpy(np.float64, na_value=np.nan)
+        bad = ~np.isnan(values) & ~((np.abs(values) < _LARGEST_ID) & (values == np.rint(values)))
+        if bad.any():
+            row = int(np.argmax(bad))
+            text = f"{values[row]:g} is no number of a vehicle"
+            raise BadRecordingError(info.file, text, "write a whole number", name, row + 1)
+
+
+def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
+    """Raise BadRecordingError for times and lengths in another unit, which would only split and rename vehicles."""
+    pair = pairs.groupby(["follower", "leader"], dropna=False, sort=False).ngroup().to_numpy()
+    order = np.argsort(pair, kind="stable")
+    time = pairs["t_s"].to_numpy(np.float64)[order]
+    if (np.abs(time) > _MOST_TIME).any():
+        raise BadRecordingError(info.file, f"a time is beyond {_MOST_TIME:g} s", "give the time in s", "t_s")
+    require_period(time, pair[order], 1.0 / FRAME_RATE, info.file, "t_s")
+    lengths = pairs["leader_length_m"].to_numpy(np.float64)
+    lengths = lengths[~np.isnan(lengths)]
+    low, high = MEDIAN_SIZE["length", "car"]
+    # There are always cars among leaders; in feet all of them would be taken for trucks.
+    if lengths.size and not (lengths.min() <= high and low <= np.median(lengths) < np.inf):
+        text = f"lengths from {lengths.min():.2f} m on, {np.median(lengths):.2f} m in the median, are not those of cars"
+        raise BadRecordingError(info.file, text, "convert the lengths to m", "leader_length_m")
 
 
 def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:

@@ -17,7 +17,7 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig, OnBad
-from rearl_jax.data.delimited import read_csv, read_header
+from rearl_jax.data.delimited import read_blank_separated, read_csv, read_header
 from rearl_jax.data.losses import Losses
 from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE, US101_LENGTH
 from rearl_jax.data.problems import DROP_HINT, BadRecordingError, Finding, require_columns
@@ -27,6 +27,7 @@ from rearl_jax.data.units import to_si
 # Lanes with the ramps, NGSIM data descriptions: US-101 has five lanes, the auxiliary lane 6, on-ramp 7 and
 # off-ramp 8; I-80 has six lanes and the on-ramp 7. Lane 1 is the leftmost.
 _LANES = {"us101": 8, "i80": 7}
+_MOST_LANES = 12  # more than any carriageway has
 _ARTERIALS = ("lankershim", "peachtree")
 _CLASS = {1: "motorcycle", 2: "car", 3: "truck"}
 # Both campaigns were in daylight saving time of the Pacific coast (13 April and 15 June 2005).
@@ -69,6 +70,7 @@ _PUBLISHED_SPELLING = {
     "leader_id": "Preceding",
 }
 _KEYS = ("track_id", "frame", "global_time")
+_LATEST = 4.1e12  # ms, the end of the year 2099
 
 
 class PublishedFile:
@@ -118,24 +120,24 @@ class PublishedFile:
     def _load(self, wanted: tuple[str, ...]) -> tuple[pd.DataFrame, dict[str, int]]:
         """The wanted columns of the file in the names of _PUBLISHED, and the counts of lines left out."""
         losses = Losses()
-        if self.path.suffix.lower() == ".txt":
-            names = {_plain(name): name for name in _TXT_COLUMNS}
-            rows = pd.read_csv(self.path, sep=r"\s+", header=None, names=_TXT_COLUMNS)
+        is_txt = self.path.suffix.lower() == ".txt"
+        names = {_plain(name): name for name in (_TXT_COLUMNS if is_txt else read_header(self.path))}
+        if "preceeding" in names:
+            names["preceding"] = names.pop("preceeding")
+        required = tuple(name for name, _, needed in _PUBLISHED.values() if needed)
+        require_columns(list(names), required, str(self.path))
+        types = {
+            names[name]: pa.string() if name == "location" else pa.float64() if unit else pa.int64()
+            for name, unit, _ in (_PUBLISHED[column] for column in wanted)
+            if name in names
+        }
+        if is_txt:
+            table, n_broken = read_blank_separated(self.path, _TXT_COLUMNS, types, self._policy.on_bad)
         else:
-            names = {_plain(name): name for name in read_header(self.path)}
-            if "preceeding" in names:
-                names["preceding"] = names.pop("preceeding")
-            required = tuple(name for name, _, needed in _PUBLISHED.values() if needed)
-            require_columns(list(names), required, str(self.path))
-            types = {
-                names[name]: pa.string() if name == "location" else pa.float64() if unit else pa.int64()
-                for name, unit, _ in (_PUBLISHED[column] for column in wanted)
-                if name in names
-            }
             table, n_broken = read_csv(self.path, types, self._policy.on_bad)
-            if n_broken:
-                losses.counts["broken_line"] = n_broken
-            rows = table.to_pandas(split_blocks=True, self_destruct=True)
+        if n_broken:
+            losses.counts["broken_line"] = n_broken
+        rows = table.to_pandas(split_blocks=True, self_destruct=True)
         if rows.empty:
             raise BadRecordingError(str(self.path), "the table has no rows", "remove the file or complete it")
         renamed = {names[_PUBLISHED[c][0]]: c for c in wanted if _PUBLISHED[c][0] in names}
@@ -168,7 +170,12 @@ def find_published(root: Path) -> list[Path]:
 
 def _recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
     """Recording id -> its row positions."""
-    start = rows["global_time"].to_numpy() - 100 * rows["frame"].to_numpy()
+    start = rows["global_time"].to_numpy(np.float64) - 100.0 * rows["frame"].to_numpy(np.float64)
+    if not ((start >= 0.0) & (start <= _LATEST)).all():
+        row = int(np.argmax(~((start >= 0.0) & (start <= _LATEST))))
+        text = "the time is before 1970 or after 2100"
+        remedy = "give milliseconds since 1970, and 10 frames per second"
+        raise BadRecordingError(str(path), text, remedy, "Global_Time", int(rows.index[row]) + 1)
     place = np.zeros(len(rows), dtype=np.int8)
     names = [""]
     if "location" in rows:
@@ -188,12 +195,12 @@ def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataF
     """Columns of the schema from rows in feet, and what is known about the recording."""
     place = recording.rpartition("_")[0]
     source = {name: to_si(rows[name].to_numpy(), unit) for name, (_, unit, _) in _PUBLISHED.items() if unit}
-    lane = rows["lane"].to_numpy()
+    lane = rows["lane"].to_numpy(np.float64, na_value=np.nan)
     info = RecordingInfo(
         id=recording,
         frame_rate=FRAME_RATE,
-        lane_count={1: _LANES.get(place, int(np.nanmax(lane)))},
-        road_length=US101_LENGTH if place == "us101" else float(np.nanmax(source["front"])),
+        lane_count={1: _LANES.get(place, min(int(_largest(lane)), _MOST_LANES))},
+        road_length=US101_LENGTH if place == "us101" else _largest(source["front"]),
         source=f"NGSIM {place}",
         licence=LICENCE,
         attribution=ATTRIBUTION,
@@ -221,6 +228,11 @@ def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataF
         leader = rows["leader_id"].to_numpy(dtype=np.float64)
         columns["leader_id"] = np.where(leader == 0.0, np.nan, leader)
     return pd.DataFrame(columns, index=rows.index), info
+
+
+def _largest(values: np.ndarray) -> float:
+    """The largest number, at least 1; what is none is for the schema to find."""
+    return float(np.max(values, where=np.isfinite(values), initial=1.0))
 
 
 def _plain(name: str) -> str:

@@ -13,13 +13,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 
 from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data import checks
+from rearl_jax.data.columnar import read_columns
 from rearl_jax.data.losses import Losses
-from rearl_jax.data.problems import BadRecordingError, Finding, require_columns
+from rearl_jax.data.problems import BadRecordingError, Finding
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.data.unit_checks import is_other_unit, require_period, scale_of
 
 FRAME_RATE = 10.0
 LICENCE = "CC BY 4.0"
@@ -28,7 +29,8 @@ MAX_HOLE = 10  # frames, 1 s; holes of a gap or speed up to this are interpolate
 MAX_GAP = 1000.0  # m; the widest gap of the set is 230 m
 MAX_BACKWARD = 1.0  # m/s; noise of the satellite receivers makes standing vehicles drive back by 0.07 m/s
 MAX_TIME = 86_400.0  # s from the median time of a run
-_COLUMNS = ("file", "t_s", "pos", "speed_mps", "gap_to_follower_m")
+_NUMBERS = ("t_s", "pos", "speed_mps", "gap_to_follower_m")
+_MOST_PLACES = 1000  # more vehicles than any platoon has
 
 
 @dataclass(frozen=True)
@@ -58,15 +60,19 @@ def find_platoons(root: Path) -> Path:
     if len(found) != 1:
         raise FileNotFoundError(
             f"{len(found)} Parquet files in {root}: data.root must name the folder with the one file of "
-            f"OpenACC platoons, columns {', '.join(_COLUMNS)}"
+            f"OpenACC platoons, columns file, {', '.join(_NUMBERS)}"
         )
     return found[0]
 
 
 def platoon_recordings(path: Path) -> dict[str, Platoon]:
     """Recording id -> part of a platoon with two vehicles or more."""
-    require_columns(pq.read_schema(path).names, _COLUMNS, str(path))
-    rows = pq.read_table(path, columns=["file", "pos", "gap_to_follower_m"]).to_pandas()
+    rows = read_columns(path, _NUMBERS, ("file",))
+    place = rows["pos"].to_numpy(np.float64)
+    wrong = rows["file"].isna().to_numpy() | ~((place >= 1.0) & (place < _MOST_PLACES) & (place == np.rint(place)))
+    if wrong.any():
+        text, row = "a row does not say which vehicle of which file it is", int(np.argmax(wrong)) + 1
+        raise BadRecordingError(str(path), text, "complete it", "pos", row)
     has_gap = rows.groupby(["file", "pos"], observed=True)["gap_to_follower_m"].count() > 0
     recordings = {}
     for file in has_gap.index.unique("file"):
@@ -94,7 +100,7 @@ def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfi
     Raises:
         BadRecordingError: One of these occurs and data.on_bad is stop, or a row breaks the schema.
     """
-    rows = pq.read_table(path, columns=list(_COLUMNS), filters=[("file", "=", platoon.file)]).to_pandas()
+    rows = read_columns(path, _NUMBERS, only=("file", platoon.file))
     info = RecordingInfo(
         id=recording,
         frame_rate=FRAME_RATE,
@@ -117,8 +123,9 @@ def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfi
         },
     )
     losses = Losses()
+    require_period(rows["t_s"].to_numpy(np.float64), rows["pos"].to_numpy(), 1.0 / FRAME_RATE, info.file, "t_s")
     rows = _plausible(rows, platoon, info, policy, losses)
-    table, placed, n_filled = _placed(rows, platoon, policy.default_length)
+    table, placed, n_filled = _placed(rows, platoon, policy.default_length, info.file)
     text = "gap or speed unknown for over 1 s"
     _leave_out(~placed, table, "no_gap", "position", text, info, policy, losses)
     table = table.iloc[np.flatnonzero(placed)]
@@ -156,14 +163,17 @@ def _plausible(
     rows: pd.DataFrame, platoon: Platoon, info: RecordingInfo, policy: DataConfig, losses: Losses
 ) -> pd.DataFrame:
     """The platoon's rows with a frame number; impossible speeds and gaps are unknown (NaN) in them."""
-    place, time = rows["pos"].to_numpy(), rows["t_s"].to_numpy(dtype=np.float64)
+    place, time = rows["pos"].to_numpy(np.float64), rows["t_s"].to_numpy(dtype=np.float64)
     unlinked = np.isin(place, platoon.unlinked)
     _leave_out(unlinked, rows, "unlinked", "track_id", "no gap to a neighbour", info, policy, losses)
     inside = (place >= platoon.first) & (place <= platoon.last)
     finite = np.isfinite(time)
-    lost = inside & ~(finite & (np.abs(time - np.median(time[finite])) <= MAX_TIME))
+    usual = np.median(time[finite]) if finite.any() else np.nan
+    lost = inside & ~(finite & (np.abs(time - usual) <= MAX_TIME))
     _leave_out(lost, rows, "bad_time", "frame", "the time is unknown or a day off", info, policy, losses)
     rows = rows.iloc[np.flatnonzero(inside & ~lost)]
+    if rows.empty:
+        raise BadRecordingError(info.file, "no row says when it was measured", "complete the times", "t_s")
     frame = np.rint(rows["t_s"].to_numpy(dtype=np.float64) * FRAME_RATE).astype(np.int64)
     rows = rows.assign(frame=frame)
     twice = rows.duplicated(["pos", "frame"]).to_numpy()
@@ -173,7 +183,7 @@ def _plausible(
     speed = rows["speed_mps"].to_numpy(dtype=np.float64, copy=True)
     gap = rows["gap_to_follower_m"].to_numpy(dtype=np.float64, copy=True)
     # The gap behind the last vehicle leads out of the platoon.
-    gap[rows["pos"].to_numpy() == platoon.last] = np.nan
+    gap[rows["pos"].to_numpy(np.float64) == platoon.last] = np.nan
     wrong = (speed < -MAX_BACKWARD) | (speed > checks.RANGES["speed"][1])
     _leave_out(wrong, rows, "out_of_range", "speed", "no vehicle has this speed", info, policy, losses)
     negative, far = gap < 0.0, gap > MAX_GAP
@@ -184,9 +194,9 @@ def _plausible(
     )
 
 
-def _placed(rows: pd.DataFrame, platoon: Platoon, length: float) -> tuple[pd.DataFrame, np.ndarray, int]:
+def _placed(rows: pd.DataFrame, platoon: Platoon, length: float, file: str) -> tuple[pd.DataFrame, np.ndarray, int]:
     """Table of all vehicles in all frames, mask of rows with a known position, number of filled values."""
-    frame, place = rows["frame"].to_numpy(), rows["pos"].to_numpy()
+    frame, place = rows["frame"].to_numpy(), rows["pos"].to_numpy(np.float64).astype(np.int64)
     frames = np.arange(frame.min(), frame.max() + 1)
     places = np.arange(platoon.first, platoon.last + 1)
 
@@ -197,6 +207,7 @@ def _placed(rows: pd.DataFrame, platoon: Platoon, length: float) -> tuple[pd.Dat
 
     measured = grid(rows["speed_mps"].to_numpy(dtype=np.float64))
     gaps = grid(rows["gap_to_follower_m"].to_numpy(dtype=np.float64))[:, :-1]
+    _require_units(gaps, measured, file)
     speed, ahead = fill_holes(measured), fill_holes(gaps)
     n_filled = int((~np.isnan(speed)).sum() - (~np.isnan(measured)).sum())
     n_filled += int((~np.isnan(ahead)).sum() - (~np.isnan(gaps)).sum())
@@ -227,6 +238,20 @@ def _placed(rows: pd.DataFrame, platoon: Platoon, length: float) -> tuple[pd.Dat
         index=source_row.to_numpy().astype(np.int64),
     )
     return table, placed.ravel("F"), n_filled
+
+
+def _require_units(gaps: np.ndarray, speed: np.ndarray, file: str) -> None:
+    """Raise BadRecordingError where gaps and speeds are in different units: gaps change by the speeds' differences."""
+    n = 2 * round(FRAME_RATE)  # 2 s, over which the receivers' errors matter little
+    if len(speed) <= n:
+        return
+    closing = speed[:, :-1] - speed[:, 1:]
+    mean = 0.5 * (closing[1:] + closing[:-1]) / FRAME_RATE
+    expected = np.stack([np.convolve(column, np.ones(n), mode="valid") for column in mean.T], axis=1)
+    scale = scale_of((gaps[n:] - gaps[:-n]).ravel(), expected.ravel())
+    if scale is not None and is_other_unit(scale):
+        text = f"gaps change {scale[0]:.2f} to {scale[1]:.2f} times as fast as the speeds say"
+        raise BadRecordingError(file, text, "give speeds in m/s and gaps in m", "gap_to_follower_m")
 
 
 def _leave_out(

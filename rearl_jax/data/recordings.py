@@ -127,10 +127,15 @@ def _root(data: DataConfig) -> Path:
     raise FileNotFoundError(f"{problem}: data.root must name {_EXPECTED[data.format]}")
 
 
-def _us101(data: DataConfig, root: Path) -> Iterator[_Entry]:
+def _us101_file(root: Path) -> Path:
     path = root / US101_FILE if root.is_dir() else root
     if not path.is_file():
         raise FileNotFoundError(f"{path} does not exist: leave data.root empty for the shipped file")
+    return path
+
+
+def _us101(data: DataConfig, root: Path) -> Iterator[_Entry]:
+    path = _us101_file(root)
     for name, period in ngsim.us101_recordings(path).items():
         yield _Entry(name, partial(ngsim.read_us101, path, name, period, data))
 
@@ -183,9 +188,9 @@ def _files(data: DataConfig) -> list[Path]:
     """The files the rows of a data set come from."""
     root = _root(data)
     if data.format in (DataFormat.highd, DataFormat.generated):
-        return [file for tracks in highd.find_recordings(root) for file in highd.recording_files(tracks)]
+        return [file for tracks in highd.find_recordings(root) for file in highd.require_files(tracks)]
     if data.format is DataFormat.us101:
-        return [root / US101_FILE if root.is_dir() else root]
+        return [_us101_file(root)]
     if data.format is DataFormat.ngsim:
         return ngsim_published.find_published(root)
     if data.format is DataFormat.table:

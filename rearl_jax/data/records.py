@@ -6,6 +6,12 @@ from typing import Any
 
 import pandas as pd
 
+SPEED_LIMITS = (11.0, 45.0)
+"""Legal speed limits of highways lie between [m/s]: 40 km/h on ramps are 11.1 m/s, 160 km/h are 44.4 m/s."""
+
+_MOST = 1e6
+"""Beyond every length of a road and every frame rate."""
+
 
 @dataclass(frozen=True)
 class RecordingInfo:
@@ -49,12 +55,37 @@ class RecordingInfo:
 
     @classmethod
     def from_json(cls, record: Mapping[str, Any], file: str = "") -> "RecordingInfo":
-        """The record that `to_json` wrote; JSON keys of directions become integers again."""
+        """The record that `to_json` wrote; JSON keys of directions become integers again.
+
+        Raises:
+            KeyError, TypeError, ValueError: It is none, or a value cannot be true.
+        """
         values = dict(record)
         values["lane_count"] = {int(k): int(v) for k, v in values["lane_count"].items()}
         values["lane_markings"] = {int(k): tuple(v) for k, v in values.get("lane_markings", {}).items()}
         values["notes"] = tuple(values.get("notes", ()))
-        return cls(**values, file=file)
+        info = cls(**values, file=file)
+        info._check()
+        return info
+
+    def _check(self) -> None:
+        """Raise ValueError for what cannot be true of a recording."""
+        for name in ("id", "source", "licence", "attribution"):
+            if not (isinstance(value := getattr(self, name), str) and value):
+                raise ValueError(f"{name} must be a text, got {value!r}")
+        for name in ("frame_rate", "road_length", "speed_limit"):
+            value = getattr(self, name)
+            if not (_is_number(value) and 0 < value < _MOST) and not (name == "speed_limit" and value is None):
+                raise ValueError(f"{name} must be a number above 0, got {value!r}")
+        if self.speed_limit is not None and not SPEED_LIMITS[0] <= self.speed_limit <= SPEED_LIMITS[1]:
+            raise ValueError(f"speed_limit is {self.speed_limit:g} m/s, no limit of a highway: is it in another unit?")
+        if not self.lane_count or not all(side in (1, 2) and 0 < n < 100 for side, n in self.lane_count.items()):
+            raise ValueError(f"lane_count must be the number of lanes of the directions 1 and 2, got {self.lane_count}")
+        for offsets in self.lane_markings.values():
+            if not all(_is_number(offset) and abs(offset) < _MOST for offset in offsets):
+                raise ValueError(f"lane_markings must be numbers, got {offsets}")
+        if not isinstance(self.generated, bool) or not all(isinstance(note, str) for note in self.notes):
+            raise ValueError("generated must be true or false, notes texts")
 
     def with_notes(self, *notes: str) -> "RecordingInfo":
         """A copy with further notes."""
@@ -75,3 +106,7 @@ class Recording:
     info: RecordingInfo
     table: pd.DataFrame
     dropped: Mapping[str, int] = field(default_factory=dict)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)

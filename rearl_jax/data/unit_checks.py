@@ -1,14 +1,15 @@
 """Checks whether a column is in another unit than the schema says.
 
 A wrong unit is a property of the table and never of a row, so these checks compare medians over the whole
-recording: steps with speeds, sizes with those of road vehicles, lane distances with those of roads.
+recording: steps with speeds, changes of speed with accelerations, sizes with those of road vehicles, lane distances
+with those of roads.
 """
 
 import numpy as np
 import pandas as pd
 
 from rearl_jax.data.checks import CLASSES, follows_row_before
-from rearl_jax.data.problems import Finding
+from rearl_jax.data.problems import BadRecordingError, Finding
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.units import SI_FACTOR
 
@@ -19,6 +20,10 @@ RATIO_TOLERANCE = 0.07  # the nearest confusion, feet with km/h, is off by 0.09
 MEDIAN_SIZE = {("length", "car"): (3.0, 7.0), ("length", "truck"): (4.5, 26.0), ("width", "car"): (1.2, 2.9)}
 LANE_WIDTH = (2.2, 5.5)  # m
 ACCELERATION_P99 = 9.0  # m/s^2, about the friction limit of a dry road
+# Two measurements of one quantity: in NGSIM, I-80 and OpenACC they correlate with .92 or more and agree within 25 %.
+ALIKE = 0.8  # correlation from which two measurements tell each other's unit
+SAME_UNIT = 1.8  # factor between them that no error makes; the least wrong unit has 3.28
+WINDOW = 1.0  # s over which changes of speed are compared with accelerations, beyond most of their noise
 
 # step / (speed * time) that a wrong unit of position or speed produces.
 UNIT_RATIOS = {
@@ -35,16 +40,53 @@ UNIT_RATIOS = {
 
 def wrong_units(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     """The first sign that a whole column is in another unit than the schema says."""
-    for check in (_wrong_time, _wrong_speed_or_position, _wrong_ground, _wrong_size, _wrong_lateral):
+    checks = (_wrong_time, _wrong_speed_or_position, _wrong_ground, _wrong_size, _wrong_lateral, _wrong_across)
+    for check in (*checks, _wrong_acceleration):
         finding = check(table, info)
         if finding is not None:
             return finding
-    values = np.abs(table["acceleration"].to_numpy())
-    known = values[np.isfinite(values)]
-    if known.size >= MIN_STEPS and np.percentile(known, 99) > ACCELERATION_P99:
-        text = f"1 % of |acceleration| is above {np.percentile(known, 99):.1f} m/s^2, beyond tyre friction"
-        return _unit_finding("acceleration", values > ACCELERATION_P99, text, "convert acceleration to m/s^2")
     return None
+
+
+def scale_of(values: np.ndarray, reference: np.ndarray) -> tuple[float, float] | None:
+    """Least and largest factor between two measurements of one quantity; None where they do not tell.
+
+    The errors of either make the slope of a regression on it too small, so the factor lies between the slope and the
+    inverse of the slope the other way round. Negative where one has the other sign.
+    """
+    known = np.isfinite(values) & np.isfinite(reference)
+    values, reference = values[known], reference[known]
+    if values.size < MIN_STEPS:
+        return None
+    product = float(np.mean(values * reference))
+    squares = float(np.mean(values**2)), float(np.mean(reference**2))
+    if not abs(product) > ALIKE * np.sqrt(squares[0] * squares[1]):
+        return None
+    low, high = sorted((product / squares[1], squares[0] / product))
+    return low, high
+
+
+def require_period(time: np.ndarray, track: np.ndarray, period: float, file: str, column: str) -> None:
+    """Raise BadRecordingError unless the rows of a track are mostly one period apart.
+
+    Args:
+        time: Of each row [s]; the rows of a track in the order of time.
+        track: Vehicle of each row.
+        period: Time between two frames [s].
+        file: For the message.
+        column: Name of the column of times, for the message.
+    """
+    known = np.isfinite(time)
+    steps = np.diff(time[known])[follows_row_before(track[known])[1:]]
+    median = float(np.median(steps)) if steps.size else period
+    if not 0.5 * period < median < 1.5 * period:
+        text = f"rows are {median:.3g} s apart, not {period:g} s"
+        raise BadRecordingError(file, text, "give the time in s, sorted, with every frame of a vehicle", column)
+
+
+def is_other_unit(scale: tuple[float, float] | None) -> bool:
+    """Whether a scale as from `scale_of` can only be that of another unit."""
+    return scale is not None and (scale[0] > SAME_UNIT or scale[1] < 1.0 / SAME_UNIT)
 
 
 def _wrong_time(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
@@ -123,16 +165,64 @@ def _wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     return _unit_finding("lateral", known & (lane == lanes[-1]), text, "give lateral in m, positive to the right")
 
 
+def _wrong_across(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+    """Where the ground frame lies along the road, y must grow with the lateral position."""
+    rows, step, _ = _moving_steps(table, info)
+    x, y, lateral = (table[name].to_numpy() for name in ("x", "y", "lateral"))
+    if rows.size < MIN_STEPS or abs(np.median(np.abs(x[rows] - x[rows - 1]) / np.abs(step)) - 1.0) > 0.001:
+        return None
+    direction = table["direction"].to_numpy()
+    for side in np.unique(direction):
+        here = (direction == side) & np.isfinite(lateral)
+        if here.sum() < MIN_STEPS or np.std(lateral[here]) < 0.5 * LANE_WIDTH[0]:
+            continue
+        scale = scale_of(np.abs(y[here] - np.mean(y[here])), np.abs(lateral[here] - np.mean(lateral[here])))
+        if scale is not None and is_other_unit(scale):
+            text = f"y grows {scale[0]:.2f} to {scale[1]:.2f} times as fast across the road as lateral"
+            return _unit_finding("y", here, text, "give y and lateral in m")
+    return None
+
+
+def _wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+    """Accelerations that are not what changes of speed say, or that no tyre could bring about."""
+    track, speed, values = (table[name].to_numpy() for name in ("track_id", "speed", "acceleration"))
+    n = max(round(WINDOW * info.frame_rate), 1)
+    if len(table) > n:
+        mean = np.convolve(0.5 * (values[1:] + values[:-1]), np.full(n, 1.0 / n), mode="valid")
+        within = track[n:] == track[:-n]
+        change = (speed[n:] - speed[:-n]) * info.frame_rate / n
+        scale = scale_of(mean[within], change[within])
+        if scale is not None and is_other_unit(scale):
+            text = f"acceleration is {scale[0]:.2f} to {scale[1]:.2f} times the change of speed per second"
+            return _unit_finding("acceleration", np.isfinite(values), text, "convert acceleration to m/s^2")
+    known = np.abs(values[np.isfinite(values)])
+    if known.size >= MIN_STEPS and np.percentile(known, 99) > ACCELERATION_P99:
+        text = f"1 % of |acceleration| is above {np.percentile(known, 99):.1f} m/s^2, beyond tyre friction"
+        return _unit_finding("acceleration", np.abs(values) > ACCELERATION_P99, text, "convert acceleration to m/s^2")
+    return None
+
+
 def _moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows after a step of a moving vehicle, that step of position, and what speed x time expects [m]."""
-    frame, speed, position = (table[name].to_numpy() for name in ("frame", "speed", "position"))
-    moving = follows_row_before(table["track_id"].to_numpy())
-    moving[1:] &= (speed[1:] > MOVING) & (speed[:-1] > MOVING)
-    rows = np.flatnonzero(moving)
+    """Rows after a step of a moving vehicle, that step of position, and what speed x time expects [m].
+
+    A vehicle moves by its speed, or by its positions where those of its whole track do: a speed in another unit may
+    look as if everybody stood.
+    """
+    track, frame, speed, position = (table[name].to_numpy() for name in ("track_id", "frame", "speed", "position"))
+    follows = follows_row_before(track)
+    starts = np.flatnonzero(~follows)
+    ends = np.append(starts[1:], len(track)) - 1
+    time = np.maximum(frame[ends] - frame[starts], 1) / info.frame_rate
+    moved = np.repeat(np.abs(position[ends] - position[starts]) / time > MOVING, ends - starts + 1)
+    rows = np.flatnonzero(follows)
     step = position[rows] - position[rows - 1]
-    rows, step = rows[step != 0.0], step[step != 0.0]
-    expected = 0.5 * (speed[rows] + speed[rows - 1]) * (frame[rows] - frame[rows - 1]) / info.frame_rate
-    return rows, step, expected
+    dt = (frame[rows] - frame[rows - 1]) / info.frame_rate
+    slower, mean = np.minimum(speed[rows], speed[rows - 1]), 0.5 * np.abs(speed[rows] + speed[rows - 1])
+    moving = (slower > MOVING) | (moved[rows] & (np.abs(step) > MOVING * dt))
+    moving &= step != 0.0
+    # A speed of 0 must not divide; any value below the slowest vehicle serves.
+    expected = np.maximum(mean, 1e-3) * dt
+    return rows[moving], step[moving], expected[moving]
 
 
 def _unit_finding(column: str, rows: np.ndarray, problem: str, remedy: str) -> Finding | None:

@@ -209,7 +209,7 @@ def _drivers(reader: _Reader, value: Any, key: str) -> DriverClass:
 def _effect(reader: _Reader, value: Any, key: str) -> EffectValues:
     part = reader.mapping(value, key, ("name", "parameters"), ("variable",))
     name = part["name"]
-    if name not in EFFECTS:
+    if not isinstance(name, str) or name not in EFFECTS:
         known = ", ".join(EFFECTS)
         raise reader.refuse(f"{key}.name", f"is {name!r}; nearest: {nearest(str(name), EFFECTS)}; effects: {known}")
     kind = EFFECTS[name]
@@ -228,7 +228,7 @@ def _effect(reader: _Reader, value: Any, key: str) -> EffectValues:
 
 
 def _check_curve(reader: _Reader, parameters: dict[str, Any], variable: Any, key: str) -> None:
-    if variable not in VARIABLES:
+    if not isinstance(variable, str) or variable not in VARIABLES:
         raise reader.refuse(f"{key}.variable", f"is {variable!r}, but must be one of {', '.join(VARIABLES)}")
     knots = np.array(parameters["knots"])
     steps = np.diff(knots)

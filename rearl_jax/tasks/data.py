@@ -41,6 +41,7 @@ DATA = (
         run="rearl_jax.discovery.task:run",
         config="rearl_jax.config:DiscoverTask",
         summary="find out what the traffic model lacks in measured trajectories",
+        goes_on=True,
         description=(
             "Calibrates every driver, looks at what the model cannot predict, tells which effect or which fault of the "
             "measurement that comes from, adds it, checks it on other drivers and reports the error before and after "
@@ -60,6 +61,7 @@ DATA = (
         run="rearl_jax.blind.task:run",
         config="rearl_jax.config:DiscoverBlindTask",
         summary="what discovery is worth: hidden effects it has to find",
+        goes_on=True,
         description=(
             "Generates data sets with hidden effects and artefacts from an independent generator and from SUMO, seals "
             "what is hidden, runs discovery on each and scores it. A killed study goes on where it was. Prints tables, "

@@ -34,6 +34,7 @@ SIMULATION = (
         run="rearl_jax.baselines.task:run",
         config="rearl_jax.config:TrainPpoTask",
         summary="train the policy of method=ppo in the traffic model, without data",
+        goes_on=True,
         description=(
             "Trains one policy for all vehicles by proximal policy optimisation on highway-env's reward: speed, right "
             "lanes, no crash. It sees the four nearest vehicles and takes an admissible action every second. A killed "
@@ -51,6 +52,7 @@ SIMULATION = (
         run="rearl_jax.sweep.task:run",
         config="rearl_jax.config:SweepThresholdsTask",
         summary="try pairs of detection thresholds on the tuning scenes",
+        goes_on=True,
         description=(
             "Takes percentiles of what the method base reaches on the threshold scenes as thresholds, simulates the "
             "tuning scenes under every pair of them in one program and picks the pair with the least Hellinger "
@@ -68,6 +70,7 @@ SIMULATION = (
         run="rearl_jax.sweep.scale:run",
         config="rearl_jax.config:SweepScaleTask",
         summary="stream very many rollouts in constant memory and say what they cost",
+        goes_on=True,
         description=(
             "Simulates and scores as many rollouts of the held-out scenes as asked for, every one from another initial "
             "state, and writes them part by part; a killed study goes on where it was. Before that, measures the cost "

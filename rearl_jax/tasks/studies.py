@@ -8,6 +8,7 @@ STUDIES = (
         run="rearl_jax.study.table1:run",
         config="rearl_jax.config:StudyTable1Task",
         summary="the methods beside each other and beside the paper's Table 1",
+        goes_on=True,
         description=(
             "Evaluates every row (base, PPO, CRITICAL, the closed loop with its controls, with table1.llm=true a "
             "language model) as `rearl evaluate` does, each in a folder of its own below rows/, and puts them beside "
@@ -26,6 +27,7 @@ STUDIES = (
         run="rearl_jax.study.table3:run",
         config="rearl_jax.config:StudyTable3Task",
         summary="the threshold pairs beside the paper's Table 3",
+        goes_on=True,
         description=(
             "Runs `rearl sweep thresholds` in the folder sweep/ and puts thresholds, best pair and Pareto set beside "
             "what is known of the paper's. Prints a table, writes Parquet, a figure and one HTML page."
@@ -49,6 +51,7 @@ STUDIES = (
         run="rearl_jax.study.fig6:run",
         config="rearl_jax.config:StudyFig6Task",
         summary="the errors of the methods second by second, as in the paper's Fig. 6",
+        goes_on=True,
         description=(
             "Evaluates the rows of Table 1 and shows Hellinger distance and spacing error of every row second by "
             "second, beside base and real against real. table1.kept_in=study_table1 uses the rows that `rearl study "
@@ -73,6 +76,7 @@ STUDIES = (
         run="rearl_jax.study.fig8:run",
         config="rearl_jax.config:StudyFig8Task",
         summary="the clusters of scenes and their representatives, as in the paper's Fig. 8",
+        goes_on=True,
         description=(
             "Runs `rearl cluster` in the folder cluster/ and shows the scenes on a t-SNE map with clusters and "
             "representatives, beside the paper's numbers. Prints a table, writes Parquet, figures and one HTML page."

@@ -14,7 +14,9 @@ class Task:
     """One task. `run`, `config` and `collect` are addresses `module:name`; the function takes the record.
 
     `collect` puts the cells of a multirun together: it takes the record with what all cells share, and for each cell
-    the values of the swept keys. `implied` names overrides that keys of a group imply.
+    the values of the swept keys. `implied` names overrides that keys of a group imply. `goes_on` says that the same
+    command goes on where a task was ended, `failures` which figure the function returns that makes `rearl` fail
+    unless it is 0. A task that does not use JAX is not kept waiting for it.
     """
 
     words: str
@@ -24,6 +26,9 @@ class Task:
     description: str
     examples: tuple[str, ...]
     x64: bool = False
+    goes_on: bool = False
+    uses_jax: bool = True
+    failures: str | None = None
     collect: str | None = None
     implied: dict[str, str] = field(default_factory=dict)
 

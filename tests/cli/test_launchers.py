@@ -113,6 +113,7 @@ def slurm(tmp_path):
     return folder
 
 
+@pytest.mark.slow
 def test_slurm_keeps_its_logs_with_the_study_and_a_failing_job_is_heard(one_after_another, slurm, tmp_path):
     words = ("eval.n_runs=0,1", "hydra/launcher=submitit_slurm", "hydra.launcher.cpus_per_task=1")
     done = multirun(tmp_path / "side", *words, path=str(slurm))

@@ -1,0 +1,94 @@
+"""`--json`: the summary of a finished task as the only thing on standard output."""
+
+import json
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TextIO
+
+from rearl_jax.tasks import Task
+
+
+@contextmanager
+def standard_output_apart() -> Iterator[TextIO]:
+    """Standard output as it was; inside the block everything else that is written there goes to standard error.
+
+    By descriptor, so that programs that are started and libraries that are not Python's are no exception.
+    """
+    sys.stdout.flush()
+    with os.fdopen(os.dup(1), "w", encoding="utf-8") as kept:
+        os.dup2(2, 1)
+        try:
+            yield kept
+        finally:
+            sys.stdout.flush()
+            kept.flush()
+            os.dup2(kept.fileno(), 1)
+
+
+def summary_object(task: Task, folder: Path | None, returned: Mapping[str, Any]) -> dict[str, Any]:
+    """What a task has found: `task`, `results` (its folder), and the keys of summary.json, a list of them as `rows`.
+
+    Args:
+        task: The task.
+        folder: Folder of its results; None where it has none.
+        returned: What its function has returned, which counts where it writes no summary.
+    """
+    stored = None if folder is None else _stored(folder, task)
+    if stored is None:
+        content = dict(returned)
+    else:
+        content = stored if isinstance(stored, dict) else {"rows": stored}
+    return {"task": task.words, "results": None if folder is None else str(folder)} | content
+
+
+def multirun_object(task: Task, folder: Path, cells: Sequence[Mapping[str, str]]) -> dict[str, Any]:
+    """The same of a multirun: the summary of all cells, else that of every finished job.
+
+    Args:
+        task: The task of every job.
+        folder: Folder of the multirun.
+        cells: Values of the swept keys, job by job.
+    """
+    stored = _read(folder / "summary.json") if task.collect is not None else None
+    if stored is None:
+        stored = []
+        for cell in cells:
+            own = folder.joinpath(*sorted(f"{key}={value}" for key, value in cell.items()))
+            found = _read(own / "summary.json")
+            parts = found if isinstance(found, list) else [found] if found is not None else []
+            stored += [{"results": str(own), **cell, **part} for part in parts]
+    return {"task": task.words, "results": str(folder), "rows": stored}
+
+
+def write_object(value: Mapping[str, Any], stream: TextIO) -> None:
+    """Writes one line of JSON; numbers that JSON does not know become null."""
+    print(json.dumps(_plain(value), allow_nan=False), file=stream)
+
+
+def _stored(folder: Path, task: Task) -> Any:
+    """The summary in a folder, if this task has written it."""
+    found = _read(folder / "summary.json")
+    first = found[0] if isinstance(found, list) and found else found
+    return found if isinstance(first, dict) and first.get("task") == task.words else None
+
+
+def _read(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    if hasattr(value, "item") and getattr(value, "ndim", None) == 0:  # NumPy and JAX scalars
+        value = value.item()
+    if isinstance(value, float):
+        return value if value - value == 0.0 else None
+    return value if value is None or isinstance(value, (bool, int, str)) else str(value)

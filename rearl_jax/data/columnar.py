@@ -1,0 +1,88 @@
+"""Columns of Parquet files as frames; whatever is wrong with a file becomes an error that names it."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from rearl_jax.data.problems import BadRecordingError, require_columns
+
+
+def column_names(path: Path) -> list[str]:
+    """Names of the columns.
+
+    Raises:
+        BadRecordingError: The file is no Parquet.
+    """
+    with _readable(path):
+        return list(pq.read_schema(path).names)
+
+
+def stored_text(path: Path, key: str) -> str | None:
+    """A text of the schema's metadata; None where there is none.
+
+    Raises:
+        BadRecordingError: The file is no Parquet.
+    """
+    with _readable(path):
+        stored = (pq.read_schema(path).metadata or {}).get(key.encode())
+        return None if stored is None else stored.decode()
+
+
+def read_columns(
+    path: Path, numbers: Sequence[str], texts: Sequence[str] = (), *, only: tuple[str, str | int] | None = None
+) -> pd.DataFrame:
+    """The named columns.
+
+    Args:
+        path: The file.
+        numbers: Columns of numbers, perhaps written as text.
+        texts: Columns of text, in which a missing value is None.
+        only: Column, and the value it has in the wanted rows.
+
+    Raises:
+        BadRecordingError: The file is damaged, or a column is missing, there twice, or of another type.
+    """
+    names = (*numbers, *texts)
+    found = column_names(path)
+    require_columns(found, names, str(path))
+    for name in names:
+        if found.count(name) > 1:
+            raise BadRecordingError(str(path), "the column is there twice", "remove one of them", name)
+    with _readable(path):
+        filters = None if only is None else [(only[0], "=", only[1])]
+        table = pq.read_table(path, columns=list(names), filters=filters)
+        columns = {name: _cast(table[name], name, path, is_text=name in texts) for name in names}
+        return pa.table(columns).to_pandas()
+
+
+def _cast(column: pa.ChunkedArray, name: str, path: Path, *, is_text: bool) -> pa.ChunkedArray:
+    """The column as text, whole numbers or float64."""
+    kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
+    is_string = pa.types.is_string(kind) or pa.types.is_large_string(kind)
+    if pa.types.is_null(kind) or (is_string and is_text):
+        return column.cast(pa.string() if is_text else pa.float64())
+    if not is_text and pa.types.is_integer(kind):
+        return column.cast(kind)
+    if not is_text and (is_string or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
+        try:
+            return column.cast(kind).cast(pa.float64())
+        except pa.ArrowInvalid as error:
+            raise BadRecordingError(str(path), str(error).partition("\n")[0], "write numbers there", name) from None
+    wanted = "text" if is_text else "numbers"
+    raise BadRecordingError(str(path), f"the column holds {kind}", f"write {wanted} there", name)
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except FileNotFoundError:
+        raise FileNotFoundError(f"{path} is missing: complete the recording or correct data.root") from None
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+        said = str(error).partition("\n")[0]
+        text = f"not a readable Parquet file ({said})"
+        raise BadRecordingError(str(path), text, "copy or write it again") from None

@@ -1,0 +1,46 @@
+"""What a check has found."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Status(Enum):
+    """How serious a finding is."""
+
+    ok = "ok"
+    warn = "warn"
+    """Works, but something that is optional is missing, or will run short."""
+    fail = "fail"
+    """Tasks will fail."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the report.
+
+    Attributes:
+        name: What was looked at.
+        status: How it is.
+        found: What was found.
+        remedy: What to do about it; empty where nothing is to be done.
+    """
+
+    name: str
+    status: Status
+    found: str
+    remedy: str = ""
+
+
+def ok(name: str, found: str) -> Check:
+    """A line with nothing to do."""
+    return Check(name, Status.ok, found)
+
+
+def warn(name: str, found: str, remedy: str) -> Check:
+    """A line about something that is missing but not needed."""
+    return Check(name, Status.warn, found, remedy)
+
+
+def fail(name: str, found: str, remedy: str) -> Check:
+    """A line about something without which tasks fail."""
+    return Check(name, Status.fail, found, remedy)

@@ -1,0 +1,91 @@
+"""The cache and the folder of results: there, writable, not too full."""
+
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+from rearl_jax.doctor.check import Check, fail, ok, warn
+from rearl_jax.whole_files import is_private
+
+_GIB = 2**30
+_LARGE_CACHE = 20 * _GIB
+_LITTLE_SPACE = 5 * _GIB
+_NO_SPACE = 2**29
+"""Below this not even a small study can be sure to be written."""
+
+
+def cache_checks(cache: Path) -> list[Check]:
+    """Lines about the folder of compiled programs and scenes."""
+    return [_cache(cache), _space("the cache", cache)]
+
+
+def results_checks(results: Path) -> list[Check]:
+    """Lines about the folder of all studies."""
+    return [_results(results), _space("results", results)]
+
+
+def _cache(cache: Path) -> Check:
+    remedy = "set XDG_CACHE_HOME to a folder of your own"
+    if problem := _unwritable(cache):
+        return warn("cache", f"{cache}: {problem}; every run compiles and cuts scenes anew", remedy)
+    if cache.is_dir() and not is_private(cache):
+        return warn(
+            "cache", f"others can write to {cache}, whose programs are run", f"chmod -R o-w {cache}, or {remedy}"
+        )
+    size, n_files = _size(cache)
+    found = f"{cache}, {size / _GIB:.2f} GiB in {n_files} files"
+    if size > _LARGE_CACHE:
+        return warn("cache", found, f"rm -r {cache} (what is needed is made again)")
+    return ok("cache", found)
+
+
+def _results(results: Path) -> Check:
+    if problem := _unwritable(results):
+        return fail("results", f"{results.absolute()}: {problem}", "name another folder with results.root=FOLDER")
+    there = "" if results.is_dir() else " (not there yet)"
+    return ok("results", f"{results.absolute()}{there}")
+
+
+def _space(name: str, folder: Path) -> Check:
+    free = shutil.disk_usage(_existing(folder)).free
+    found = f"{free / _GIB:.1f} GiB free for {name}"
+    if free < _NO_SPACE:
+        return fail("disk", found, f"free some space, or move {name} to another disk")
+    if free < _LITTLE_SPACE:
+        return warn("disk", found, "large studies take a few GiB: watch it")
+    return ok("disk", found)
+
+
+def _existing(folder: Path) -> Path:
+    """The folder, or the nearest one above it that exists."""
+    folder = folder.absolute()
+    while not folder.exists():
+        folder = folder.parent
+    return folder
+
+
+def _unwritable(folder: Path) -> str:
+    """Why nothing can be written there; empty where a file can. Nothing is left behind."""
+    place = _existing(folder)
+    if not place.is_dir():
+        return f"{place} is no folder"
+    try:
+        with tempfile.TemporaryFile(dir=place) as file:
+            file.write(b"rearl")
+    except OSError as error:
+        return error.strerror or str(error)
+    return ""
+
+
+def _size(folder: Path) -> tuple[int, int]:
+    """Bytes and number of files."""
+    size = n_files = 0
+    for root, _, names in os.walk(folder):
+        for name in names:
+            try:
+                size += os.lstat(os.path.join(root, name)).st_size
+            except OSError:  # removed meanwhile
+                continue
+            n_files += 1
+    return size, n_files

@@ -1,0 +1,73 @@
+"""Packages this one needs, the optional ones of its extras, and programs beside Python."""
+
+import re
+import shutil
+from importlib.metadata import PackageNotFoundError, distribution, requires
+
+from rearl_jax.doctor.check import Check, fail, ok, warn
+
+_USES = {
+    "test": "the checks of the code (make test)",
+    "bench": "SUMO in `rearl bench core` and `rearl discover blind`",
+    "llm": "decision.server=local",
+    "joblib": "hydra/launcher=joblib",
+    "ray": "hydra/launcher=ray",
+    "submitit": "hydra/launcher=submitit_slurm",
+}
+"""What each extra is for."""
+
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+
+
+def program_checks() -> list[Check]:
+    """Lines about packages and programs."""
+    try:
+        wanted = _requirements()
+    except PackageNotFoundError:
+        return [fail("packages", "rearl_jax is not installed, only its files are found", "pip install -e .")]
+    missing = _missing(wanted.pop("", []))
+    if missing:
+        packages = fail("packages", f"missing: {', '.join(missing)}", f"pip install {' '.join(missing)}")
+    else:
+        packages = ok("packages", "everything rearl_jax needs is installed")
+    return [packages, *(_extra(name, names) for name, names in wanted.items()), _browser()]
+
+
+def _requirements() -> dict[str, list[str]]:
+    """Names of the packages this one needs, by extra; the empty name stands for those always needed."""
+    found: dict[str, list[str]] = {"": []}
+    for line in requires("rearl-jax") or []:
+        needed = re.match(r"[A-Za-z0-9._-]+", line)
+        extra = re.search(r"""extra\s*==\s*["']([^"']+)["']""", line)
+        if needed is not None:
+            found.setdefault(extra[1] if extra else "", []).append(needed[0])
+    return found
+
+
+def _missing(names: list[str]) -> list[str]:
+    return [name for name in names if not _is_installed(name)]
+
+
+def _is_installed(name: str) -> bool:
+    try:
+        distribution(name)
+    except PackageNotFoundError:
+        return False
+    return True
+
+
+def _extra(name: str, packages: list[str]) -> Check:
+    use = f"for {_USES.get(name, 'some tasks')}"
+    missing = _missing(packages)
+    if missing:
+        found = f"not installed, {use} (missing: {', '.join(missing)})"
+        return warn(f"extra {name}", found, f"pip install 'rearl_jax[{name}]', if it is wanted")
+    return ok(f"extra {name}", f"installed, {use}")
+
+
+def _browser() -> Check:
+    found = next(filter(None, map(shutil.which, _BROWSERS)), None)
+    if found is None:
+        remedy = "apt-get install chromium (Debian), if the pages are to be tested"
+        return warn("browser", "no Chromium; only tests of the pages need it", remedy)
+    return ok("browser", found)

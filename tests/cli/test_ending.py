@@ -1,0 +1,221 @@
+"""How a command ends: by a signal, with nobody reading, with a summary in JSON; and what it says then."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+TASK = """
+import json, sys, time
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from rearl_jax import tasks
+from rearl_jax.cli import main
+from rearl_jax.config._key import key
+from rearl_jax.tasks import Task
+
+@dataclass(unsafe_hash=True)
+class Results:
+    "Where results go"
+    root: str = key("results", "folder")
+    resume: bool = key(False, "leave a finished study alone")
+
+@dataclass(unsafe_hash=True)
+class Drive:
+    "A drive"
+    study: str = key("drive", "name")
+    lanes: int = key(1, "lanes")
+    results: Results = key(Results, "results")
+
+def run(config):
+    folder = Path(config.results.root) / config.study
+    folder.mkdir(parents=True, exist_ok=True)
+    print("on the way", flush=True)
+    if config.lanes == 9:
+        try:
+            time.sleep(60)
+        finally:
+            (folder / "tidy").touch()
+    (folder / "summary.json").write_text(json.dumps([{"task": "drive", "speed": 3.5, "lanes": config.lanes}]))
+    return {}
+
+module = ModuleType("drive_task")
+module.Drive, module.run = Drive, run
+sys.modules["drive_task"] = module
+task = Task("drive", "drive_task:run", "drive_task:Drive", "drive", "Drives.", ("rearl drive",), uses_jax=False)
+conf = Path("conf")
+conf.mkdir(exist_ok=True)
+(conf / "drive.yaml").write_text("defaults: [schema, _self_]\\n")
+tasks.TASKS, tasks.conf_dir = (task,), lambda: conf.resolve()
+tasks.sweeps_dir = tasks.conf_dir
+sys.exit(main())
+"""
+
+
+def drive(folder: Path, *words: str, **options) -> "subprocess.Popen[str]":
+    command = [sys.executable, "-c", TASK, "drive", *words]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | options
+    return subprocess.Popen(command, cwd=folder, text=True, **pipes)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="signals of POSIX")
+@pytest.mark.parametrize(("number", "name"), [(signal.SIGINT, "Ctrl-C"), (signal.SIGTERM, "SIGTERM")])
+def test_a_signal_ends_in_an_orderly_way_and_says_how_to_go_on(tmp_path, number, name):
+    process = drive(tmp_path, "lanes=9", "study=s")
+    assert process.stdout is not None
+    assert process.stdout.readline() == "on the way\n"
+    process.send_signal(number)
+    _, error = process.communicate(timeout=30)
+    assert process.returncode == 128 + number
+    assert error == (
+        f"rearl: interrupted by {name}; nothing of an unfinished run is kept, start again with: "
+        "rearl drive lanes=9 study=s\n"
+    )
+    assert (tmp_path / "results" / "s" / "tidy").exists()
+
+
+def test_who_ignores_a_signal_is_left_alone(tmp_path):
+    process = drive(tmp_path, "lanes=9", preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
+    assert process.stdout is not None
+    with process:
+        assert process.stdout.readline() == "on the way\n"
+        process.send_signal(signal.SIGHUP)
+        time.sleep(0.5)
+        assert process.poll() is None
+        process.kill()
+
+
+def test_handlers_are_put_back():
+    from rearl_jax.cli.interruption import Ended, ended_by_signals, exit_code, name_of
+
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(Ended) as caught, ended_by_signals():  # noqa: PT012 - the signal arrives in the block
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(1)
+    assert (name_of(caught.value), exit_code(caught.value)) == ("SIGTERM", 143)
+    assert exit_code(KeyboardInterrupt()) == 130
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_json_is_alone_on_standard_output(tmp_path):
+    output, error = (process := drive(tmp_path, "study=s", "--json")).communicate(timeout=60)
+    assert process.returncode == 0
+    assert output.count("\n") == 1
+    assert json.loads(output) == {
+        "task": "drive",
+        "results": "results/s",
+        "rows": [{"task": "drive", "speed": 3.5, "lanes": 1}],
+    }
+    assert "on the way" in error
+    assert "results: results/s" in error
+
+
+def test_json_of_a_multirun_holds_every_job(tmp_path):
+    output, _ = (process := drive(tmp_path, "-m", "lanes=2,3", "study=s", "--json")).communicate(timeout=60)
+    assert process.returncode == 0
+    found = json.loads(output)
+    assert found["results"] == "results/s"
+    assert [(row["results"], row["lanes"]) for row in found["rows"]] == [
+        ("results/s/lanes=2", 2),
+        ("results/s/lanes=3", 3),
+    ]
+
+
+def test_json_of_a_failed_task_is_nothing(tmp_path):
+    output, error = (process := drive(tmp_path, "lanes=x", "--json")).communicate(timeout=60)
+    assert (process.returncode, output) == (2, "")
+    assert "lanes must be int" in error
+
+
+def test_nobody_reads_the_output(tmp_path):
+    read, write = os.pipe()
+    os.close(read)
+    process = drive(tmp_path, "study=s", stdout=write)
+    os.close(write)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 141
+    assert error == ""
+
+
+def test_a_table_that_nobody_reads_does_not_end_the_work():
+    code = (
+        "import os; read, write = os.pipe(); os.close(read); os.dup2(write, 1)\n"
+        "from rearl_jax.console import standard_output, titled_table\n"
+        "standard_output(80).print(titled_table('x'))\n"
+        "print('more'); os.write(2, b'done')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr == "done"
+
+
+def test_words_that_begin_several_tasks_list_them(capsys):
+    from rearl_jax.cli import main
+
+    assert main(["study", "--help"]) == 0
+    said = capsys.readouterr().out
+    assert "rearl study table1 table1.rows=" in said
+    assert said.count("\nrearl study fig") == 3
+    assert main(["discover", "--help"]) == 0  # a task of its own
+    assert "data.root=" in capsys.readouterr().out
+
+
+def test_help_says_exit_codes_and_every_task_has_examples_that_compose(capsys, monkeypatch, tmp_path):
+    import shlex
+
+    from rearl_jax.cli import main
+    from rearl_jax.cli.command_line import _parser, _task
+    from rearl_jax.cli.composition import check_overrides
+    from rearl_jax.tasks import TASKS
+
+    assert main(["--help"]) == 0
+    said = capsys.readouterr().out
+    assert "130 " in said
+    assert "rearl doctor" in said
+    for task in TASKS:
+        assert task.examples
+        for example in task.examples:
+            words = shlex.split(example.partition(" | ")[0])
+            assert words[0] == "rearl"
+            options = _parser().parse_intermixed_args(words[1:])
+            meant = _task(options.words)
+            check_overrides(meant, options.words[len(meant.words.split()) :], None)
+
+
+def test_errors_of_the_file_system_come_with_a_remedy():
+    import errno
+
+    from rearl_jax.cli.running import explained
+
+    assert "free some space" in explained(OSError(errno.ENOSPC, "No space left on device", "/x"))
+    assert "results.root=FOLDER" in explained(PermissionError(errno.EACCES, "Permission denied", "/x"))
+    assert explained(FileNotFoundError("say what is missing")) == "say what is missing"
+    assert explained(ValueError("lanes must be 1")) == "lanes must be 1"
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(0.4, "0 s"), (99, "99 s"), (720, "12 min"), (12_600, "3.5 h")])
+def test_the_time_left_is_said_in_words(seconds, said):
+    from rearl_jax.progress import in_words
+
+    assert in_words(seconds) == said
+
+
+def test_a_line_says_how_long_it_will_take():
+    from rich.progress import Progress
+
+    from rearl_jax.progress import TimeLeftColumn
+
+    now = 0.0
+    bar = Progress(get_time=lambda: now, speed_estimate_period=600)
+    line = bar.add_task("x", total=10)
+    for done in range(1, 4):
+        now = 60.0 * done
+        bar.update(line, completed=done)
+    assert TimeLeftColumn().render(bar.tasks[0]).plain == "7 min left"
+    bar.update(line, completed=10)
+    assert TimeLeftColumn().render(bar.tasks[0]).plain == ""

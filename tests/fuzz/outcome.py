@@ -1,0 +1,42 @@
+"""What became of a fuzzed input, and which errors are those a caller is told to expect."""
+
+import os
+from enum import Enum
+from pathlib import Path
+
+import rearl_jax
+
+_PACKAGE = str(Path(rearl_jax.__file__).parent) + os.sep
+
+
+class Outcome(Enum):
+    """What became of an input."""
+
+    accepted = "accepted"
+    refused = "refused"
+    """With an error that the package raised itself, with a message."""
+    crashed = "crashed"
+    """With any other error, or a warning."""
+    silent = "silent"
+    """Accepted although a number was missing, a unit was wrong, or a value was none that is allowed."""
+
+
+Result = tuple[Outcome, str]
+"""The outcome of one input, and what there is to say about it."""
+
+
+def judged(error: Exception, expected: tuple[type[Exception], ...] = (ValueError, FileNotFoundError)) -> Result:
+    """Whether an error is one that the caller was told of: of the expected types, raised by the package, not empty."""
+    last = error.__traceback__
+    ours = last
+    while last is not None:
+        if last.tb_frame.f_code.co_filename.startswith(_PACKAGE):
+            ours = last
+        if last.tb_next is None:
+            break
+        last = last.tb_next
+    said = f"{type(error).__name__}: {error}"
+    if isinstance(error, expected) and ours is last and str(error):
+        return Outcome.refused, said
+    place = "" if ours is None else f"{Path(ours.tb_frame.f_code.co_filename).name}:{ours.tb_lineno} "
+    return Outcome.crashed, place + said
