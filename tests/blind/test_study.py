@@ -121,6 +121,7 @@ def test_code_is_written_down_before_a_seed_is_drawn(tmp_path, monkeypatch):
     assert (other.master_seed, other.seed_drawn, goes_on) == (5, False, False)
 
 
+@pytest.mark.slow
 def test_a_killed_study_goes_on_where_it_was(tmp_path, finished):
     whole, _ = finished
 

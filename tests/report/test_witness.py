@@ -33,6 +33,7 @@ def intervening(tmp_path_factory):
     return config, scenes, References(speed, spacing, mean, action, jnp.asarray([0.25, 0.75], jnp.float32))
 
 
+@pytest.mark.slow
 def test_a_witnessed_policy_gives_the_same_traffic_and_counts(intervening):
     """With the policy that draws: it needs the random keys of the rollouts too."""
     from rearl_jax.config.decision import PolicyName

@@ -12,6 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+pytestmark = pytest.mark.slow  # a minute of jobs
+
 PAIRS = [(5.0, 5.0), (5.0, 30.0), (30.0, 5.0), (30.0, 30.0)]
 
 

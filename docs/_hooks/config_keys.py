@@ -1,0 +1,104 @@
+"""Tasks and configuration keys as pages, from the records that `rearl TASK --help` prints."""
+
+import ast
+from collections.abc import Iterable, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+from rearl_jax import tasks
+from rearl_jax.cli.composition import choices
+from rearl_jax.cli.help import general_help
+from rearl_jax.cli.sweep_files import sweeps_of
+from rearl_jax.config._schema import Group, Key, groups_of
+from rearl_jax.tasks import Task
+
+
+def command_help() -> str:
+    """What `rearl --help` prints."""
+    return f"```text\n{general_help()}\n```"
+
+
+def tasks_and_keys() -> str:
+    """Every task: what it does, the keys it has for itself, the groups it shares with others, sweeps, examples."""
+    return "\n\n".join(_task(task) for task in tasks.TASKS)
+
+
+def keys() -> str:
+    """Every key that tasks share, by group."""
+    found: dict[str, list[tuple[Task, Group]]] = {}
+    for task in tasks.TASKS:
+        for group in groups_of(task.defaults()):
+            if group.name:
+                found.setdefault(group.name, []).append((task, group))
+    return "\n\n".join(_group(name, found[name]) for name in found)
+
+
+def sweeps(words: str) -> str:
+    """The shipped sweep files of a task."""
+    task = next(task for task in tasks.TASKS if task.config_name == words)
+    rows = [f"| `{name}` | {_first_comment(file)} |" for name, file in sweeps_of(task).items()]
+    return "\n".join(["| `--sweep` | what is varied |", "|---|---|", *rows])
+
+
+def _task(task: Task) -> str:
+    groups = list(groups_of(task.defaults()))
+    shared = ", ".join(f"[`{group.name}`](keys.md#{_anchor(group.name)})" for group in groups if group.name)
+    blocks = [f"## rearl {task.words}", task.description, *_files(task)]
+    blocks += [_definition([(task, key)]) for group in groups if not group.name for key in group.keys]
+    blocks.append(f"Groups of keys: {shared}.")
+    if sweeps_of(task):
+        blocks.append(sweeps(task.config_name))
+    blocks.append("\n".join(["```sh", *task.examples, "```"]))
+    return "\n\n".join(blocks)
+
+
+def _files(task: Task) -> list[str]:
+    """What the task's module says it writes, from its docstring; it need not be imported for that."""
+    found = find_spec(task.run.partition(":")[0])
+    assert found is not None
+    assert found.origin is not None
+    docstring = ast.get_docstring(ast.parse(Path(found.origin).read_text(encoding="utf-8"))) or ""
+    return [" ".join(paragraph.split()) for paragraph in docstring.split("\n\n")[1:]]
+
+
+def _group(name: str, having: Sequence[tuple[Task, Group]]) -> str:
+    blocks = [f"## {name} {{ #{_anchor(name)} }}"]
+    meanings = {group.help: None for _, group in having}
+    blocks.append(f"{'; '.join(meanings)}. Of {_named(task for task, _ in having)}.")
+    files = {file.stem: file for task, _ in having for file in choices(task).get(name, [])}
+    if files:
+        blocks.append("\n".join(f"- `{name}={stem}`: {_first_comment(file)}" for stem, file in files.items()))
+    by_name: dict[str, list[tuple[Task, Key]]] = {}
+    for task, group in having:
+        for key in group.keys:
+            by_name.setdefault(key.name, []).append((task, key))
+    return "\n\n".join([*blocks, *(_definition(rows) for rows in by_name.values())])
+
+
+def _definition(rows: Sequence[tuple[Task, Key]]) -> str:
+    """One key; where tasks differ in its default or meaning, each way with its tasks."""
+    ways: dict[Key, list[Task]] = {}
+    for task, key in rows:
+        ways.setdefault(key, []).append(task)
+    lines = []
+    for key, having in ways.items():
+        of = f" (of {_named(having)})" if len(ways) > 1 else ""
+        lines.append(f"`{key.name}={key.default}`{of}\n:   {_escaped(key.help)}. Type: `{key.type_name}`")
+    return "\n\n".join(lines)
+
+
+def _named(having: Iterable[Task]) -> str:
+    return ", ".join(f"`{task.words}`" for task in having)
+
+
+def _anchor(name: str) -> str:
+    return name.replace(".", "-")
+
+
+def _escaped(text: str) -> str:
+    """Text of the terminal as Markdown."""
+    return text.replace("*", r"\*").replace("<", "&lt;").replace("_", r"\_").rstrip(".")
+
+
+def _first_comment(file: Path) -> str:
+    return file.read_text(encoding="utf-8").partition("\n")[0].lstrip("# ").rstrip(".")

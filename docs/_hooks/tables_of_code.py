@@ -1,0 +1,74 @@
+"""Tables that the code holds: columns of recordings, metrics, keys of the speed measurements, public names."""
+
+from importlib import import_module
+
+import rearl_jax
+from rearl_jax.data.schema import COLUMNS
+from rearl_jax.metrics import METRICS
+
+BENCH = {
+    "core": "rearl_jax.bench.results",
+    "loop": "rearl_jax.bench.loop_results",
+    "requests": "rearl_jax.bench.requests_results",
+}
+"""Where the meanings of the keys of a speed measurement stand."""
+
+AREAS = {
+    "core": "Traffic",
+    "environments": "Environments",
+    "data": "Recordings and scenes",
+    "config": "Configuration",
+    "metrics": "Metrics",
+    "results": "Results",
+    "workflows": "Tasks as functions",
+}
+"""Headings of the public names, by the package or module that owns them."""
+
+
+def table_columns() -> str:
+    """The columns of the canonical table."""
+    rows = [
+        f"| `{column.name}`{' *' if column.nullable else ''} | {column.dtype} | {column.unit} | {column.meaning} |"
+        for column in COLUMNS
+    ]
+    return "\n".join(["| column | type | unit | meaning |", "|---|---|---|---|", *rows])
+
+
+def metrics() -> str:
+    """The metric table."""
+    rows = [
+        f"| `{metric.name}` | {metric.title} | {metric.unit} | {metric.direction.name} | {_cell(metric.definition)} | "
+        f"{_cell(metric.source)} |"
+        for metric in METRICS.values()
+    ]
+    head = "| name | | unit | better | definition | source |"
+    return "\n".join([head, "|---|---|---|---|---|---|", *rows])
+
+
+def bench_keys(name: str) -> str:
+    """What the figures of `rearl bench NAME` mean."""
+    meanings: dict[str, str] = import_module(BENCH[name]).MEANINGS
+    rows = [f"| `{key}` | {_cell(meaning)} |" for key, meaning in meanings.items()]
+    return "\n".join(["| key | meaning |", "|---|---|", *rows])
+
+
+def docstring(module: str) -> str:
+    """What a module says of itself after its first line, laid out as there."""
+    lines = (import_module(module).__doc__ or "").strip().splitlines()
+    return "\n".join(["```text", *lines[2:], "```"])
+
+
+def public_names() -> str:
+    """Every name of `rearl_jax`, as the modules that own them document it."""
+    found: dict[str, list[str]] = {}
+    for name, home in sorted(rearl_jax._HOMES.items()):
+        entry = f"::: {home}.{name}\n    options: {{show_root_full_path: false}}"
+        found.setdefault(home.split(".")[1], []).append(entry)
+    blocks = []
+    for area, entries in found.items():
+        blocks += [f"## {AREAS.get(area, area.capitalize())}", *entries]
+    return "\n\n".join(blocks)
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", r"\|").replace("_", r"\_").replace("<", "&lt;")
