@@ -9,6 +9,7 @@ page and maps where `discover.page` is false.
 
 import json
 import logging
+import re
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -108,7 +109,7 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
     smooth = smoothness(recordings)
     findings = gate(recordings, smooth.drives)
     data = measure(recordings, amount(findings, "position_lag"), smooth)
-    notes = tuple(dict.fromkeys(note for one in recordings for note in one.info.notes))
+    notes = _each_once([note for one in recordings for note in one.info.notes])
     if data.jumps:
         notes += (f"positions jump {data.jumps} times: left out around them",)
     if data.n_drivers < 9:
@@ -123,6 +124,18 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
     fitted, checked, reported = split_drivers(data, SHARES, config.discover.seed)
     infos = tuple(one.info for one in recordings)
     return Parts(identity, generated, infos, findings, fitted, checked, reported, notes), recordings
+
+
+def _each_once(notes: Sequence[str]) -> tuple[str, ...]:
+    """Notes without repetition; of those that differ in their numbers only, the first."""
+    alike: dict[str, list[str]] = {}
+    for note in notes:
+        alike.setdefault(re.sub(r"\d+", "#", note), []).append(note)
+    said = []
+    for same in alike.values():
+        others = len(set(same)) - 1
+        said.append(f"{same[0]}; the same with other numbers {others} times" if others else same[0])
+    return tuple(said)
 
 
 def _search(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, bar: Progress) -> Search:
