@@ -163,6 +163,8 @@ def finished(record: Record, prefix: str = "") -> Record:
             changed[item.name] = finished(value, f"{prefix}{item.name}.")
         elif isinstance(value, (list, tuple)):
             changed[item.name] = _tuple_of(value, hints[item.name], prefix + item.name)
+        elif value is not None and _is_tuple(hints[item.name]):  # as from ${oc.env:NAME}, whose type OmegaConf leaves
+            raise ValueError(f"{prefix}{item.name} must be {type_name(hints[item.name])}, got {value!r}")
         parts = value if isinstance(value, (list, tuple)) else (value,)
         if any(isinstance(part, float) and math.isnan(part) for part in parts):
             # It would pass every comparison that a check makes the wrong way round.
@@ -175,6 +177,10 @@ def finished(record: Record, prefix: str = "") -> Record:
         except ValueError as error:
             raise ValueError(f"{prefix}{error}") from error
     return record
+
+
+def _is_tuple(hint: Any) -> bool:
+    return tuple in (get_origin(hint), *map(get_origin, get_args(hint)))
 
 
 def _tuple_of(values: Any, hint: Any, name: str) -> tuple:

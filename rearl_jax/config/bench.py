@@ -10,15 +10,19 @@ class Peer(Enum):
     """A program the traffic core is measured against."""
 
     c = "c"
+    """The C program beside the benchmark, without collisions."""
     highway_env = "highway_env"
     libsumo = "libsumo"
+    highjax = "highjax"
+    gpu = "gpu"
+    """The same core on a GPU, where JAX sees one."""
 
 
 @dataclass(unsafe_hash=True)
 class BenchConfig:
     """What is measured, how often and against whom."""
 
-    vehicles: tuple[int, ...] = key((10, 30, 50, 100, 200), "vehicles per scenario, each measured")
+    vehicles: tuple[int, ...] = key((2, 10, 30, 100, 300, 1000), "vehicles per scenario, each measured")
     seconds: int = key(60, "simulated time of a rollout [s]; REARL (Bi et al.)")
     density: float = key(2.0, "vehicles_density of the initial scenes [-]; highway-env, REARL (Bi et al.)")
     seed: int = key(0, "seed of the initial scenes; every repetition draws new ones")
@@ -29,19 +33,38 @@ class BenchConfig:
         "scenarios of a measurement of ours, one number per entry of vehicles; null: what fills the time",
     )
     chunk: int | None = key(None, "scenarios a core simulates at a time; null: by the number of vehicles")
-    peers: tuple[Peer, ...] = key(
-        (Peer.c, Peer.highway_env, Peer.libsumo), "programs measured beside ours; absent ones are named"
+    peers: tuple[Peer, ...] = key(tuple(Peer), "programs measured beside ours; absent ones are named")
+    peer_cpu_s: float = key(
+        3.0, "CPU time after which highway-env and HighJax end their scenes with the second they are in [s]"
     )
-    peer_cpu_s: float = key(3.0, "CPU time after which highway-env ends its scene with the second it is in [s]")
+    varied_vehicles: int = key(10, "vehicles per scenario where chunk and threads are varied")
+    chunks: tuple[int, ...] = key(
+        (16, 144, 400, 1200, 4080), "scenarios a core takes at a time, each measured on one core; empty leaves them out"
+    )
+    threads: tuple[int, ...] | None = key(
+        None, "cores, each number measured; null: 1, 2, 4 ... and all there are, empty leaves them out"
+    )
     memory_rollouts: int = key(100_000, "rollouts of the peak-memory measurement; 0 leaves it out")
     memory_vehicles: int = key(10, "vehicles per scenario of the peak-memory measurement")
+    against: str | None = key(
+        None, "summary.json of an earlier `rearl bench core`, or its folder; the task fails where we are slower now"
+    )
+    reference: Peer = key(Peer.c, "program whose ratio to ours is held against the earlier one")
+    margin: float = key(0.15, "share of the earlier ratio that may be lost; own choice")
 
     def check(self) -> None:
         """Ranges."""
         _check_rising(self, "vehicles")
-        _check_least(self, 1, "seconds", "repetitions", "memory_vehicles")
+        for name in ("chunks", "threads"):
+            if getattr(self, name):
+                _check_rising(self, name)
+        _check_least(self, 1, "seconds", "repetitions", "memory_vehicles", "varied_vehicles")
         _check_positive(self, "density", "repetition_cpu_s", "peer_cpu_s")
         _check_least(self, 0, "seed", "memory_rollouts")
+        if not 0 < self.margin < 1:
+            raise ValueError(f"margin must be between 0 and 1, got {self.margin:g}")
+        if self.against is not None and self.reference not in self.peers:
+            raise ValueError(f"reference = {self.reference.name} is not measured: add it to peers, or choose one of them")
         if self.chunk is not None and self.chunk < 1:
             raise ValueError(f"chunk must be at least 1 or null, got {self.chunk}")
         if self.scenarios is not None and (len(self.scenarios) != len(self.vehicles) or min(self.scenarios) < 1):

@@ -134,7 +134,7 @@ def _each_once(notes: Sequence[str]) -> tuple[str, ...]:
     said = []
     for same in alike.values():
         others = len(set(same)) - 1
-        said.append(f"{same[0]}; the same with other numbers {others} times" if others else same[0])
+        said.append(f"{same[0]} (and {others} alike with other numbers)" if others else same[0])
     return tuple(said)
 
 

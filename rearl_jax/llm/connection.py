@@ -44,12 +44,10 @@ def server_address(base_url: str) -> str:
     if not is_address:
         # Not repeated where it could hold a password.
         shown = "" if "@" in base_url else f" {base_url!r}"
-        raise ValueError(
-            f"decision.server.base_url{shown} is no address of a server: write it like http://127.0.0.1:8000/v1"
-        )
+        raise ValueError(f"decision.server{shown} is no address of a server: write it like http://127.0.0.1:8000/v1")
     if "@" in parts.netloc:
         raise ValueError(
-            "decision.server.base_url holds a user name or password: leave it out and put the key of the server into "
+            "decision.server holds a user name or password: leave it out and put the key of the server into "
             "the environment variable that llm.api_key_env names"
         )
     path = parts.path.rstrip("/").removesuffix("/chat/completions").rstrip("/")

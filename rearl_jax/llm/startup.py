@@ -123,7 +123,7 @@ def _no_server(connection: Connection, config: LlmConfig, response: Response) ->
     address, said = connection.address, connection.without_key(read_error(response.content))
     if response.status is None:
         return ConnectionError(
-            f"no server answers at {address} ({response.error}): start one there, or set decision.server.base_url"
+            f"no server answers at {address} ({response.error}): start one there, or set decision.server"
         )
     if response.status in (401, 403):
         return ValueError(
@@ -134,7 +134,7 @@ def _no_server(connection: Connection, config: LlmConfig, response: Response) ->
         return ConnectionError(f"the server at {address} is not well (HTTP {response.status}: {said}): restart it")
     return ValueError(
         f"what answers at {address} is no OpenAI-compatible server (HTTP {response.status} for /models): "
-        "check decision.server.base_url"
+        "check decision.server"
     )
 
 

@@ -19,6 +19,7 @@ from jinja2 import (
     nodes,
 )
 from jinja2.runtime import Context
+from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 SHIPPED = "prompt.txt.j2"
 """Name of the template that comes with the package."""
@@ -105,7 +106,8 @@ def load_template(path: str) -> PromptTemplate:
             f"prompt.template: there is no file {file}. Name a Jinja file with the blocks system and user, or leave "
             "the key empty for the shipped one"
         )
-    environment = Environment(
+    # Somebody else's template writes text and does nothing else.
+    environment = ImmutableSandboxedEnvironment(
         loader=loader, undefined=StrictUndefined, finalize=_written, trim_blocks=True, lstrip_blocks=True
     )
     try:

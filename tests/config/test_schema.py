@@ -115,3 +115,28 @@ def test_values_as_the_user_writes_them():
     assert type_name(tuple[int, float]) == "[int, float]"
     assert type_name(Colour) == "red|blue"
     assert as_plain({"a": (math.inf, Colour.blue)}) == {"a": ["inf", "blue"]}
+
+
+def test_nan_and_a_text_in_the_place_of_a_list_are_refused():
+    from rearl_jax.config import EvaluateTask
+    from rearl_jax.config._schema import finished, from_plain
+
+    for group, name, value, said in (
+        ("core", "density", float("nan"), r"core\.density must be float, got nan"),
+        ("reference", "weights", (1.0, float("nan")), r"reference\.weights must be .*, got nan"),
+        ("reference", "weights", "/home", r"reference\.weights must be .*, got '/home'"),
+    ):
+        config = EvaluateTask()
+        setattr(getattr(config, group), name, value)
+        with pytest.raises(ValueError, match=said):
+            finished(config)
+    for plain, said in (
+        ({"core": 3}, "core is no mapping"),
+        ({"study": 3}, "study=3 is no str"),
+        ({"core": {"density": "many"}}, r"core\.density=many is no float"),
+        ({"core": {"n_lanes": True}}, r"core\.n_lanes=True is no int"),
+        ({"method": ["base"]}, r"method=\['base'\] is none of base"),
+        ({"reference": {"weights": 1.0}}, r"reference\.weights=1\.0 is no \["),
+    ):
+        with pytest.raises(ValueError, match=said):
+            from_plain(EvaluateTask, plain)

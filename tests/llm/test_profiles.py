@@ -302,7 +302,7 @@ def test_a_server_that_loads_is_waited_for(tmp_path, caplog, monkeypatch):
 
 def test_no_server(tmp_path):
     stub = Stub()
-    address = f"no server answers at http://127.0.0.1:{stub.port}/v1 .*decision.server.base_url"
+    address = f"no server answers at http://127.0.0.1:{stub.port}/v1 .*decision.server"
     with pytest.raises(ConnectionError, match=address), Client(make_config(tmp_path), stub.url):
         pass
     with stub, Client(make_config(tmp_path), stub.url) as client:

@@ -335,6 +335,10 @@ BROKEN = {
     "unknown field": (BOTH.format("", "{{ car.sped }}"), ", line 4: .*Car object' has no attribute 'sped'"),
     "undefined item": (BOTH.format("{{ actions[7] }}", ""), ", line 2: .*has no element 7"),
     "wrong sum": (BOTH.format("{{ 1 / (levels[0] - levels[0]) }}", ""), ", line 2: ZeroDivisionError"),
+    "no text but code": (
+        BOTH.format("{{ actions.__class__.__base__.__subclasses__() }}", ""),
+        ", line 2: .*access to attribute '__class__'",
+    ),
     "missing include": (BOTH.format("", "{% include 'b' %}"), ", line 4: TemplateNotFound: 'b'"),
     "shared too early": (
         BOTH.format("", "{% block scene %}\n{{ car.speed }}{% endblock %}"),
