@@ -11,9 +11,6 @@ from matplotlib.mathtext import math_to_image
 INK = "#010203"
 """A colour that stands for that of the text."""
 
-STYLE = {"svg.fonttype": "path", "svg.hashsalt": "rearl_jax"}
-"""Glyphs as outlines, and the same names of parts in every build."""
-
 _LEFT_OUT = re.compile(r'<metadata>.*?</metadata>|<g id="patch_1">.*?</g>|<!--.*?-->', re.DOTALL)
 """The date of the build, the white background, comments."""
 
@@ -23,7 +20,8 @@ def formula(source: str, *_: object, **__: object) -> str:
     line = " ".join(source.split())
     drawn = io.BytesIO()
     font = FontProperties(size=13, math_fontfamily="stix")
-    with rc_context(STYLE):
+    # Glyphs as outlines, and the same names of parts in every build.
+    with rc_context({"svg.fonttype": "path", "svg.hashsalt": "rearl_jax"}):
         math_to_image(f"${line}$", drawn, prop=font, format="svg", color=INK)
     svg = drawn.getvalue().decode()
     svg = _LEFT_OUT.sub("", svg[svg.index("<svg") :]).replace(INK, "currentColor")
