@@ -20,7 +20,7 @@ def test_defaults_are_valid():
         (["control_share=-0.1"], "validation.control_share must be within 0 and 1, got -0.1"),
         (["least_agree_share=99"], "validation.least_agree_share must be within 0 and 1, got 99"),
         (["tolerance_f64=0"], "validation.tolerance_f64 must be positive and finite [m], got 0"),
-        (["tolerance_f32=nan"], "validation.tolerance_f32 must be positive and finite [m], got nan"),
+        (["tolerance_f32=nan"], "validation.tolerance_f32 must be float, got nan"),
         (["least_crashes=-5"], "validation.least_crashes must be at least 0, got -5"),
         (["scenes.env10=-1"], "validation.scenes.env10 must be at least 0, got -1"),
         (["scenes.env11=4"], "'validation.scenes.env11'"),
