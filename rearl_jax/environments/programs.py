@@ -44,8 +44,8 @@ class Sight(NamedTuple):
 
 
 def keys_of(seeds: Sequence[int]) -> Key[Array, " scenarios"]:
-    """A random key for each seed."""
-    return jax.vmap(jax.random.key)(jnp.asarray(np.array(seeds, np.uint32)))
+    """A random key for each seed, by its last 32 bits."""
+    return jax.vmap(jax.random.key)(jnp.asarray(np.array([seed % 2**32 for seed in seeds], np.uint32)))
 
 
 @cache

@@ -68,7 +68,10 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         self._has_ended = np.zeros(num_envs, bool)
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | np.integer | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Float[np.ndarray, "scenarios rows columns"], dict[str, Any]]:
         """Observations and info at the beginning of episodes.
 
@@ -79,6 +82,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         Raises:
             ValueError: There are too few seeds, or the mask is no mask of the scenarios.
         """
+        seed = int(seed) if isinstance(seed, np.integer) else seed
         super().reset(seed=seed if isinstance(seed, int) else None)
         seeds = self._seeds(seed)
         begins = self._mask(options)

@@ -89,6 +89,17 @@ def test_old_keys_are_keys(functional):
     assert (functional.name, functional.num_actions) == ("Highway-rearl_jax", 5)
 
 
+@pytest.mark.parametrize("options", [{"n_others": 0, "n_rows": 1}, {"n_others": 30, "n_lanes": 1, "n_rows": 40}])
+def test_traffic_of_any_size(options):
+    from rearl_jax import FunctionalHighway
+
+    env = FunctionalHighway(**options)
+    observation, state = jax.eval_shape(env.reset, jax.random.key(0))
+    result = jax.eval_shape(env.step, jax.random.key(0), state, 1)
+    assert observation.shape == result[0].shape == (options["n_rows"], 5)
+    assert jax.tree.map(lambda leaf: leaf.shape, result[1]) == jax.tree.map(lambda leaf: leaf.shape, state)
+
+
 def test_it_needs_no_gymnax():
     program = (
         "import sys\n"

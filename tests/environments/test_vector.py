@@ -80,6 +80,13 @@ def test_without_automatic_resets(pair):
         assert_same(one, other)
 
 
+def test_seeds_may_be_of_any_kind_and_size(pair):
+    ours, _ = pair(AutoresetMode.NEXT_STEP)
+    first = ours.reset(seed=5)[0]
+    for seed in (np.int64(5), [5, 6, 7], 2**32 + 5):
+        np.testing.assert_array_equal(ours.reset(seed=seed)[0], first)
+
+
 def test_what_is_returned_may_be_kept_and_changed(pair):
     ours, _ = pair(AutoresetMode.NEXT_STEP)
     observation, _ = ours.reset(seed=0)
