@@ -46,7 +46,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rearl_jax.config import DataConfig, PrepareTask
     from rearl_jax.core.batch import ScenarioMap
     from rearl_jax.core.drivers import highway_env_drivers
     from rearl_jax.core.meta_actions import MetaAction
@@ -55,9 +54,7 @@ if TYPE_CHECKING:
     from rearl_jax.core.spawn import spawn
     from rearl_jax.core.state import Controller, make_state
     from rearl_jax.core.step import tick
-    from rearl_jax.data.recordings import iterate_recordings
     from rearl_jax.data.scene_files import load_scenes
-    from rearl_jax.data.scenes import build_scenes
     from rearl_jax.environments.functional import FunctionalHighway
     from rearl_jax.environments.registration import make_env
     from rearl_jax.metrics import METRICS
@@ -68,20 +65,16 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Controller": "rearl_jax.core.state",
-    "DataConfig": "rearl_jax.config",
     "FunctionalHighway": "rearl_jax.environments.functional",
     "METRICS": "rearl_jax.metrics",
     "MetaAction": "rearl_jax.core.meta_actions",
-    "PrepareTask": "rearl_jax.config",
     "ScenarioMap": "rearl_jax.core.batch",
     "TrafficModel": "rearl_jax.core.model",
-    "build_scenes": "rearl_jax.data.scenes",
     "calibrate": "rearl_jax.workflows",
     "cut_scenes": "rearl_jax.workflows",
     "discover": "rearl_jax.workflows",
     "evaluate": "rearl_jax.workflows",
     "highway_env_drivers": "rearl_jax.core.drivers",
-    "iterate_recordings": "rearl_jax.data.recordings",
     "load_scenes": "rearl_jax.data.scene_files",
     "make_env": "rearl_jax.environments.registration",
     "make_state": "rearl_jax.core.state",
@@ -94,21 +87,17 @@ _HOMES = {
 
 __all__ = [
     "Controller",
-    "DataConfig",
     "FunctionalHighway",
     "METRICS",
     "MetaAction",
-    "PrepareTask",
     "ScenarioMap",
     "TrafficModel",
     "__version__",
-    "build_scenes",
     "calibrate",
     "cut_scenes",
     "discover",
     "evaluate",
     "highway_env_drivers",
-    "iterate_recordings",
     "load_scenes",
     "make_env",
     "make_state",
