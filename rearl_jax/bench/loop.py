@@ -3,7 +3,8 @@
 Measured in turn, for every number of vehicles and every size of batch: Base; the closed loop that is never triggered,
 which is Base and the detection; with every policy the loop in which all is computed and nobody asked, which has the
 traffic of Base and the work of the policy; and the loop that is triggered every second. Then the time of a few
-consecutive decision steps, whole and in parts. No data are read: the references are synthetic.
+consecutive decision steps, whole and in parts; and Base with every effect switched on, one at a time. No data are
+read: the references are synthetic.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,7 +12,7 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from rearl_jax import runtime
-from rearl_jax.bench.loop_programs import BASE, PARTS, programs_of
+from rearl_jax.bench.loop_programs import BASE, PARTS, effect_programs, programs_of
 from rearl_jax.bench.loop_results import Cell, LoopResults
 from rearl_jax.bench.loop_terminal import print_results
 from rearl_jax.bench.measurement import Simulator
@@ -39,9 +40,11 @@ def run(config: BenchLoopTask) -> dict:
 
         cells = [measure_rollouts(loop, n, batch, report) for n in loop.vehicles for batch in loop.batches]
         steps = [measure_steps(loop, batch, report) for batch in loop.steps_batches]
+        effects = measure_effects(loop, report)
     results = LoopResults(
         tuple(cells),
         tuple(steps),
+        tuple(effects),
         loop.policies,
         loop.steps,
         f"{loop.n_references} synthetic ones of {loop.reference_seconds} s with {loop.reference_vehicles} vehicles"
@@ -62,10 +65,20 @@ def run(config: BenchLoopTask) -> dict:
 
 
 def count_steps(loop: BenchLoopConfig) -> int:
-    """Steps of the progress bar: every program of every cell is compiled, warmed up and measured."""
+    """Steps of the progress bar: every program of every cell is compiled, warmed up and measured.
+
+    Raises:
+        ValueError: There is no such effect.
+    """
     n_cells = len(loop.vehicles) * len(loop.batches)
     of_rollouts = n_cells * len(programs_of(loop.policies)) * (loop.repetitions + 2)
-    return of_rollouts + len(loop.steps_batches) * len(PARTS) * (loop.steps_repetitions + 2)
+    effects = _effect_programs(loop)
+    of_effects = 1 + len(effects) * (3 + 2 * loop.repetitions) if effects else 0
+    return of_rollouts + len(loop.steps_batches) * len(PARTS) * (loop.steps_repetitions + 2) + of_effects
+
+
+def _effect_programs(loop: BenchLoopConfig) -> tuple[str, ...]:
+    return effect_programs(loop.effects) if loop.batches else ()
 
 
 def measure_rollouts(loop: BenchLoopConfig, n_vehicles: int, batch: int, report: Report) -> Cell:
@@ -73,11 +86,7 @@ def measure_rollouts(loop: BenchLoopConfig, n_vehicles: int, batch: int, report:
     label = f"N = {n_vehicles}, {batch} at a time"
     scene = {"n_vehicles": n_vehicles, "seconds": loop.seconds, "batch": batch, **_common(loop)}
     with open_sessions("rollouts", programs_of(loop.policies), scene, label, report) as sessions:
-        first = warm_up(sessions, loop.seed, label, report)[BASE]
-        rounds = max(1, round(loop.repetition_cpu_s / first.cpu_s)) if loop.rounds is None else loop.rounds
-        n_scenarios = dict.fromkeys(sessions, batch * rounds)
-        measured = take_turns(sessions, n_scenarios, loop.repetitions, loop.seed, label, report)
-        return _cell(n_vehicles, batch, sessions, measured)
+        return _measured_cell(loop, n_vehicles, batch, sessions, label, report)
 
 
 def measure_steps(loop: BenchLoopConfig, batch: int, report: Report) -> Cell:
@@ -90,6 +99,34 @@ def measure_steps(loop: BenchLoopConfig, batch: int, report: Report) -> Cell:
         n_scenarios = dict.fromkeys(sessions, batch)
         measured = take_turns(sessions, n_scenarios, loop.steps_repetitions, loop.seed, label, report)
         return _cell(n_vehicles, batch, sessions, measured)
+
+
+def measure_effects(loop: BenchLoopConfig, report: Report) -> list[Cell]:
+    """A cell per effect, each with Base measured in turn with it; Base is compiled once."""
+    programs = _effect_programs(loop)
+    if not programs:
+        return []
+    n_vehicles, batch = loop.vehicles[0], loop.batches[-1]
+    label = f"effects, N = {n_vehicles}, {batch} at a time"
+    scene = {"n_vehicles": n_vehicles, "seconds": loop.seconds, "batch": batch, **_common(loop)}
+    cells = []
+    with open_sessions("rollouts", (BASE,), scene, label, report) as base:
+        for name in programs:
+            with open_sessions("effect_rollouts", (name,), scene, label, report) as with_effect:
+                sessions = base | with_effect
+                cells.append(_measured_cell(loop, n_vehicles, batch, sessions, label, report))
+    return cells
+
+
+def _measured_cell(
+    loop: BenchLoopConfig, n_vehicles: int, batch: int, sessions: dict[str, Simulator], label: str, report: Report
+) -> Cell:
+    """All programs in turn; all simulate as many batches as fill Base's time."""
+    first = warm_up(sessions, loop.seed, label, report)[BASE]
+    rounds = max(1, round(loop.repetition_cpu_s / first.cpu_s)) if loop.rounds is None else loop.rounds
+    n_scenarios = dict.fromkeys(sessions, batch * rounds)
+    measured = take_turns(sessions, n_scenarios, loop.repetitions, loop.seed, label, report)
+    return _cell(n_vehicles, batch, sessions, measured)
 
 
 def _common(loop: BenchLoopConfig) -> dict[str, Any]:

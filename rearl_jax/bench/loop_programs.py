@@ -1,6 +1,7 @@
 """The programs `rearl bench loop` measures, by name."""
 
 from rearl_jax.config.bench import LoopPolicy
+from rearl_jax.core.effects import EFFECTS
 
 BASE = "base"
 """IDM and MOBIL alone."""
@@ -19,6 +20,18 @@ PARTS = (BASE, PPO, LOOP, DETECTION, DECISION)
 
 STEPS_POLICY = LoopPolicy.rank
 """Who decides in them."""
+
+FOLLOWING = "following"
+"""The Intelligent Driver Model on gaps between bumpers, on which effects act, without any."""
+
+TWO_EFFECTS = "two_effects"
+"""The same with the effects `TWO`."""
+
+LOOP_WITH_TWO = "rank_two_effects"
+"""The closed loop of the matcher by rank, triggered every second, on that traffic."""
+
+TWO = ("reaction_delay", "several_leaders")
+"""Two effects of drivers that are often found; own choice."""
 
 _QUIET = "_quiet"
 
@@ -48,3 +61,35 @@ def policy_of(program: str) -> LoopPolicy:
 def programs_of(policies: tuple[LoopPolicy, ...]) -> tuple[str, ...]:
     """All programs measured in turn."""
     return (BASE, NEVER, *(quiet(policy) for policy in policies), *(always(policy) for policy in policies))
+
+
+def effect_programs(chosen: tuple[str, ...] | None) -> tuple[str, ...]:
+    """Programs that are measured beside Base one at a time: no effect, each of those chosen, two together, the loop.
+
+    Args:
+        chosen: Names of effects; None for all there are, empty for no program at all.
+
+    Raises:
+        ValueError: There is no such effect.
+    """
+    if chosen is not None and (unknown := [name for name in chosen if name not in EFFECTS]):
+        raise ValueError(f"loop.effects: there is no effect {unknown[0]!r}; those there are: {', '.join(EFFECTS)}")
+    names = tuple(EFFECTS) if chosen is None else chosen
+    return (FOLLOWING, *names, TWO_EFFECTS, LOOP_WITH_TWO) if names else ()
+
+
+def effects_in(program: str) -> tuple[str, ...]:
+    """Effects that are on in one of these programs.
+
+    Raises:
+        ValueError: There is no such program.
+    """
+    known = {FOLLOWING: (), TWO_EFFECTS: TWO, LOOP_WITH_TWO: TWO} | {name: (name,) for name in EFFECTS}
+    if program not in known:
+        raise ValueError(f"there is no program {program!r} to measure")
+    return known[program]
+
+
+def policy_in(program: str) -> LoopPolicy | None:
+    """Who decides in one of these programs; None where nobody does."""
+    return LoopPolicy.rank if program == LOOP_WITH_TWO else None

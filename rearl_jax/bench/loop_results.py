@@ -7,7 +7,8 @@ from statistics import median
 import pandas as pd
 
 from rearl_jax.bench.loop_programs import BASE, NEVER, always, quiet
-from rearl_jax.bench.results import Series, Spread, spread_of
+from rearl_jax.bench.results import Series
+from rearl_jax.bench.spread import Spread, spread_of, with_spread
 from rearl_jax.config.bench import LoopPolicy
 
 GOAL = 0.25
@@ -26,6 +27,10 @@ MEANINGS = {
     " add on the same traffic; also _min, _max",
     "loop_ratio_{policy}_n{N}_b{B}": "loop triggered every second by base, its other traffic included; also _min, _max",
     "compile_s_{program}_n{N}_b{B}": "elapsed time of compiling, without cache [s]",
+    "effect_ratio_{effect}_n{N}_b{B}": "Base with this effect on by Base; following: gap IDM without any effect;"
+    " two_effects, rank_two_effects: with two, alone and in the closed loop; also _min, _max",
+    "effect_ns_{effect}_n{N}_b{B}": "CPU time per vehicle step with it, median [ns]",
+    "effect_compile_s_{effect}_n{N}_b{B}": "elapsed time of compiling, without cache [s]",
     "detection_share_goal": "most that detection_share should be",
     "detection_share_largest": "largest detection_share of all numbers of vehicles and batches",
     "n_steps": "consecutive decision steps behind steps_ms",
@@ -69,6 +74,10 @@ class Cell:
         triples = zip(self.costs(program), self.costs(before), self.costs(BASE), strict=True)
         return spread_of([(mine - other) / base for mine, other, base in triples])
 
+    def step_ns(self, program: str) -> float:
+        """CPU time per vehicle step, median [ns]."""
+        return 1e9 / self.series[program].substeps_per_cpu_s
+
     @property
     def detection(self) -> Spread:
         """What the detection adds, by the cost of Base."""
@@ -85,10 +94,11 @@ class Cell:
 
 @dataclass(frozen=True)
 class LoopResults:
-    """Cells of rollouts, cells of decision steps, and what they were measured with."""
+    """Cells of rollouts, of decision steps and of one effect each beside Base, and what they were measured with."""
 
     cells: tuple[Cell, ...]
     steps: tuple[Cell, ...]
+    effects: tuple[Cell, ...]
     policies: tuple[LoopPolicy, ...]
     n_steps: int
     references: str
@@ -106,7 +116,7 @@ class LoopResults:
         return max((cell.detection.median for cell in self.cells), default=None)
 
     def table(self) -> pd.DataFrame:
-        """One row per program, cell and repetition; `measured` is rollout or steps."""
+        """One row per program, cell and repetition; `measured` is rollout, steps or effect."""
         rows = [
             {
                 "measured": measured,
@@ -119,7 +129,7 @@ class LoopResults:
                 "compile_s": item.facts["compile_s"],
                 "asked_share": item.facts["asked_share"],
             }
-            for measured, cells in (("rollout", self.cells), ("steps", self.steps))
+            for measured, cells in (("rollout", self.cells), ("steps", self.steps), ("effect", self.effects))
             for cell in cells
             for name, item in cell.series.items()
             for repetition, run in enumerate(item.measurements)
@@ -137,14 +147,19 @@ class LoopResults:
         figures["detection_share_goal"] = GOAL
         figures["detection_share_largest"] = self.largest_detection_share
         for cell in self.cells:
-            figures |= _with_spread(f"detection_share_{cell.label}", cell.detection)
+            figures |= with_spread(f"detection_share_{cell.label}", cell.detection)
             for policy in self.policies:
-                figures |= _with_spread(f"policy_share_{policy.name}_{cell.label}", cell.policy(policy))
+                figures |= with_spread(f"policy_share_{policy.name}_{cell.label}", cell.policy(policy))
             for policy in self.policies:
-                figures |= _with_spread(f"loop_ratio_{policy.name}_{cell.label}", cell.ratio(always(policy)))
+                figures |= with_spread(f"loop_ratio_{policy.name}_{cell.label}", cell.ratio(always(policy)))
             for name, item in cell.series.items():
                 figures[f"cpu_us_{name}_{cell.label}"] = 1e6 * cell.cost(name)
                 figures[f"compile_s_{name}_{cell.label}"] = item.facts["compile_s"]
+        for cell in self.effects:
+            program = effect_of(cell)
+            figures |= with_spread(f"effect_ratio_{program}_{cell.label}", cell.ratio(program))
+            figures[f"effect_ns_{program}_{cell.label}"] = cell.step_ns(program)
+            figures[f"effect_compile_s_{program}_{cell.label}"] = cell.series[program].facts["compile_s"]
         return figures | self._steps_summary()
 
     def _steps_summary(self) -> dict[str, float | int]:
@@ -153,12 +168,14 @@ class LoopResults:
         figures: dict[str, float | int] = {"n_steps": self.n_steps}
         for cell in self.steps:
             for part, item in cell.series.items():
-                figures |= _with_spread(f"steps_ms_{part}_{cell.label}", cell.steps_ms(part))
+                figures |= with_spread(f"steps_ms_{part}_{cell.label}", cell.steps_ms(part))
                 cpu_ms = median(1e3 * run.cpu_s for run in item.measurements)
                 figures[f"steps_cpu_ms_{part}_{cell.label}"] = cpu_ms
                 figures[f"steps_compile_s_{part}_{cell.label}"] = item.facts["compile_s"]
         return figures | {f"paper_ms_{method}": value for method, value in PAPER_MS.items()}
 
 
-def _with_spread(name: str, spread: Spread) -> dict[str, float]:
-    return {name: spread.median, f"{name}_min": spread.least, f"{name}_max": spread.greatest}
+def effect_of(cell: Cell) -> str:
+    """The program that was measured beside Base."""
+    (program,) = (name for name in cell.series if name != BASE)
+    return program

@@ -147,7 +147,7 @@ def rollouts(
         references: Arguments of `synthetic_references`.
     """
     scenes = Scenes(n_vehicles, density, tabulate(synthetic_references(**references), DetectionOptions().hist))
-    subject = _rollout_subject(name, scenes.draw, seconds)
+    subject = _program_subject(name, scenes.draw, seconds)
     return Batches(subject, batch=batch, n_vehicles=n_vehicles, seconds=seconds)
 
 
@@ -176,7 +176,7 @@ def decision_steps(
         return batch if name == DETECTION else dataclasses.replace(batch, recorded=None)
 
     if name in (BASE, LOOP):
-        subject = _rollout_subject(BASE if name == BASE else always(STEPS_POLICY), prepare, seconds)
+        subject = _program_subject(BASE if name == BASE else always(STEPS_POLICY), prepare, seconds)
     elif name == PPO:
         subject = _driven_subject(prepare, seconds)
     elif name in (DETECTION, DECISION):
@@ -191,24 +191,32 @@ def _observe_base(state: TrafficState) -> Frames:
     return observe(state, BASE_MODEL)
 
 
-def _rollout_subject(program: str, prepare: Any, seconds: int) -> Subject:
+def _program_subject(program: str, prepare: Any, seconds: int) -> Subject:
     """Rollouts from prepared traffic.
 
     Raises:
         ValueError: There is no such program.
     """
     if program == BASE:
-
-        def run_base(batch: Batch) -> Frames:
-            return rollout(batch.state, batch.drivers, BASE_MODEL, n_seconds=seconds)[1]
-
-        return Subject(prepare, run_base, lambda _, frames: frames, lambda _: None)
+        return rollout_subject(prepare, seconds)
     if program == NEVER:
         # Somebody must be named, but where nobody is asked the compiler leaves the policy out.
-        name, cues = LoopPolicy.idle, Cues.never
-    else:
-        name = policy_of(program)
-        cues = Cues.always if program == always(name) else Cues.both
+        return loop_subject(LoopPolicy.idle, prepare, seconds, Cues.never)
+    name = policy_of(program)
+    return loop_subject(name, prepare, seconds, Cues.always if program == always(name) else Cues.both)
+
+
+def rollout_subject(prepare: Any, seconds: int) -> Subject:
+    """Rollouts from prepared traffic in which nobody intervenes."""
+
+    def run_base(batch: Batch) -> Frames:
+        return rollout(batch.state, batch.drivers, BASE_MODEL, n_seconds=seconds)[1]
+
+    return Subject(prepare, run_base, lambda _, frames: frames, lambda _: None)
+
+
+def loop_subject(name: LoopPolicy, prepare: Any, seconds: int, cues: Cues = Cues.always) -> Subject:
+    """Rollouts of the closed loop from prepared traffic."""
     policy, options = policy_named(name), LoopOptions(DetectionOptions(cues=cues))
 
     def run_loop(batch: Batch) -> tuple[Frames, Decisions]:

@@ -1,12 +1,23 @@
 """The cost of the closed loop in the terminal: a table of rollouts, one of decision steps, and how to read them."""
 
-from statistics import mean
+from statistics import mean, median
 
 from rich.table import Table
 
-from rearl_jax.bench.loop_programs import BASE, DECISION, DETECTION, LOOP, NEVER, PPO, STEPS_POLICY, always
-from rearl_jax.bench.loop_results import GOAL, PAPER_MS, LoopResults
-from rearl_jax.bench.results import Spread
+from rearl_jax.bench.loop_programs import (
+    BASE,
+    DECISION,
+    DETECTION,
+    FOLLOWING,
+    LOOP,
+    NEVER,
+    PPO,
+    STEPS_POLICY,
+    TWO,
+    always,
+)
+from rearl_jax.bench.loop_results import GOAL, PAPER_MS, LoopResults, effect_of
+from rearl_jax.bench.spread import Spread, three
 from rearl_jax.console import print_notes, standard_output, titled_table
 from rearl_jax.runtime import machine_line
 
@@ -32,6 +43,8 @@ def print_results(results: LoopResults) -> None:
         console.print(_rollout_table(results, has_room=console.width >= _WIDTH))
     if results.steps:
         console.print(_step_table(results))
+    if results.effects:
+        console.print(_effect_table(results))
     print_notes(console, _notes(results))
 
 
@@ -69,6 +82,21 @@ def _step_table(results: LoopResults) -> Table:
     return table
 
 
+def _effect_table(results: LoopResults) -> Table:
+    first = results.effects[0]
+    table = titled_table(f"Effects beside Base, N = {first.n_vehicles}, {first.batch:,} at a time: CPU time")
+    table.add_column("", no_wrap=True)
+    for heading in ("ns/step", "/ Base", "from", "to", "compile s"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_row("Base", f"{median(cell.step_ns(BASE) for cell in results.effects):.1f}", *[""] * 4, end_section=True)
+    for cell in results.effects:
+        program = effect_of(cell)
+        ratio = (f"{value:.2f}" for value in three(cell.ratio(program)))
+        compiled = f"{cell.series[program].facts['compile_s']:.1f}"
+        table.add_row(program, f"{cell.step_ns(program):.1f}", *ratio, compiled, end_section=program == FOLLOWING)
+    return table
+
+
 def _share(spread: Spread) -> str:
     return f"{100 * spread.median:+.0f} ({100 * spread.least:+.0f} to {100 * spread.greatest:+.0f})"
 
@@ -92,6 +120,11 @@ def _notes(results: LoopResults) -> list[str]:
         lines += [
             "decision steps: one call after a warm-up; detection alone and decision alone look at recorded traffic",
             "published: on other machines, and of an ambiguous unit (per step or per 10 steps); no ratio can be taken",
+        ]
+    if results.effects:
+        lines += [
+            f"effects: each of usual strength on the drivers of `{FOLLOWING}`; ratios to Base in the same repetition",
+            f"two_effects: {' and '.join(TWO)}; rank_two_effects: the triggered loop on that traffic",
         ]
     lines.append(machine_line(results.machine, results.load_average))
     return lines

@@ -1,6 +1,7 @@
 """Our own traffic core as the subject of a measurement."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import jax
 from jaxtyping import Array, Key
@@ -10,6 +11,10 @@ from rearl_jax.core.batch import ScenarioMap, chunk_for
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import Frames, rollout
 from rearl_jax.core.spawn import spawn
+from rearl_jax.core.step import tick
+
+SCENARIOS = 16
+"""Scenarios whose work is counted."""
 
 
 class Rollouts:
@@ -42,7 +47,8 @@ class Rollouts:
     @property
     def facts(self) -> dict[str, float | int]:
         """What was found out before the first measurement."""
-        return {"unit": self.unit, "chunk": self.chunk, "compile_s": self.compile_s}
+        threads = len(jax.local_devices())
+        return {"unit": self.unit, "chunk": self.chunk, "threads": threads, "compile_s": self.compile_s}
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:
         """The cost of `n_scenarios` rollouts from newly drawn scenes."""
@@ -63,3 +69,28 @@ class Rollouts:
             if frames is None:
                 return
             yield frames
+
+
+@dataclass(frozen=True)
+class LeastWork:
+    """What a vehicle step cannot do without.
+
+    Attributes:
+        n_bytes: Of the state of a vehicle, read and written once.
+        n_operations: On numbers: the search for the leader, car following, steering and motion, as XLA counts them
+            before it compiles (loops of a length it does not know count once); no lane changes, no collisions.
+    """
+
+    n_bytes: float
+    n_operations: float
+
+
+def least_work(n_vehicles: int) -> LeastWork:
+    """Of one vehicle among so many."""
+    model = TrafficModel(ticks_per_second=TICKS_PER_SECOND, lane_changes=False, collisions=False)
+    keys = jax.eval_shape(lambda: jax.random.split(jax.random.key(0), SCENARIOS))
+    state, drivers = jax.eval_shape(lambda keys: spawn(keys, model, n_vehicles=n_vehicles, density=1.0), keys)
+    counted = jax.jit(lambda state, drivers: tick(state, drivers, model)).lower(state, drivers).cost_analysis() or {}
+    n_bytes = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(state))
+    n_steps = n_vehicles * SCENARIOS
+    return LeastWork(2 * n_bytes / n_steps, counted["flops"] / n_steps)

@@ -23,7 +23,7 @@ def make_simulator(program: str, **arguments: Any) -> Simulator:
     if program == "rearl_jax":
         from rearl_jax import runtime
 
-        runtime.start(x64=False)
+        runtime.start(x64=False, cpu_devices=arguments.pop("threads", None))
         from rearl_jax.bench.rollouts import Rollouts
 
         return Rollouts(**arguments)
@@ -34,6 +34,13 @@ def make_simulator(program: str, **arguments: Any) -> Simulator:
         from rearl_jax.bench import loop_subjects
 
         return getattr(loop_subjects, program)(**arguments)
+    if program == "effect_rollouts":
+        from rearl_jax import runtime
+
+        runtime.start(x64=False, cpu_devices=1)
+        from rearl_jax.bench.effect_subjects import effect_rollouts
+
+        return effect_rollouts(**arguments)
     if program == "highway_env":
         from rearl_jax.bench.highway import HighwayRoads
 
@@ -42,7 +49,14 @@ def make_simulator(program: str, **arguments: Any) -> Simulator:
         from rearl_jax.bench.sumo import SumoRoads
 
         return SumoRoads(**arguments)
-    known = "rearl_jax, rollouts, decision_steps, highway_env or libsumo"
+    if program == "highjax":
+        from rearl_jax import runtime
+
+        runtime.start(x64=False, cpu_devices=1)
+        from rearl_jax.bench.highjax import HighJaxRoads
+
+        return HighJaxRoads(**arguments)
+    known = "rearl_jax, rollouts, decision_steps, effect_rollouts, highway_env, libsumo or highjax"
     raise ValueError(f"there is no program {program!r} to measure: {known}")
 
 

@@ -64,7 +64,9 @@ class BenchConfig:
         if not 0 < self.margin < 1:
             raise ValueError(f"margin must be between 0 and 1, got {self.margin:g}")
         if self.against is not None and self.reference not in self.peers:
-            raise ValueError(f"reference = {self.reference.name} is not measured: add it to peers, or choose one of them")
+            raise ValueError(
+                f"reference = {self.reference.name} is not measured: add it to peers, or choose one of them"
+            )
         if self.chunk is not None and self.chunk < 1:
             raise ValueError(f"chunk must be at least 1 or null, got {self.chunk}")
         if self.scenarios is not None and (len(self.scenarios) != len(self.vehicles) or min(self.scenarios) < 1):
@@ -105,6 +107,10 @@ class BenchLoopConfig:
     repetitions: int = key(5, "measurements of every program, taken in turn")
     repetition_cpu_s: float = key(0.5, "CPU time a measurement of Base aims at; the others simulate as many [s]")
     rounds: int | None = key(None, "batches of a measurement; null: what fills the time")
+    effects: tuple[str, ...] | None = key(
+        None,
+        "effects switched on one at a time, with the fewest vehicles and the largest batch; null: all, empty: none",
+    )
     n_references: int = key(15, "synthetic references the traffic is held against; REARL (Bi et al.)")
     reference_seconds: int = key(60, "length of the references [s]; REARL (Bi et al.)")
     reference_vehicles: int = key(10, "vehicles of a reference; REARL (Bi et al.)")
@@ -136,6 +142,20 @@ class BenchLoopConfig:
                 f"reference_seconds must be at least seconds and steps ({max(self.seconds, self.steps)}),"
                 f" got {self.reference_seconds}"
             )
+
+
+@dataclass(unsafe_hash=True)
+class BenchStartupConfig:
+    """How long one waits for a command"""
+
+    repetitions: int = key(3, "measurements of every command; each begins with an empty cache")
+    cold_s: float = key(15.0, "most that the first table of an evaluation should take with an empty cache [s]; goal")
+    warm_s: float = key(6.0, "the same with the cache of the evaluation before [s]; goal")
+
+    def check(self) -> None:
+        """Ranges."""
+        _check_least(self, 1, "repetitions")
+        _check_positive(self, "cold_s", "warm_s")
 
 
 @dataclass(unsafe_hash=True)

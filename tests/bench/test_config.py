@@ -1,10 +1,12 @@
 import pytest
 
-from rearl_jax.config.bench import BenchConfig, BenchLoopConfig, LoopPolicy, Peer
+from rearl_jax.config.bench import BenchConfig, BenchLoopConfig, BenchStartupConfig, LoopPolicy, Peer
 
 
 def test_defaults_are_valid():
     BenchConfig().check()
+    BenchConfig(chunks=(), threads=(), against="there").check()
+    BenchStartupConfig().check()
 
 
 @pytest.mark.parametrize(
@@ -19,9 +21,14 @@ def test_defaults_are_valid():
         ({"repetition_cpu_s": float("nan")}, "repetition_cpu_s must be > 0"),
         ({"memory_rollouts": -1}, "memory_rollouts must be at least 0"),
         ({"chunk": 0}, "chunk must be at least 1 or null"),
-        ({"scenarios": (1, 2)}, "scenarios must hold one positive number for each of the 5"),
+        ({"scenarios": (1, 2)}, "scenarios must hold one positive number for each of the 6"),
         ({"scenarios": (1, 2, 3, 4, 0)}, "scenarios must hold one positive number"),
         ({"peers": (Peer.c, Peer.c)}, "peers names a program twice"),
+        ({"chunks": (16, 16)}, "chunks must be positive, rising numbers"),
+        ({"threads": (2, 1)}, "threads must be positive, rising numbers"),
+        ({"varied_vehicles": 0}, "varied_vehicles must be at least 1"),
+        ({"margin": 1.0}, "margin must be between 0 and 1, got 1"),
+        ({"against": "there", "peers": (Peer.libsumo,)}, "reference = c is not measured: add it to peers"),
     ],
 )
 def test_ranges(changed, message):

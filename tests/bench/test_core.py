@@ -1,12 +1,14 @@
 import json
+from dataclasses import replace
 
 import pandas as pd
 import pytest
 
 from rearl_jax import results
-from rearl_jax.bench.core import measure_in_turn, measure_memory, run
+from rearl_jax.bench import core, native
+from rearl_jax.bench.core import compare_scenes, measure_alone, measure_in_turn, measure_memory, numbers_of_threads, run
 from rearl_jax.bench.measurement import Measurement
-from rearl_jax.bench.sessions import OURS
+from rearl_jax.bench.sessions import GPU, OURS
 from rearl_jax.config import BenchCoreTask, ResultsConfig
 from rearl_jax.config.bench import BenchConfig, Peer
 
@@ -50,12 +52,69 @@ def test_number_of_scenarios_can_be_given():
     assert log[-1][1] == 7
 
 
-def test_task_writes_everything(tmp_path, capsys):
-    bench = BenchConfig(
-        vehicles=(3,), seconds=2, repetitions=2, scenarios=(8,), chunk=4, peers=(Peer.highway_env,), memory_rollouts=0
+def test_settings_take_turns_and_keep_their_own_facts(monkeypatch):
+    log, told = [], []
+
+    def start(n_vehicles, bench, **others):
+        told.append((n_vehicles, others))
+        session = Fake(str(others["chunk"]), others["chunk"], 0.1, log)
+        session.facts |= others
+        return session
+
+    monkeypatch.setattr(core, "start_ours", start)
+    bench = BenchConfig(repetitions=2, repetition_cpu_s=0.1, varied_vehicles=7)
+    series = measure_alone(bench, "chunk", (1, 2), lambda n: {"chunk": n, "threads": 1}, lambda doing, advance: None)
+    assert told == [(7, {"chunk": 1, "threads": 1}), (7, {"chunk": 2, "threads": 1})]
+    assert [name for name, _, _ in log] == ["1", "2", "1", "2", "2", "1"]
+    assert [item.facts["chunk"] for item in series] == [1, 2]
+    assert all(item.n_vehicles == 7 and len(item.measurements) == 2 for item in series)
+
+
+def test_cores_are_doubled_up_to_all(monkeypatch):
+    for cores, expected in ((1, (1,)), (2, (1, 2)), (6, (1, 2, 4, 6)), (8, (1, 2, 4, 8))):
+        monkeypatch.setattr(core.runtime, "available_cores", lambda cores=cores: cores)
+        assert numbers_of_threads(BenchConfig()) == expected
+    assert numbers_of_threads(BenchConfig(threads=())) == ()
+
+
+def test_cpu_and_gpu_are_compared_on_the_same_scenes():
+    log = []
+    programs = {OURS: Fake(OURS, 4, 0.1, log), GPU: Fake(GPU, 64, 0.1, log)}
+    compare_scenes(programs, 10, BenchConfig(seed=3))
+    assert log == [(OURS, 64, 3), (GPU, 64, 3)]
+
+
+def test_an_earlier_benchmark_with_other_vehicles_is_refused(tmp_path):
+    (tmp_path / "summary.json").write_text(
+        json.dumps({"task": "bench core", "ratio_to_c_n7": 1, "ratio_to_c_n7_min": 1, "ratio_to_c_n7_max": 1})
     )
+    bench = BenchConfig(against=str(tmp_path))
+    with pytest.raises(ValueError, match=r"bench.against has been measured with \[7\] vehicles"):
+        run(BenchCoreTask(results=ResultsConfig(root=str(tmp_path)), bench=bench))
+
+
+def test_task_writes_everything(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(native, "LIMIT_S", 0.01)
+    bench = BenchConfig(
+        vehicles=(3,),
+        seconds=2,
+        repetitions=2,
+        scenarios=(8,),
+        chunk=4,
+        peers=(Peer.highway_env,),
+        memory_rollouts=0,
+        chunks=(),
+        threads=(),
+    )
+    (tmp_path / "then").mkdir()
+    then = {f"ratio_to_highway_env_n3{end}": 1e9 for end in ("", "_min", "_max")}
+    (tmp_path / "then" / "summary.json").write_text(json.dumps({"task": "bench core"} | then))
+    bench = replace(bench, against=str(tmp_path / "then"), reference=Peer.highway_env)
     task = BenchCoreTask(study="tiny", results=ResultsConfig(root=str(tmp_path)), bench=bench)
     summary = run(task)
+    assert summary["n_slower"] == 1
+    assert 0 < summary["change_n3"] < 0.01
+    assert summary["arithmetic_limit_ns_n3"] < 1e9 / summary["substeps_per_cpu_s_n3"]
     folder = tmp_path / "tiny"
     written = json.loads((folder / "summary.json").read_text())
     assert summary.items() <= written.items()

@@ -10,16 +10,31 @@ import pandas as pd
 import pytest
 
 from rearl_jax import results
+from rearl_jax.bench import effect_subjects, loop_subjects
 from rearl_jax.bench import loop as module
-from rearl_jax.bench import loop_subjects
 from rearl_jax.bench.loop import count_steps, measure_rollouts, run
-from rearl_jax.bench.loop_programs import BASE, DECISION, DETECTION, LOOP, NEVER, PARTS, PPO, programs_of
+from rearl_jax.bench.loop_programs import (
+    BASE,
+    DECISION,
+    DETECTION,
+    FOLLOWING,
+    LOOP,
+    LOOP_WITH_TWO,
+    NEVER,
+    PARTS,
+    PPO,
+    TWO_EFFECTS,
+    effect_programs,
+    effects_in,
+    programs_of,
+)
 from rearl_jax.bench.loop_subjects import decision_steps, rollouts
 from rearl_jax.bench.measurement import Measurement
 from rearl_jax.bench.sessions import WorkerSession
 from rearl_jax.bench.synthetic_references import synthetic_references
 from rearl_jax.config import BenchLoopTask, ResultsConfig
 from rearl_jax.config.bench import BenchLoopConfig, LoopPolicy
+from rearl_jax.core.effects import EFFECTS
 
 N_VEHICLES, SECONDS, BATCH = 4, 8, 4
 SCENE = {
@@ -142,6 +157,40 @@ def test_worker_serves_a_program():
     assert (run.n_scenarios, run.seconds) == (BATCH, SECONDS)
 
 
+def test_every_effect_is_measured_unless_some_are_chosen():
+    assert effect_programs(None) == (FOLLOWING, *EFFECTS, TWO_EFFECTS, LOOP_WITH_TWO)
+    assert effect_programs(("grade",)) == (FOLLOWING, "grade", TWO_EFFECTS, LOOP_WITH_TWO)
+    assert effect_programs(()) == ()
+    assert effects_in("grade") == ("grade",)
+    assert effects_in(FOLLOWING) == ()
+    with pytest.raises(ValueError, match="no effect 'nothing'; those there are: reaction_delay, "):
+        effect_programs(("nothing",))
+    with pytest.raises(ValueError, match="no program 'nothing'"):
+        effects_in("nothing")
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_every_effect_is_on(name):
+    effect = effect_subjects.usual(name)
+    strengths = [item for item in effect.parameters if item.is_strength]
+    assert any((np.asarray(getattr(effect, item.name)) != item.off).any() for item in strengths)
+    for item in effect.parameters:
+        values = np.asarray(getattr(effect, item.name))
+        assert ((values >= item.low) & (values <= item.high)).all() or name.endswith("dependence")
+
+
+@pytest.mark.slow
+def test_effects_change_the_traffic_and_the_loop_decides_in_it(monkeypatch):
+    names = (FOLLOWING, "reaction_delay", "acceleration_noise", "dependence", LOOP_WITH_TWO)
+    programs = {name: effect_subjects.effect_rollouts(name, **SCENE) for name in names}
+    runs = {name: program.measure(4 * BATCH, 5) for name, program in programs.items()}
+    speeds = [run.mean_speed for run in runs.values()]
+    assert len(set(speeds)) == len(names)
+    assert all(5 < speed < 35 for speed in speeds)
+    assert programs[LOOP_WITH_TWO].facts["asked_share"] > 0.5
+    assert programs[FOLLOWING].facts["asked_share"] == 0
+
+
 class Fake:
     """A program of constant speed that notes when it is asked."""
 
@@ -187,7 +236,8 @@ def test_all_programs_simulate_the_same_scenes(log):
 
 def test_task_writes_everything_and_its_bar_ends_full(log, tmp_path, capsys, monkeypatch):
     advanced = []
-    loop = BenchLoopConfig(vehicles=(3, 5), batches=(1, 8), repetitions=2, rounds=2, steps_repetitions=3)
+    few = {"effects": ("grade",), "repetitions": 2, "rounds": 2, "steps_repetitions": 3}
+    loop = BenchLoopConfig(vehicles=(3, 5), batches=(1, 8), **few)
     task = BenchLoopTask(study="tiny", results=ResultsConfig(root=str(tmp_path)), loop=loop)
 
     @contextmanager
@@ -209,6 +259,12 @@ def test_task_writes_everything_and_its_bar_ends_full(log, tmp_path, capsys, mon
     n_programs = len(programs_of(loop.policies))
     assert (table["measured"] == "rollout").sum() == 4 * n_programs * 2
     assert (table["measured"] == "steps").sum() == 2 * len(PARTS) * 3
+    effects = table[table["measured"] == "effect"]
+    assert list(effects["program"].unique()) == [BASE, FOLLOWING, "grade", TWO_EFFECTS, LOOP_WITH_TWO]
+    assert set(effects["n_vehicles"]) == {3}
+    assert set(effects["batch"]) == {8}
+    assert written["effect_ratio_grade_n3_b8"] == pytest.approx(1.5)
+    table = table[table["measured"] != "effect"]  # where Base stands beside each of them
     assert not table.duplicated(["measured", "program", "n_vehicles", "batch", "repetition"]).any()
     assert "synthetic" in results.read_metadata(folder / "bench_loop.parquet")["references"]
     assert (folder / "cost.png").stat().st_size > 10_000

@@ -53,6 +53,10 @@ def measured():
     return LoopResults(
         cells=tuple(cell(n, batch, **costs) for n in (10, 30) for batch in (1, 2048)),
         steps=(cell(10, 1, **steps), cell(10, 256, **steps)),
+        effects=(
+            cell(10, 2048, base=(1.0, 2.0, 1.0), following=(2.0, 2.0, 3.0)),
+            cell(10, 2048, base=(1.0, 2.0, 1.0), grade=(1.5, 6.0, 1.5)),
+        ),
         policies=POLICIES,
         n_steps=10,
         references="2 synthetic ones",
@@ -91,6 +95,8 @@ def test_every_figure_of_the_summary_is_documented(measured):
     assert summary["detection_share_n30_b2048_max"] == pytest.approx(0.5)
     assert summary["cpu_us_idle_n10_b1"] == 5e5
     assert summary["steps_cpu_ms_decision_n10_b1"] == 3
+    assert summary["effect_ratio_grade_n10_b2048_max"] == 3
+    assert summary["effect_ns_grade_n10_b2048"] == pytest.approx(1.5e9 / 150)
     assert {key: summary[f"paper_ms_{key}"] for key in PAPER_MS} == PAPER_MS
     fields = {
         "N": r"\d+",
@@ -99,6 +105,7 @@ def test_every_figure_of_the_summary_is_documented(measured):
         "policy": f"({'|'.join(LoopPolicy.__members__)})",
         "part": f"({'|'.join(PARTS)})",
         "method": f"({'|'.join(PAPER_MS)})",
+        "effect": "(following|grade)",
     }
     patterns = [re.sub(r"\{(\w+)\}", lambda found: fields[found[1]], name) for name in MEANINGS]
     for name in summary.keys() - MACHINE.keys():
@@ -109,14 +116,14 @@ def test_every_figure_of_the_summary_is_documented(measured):
 
 
 def test_without_decision_steps(measured, capsys):
-    alone = LoopResults(measured.cells, (), POLICIES, 10, "none", None, MACHINE)
+    alone = LoopResults(measured.cells, (), (), POLICIES, 10, "none", None, MACHINE)
     assert not any(name.startswith(("steps", "paper")) for name in alone.summary())
     print_results(alone)
     assert "decision steps" not in capsys.readouterr().out
 
 
 def test_without_rollouts(measured, capsys):
-    alone = LoopResults((), measured.steps, POLICIES, 10, "none", None, MACHINE)
+    alone = LoopResults((), measured.steps, (), POLICIES, 10, "none", None, MACHINE)
     assert alone.summary()["detection_share_largest"] is None
     assert alone.summary()["steps_ms_ppo_n10_b1"] == 10
     assert set(alone.table()["measured"]) == {"steps"}
@@ -137,13 +144,15 @@ def test_terminal_shows_shares_ratios_and_the_paper(measured, capsys):
     for words, value in (("IDM.MOBIL", "0.461"), ("PPO", "15.898"), ("REARL", "86,241.0")):
         assert re.search(rf"REARL \(Bi et al\.\): {words} +{value}", said)
     assert "ambiguous" in said
+    assert re.search(r"grade +1\d+\.\d +1\.50 +1\.50 +3\.00 +3\.0", said)
+    assert "two_effects: reaction_delay and several_leaders" in said
     assert "…" not in said
 
 
 def test_a_missed_goal_is_said(measured, capsys):
     costs = {name: item.measurements[0].cpu_s for name, item in measured.cells[0].series.items()} | {NEVER: 1.3}
     slow = cell(10, 1, **{name: (cost,) for name, cost in costs.items()})
-    print_results(LoopResults((slow,), (), POLICIES, 10, "none", None, MACHINE))
+    print_results(LoopResults((slow,), (), (), POLICIES, 10, "none", None, MACHINE))
     assert "goal at most 25%, missed in 1 of 1 rows" in capsys.readouterr().out
 
 

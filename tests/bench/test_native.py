@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 
 from rearl_jax.bench import native
-from rearl_jax.bench.native import CompilerError, NativeProgram, compile_limit
+from rearl_jax.bench.native import CompilerError, NativeProgram, compile_limit, measure_limits
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +37,15 @@ def test_threads_share_the_work_without_changing_it(program):
 def test_only_whole_groups_are_taken(program):
     with pytest.raises(RuntimeError, match="multiple of 16"):
         NativeProgram(program, 1, 1).measure(20, 0)
+
+
+def test_machine_limits_are_those_of_a_machine(program, tmp_path, monkeypatch):
+    monkeypatch.setattr(native, "LIMIT_S", 0.01)
+    limits = measure_limits(1, tmp_path)
+    assert limits.threads == 1
+    assert 1e8 < limits.bytes_per_s < 1e13
+    # More operations than bytes can be brought from memory for, or the chains are not what is measured.
+    assert limits.bytes_per_s / 4 < limits.operations_per_s < 1e13
 
 
 def test_without_compiler(monkeypatch, tmp_path):

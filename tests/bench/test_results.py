@@ -3,10 +3,14 @@ import re
 import pytest
 from PIL import Image
 
+from rearl_jax.bench.earlier import Change
 from rearl_jax.bench.figure import draw_costs
 from rearl_jax.bench.measurement import Measurement
-from rearl_jax.bench.results import MEANINGS, BenchResults, Series
-from rearl_jax.bench.sessions import C_ALL, OURS, Absent
+from rearl_jax.bench.native import MachineLimits
+from rearl_jax.bench.results import MEANINGS, Agreement, BenchResults, Series
+from rearl_jax.bench.rollouts import LeastWork
+from rearl_jax.bench.sessions import C_ALL, GPU, OURS, Absent
+from rearl_jax.bench.spread import Spread
 from rearl_jax.bench.terminal import print_results
 
 MACHINE = {"cpu_model": "a processor", "cpu_cores": 2, "jax_version": "1"}
@@ -18,7 +22,7 @@ def run(cpu_s, wall_s=1.0, **others):
 
 
 def series(program, n_vehicles, *costs, **others):
-    facts = {"unit": 1, "chunk": 8, "compile_s": 3.0} if program == OURS else {"unit": 1}
+    facts = {"unit": 1, "chunk": 8, "threads": 2, "compile_s": 3.0} if program == OURS else {"unit": 1}
     return Series(program, n_vehicles, tuple(run(cost, cost / 2, **others) for cost in costs), facts)
 
 
@@ -32,11 +36,22 @@ def results():
             series("highway_env", 10, 1000.0, 4000.0, 4000.0, lane_changes=40, crashed=0),
             series(OURS, 200, 6.0, 6.0, 6.0, lane_changes=30, crashed=5, peak_memory_bytes=2**30),
             series("c", 200, 3.0, 3.0, 3.0),
+            series("highjax", 200, 300.0, 300.0, 300.0),
+            series(GPU, 200, 1.0, 1.0, 1.0),
         ),
         absent=(Absent("libsumo", "not installed", "pip install it"),),
         memory=run(5.0, 9.0, n_scenarios=100_000, peak_memory_bytes=3 * 2**28),
         load_average=1.5,
         machine=MACHINE,
+        by_chunk=(series(OURS, 10, 1.0), series(OURS, 10, 2.0)),
+        by_threads=(series(OURS, 10, 1.0),),
+        limits=(MachineLimits(1, 10e9, 100e9), MachineLimits(2, 15e9, 200e9)),
+        work={10: LeastWork(100.0, 500.0), 200: LeastWork(100.0, 600.0)},
+        agreements=(Agreement(200, run(1.0, lane_changes=100, crashed=4), run(1.0, lane_changes=110, crashed=5)),),
+        changes=(
+            Change(10, Spread(2.0, 1.9, 2.1), Spread(1.0, 0.9, 1.1), 0.15),
+            Change(200, Spread(2.0, 1.9, 2.1), Spread(2.0, 1.9, 2.1), 0.15),
+        ),
     )
 
 
@@ -71,12 +86,19 @@ def test_every_figure_of_the_summary_is_documented(results):
     assert summary["ratio_to_highway_env_n10_max"] == 1000 or summary["ratio_to_highway_env_n10_max"] == 2000
     assert summary["cost_ratio_n200_to_n10"] == 3
     assert summary["peak_memory_gib_100k"] == 0.75
+    assert summary["ratio_to_gpu_n200"] == pytest.approx((1 / 3.0) / (1 / 0.5))
+    assert summary["memory_limit_ns_n10"] == pytest.approx(10)
+    assert summary["arithmetic_limit_ns_n200"] == pytest.approx(6)
+    assert summary["gpu_lane_changes_error_n200"] == pytest.approx(0.1)
+    assert summary["gpu_crashed_error_n200"] == pytest.approx(1 / 2000)
+    assert (summary["change_n10"], summary["change_n200"], summary["n_slower"]) == (0.5, 1, 1)
     assert summary["absent"] == [{"program": "libsumo", "reason": "not installed", "remedy": "pip install it"}]
     assert "ratio_to_libsumo_n10" not in summary
-    fields = {"N": r"\d+", "A": r"\d+", "B": r"\d+", "R": r"\d+k?", "peer": "(c|c_all_threads|highway_env|libsumo)"}
+    fields = {"N": r"\d+", "A": r"\d+", "B": r"\d+", "R": r"\d+k?", "C": r"\d+", "T": r"\d+"}
+    fields["peer"] = "(c|c_all_threads|highway_env|libsumo|highjax|gpu)"
     patterns = [re.sub(r"\{(\w+)\}", lambda found: fields[found[1]], name) for name in MEANINGS]
     for name in summary.keys() - MACHINE.keys():
-        plain = re.sub("_(min|max)$", "", name) if name.startswith("ratio_to_") else name
+        plain = re.sub("_(min|max)$", "", name) if name.startswith(("ratio_to_", "change_")) else name
         assert any(re.fullmatch(pattern, plain) for pattern in patterns), f"{name} is not documented"
     for pattern in patterns:
         assert any(re.fullmatch(pattern, name) for name in summary), f"{pattern} is documented, but not there"
@@ -84,7 +106,9 @@ def test_every_figure_of_the_summary_is_documented(results):
 
 def test_table_has_a_row_per_measurement(results):
     table = results.table()
-    assert len(table) == 3 * 6
+    assert len(table) == 3 * 8 + 3
+    assert set(table["varied"]) == {"vehicles", "chunk", "threads"}
+    table = table[table["varied"] == "vehicles"]
     assert not table.duplicated(["program", "n_vehicles", "repetition"]).any()
     ours = table[(table["program"] == OURS) & (table["n_vehicles"] == 10)]
     assert list(ours["substeps_per_cpu_s"]) == [1e6, 5e5, 2.5e5]
@@ -100,6 +124,11 @@ def test_terminal_shows_speeds_ratios_and_what_is_absent(results, capsys):
     assert "absent: libsumo (not installed); pip install it" in said
     assert "100,000 rollouts of 61 s: 0.75 GiB, 9.0 s" in said
     assert "costs 3.00 times that at N = 10" in said
+    assert "one thread: 10.0 GB/s, 100 GFLOP/s" in said.replace("1 thread", "one thread")
+    assert "its state once through memory 10.0 ns, its least arithmetic at peak 6.0 ns" in said
+    assert re.search(r"200 +2\.00 +2\.00 +1\.00 .* ok", said)
+    assert re.search(r"10 +2\.00 +1\.00 +0\.50 .* SLOWER", said)
+    assert "GPU and CPU on 10 same scenes" in said
     assert "…" not in said
 
 

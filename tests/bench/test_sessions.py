@@ -4,7 +4,7 @@ import pytest
 
 from rearl_jax.bench import native, sessions
 from rearl_jax.bench.highway import HighwayRoads
-from rearl_jax.bench.sessions import C_ALL, WorkerSession, open_sessions
+from rearl_jax.bench.sessions import C_ALL, GPU, GPU_VEHICLES, WorkerSession, open_sessions
 from rearl_jax.config.bench import BenchConfig, Peer
 
 SCENE = {"n_vehicles": 3, "seconds": 2, "density": 2.0, "cpu_s": 1000.0}
@@ -16,7 +16,7 @@ class Idle:
     facts = {"unit": 1}
 
     def __init__(self, *arguments, **keywords):
-        self.is_open = True
+        self.is_open, self.keywords = True, keywords
 
     def measure(self, n_scenarios, seed):
         raise AssertionError("nothing is measured here")
@@ -53,10 +53,11 @@ def test_worker_that_fails_later_says_why():
 def test_absent_programs_are_named_with_a_remedy(monkeypatch):
     monkeypatch.setattr(sessions, "WorkerSession", Idle)
     monkeypatch.setattr(sessions, "find_spec", lambda name: None)
+    monkeypatch.setattr(sessions, "sees_gpu", lambda: False)
     monkeypatch.setattr(native, "COMPILER", "no-such-compiler")
     with open_sessions(3, BenchConfig()) as (started, absent):
         assert list(started) == ["rearl_jax"]
-    assert {item.program for item in absent} == {"c", "highway_env", "libsumo"}
+    assert {item.program for item in absent} == {"c", "highway_env", "libsumo", "highjax", "gpu"}
     assert all("install" in item.remedy for item in absent)
     assert not started["rearl_jax"].is_open
 
@@ -66,9 +67,12 @@ def test_programs_are_started_as_asked_and_ended(monkeypatch, tmp_path):
     monkeypatch.setattr(sessions, "NativeProgram", Idle)
     monkeypatch.setattr(sessions, "compile_limit", lambda n_vehicles, folder: folder / "limit")
     monkeypatch.setattr(sessions, "find_spec", lambda name: object())
+    monkeypatch.setattr(sessions, "sees_gpu", lambda: True)
     monkeypatch.setattr(sessions.runtime, "available_cores", lambda: 2)
     with open_sessions(3, BenchConfig()) as (started, absent):
-        assert list(started) == ["rearl_jax", "c", C_ALL, "highway_env", "libsumo"]
+        assert list(started) == ["rearl_jax", "c", C_ALL, "highway_env", "libsumo", "highjax", GPU]
+        assert started[GPU].keywords["on_cpu"] is False
+        assert started[GPU].keywords["chunk"] == GPU_VEHICLES // 3
         assert all(session.is_open for session in started.values())
     assert not any(session.is_open for session in started.values())
     assert not absent
@@ -77,3 +81,17 @@ def test_programs_are_started_as_asked_and_ended(monkeypatch, tmp_path):
     with open_sessions(3, BenchConfig(peers=())) as (started, absent):
         assert list(started) == ["rearl_jax"]
         assert not absent
+
+
+def test_only_a_gpu_counts_as_one(monkeypatch):
+    for said, expected in (("cpu\n", False), ("a warning\ngpu\n", True), ("", False)):
+        sessions.sees_gpu.cache_clear()
+        answer = sessions.subprocess.CompletedProcess([], 0, stdout=said)
+        monkeypatch.setattr(sessions.subprocess, "run", lambda *_, answer=answer, **__: answer)
+        assert sessions.sees_gpu() is expected
+    sessions.sees_gpu.cache_clear()
+
+
+def test_a_worker_on_a_gpu_is_not_kept_to_the_cpu():
+    assert sessions._worker_environment(on_cpu=True)["JAX_PLATFORMS"] == "cpu"
+    assert sessions._worker_environment(on_cpu=False).get("JAX_PLATFORMS") == sessions.os.environ.get("JAX_PLATFORMS")
