@@ -10,6 +10,7 @@ BENCH = {
     "core": "rearl_jax.bench.results",
     "loop": "rearl_jax.bench.loop_results",
     "requests": "rearl_jax.bench.requests_results",
+    "startup": "rearl_jax.bench.startup_results",
 }
 """Where the meanings of the keys of a speed measurement stand."""
 

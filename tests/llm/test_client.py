@@ -377,7 +377,7 @@ def test_address(given, address):
 
 @pytest.mark.parametrize("given", ["", "127.0.0.1:8000", "ftp://host", "http://", "http://host:99999", "http://host:x"])
 def test_no_address(given):
-    with pytest.raises(ValueError, match=r"decision\.server\.base_url .*is no address of a server"):
+    with pytest.raises(ValueError, match=r"decision\.server .*is no address of a server"):
         server_address(given)
 
 

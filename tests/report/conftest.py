@@ -37,7 +37,7 @@ def replay_of(page):
     return json.loads(re.search(r'id="replay-data">(.*?)</script>', page, re.DOTALL)[1])
 
 
-@pytest.fixture(scope="session")
+@contextlib.contextmanager
 def drifting():
     """The method base replaced by vehicles that keep their speed, which compiles in no time.
 
@@ -72,8 +72,15 @@ def drifting():
         simulators.program.cache_clear()
 
 
+@pytest.fixture(scope="module", autouse=True)
+def only_drifting():
+    """What is simulated anew drifts too, in these tests only: those that come later in the same process want traffic."""
+    with drifting():
+        yield
+
+
 @pytest.fixture(scope="session")
-def reported(tmp_path_factory, drifting):
+def reported(tmp_path_factory):
     """`rearl evaluate` of drifting vehicles, one run, few resamples, and `rearl report` on it."""
     from rearl_jax.config import EvaluateTask, ResultsConfig
     from rearl_jax.config.evaluation import EvaluationConfig
@@ -85,9 +92,10 @@ def reported(tmp_path_factory, drifting):
         results=ResultsConfig(root=str(root)),
         eval=EvaluationConfig(n_runs=1, resamples=50, noise_draws=10),
     )
-    with contextlib.redirect_stdout(io.StringIO()):
-        task.run(config)
-    found, printed = report(root, "quick")
+    with drifting():
+        with contextlib.redirect_stdout(io.StringIO()):
+            task.run(config)
+        found, printed = report(root, "quick")
     return Reported(config, root, root / "quick", found, printed)
 
 
