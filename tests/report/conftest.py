@@ -74,7 +74,7 @@ def drifting():
 
 @pytest.fixture(scope="module", autouse=True)
 def only_drifting():
-    """What is simulated anew drifts too, in these tests only: those that come later in the same process want traffic."""
+    """What is simulated anew drifts too, in these tests only: later ones of the same process want traffic."""
     with drifting():
         yield
 
