@@ -86,9 +86,7 @@ def find_ahead(
     if view.nearest is not None:
         found, index = [], own_index
         for _ in range(n_leaders):
-            further = jnp.full_like(index, NOBODY)
-            for number, ahead in enumerate(view.nearest.ahead):
-                further = jnp.where(lane == number, pick(ahead, index), further)
+            further = view.nearest.ahead_on(lane, index)
             # Two vehicles side by side are each ahead of the other.
             index = jnp.where((index == NOBODY) | (further == own_index), NOBODY, further)
             found.append(_where(index != NOBODY, _picked(state, traits, index), none))
@@ -115,7 +113,7 @@ def find_behind(state: TrafficState, view: View, traits: Traits, lane: Int[Array
     """
     none = nobody(traits)
     if view.nearest is not None:
-        _, index = view.nearest.on(lane)
+        index = view.nearest.behind_on(lane)
         return _where(index != NOBODY, _reversed(_picked(state, traits, index)), none)
     bit = lane_bit(lane)
 

@@ -170,7 +170,7 @@ def find_leader(state: TrafficState, view: View, lane: Int[Array, "vehicles *sce
     Source: highway-env 1.12.1, `Road.neighbour_vehicles`.
     """
     if view.nearest is not None:
-        index, _ = view.nearest.on(lane)
+        index = view.nearest.ahead_on(lane)
         seen = Leader(pick(state.x, index) - state.x, pick(view.speed_x, index), pick(view.speed_y, index))
         return _replace_where(index != NOBODY, seen, _nobody_ahead(state))
     bit = lane_bit(lane)
@@ -197,7 +197,7 @@ def find_follower(state: TrafficState, view: View, lane: Int[Array, "vehicles *s
     """
     seen = (state.speed, view.cos_heading, view.sin_heading, view.speed_ratio)
     if view.nearest is not None:
-        _, index = view.nearest.on(lane)
+        index = view.nearest.behind_on(lane)
         behind_by = state.x - pick(state.x, index)
         new = Follower(behind_by, *(pick(values, index) for values in seen))
         return _replace_where(index != NOBODY, new, _nobody_behind(state))

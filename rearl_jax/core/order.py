@@ -5,6 +5,7 @@ remembering the last vehicle met on each lane, gives everybody's leader on every
 followers. The order changes little from tick to tick, so that sorting starts from the last one and needs a pass or two.
 """
 
+import math
 from collections.abc import Callable
 
 import equinox as eqx
@@ -69,32 +70,71 @@ def own_places(index: Int[Array, "places *scenarios"]) -> tuple[Array, ...]:
 
 
 class NearestOnLanes(eqx.Module):
-    """The nearest vehicle ahead and behind on every lane, as indices; NOBODY where there is none.
+    """The nearest vehicle ahead and behind on every lane, as seen from every place in the order.
+
+    What lies between two places is kept row by row: rows of all lanes for each place, places in the sequence in which
+    `walk_along_road` has come by.
 
     Attributes:
-        ahead: Per lane; the same position counts as ahead, and of equally near vehicles the last in the list is meant.
-        behind: Per lane; of equally near vehicles the first in the list.
+        ahead: Index of the next vehicle later in the order; NOBODY where there is none.
+        behind: Index of the next vehicle earlier in the order.
+        row: First row of each vehicle.
+        first_row: The same of the first vehicle in the order that has its x, mostly itself.
+        first: Index of that vehicle.
+        first_on: Lanes it is on, as bits.
+        n_lanes: Number of lanes.
+        lane_bit: The bit of a lane.
     """
 
-    ahead: tuple[Int[Array, "vehicles *scenarios"], ...]
-    behind: tuple[Int[Array, "vehicles *scenarios"], ...]
+    ahead: Int[Array, "rows *scenarios"]
+    behind: Int[Array, "rows *scenarios"]
+    row: Int[Array, "vehicles *scenarios"]
+    first_row: Int[Array, "vehicles *scenarios"]
+    first: Int[Array, "vehicles *scenarios"]
+    first_on: Int[Array, "vehicles *scenarios"]
+    n_lanes: int = eqx.field(static=True)
+    lane_bit: Callable[[Array], Array] = eqx.field(static=True)
 
-    def on(
-        self, lane: Int[Array, "vehicles *scenarios"]
-    ) -> tuple[Int[Array, "vehicles *scenarios"], Int[Array, "vehicles *scenarios"]]:
-        """Vehicle ahead and vehicle behind on a lane of each vehicle's choice."""
-        ahead = behind = jnp.full_like(lane, NOBODY)
-        for number in range(len(self.ahead)):
-            ahead = jnp.where(lane == number, self.ahead[number], ahead)
-            behind = jnp.where(lane == number, self.behind[number], behind)
-        return ahead, behind
+    def ahead_on(
+        self, lane: Int[Array, "vehicles *scenarios"], index: Int[Array, "vehicles *scenarios"] | None = None
+    ) -> Int[Array, "vehicles *scenarios"]:
+        """The vehicle next ahead on a lane of each vehicle's choice; NOBODY for none.
+
+        The same x counts as ahead; of equally near vehicles the last in the list is meant.
+
+        Args:
+            lane: The lanes; those that do not exist are empty.
+            index: Ahead of which vehicle each one looks; None for itself.
+        """
+        seen = self.row, self.first_row, self.first, self.first_on
+        if index is None:
+            index = lax.broadcasted_iota(jnp.int32, lane.shape, 0)
+        else:
+            seen = tuple(pick(values, index) for values in seen)
+        row, first_row, first, first_on = seen
+        is_first_on = (first_on & self.lane_bit(lane)) != 0
+        nearest = jnp.where(is_first_on, first, self._at(self.ahead, first_row, lane))
+        nearest = jnp.where(nearest == index, self._at(self.ahead, row, lane), nearest)
+        # Without the barrier XLA would look it up anew for every value that is picked by it.
+        return lax.optimization_barrier(jnp.where(self._exists(lane), nearest, NOBODY))
+
+    def behind_on(self, lane: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
+        """The vehicle next behind on a lane of each vehicle's choice; of equally near ones the first in the list."""
+        found = jnp.where(self._exists(lane), self._at(self.behind, self.first_row, lane), NOBODY)
+        return lax.optimization_barrier(found)
+
+    def _exists(self, lane: Array) -> Array:
+        return (lane >= 0) & (lane < self.n_lanes)
+
+    def _at(self, rows: Array, row: Array, lane: Array) -> Array:
+        return pick(rows, row + jnp.clip(lane, 0, self.n_lanes - 1))
 
 
 def walk_along_road(
     order: Int[Array, "vehicles *scenarios"],
     x: Float[Array, "vehicles *scenarios"],
     on_lanes: Int[Array, "vehicles *scenarios"],
-    lane_bit: Callable[[int], int],
+    lane_bit: Callable[[Array], Array],
     model: TrafficModel,
 ) -> NearestOnLanes:
     """Everybody's nearest vehicles on every lane.
@@ -106,54 +146,79 @@ def walk_along_road(
         lane_bit: The bit of a lane.
         model: The road.
     """
-    lanes = range(model.n_lanes)
-    nobody = tuple(jnp.full(order.shape[1:], NOBODY, jnp.int32) for _ in lanes)
-
-    def pass_by(met: tuple[Array, ...], vehicle: tuple[Array, Array]) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
-        index, bits = vehicle
-        return tuple(jnp.where((bits & lane_bit(k)) != 0, index, met[k]) for k in lanes), met
-
-    vehicles = order, pick(on_lanes, order)
-    _, ahead = lax.scan(pass_by, nobody, vehicles, reverse=True)
-    _, behind = lax.scan(pass_by, nobody, vehicles)
-    ahead, behind = _see_beside(pick(x, order), *vehicles, ahead, behind, lane_bit)
+    bits = pick(on_lanes, order)
+    row, ahead, behind = _walk(order, bits, lane_bit(jnp.arange(model.n_lanes, dtype=jnp.int32)))
+    first = _first_of_level(pick(x, order))
     place = inverse(order)
-    return NearestOnLanes(*(tuple(pick(found, place) for found in side) for side in (ahead, behind)))
+    first_place = pick(first, place)
+    nearest = NearestOnLanes(
+        ahead=ahead,
+        behind=behind,
+        row=pick(row, place),
+        first_row=pick(row, first_place),
+        first=pick(order, first_place),
+        first_on=pick(bits, first_place),
+        n_lanes=model.n_lanes,
+        lane_bit=lane_bit,
+    )
+    return lax.optimization_barrier(nearest)
 
 
-def _see_beside(
-    x: Float[Array, "vehicles *scenarios"],
-    index: Int[Array, "vehicles *scenarios"],
-    on_lanes: Int[Array, "vehicles *scenarios"],
-    ahead: tuple[Array, ...],
-    behind: tuple[Array, ...],
-    lane_bit: Callable[[int], int],
-) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
-    """Vehicles level with each other count as ahead of each other, and never as behind; arrays by place in the order.
+def _walk(
+    order: Int[Array, "vehicles *scenarios"], bits: Int[Array, "vehicles *scenarios"], lane_bits: Int[Array, " lanes"]
+) -> tuple[Int[Array, "vehicles *#scenarios"], Int[Array, "rows *scenarios"], Int[Array, "rows *scenarios"]]:
+    """First row of each place, and by row the vehicles last met on each lane, walking backwards and forwards.
 
-    The walk has already met those that come later in the order. Of those before, which have higher indices, the
-    farthest is the last in the list; and whoever is behind it is behind all vehicles level with it.
+    The road is cut into stretches, which are walked side by side; where nobody has been met on a stretch, the last one
+    on those before it counts. That takes two times the root of the number of vehicles in steps of many vehicles each.
+
+    Args:
+        order: Vehicle indices by place.
+        bits: Lanes they are on.
+        lane_bits: The bit of every lane.
     """
+    n_vehicles, others = order.shape[0], order.shape[1:]
+    length = math.isqrt(n_vehicles - 1) + 1
+    n_stretches = -(-n_vehicles // length)
+    spare = [(0, n_stretches * length - n_vehicles)] + [(0, 0)] * len(others)
 
-    def is_level(places: Array) -> Array:
-        """Whether the vehicle so many places back is on the road and has the same x."""
-        is_pair = lax.broadcasted_iota(jnp.int32, x.shape, 0) >= places
-        return is_pair & (x == jnp.roll(x, places, 0)) & (on_lanes != 0)
+    def by_step(values: Array) -> Array:
+        """[length, stretches, 1, *scenarios]"""
+        return jnp.pad(values, spare).reshape(n_stretches, length, 1, *others).swapaxes(0, 1)
 
-    def look_back(work: tuple[Array, Array, tuple[Array, ...], tuple[Array, ...]]) -> tuple:
-        places, level, seen_ahead, seen_behind = work
-        other, bits = jnp.roll(index, places, 0), jnp.roll(on_lanes, places, 0)
-        seen_ahead = tuple(
-            jnp.where(level & ((bits & lane_bit(k)) != 0), other, seen) for k, seen in enumerate(seen_ahead)
-        )
-        seen_behind = tuple(
-            jnp.where(level, jnp.roll(walked, places, 0), seen)
-            for walked, seen in zip(behind, seen_behind, strict=True)
-        )
-        return places + 1, is_level(places + 1), seen_ahead, seen_behind
+    n_lanes = len(lane_bits)
+    lane_bits = lane_bits.reshape(1, n_lanes, *(1,) * len(others))
+    vehicles = by_step(order), by_step(bits)
 
-    first = jnp.int32(1)
-    return lax.while_loop(lambda work: jnp.any(work[1]), look_back, (first, is_level(first), ahead, behind))[2:]
+    def met_on_the_way(reverse: bool) -> Array:
+        def pass_by(met: Array, vehicle: tuple[Array, Array]) -> tuple[Array, Array]:
+            index, on = vehicle
+            return jnp.where((on & lane_bits) != 0, index, met), met
+
+        def go_on(met: Array, last: Array) -> tuple[Array, Array]:
+            return jnp.where(last == NOBODY, met, last), met
+
+        nobody = jnp.full((n_stretches, n_lanes, *others), NOBODY, jnp.int32)
+        last, met = lax.scan(pass_by, nobody, vehicles, reverse=reverse)
+        _, before = lax.scan(go_on, nobody[0], last, reverse=reverse)
+        return jnp.where(met == NOBODY, before[None], met).reshape(-1, *others)
+
+    place = lax.broadcasted_iota(jnp.int32, order.shape, 0)
+    row = (place % length * n_stretches + place // length) * n_lanes
+    return row, met_on_the_way(reverse=True), met_on_the_way(reverse=False)
+
+
+def _first_of_level(x: Float[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
+    """By place, the first place with the same x; x rises."""
+    place = lax.broadcasted_iota(jnp.int32, x.shape, 0)
+    is_level = (place > 0) & (x == jnp.roll(x, 1, axis=0))
+
+    def step_back(work: tuple[Array, Array]) -> tuple[Array, Array]:
+        first, goes_on = work
+        first = first - goes_on.astype(jnp.int32)
+        return first, pick(is_level, first)
+
+    return lax.while_loop(lambda work: jnp.any(work[1]), step_back, (place, is_level))[0]
 
 
 def inverse(order: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:

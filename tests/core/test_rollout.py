@@ -144,7 +144,7 @@ def test_map_refuses_arguments_that_disagree():
 def test_chunks_shrink_with_the_number_of_vehicles():
     sizes = [chunk_for(n) for n in (1, 5, 10, 30, 60, 1000)]
     assert sizes == sorted(sizes, reverse=True)
-    assert all(128 <= size <= 4096 and size // 16 % 2 == 1 and size % 16 == 0 for size in sizes)
+    assert all(16 <= size <= 4096 and size // 16 % 2 == 1 and size % 16 == 0 for size in sizes)
 
 
 def test_conflicts_among_few_are_settled_as_among_all(monkeypatch):
