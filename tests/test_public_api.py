@@ -64,6 +64,7 @@ def test_example_scenes(capsys):
     assert scenes.speed.shape[1:] == (60, 10)
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("lenient")
 def test_example_rollout(capsys):
     frames = follow("spawn")["frames"]

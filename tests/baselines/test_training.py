@@ -32,6 +32,7 @@ def quietly(config):
     return summary, printed.getvalue()
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("lenient")
 def test_what_is_written(tiny, tmp_path):
     from rearl_jax.results import read_metadata
@@ -60,6 +61,7 @@ def test_what_is_written(tiny, tmp_path):
     assert quietly(config)[0]["seconds"] == summary["seconds"]  # left alone
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("lenient")
 def test_a_killed_training_goes_on_and_equals_an_uninterrupted_one(tiny, tmp_path):
     from rearl_jax.baselines.training import CHECKPOINT, train

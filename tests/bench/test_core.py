@@ -93,6 +93,7 @@ def test_an_earlier_benchmark_with_other_vehicles_is_refused(tmp_path):
         run(BenchCoreTask(results=ResultsConfig(root=str(tmp_path)), bench=bench))
 
 
+@pytest.mark.thorough
 def test_task_writes_everything(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(native, "LIMIT_S", 0.01)
     bench = BenchConfig(

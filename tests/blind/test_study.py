@@ -141,6 +141,7 @@ def test_a_killed_study_goes_on_where_it_was(tmp_path, finished):
         pd.testing.assert_frame_equal(ours, theirs)
 
 
+@pytest.mark.thorough
 def test_a_study_can_be_run_in_portions(tmp_path, finished, capsys):
     whole, _ = finished
     stub = Stub(tmp_path / "asked.txt")

@@ -19,6 +19,7 @@ def study(root, name="search"):
     return Study(root, name, BO, "cluster", "data")
 
 
+@pytest.mark.thorough
 def test_search_taken_up_equals_an_uninterrupted_one(groups, tmp_path):
     from rearl_jax.clustering.search import TRACE, search
 

@@ -71,6 +71,7 @@ def test_traffic_has_what_the_symmetries_are_about(small):
     assert small.crashed.mean() < 0.2
 
 
+@pytest.mark.thorough
 def test_absent_vehicles_and_the_sorted_road_change_nothing(small):
     large = neighbours.LARGEST_SMALL_TRAFFIC + 1
     found = simulate(*traffic(large))

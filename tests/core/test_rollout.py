@@ -67,6 +67,7 @@ def test_frames_are_the_states_after_each_second(arguments, rolled):
     assert (np.diff(frames.speed, axis=0) > 0.5).any()
 
 
+@pytest.mark.thorough
 def test_map_over_chunks_is_the_function_itself(arguments, rolled):
     """Eight scenarios in chunks of three: the last chunk is filled up, nothing of the filling comes back."""
     mapped = ScenarioMap(simulate, chunk=3)
@@ -147,6 +148,7 @@ def test_chunks_shrink_with_the_number_of_vehicles():
     assert all(16 <= size <= 4096 and size // 16 % 2 == 1 and size % 16 == 0 for size in sizes)
 
 
+@pytest.mark.thorough
 def test_conflicts_among_few_are_settled_as_among_all(monkeypatch):
     model = TrafficModel()
     n_vehicles = 2 * mobil.FEW + 2

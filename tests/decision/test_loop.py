@@ -146,6 +146,7 @@ def test_answers_that_do_not_count_leave_everybody_to_idm(start, table, lean, ba
     np.testing.assert_array_equal(frames.x[..., calm], base.x[..., calm])
 
 
+@pytest.mark.thorough
 def test_crashed_vehicles_do_no_harm(table, model):
     """Vehicles that crash at the start and later are not asked, and nothing becomes NaN."""
     from rearl_jax.config.decision import PolicyName

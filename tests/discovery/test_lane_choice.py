@@ -73,6 +73,7 @@ def test_vehicles_have_the_numbers_that_measure_gives_them(recordings_of, record
     assert {1, 2} <= set(table.recording[rows])  # whose numbers begin where those of another recording end
 
 
+@pytest.mark.thorough
 def test_drivers_are_known_and_split_as_they_were_for_car_following(recordings, solver, search, monkeypatch):
     asked = []
 

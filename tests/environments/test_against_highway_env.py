@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from highway_env.envs.highway_env import HighwayEnv
 
+pytestmark = pytest.mark.thorough
+
 N_OTHERS, SECONDS, SEEDS = 10, 15, (2, 3, 4, 5)
 
 

@@ -5,6 +5,8 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
+pytestmark = pytest.mark.thorough
+
 N = 3
 
 

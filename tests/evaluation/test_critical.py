@@ -120,6 +120,7 @@ def test_rounds_have_initial_states_of_their_own(scenes, critical, standing):
     np.testing.assert_array_equal(rounds, frames_of(shared, scenes, [ALL_REGULAR], apart=True).x[0])
 
 
+@pytest.mark.thorough
 def test_one_program_serves_the_whole_grid(scenes, critical, standing):
     from rearl_jax.baselines.critical.mixture import Mixture, grid
     from rearl_jax.evaluation.mixture_trials import Assessor

@@ -104,6 +104,7 @@ def test_who_is_asked_outside_must_be_said(scenes, task, references):
         evaluate(config, scenes, HELD_OUT, references=references, thresholds=THRESHOLDS)
 
 
+@pytest.mark.thorough
 def test_requests_are_the_distinct_questions_and_a_second_run_sends_none(scenes, task, references, tmp_path):
     from rearl_jax.evaluation.language_model import request_figures
 

@@ -48,6 +48,7 @@ def test_everybody_starts_as_under_base_and_drives_faster(scenes, driven, monkey
     assert (frames["ppo"].speed[-1] > frames["base"].speed[-1]).mean() > 0.9
 
 
+@pytest.mark.thorough
 def test_row_base_beside_it_note_and_figure(scenes, driven):
     from rearl_jax.evaluation.estimates import estimates
     from rearl_jax.evaluation.figures import draw

@@ -127,6 +127,7 @@ def test_measured_snapshots_that_do_not_fit_the_road_stop(scenes, small):
         Rollouts(measured, blind, np.arange(6))
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("drifting")
 def test_batches_of_any_width_score_alike(scenes, small):
     from rearl_jax.evaluation.runner import evaluate

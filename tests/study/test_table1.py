@@ -10,6 +10,8 @@ import pytest
 
 from rearl_jax.results import read_metadata
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture
 def folder(table1):

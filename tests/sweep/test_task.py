@@ -12,6 +12,8 @@ from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.sweep.task import run
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
