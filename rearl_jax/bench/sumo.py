@@ -10,8 +10,8 @@ import numpy as np
 from rearl_jax.bench.measurement import TICKS_PER_SECOND, Measurement, Stopwatch
 
 N_LANES = 4
-ROAD_LENGTH = 10_000
-"""Length of the road [m]; nobody reaches its end in a minute, so all vehicles stay on it."""
+FASTEST = 40.0
+"""Speed that nobody exceeds [m/s]; who reaches the end of the road would leave the simulation."""
 
 _LANE = '<lane id="road_{0}" index="{0}" speed="30" length="{1}" width="4" shape="0,{2} {1},{2}"/>'
 _NETWORK = """<net version="1.20">
@@ -57,10 +57,11 @@ class SumoRoads:
         watch = Stopwatch()
         with tempfile.TemporaryDirectory(prefix="rearl_sumo_") as name:
             network, routes = Path(name) / "road.net.xml", Path(name) / "traffic.rou.xml"
-            network.write_text(_draw_network(), encoding="utf-8")
             results = []
             for number in range(n_scenarios):
-                routes.write_text(self._draw_traffic(np.random.default_rng([seed, number])), encoding="utf-8")
+                traffic, first = self._draw_traffic(np.random.default_rng([seed, number]))
+                routes.write_text(traffic, encoding="utf-8")
+                network.write_text(_draw_network(first + FASTEST * (self._seconds + 1)), encoding="utf-8")
                 results.append(self._simulate(network, routes, watch))
         speeds, lane_changes, crashed = zip(*results, strict=True)
         return Measurement(
@@ -96,8 +97,10 @@ class SumoRoads:
         finally:
             sumo.close()
 
-    def _draw_traffic(self, random: np.random.Generator) -> str:
-        """A route file with vehicles placed as highway-env 1.12.1 does in `Vehicle.create_random`."""
+    def _draw_traffic(self, random: np.random.Generator) -> tuple[str, float]:
+        """A route file with vehicles placed as highway-env 1.12.1 does in `Vehicle.create_random`, and the position of
+        the first one [m].
+        """
         speed = random.uniform(21, 24, self._n_vehicles)
         offset = (12 + speed) * np.exp(-5 / 40 * N_LANES) / self._density
         position = np.cumsum(offset * random.uniform(0.9, 1.1, self._n_vehicles)) + 3 * offset[0]
@@ -107,11 +110,11 @@ class SumoRoads:
         vehicles = (
             _VEHICLE.format(number, speed=v, position=x, lane=k, delta=d) for number, (v, x, k, d) in enumerate(columns)
         )
-        return f"<routes>{''.join(vehicles)}</routes>"
+        return f"<routes>{''.join(vehicles)}</routes>", float(position[-1])
 
 
-def _draw_network() -> str:
-    """A network file with one straight road; SUMO counts lanes from the right."""
-    lanes = "".join(_LANE.format(k, ROAD_LENGTH, 4 * k - 14) for k in range(N_LANES))
+def _draw_network(length: float) -> str:
+    """A network file with one straight road of a length [m]; SUMO counts lanes from the right."""
+    lanes = "".join(_LANE.format(k, length, 4 * k - 14) for k in range(N_LANES))
     names = " ".join(f"road_{k}" for k in range(N_LANES))
-    return _NETWORK.format(length=ROAD_LENGTH, lanes=lanes, names=names)
+    return _NETWORK.format(length=length, lanes=lanes, names=names)

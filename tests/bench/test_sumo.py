@@ -15,3 +15,7 @@ def test_all_vehicles_drive_and_change_lanes():
     assert 15 < run.mean_speed < 25
     again = roads.measure(2, 1)
     assert replace(again, cpu_s=0.0, wall_s=0.0) == replace(run, cpu_s=0.0, wall_s=0.0)
+
+
+def test_the_road_is_long_enough_for_everybody():
+    assert SumoRoads(1000, 2, 2.0).measure(1, 1).n_substeps == 1000 * 2 * 15
