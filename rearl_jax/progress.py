@@ -10,7 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.text import Text
 
 _MEMORY = 600.0
-"""Steps of so many last seconds say how long the others will take [s]; some steps take minutes."""
+"""How far back the steps lie from which the time left is estimated [s]; some steps take minutes."""
 
 
 class TimeLeftColumn(ProgressColumn):

@@ -121,9 +121,7 @@ class Study:
         path = _inside(self.path, f"{name}.parquet", "file")
         try:
             found = read_metadata(path)
-        except FileNotFoundError:
-            return False
-        except (OSError, ValueError):  # what pyarrow raises for a file that is no Parquet
+        except (OSError, ValueError):  # not there, or what pyarrow raises for a file that is no Parquet
             return False
         wanted = {key: self._provenance[key] for key in SAME if self._provenance[key] is not None}
         return all(found.get(key) == _as_text(value) for key, value in wanted.items())
@@ -177,12 +175,14 @@ class Study:
     def write_config(self) -> Path:
         """Path of `config.json`: every key of the task with the value that was used.
 
-        From here on no other process may write to the folder, until this object is dropped.
+        From here on no other process may write to the folder, until this object is dropped, and the study is not
+        finished: a summary of before is removed.
 
         Raises:
             FolderInUseError: Another process writes to it.
         """
         self._claim = claim(self.path)
+        (self.path / "summary.json").unlink(missing_ok=True)
         return self.write_text("config.json", json.dumps(self._config, indent=2, allow_nan=False) + "\n")
 
     def write_text(self, name: str, text: str) -> Path:

@@ -2,8 +2,8 @@
 
 Keys are those of the command line, groups as mappings: `evaluate(method="rearl", eval={"n_runs": 1})` is
 `rearl evaluate method=rearl eval.n_runs=1`, and `data={"format": "highd", "root": "/data/highD"}` names recordings.
-Nothing is printed, and nothing is kept unless a folder is named. `rearl_jax.runtime.start()`, called first, uses all
-cores and keeps compiled programs, as the command does.
+Nothing is printed, and nothing is kept unless a folder is named. `start()` of `rearl_jax.runtime`, called first, uses
+all cores and keeps compiled programs, as the command does.
 """
 
 import contextlib
@@ -166,7 +166,7 @@ def _run(words: str, folder: str | Path | None, keys: Mapping[str, Any]) -> Iter
         if name in keys:
             raise ValueError(f"{name}: name the folder instead, {words}(folder=...)")
     task = next(task for task in TASKS if task.words == words)
-    implied = (task.implied[group].split("=") for group in keys if group in task.implied)
+    implied = (word.split("=") for group, word in task.implied.items() if group in keys)
     with TemporaryDirectory() as temporary, contextlib.redirect_stdout(io.StringIO()) as printed:
         place = Path(temporary, words) if folder is None else Path(folder)
         own = {"study": place.name, "results": {"root": str(place.parent)}}

@@ -140,6 +140,8 @@ def test_no_litter(cli):
         (["drive"], ["nearest: rearl drive far"]),
         (["dive", "study=x"], ["'dive'", "nearest: rearl drive far"]),
         (["study=x"], ["name a task", "rearl TASK study=x"]),
+        (["drive", "far", "-m", "side=left,right", "--config"], ["--config", "leave out -m"]),
+        (["drive", "far", "--sweep", "sides", "--config"], ["--config", "leave out -m"]),
     ],
 )
 def test_mistakes_end_with_one_sentence(cli, capsys, arguments, said):

@@ -162,10 +162,12 @@ def test_keys_imply_what_they_do_on_the_command_line(monkeypatch):
         return run
 
     monkeypatch.setattr("rearl_jax.tasks.Task.load_run", refuse)
-    for keys in ({}, {"detection": {"interval": 3}}, {"detection": {"interval": 3}, "method": "base"}):
+    detection, ppo = {"detection": {"interval": 3}}, {"ppo": {"weights": "some.eqx"}}
+    # Where two groups imply a method, the order in which they are given does not matter.
+    for keys in ({}, detection, detection | {"method": "base"}, detection | ppo, ppo | detection):
         with pytest.raises(RuntimeError):
             workflows.evaluate("some/place", **keys)
-    assert [config.method for config in seen] == [Method.base, Method.rearl, Method.base]
+    assert [config.method for config in seen] == [Method.base, Method.rearl, Method.base, Method.ppo, Method.ppo]
     assert (seen[0].results.root, seen[0].study) == ("some", "place")
 
 

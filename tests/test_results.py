@@ -82,9 +82,9 @@ def test_config_hash_depends_on_values_and_not_on_the_folder():
 
 def test_no_secret_of_the_environment_is_written(study, frame, monkeypatch):
     monkeypatch.setenv("LLM_API_KEY", "very-secret-value")
+    study.write_config()
     study.write_table("rows", frame)
     study.write_summary({"h": 0.5})
-    study.write_config()
     files = list(study.path.iterdir())
     assert len(files) == 3
     assert all(b"very-secret-value" not in file.read_bytes() for file in files)
@@ -218,6 +218,20 @@ def test_a_study_knows_what_is_its_own(tmp_path):
     (study.path / "summary.json").write_text("[")
     assert not study.owns("rows")
     assert study.finished_summary() is None
+
+
+def test_a_study_that_is_begun_anew_is_not_finished_any_more(tmp_path):
+    from rearl_jax.results import Study
+
+    study = Study(tmp_path, "study", {"key": 1}, "a task")
+    study.write_summary({"figure": 3})
+    assert study.begin(resume=True)["figure"] == 3
+    assert (study.path / "summary.json").exists()
+    assert study.begin(resume=False) is None
+    assert not (study.path / "summary.json").exists()
+    study.write_summary({"figure": 3})
+    assert Study(tmp_path, "study", {"key": 2}, "a task").begin(resume=True) is None
+    assert not (study.path / "summary.json").exists()
 
 
 def test_parts_of_another_study_are_removed(tmp_path):

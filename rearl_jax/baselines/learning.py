@@ -71,7 +71,7 @@ class Learner(eqx.Module):
 
 
 def make_optimiser(ppo: PpoConfig, n_updates: int, n_decisions: int) -> optax.GradientTransformation:
-    """Adam with clipped gradients, its step size falling to zero over all updates."""
+    """Adam with clipped gradients; with `ppo.anneal` its step size falls to zero over all updates."""
     steps = n_updates * ppo.epochs * split(n_decisions, ppo.minibatch)[0]
     rate = optax.linear_schedule(ppo.learning_rate, 0.0, steps) if ppo.anneal else ppo.learning_rate
     return optax.chain(optax.clip_by_global_norm(ppo.max_grad_norm), optax.adam(rate, eps=ADAM_EPSILON))

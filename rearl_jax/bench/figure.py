@@ -36,7 +36,6 @@ def draw_costs(results: BenchResults) -> bytes:
         draw(each, results)
         each.grid(axis="y", color=drawing.LIGHT_GREY, linewidth=0.8)
         each.set_axisbelow(True)
-        each.spines[["top", "right"]].set_visible(False)
         each.legend(frameon=False, fontsize=drawing.FONT_SIZE)
     return drawing.png(figure)
 

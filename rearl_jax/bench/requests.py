@@ -4,10 +4,7 @@ Within a repetition the two ask one after the other, in the reverse order the ne
 questions, so that nobody finds prefixes that the other has left behind; the ratio is taken within a repetition.
 """
 
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 
 from rearl_jax import runtime
@@ -21,6 +18,7 @@ from rearl_jax.config import BenchRequestsTask
 from rearl_jax.config.bench import BenchRequestsConfig
 from rearl_jax.config.llm import LlmConfig, Profile
 from rearl_jax.llm.client import Client
+from rearl_jax.llm.local_server import started
 from rearl_jax.llm.profiles import request_body
 from rearl_jax.llm.records import Cause, Question
 from rearl_jax.progress import progress_bar, shown
@@ -41,7 +39,8 @@ def run(config: BenchRequestsTask) -> dict:
     load = runtime.load_average()
     fixed = real = None
     with progress_bar() as bar:
-        with _slow_server(requests.latency, requests.slots) as address:
+        command = ["rearl_jax.bench.slow_server", str(requests.latency), str(requests.slots)]
+        with started(command, "the measured server") as address:
             step = shown(bar, f"server of {1000 * requests.latency:g} ms")
             plain = replace(config.llm, model="", profile=Profile.plain)
             with fresh_client(plain, address) as client:
@@ -116,18 +115,3 @@ def _plainly(client: Client, llm: LlmConfig, questions: list[Question]) -> Burst
     with watch:
         send_all(client.address, bodies, llm.max_in_flight)
     return Burst(len(questions), watch.wall_s, watch.cpu_s)
-
-
-@contextmanager
-def _slow_server(latency: float, slots: int) -> Iterator[str]:
-    """Address of a server that takes a fixed time, in a process of its own, as long as it is needed."""
-    command = [sys.executable, "-m", "rearl_jax.bench.slow_server", str(latency), str(slots)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            line = process.stdout.readline()
-            if not line.startswith("READY "):
-                raise OSError(f"the measured server ended with exit code {process.wait()} while starting")
-            yield line.split()[1]
-        finally:
-            process.kill()

@@ -29,14 +29,14 @@ def calibration(cases: Iterable[Judged], edges: Sequence[float] = (0.0, 0.5, 0.8
     claims = [claim for case in cases for claim in case.judgement.claims]
     rows = []
     for low, high in zip(edges, edges[1:], strict=False):
-        inside = [there for stated, there in claims if low < stated <= high or stated == low == 0.0]
+        inside = [(stated, there) for stated, there in claims if low < stated <= high or stated == low == 0.0]
         if inside:
-            stated = [value for value, _ in claims if low < value <= high or value == low == 0.0]
-            ends = binomial_interval(sum(inside), len(inside))
+            n, n_true = len(inside), sum(there for _, there in inside)
+            ends = binomial_interval(n_true, n)
             rows.append(
                 {
-                    "from": low, "to": high, "n_claims": len(inside), "stated": float(np.mean(stated)),
-                    "true": sum(inside) / len(inside), "low": ends[0], "high": ends[1],
+                    "from": low, "to": high, "n_claims": n, "stated": float(np.mean([stated for stated, _ in inside])),
+                    "true": n_true / n, "low": ends[0], "high": ends[1],
                 }
             )  # fmt: skip
     return rows

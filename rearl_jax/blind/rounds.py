@@ -62,6 +62,8 @@ def open_study(folder: Path, config_hash: str, blind: BlindConfig, watch: Watch)
     if any(case.source == "sumo" for case in cases):
         check_sumo()
     if not goes_on:
+        if n_lost := len(list((folder / VERDICTS).glob("*.json"))):
+            log.warning("other code or configuration than before: it begins anew, verdicts removed: %d", n_lost)
         shutil.rmtree(folder / VERDICTS, ignore_errors=True)
         truths = {}
         for number, case in enumerate(cases):

@@ -12,7 +12,7 @@ ERRORS = ("before", "after", "change", "floor", "oracle")
 
 @dataclass(frozen=True)
 class Interval:
-    """A figure and its 90 % interval; the ends are None where there is none."""
+    """A figure and its interval; the ends are None where there is none."""
 
     value: float
     low: float | None

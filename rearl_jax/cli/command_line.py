@@ -75,9 +75,11 @@ def _dispatch(arguments: list[str]) -> int:
     if options.help:
         print(task_help(task))
         return DONE
+    if options.config and (options.multirun or options.sweep):
+        raise UsageError("--config prints the configuration of one job: leave out -m and --sweep")
     if options.sweep:
         overrides = [*read_sweep(options.sweep, task, options.config_dir), *overrides]
-    if options.config and not (options.multirun or options.sweep):
+    if options.config:
         from omegaconf import OmegaConf
 
         print(OmegaConf.to_yaml(OmegaConf.structured(compose_task(task, overrides, options.config_dir))), end="")

@@ -8,7 +8,7 @@ import logging
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,12 +44,14 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
     swept = {item.key_or_group for item in parsed if item.is_sweep_override()}
     fixed = [text for text, item in zip(overrides, parsed, strict=True) if item.key_or_group not in swept]
     failed = None
+    cells = cells_of(parsed, swept)
+    said = {item.key_or_group: item.value() for item in parsed if item.key_or_group not in swept}
     try:
-        _launch(task, overrides, swept, config_dir)
+        _launch(task, overrides, said, len(cells), config_dir)
     except JobError as error:
         failed = error
     own = [text for text in fixed if not text.lstrip("+~").startswith("hydra")]
-    whole, cells = compose_task(task, own, config_dir), cells_of(parsed, swept)
+    whole = compose_task(task, own, config_dir)
     folder = Path(whole.results.root) / whole.study
     if task.collect is not None:
         task.load_collect()(whole, cells)
@@ -68,14 +70,19 @@ def cells_of(overrides: Sequence[Any], swept: set[str]) -> list[dict[str, str]]:
     return [{key: value for key, value in job.items() if key in swept} for job in jobs]
 
 
-def _launch(task: Task, overrides: list[str], swept: set[str], config_dir: str | None) -> None:
-    """Hands the jobs to Hydra's sweeper and launcher."""
+def _launch(task: Task, overrides: list[str], said: Mapping[str, Any], n_jobs: int, config_dir: str | None) -> None:
+    """Hands the jobs to Hydra's sweeper and launcher.
+
+    Args:
+        task: The task of every job.
+        overrides: Words of the command line.
+        said: Keys and values among them that are the same in all jobs.
+        n_jobs: Jobs of the multirun.
+        config_dir: Folder with configuration files of the user.
+    """
     import hydra
-    from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.core.utils import env_override
 
-    parsed = OverridesParser.create().parse_overrides(overrides)
-    said = {item.key_or_group: item.value() for item in parsed if item.key_or_group not in swept}
     unnamed = sorted({*_OWN_FOLDER, *said})
     defaults = [
         "hydra.output_subdir=null",
@@ -85,7 +92,7 @@ def _launch(task: Task, overrides: list[str], swept: set[str], config_dir: str |
         "hydra.sweep.dir=${results.root}/${study}",
         "hydra.sweep.subdir=${hydra.job.override_dirname}",
     ]
-    shares = settings(said, len(cells_of(parsed, swept)))
+    shares = settings(said, n_jobs)
     folder = [] if config_dir is None else [f"--config-dir={Path(config_dir).resolve()}"]
     register(task)
     # Hydra prints and exits by itself unless it is asked for the whole error; Ray reports its use unless told not to.

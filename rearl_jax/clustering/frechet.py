@@ -132,13 +132,3 @@ def subdivided(
         result[centre, :, :-1] = centres[centre][:, edge] + share * edges[centre][:, edge]
         result[centre, :, -1] = centres[centre, :, -1]
     return result
-
-
-def longest_edge(curves: Float[np.ndarray, "curves features points"]) -> Float[np.ndarray, " curves"]:
-    """Length of the longest edge of every polyline.
-
-    The discrete distance of two polylines exceeds the continuous one by at most the longest edge of either.
-
-    Source: Eiter & Mannila (1994), lemma 5.
-    """
-    return np.sqrt((np.diff(curves, axis=2) ** 2).sum(axis=1)).max(axis=1)

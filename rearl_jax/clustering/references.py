@@ -33,7 +33,7 @@ from rearl_jax.config.scenes import (
     SplitConfig,
     TracksConfig,
 )
-from rearl_jax.data.recordings import data_id
+from rearl_jax.data.recordings import data_id, file_stamps
 from rearl_jax.data.records import Recording
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.data.splits import Splits
@@ -131,7 +131,7 @@ class ReferenceBuilder:
     """
 
     def __init__(self, config: ReferenceKeys, tracks: TrackSet | None = None) -> None:
-        """Looks for the finished clustering.
+        """Looks for the finished clustering; files that were touched since, or other code, have another one.
 
         Args:
             config: A task's configuration.
@@ -140,7 +140,8 @@ class ReferenceBuilder:
         self._config, self.tracks = config, tracks
         keys = {group: as_plain(getattr(config, group)) for group in _GROUPS}
         self.data_id = data_id(config.data)
-        self._path = kept_path("clusters", {**keys, "data": self.data_id}, _SOURCES, ".npz")
+        stamps = [list(stamp) for stamp in file_stamps(config.data)]
+        self._path = kept_path("clusters", {**keys, "data": self.data_id, "files": stamps}, _SOURCES, ".npz")
         self._found = _stored(self._path)
         self._collector = TrackCollector(config.scenes, config.tracks, config.features, config.spacing)
 

@@ -53,7 +53,7 @@ class BenchConfig:
     margin: float = key(0.15, "share of the earlier ratio that may be lost; own choice")
 
     def check(self) -> None:
-        """Ranges."""
+        """Raise ValueError for a value outside its range."""
         _check_rising(self, "vehicles")
         for name in ("chunks", "threads"):
             if getattr(self, name):
@@ -120,7 +120,7 @@ class BenchLoopConfig:
     steps_repetitions: int = key(20, "measurements of these steps")
 
     def check(self) -> None:
-        """Ranges."""
+        """Raise ValueError for a value outside its range."""
         _check_rising(self, "vehicles")
         for name in ("batches", "steps_batches"):
             if getattr(self, name):
@@ -153,7 +153,7 @@ class BenchStartupConfig:
     warm_s: float = key(6.0, "the same with the cache of the evaluation before [s]; goal")
 
     def check(self) -> None:
-        """Ranges."""
+        """Raise ValueError for a value outside its range."""
         _check_least(self, 1, "repetitions")
         _check_positive(self, "cold_s", "warm_s")
 
@@ -173,7 +173,7 @@ class BenchRequestsConfig:
     server_requests: int = key(24, "different questions of a measurement of the real server")
 
     def check(self) -> None:
-        """Ranges."""
+        """Raise ValueError for a value outside its range."""
         _check_least(self, 1, "requests", "slots", "repetitions", "server_requests")
         _check_positive(self, "latency")
         _check_least(self, 0, "seed")

@@ -28,7 +28,7 @@ class CoreConfig:
     chunk: int = key(512, "scenarios one core simulates at a time; more need more memory, fewer leave it idle")
 
     def check(self) -> None:
-        """Ranges."""
+        """Raise ValueError for a value outside its range."""
         if not 1 <= self.n_lanes <= 8:
             raise ValueError(f"n_lanes must be within 1..8, got {self.n_lanes}")
         for name in ("n_vehicles", "ticks_per_second", "chunk"):

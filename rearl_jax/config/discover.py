@@ -30,7 +30,7 @@ class DiscoverConfig:
     )
 
     def check(self) -> None:
-        """Ranges."""
+        """Raise ValueError for a value outside its range."""
         if self.replicates < 2:
             raise ValueError(f"replicates must be at least 2, got {self.replicates}")
         if self.max_drivers < 9:

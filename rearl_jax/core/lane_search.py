@@ -84,13 +84,15 @@ def find_ahead(
     own_index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
     none = nobody(traits)
     if view.nearest is not None:
-        found, index = [], own_index
-        for _ in range(n_leaders):
-            further = view.nearest.ahead_on(lane, index)
-            # Two vehicles side by side are each ahead of the other.
-            index = jnp.where((index == NOBODY) | (further == own_index), NOBODY, further)
-            found.append(_where(index != NOBODY, _picked(state, traits, index), none))
-        return tuple(found)
+        index = view.nearest.ahead_on(lane)
+        leaders = [index]
+        while len(leaders) < n_leaders:
+            further = view.nearest.after(index, lane)
+            # Among vehicles abreast the own place may come after that of a leader.
+            further = jnp.where(further == own_index, view.nearest.after(own_index, lane), further)
+            index = jnp.where(index == NOBODY, NOBODY, further)
+            leaders.append(index)
+        return tuple(_where(index != NOBODY, _picked(state, traits, index), none) for index in leaders)
     bit = lane_bit(lane)
 
     def look_at(other: Int[Array, ""], found: tuple[Neighbour, ...]) -> tuple[Neighbour, ...]:

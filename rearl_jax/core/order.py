@@ -1,8 +1,10 @@
-"""The order of the vehicles along the road, and what can be read off it in one walk.
+"""The order of the vehicles along the road, and what can be read off it: who is next on every lane.
 
-For many vehicles, looking at all others costs too much. Walking once from the head of the traffic to its tail, and
-remembering the last vehicle met on each lane, gives everybody's leader on every lane; walking back gives the
-followers. The order changes little from tick to tick, so that sorting starts from the last one and needs a pass or two.
+For many vehicles, looking at all others costs too much. Instead they are kept sorted by x (`sort_along_road`), starting
+from the order of the last tick, which has changed little. Then the order is walked once from the head of the traffic to
+its tail, remembering the last vehicle met on each lane: that is the leader on this lane for whoever comes next. Walking
+back gives the followers (`walk_along_road`). Whom a vehicle finds on a lane is looked up afterwards (`NearestOnLanes`),
+where vehicles abreast, at exactly the same x, get the answers that highway-env gives them.
 """
 
 import math
@@ -27,7 +29,9 @@ def sort_along_road(
 ) -> Int[Array, "vehicles *scenarios"]:
     """Vehicle indices by rising x, those of equal x by falling index.
 
-    Found from any permutation by exchanging neighbours (odd-even transposition sort).
+    Odd-even transposition sort from any permutation: neighbours that stand in the wrong order are exchanged, all pairs
+    that begin at even places at once, then all that begin at odd places, until no scenario has such a pair. A vehicle
+    moves two places at most in such a double pass, and hardly any needs to move more in a tick.
     """
     n_vehicles = x.shape[0]
 
@@ -35,6 +39,7 @@ def sort_along_road(
         return (low[0] > high[0]) | ((low[0] == high[0]) & (low[1] < high[1]))
 
     def exchange(first: int, values: _Sorted) -> _Sorted:
+        # The pairs are (first, first + 1), (first + 2, first + 3), ...; who has no partner at the ends stays.
         last = first + (n_vehicles - first) // 2 * 2
         lows = values[0][first:last:2], values[1][first:last:2]
         highs = values[0][first + 1 : last : 2], values[1][first + 1 : last : 2]
@@ -72,15 +77,20 @@ def own_places(index: Int[Array, "places *scenarios"]) -> tuple[Array, ...]:
 class NearestOnLanes(eqx.Module):
     """The nearest vehicle ahead and behind on every lane, as seen from every place in the order.
 
-    What lies between two places is kept row by row: rows of all lanes for each place, places in the sequence in which
-    `walk_along_road` has come by.
+    `ahead` and `behind` have a row for each place and lane. The rows of a place stand together, lane 0 first; the
+    places follow each other in the sequence in which `_walk` comes by, which is not that of the order, so each vehicle
+    carries the number of its first row.
+
+    Vehicles abreast, which have exactly the same x, count as ahead of each other and never as behind. In the order they
+    stand by falling index, so the answers for all of them begin at the first: it may be the vehicle ahead itself, being
+    the last in the list, and only those before it are behind.
 
     Attributes:
-        ahead: Index of the next vehicle later in the order; NOBODY where there is none.
-        behind: Index of the next vehicle earlier in the order.
-        row: First row of each vehicle.
-        first_row: The same of the first vehicle in the order that has its x, mostly itself.
-        first: Index of that vehicle.
+        ahead: Index of the first vehicle later in the order that is on the lane; NOBODY where there is none.
+        behind: Index of the last one earlier in the order; NOBODY where there is none.
+        row: First row of each vehicle's place.
+        first_row: First row of the first of those abreast of each vehicle, mostly its own.
+        first: Index of that one.
         first_on: Lanes it is on, as bits.
         n_lanes: Number of lanes.
         lane_bit: The bit of a lane.
@@ -95,36 +105,41 @@ class NearestOnLanes(eqx.Module):
     n_lanes: int = eqx.field(static=True)
     lane_bit: Callable[[Array], Array] = eqx.field(static=True)
 
-    def ahead_on(
-        self, lane: Int[Array, "vehicles *scenarios"], index: Int[Array, "vehicles *scenarios"] | None = None
-    ) -> Int[Array, "vehicles *scenarios"]:
+    def ahead_on(self, lane: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
         """The vehicle next ahead on a lane of each vehicle's choice; NOBODY for none.
 
         The same x counts as ahead; of equally near vehicles the last in the list is meant.
 
         Args:
             lane: The lanes; those that do not exist are empty.
-            index: Ahead of which vehicle each one looks; None for itself.
         """
-        seen = self.row, self.first_row, self.first, self.first_on
-        if index is None:
-            index = lax.broadcasted_iota(jnp.int32, lane.shape, 0)
-        else:
-            seen = tuple(pick(values, index) for values in seen)
-        row, first_row, first, first_on = seen
-        is_first_on = (first_on & self.lane_bit(lane)) != 0
-        nearest = jnp.where(is_first_on, first, self._at(self.ahead, first_row, lane))
-        nearest = jnp.where(nearest == index, self._at(self.ahead, row, lane), nearest)
-        # Without the barrier XLA would look it up anew for every value that is picked by it.
-        return lax.optimization_barrier(jnp.where(self._exists(lane), nearest, NOBODY))
+        index = lax.broadcasted_iota(jnp.int32, lane.shape, 0)
+        is_first_on = (self.first_on & self.lane_bit(lane)) != 0
+        nearest = jnp.where(is_first_on, self.first, self._at(self.ahead, self.first_row, lane))
+        # A vehicle that finds itself is the first of those abreast that are on the lane: the next one is later.
+        nearest = jnp.where(nearest == index, self._at(self.ahead, self.row, lane), nearest)
+        return self._found(nearest, lane)
+
+    def after(
+        self, index: Int[Array, "vehicles *scenarios"], lane: Int[Array, "vehicles *scenarios"]
+    ) -> Int[Array, "vehicles *scenarios"]:
+        """The next on a lane later in the order than a given vehicle; NOBODY for none.
+
+        Args:
+            index: The vehicles; means nothing for NOBODY.
+            lane: The lanes; those that do not exist are empty.
+        """
+        return self._found(self._at(self.ahead, pick(self.row, index), lane), lane)
 
     def behind_on(self, lane: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
         """The vehicle next behind on a lane of each vehicle's choice; of equally near ones the first in the list."""
-        found = jnp.where(self._exists(lane), self._at(self.behind, self.first_row, lane), NOBODY)
-        return lax.optimization_barrier(found)
+        return self._found(self._at(self.behind, self.first_row, lane), lane)
 
-    def _exists(self, lane: Array) -> Array:
-        return (lane >= 0) & (lane < self.n_lanes)
+    def _found(self, index: Array, lane: Array) -> Array:
+        """The index, where the lane exists."""
+        exists = (lane >= 0) & (lane < self.n_lanes)
+        # Without the barrier XLA would look it up anew for every value that is picked by it.
+        return lax.optimization_barrier(jnp.where(exists, index, NOBODY))
 
     def _at(self, rows: Array, row: Array, lane: Array) -> Array:
         return pick(rows, row + jnp.clip(lane, 0, self.n_lanes - 1))
@@ -167,10 +182,14 @@ def walk_along_road(
 def _walk(
     order: Int[Array, "vehicles *scenarios"], bits: Int[Array, "vehicles *scenarios"], lane_bits: Int[Array, " lanes"]
 ) -> tuple[Int[Array, "vehicles *#scenarios"], Int[Array, "rows *scenarios"], Int[Array, "rows *scenarios"]]:
-    """First row of each place, and by row the vehicles last met on each lane, walking backwards and forwards.
+    """First row of each place, and by row the vehicle last met on the lane, walking against the order and along it.
 
-    The road is cut into stretches, which are walked side by side; where nobody has been met on a stretch, the last one
-    on those before it counts. That takes two times the root of the number of vehicles in steps of many vehicles each.
+    A plain walk takes n steps of one place each. Here the order is cut into stretches of about sqrt(n) places, which
+    are walked side by side: step k comes to the k-th place of every stretch. Whom a stretch has met last on each lane
+    is then handed on from stretch to stretch, and counts wherever nobody has been met on the own one yet. That makes
+    about 2 sqrt(n) steps, with vector code over many places in each.
+
+    Rows are numbered by step, in each step by stretch, and there by lane.
 
     Args:
         order: Vehicle indices by place.
@@ -183,7 +202,7 @@ def _walk(
     spare = [(0, n_stretches * length - n_vehicles)] + [(0, 0)] * len(others)
 
     def by_step(values: Array) -> Array:
-        """[length, stretches, 1, *scenarios]"""
+        """`[length, stretches, 1, *scenarios]`; the last stretch is filled up with zeros, which are on no lane."""
         return jnp.pad(values, spare).reshape(n_stretches, length, 1, *others).swapaxes(0, 1)
 
     n_lanes = len(lane_bits)
@@ -191,6 +210,8 @@ def _walk(
     vehicles = by_step(order), by_step(bits)
 
     def met_on_the_way(reverse: bool) -> Array:
+        """By row, who has been met last on the lane before coming to the place."""
+
         def pass_by(met: Array, vehicle: tuple[Array, Array]) -> tuple[Array, Array]:
             index, on = vehicle
             return jnp.where((on & lane_bits) != 0, index, met), met
@@ -209,7 +230,7 @@ def _walk(
 
 
 def _first_of_level(x: Float[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
-    """By place, the first place with the same x; x rises."""
+    """By place, the first place with the same x, found by stepping back as often as vehicles are abreast; x rises."""
     place = lax.broadcasted_iota(jnp.int32, x.shape, 0)
     is_level = (place > 0) & (x == jnp.roll(x, 1, axis=0))
 

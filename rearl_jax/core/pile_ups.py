@@ -1,9 +1,16 @@
 """Contacts in large traffic: which vehicles touch among those that are close along the road.
 
-Held against all others, as in small traffic, every wreck costs a pass over all vehicles, and a thousand always have
-some. Here the sorted road is walked once: everybody is held against the next few vehicles ahead, then against those
-after them and so on, until nobody is within reach of anybody; pairs that may touch are remembered as bits. Then the
-pairs of all scenarios are listed and tested in full.
+Held against all others, as in small traffic, every wreck costs a pass over all vehicles, and among a thousand there are
+always some. Here the order along the road says who may touch whom, one window after the other:
+
+1. `_look_ahead` holds everybody against the next WINDOW vehicles ahead by the cheap test of bounding boxes, and
+   remembers as bits which of them may be touched.
+2. `_test_pairs` takes up the scenarios that have such pairs, some at a time, numbers the pairs of these in one sequence
+   and tests them in full, a lot at a time. The work grows with the number of pairs and does not wait for the scenario
+   that has most of them.
+
+It ends with the window beyond which nobody is within reach of anybody, which is the first one unless traffic is piled
+up.
 """
 
 from dataclasses import replace
@@ -12,28 +19,33 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Bool, Int, UInt32
+from jaxtyping import Array, Bool, Float, Int, UInt32
 
 from rearl_jax.core.contacts import Extent, Marks, contact, may_touch
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.order import pick
+from rearl_jax.core.order import NOBODY, pick
 from rearl_jax.core.rectangles import Rectangle
 
-WINDOW = 16
-"""Places ahead that are looked at in one pass and remembered as bits; a power of two."""
+WINDOW = 8
+"""Places ahead that are looked at in one pass and remembered as bits of a number; a power of two, at most 32."""
+
+TREATED = 16
+"""Scenarios whose pairs are numbered together: as many numbers as a cache line holds."""
 
 TESTED = 32
-"""So many times fewer pairs than vehicles in all scenarios are tested at a time."""
-
-LISTED = 8
-"""So many times more pairs are listed at a time."""
+"""Vehicles of these scenarios for each pair of a lot that is tested at a time."""
 
 
 class _Found(NamedTuple):
-    """Marks so far, and for each vehicle the highest index that pushes it; -1 for none. All scenarios in a row."""
+    """Crash marks and pushes so far, and of all that push a vehicle the one with the highest index, NOBODY for none.
 
-    marks: Marks
+    All scenarios are in a row.
+    """
+
+    crashed: Bool[Array, " all"]
     partner: Int[Array, " all"]
+    push_x: Float[Array, " all"]
+    push_y: Float[Array, " all"]
 
 
 def collide_along_road(
@@ -46,7 +58,8 @@ def collide_along_road(
     """Crash marks and pushes after all pairs that may touch have been tested.
 
     Args:
-        order: Vehicle indices by rising x.
+        order: Vehicle indices by rising x, as of the beginning of the tick: who has come past others since then stands
+            far less than a WINDOW of places off.
         extent: Bounding boxes, by vehicle index.
         rectangles: The vehicles, by vehicle index.
         marks: Of the tick so far.
@@ -64,16 +77,16 @@ def collide_along_road(
     def one_window(work: tuple[Array, Extent, Array, _Found]) -> tuple[Array, Extent, Array, _Found]:
         first, front, _, found = work
         close, goes_on = _look_ahead(rear, front)
-        found = lax.cond(
-            jnp.any(close != 0), lambda: _test_pairs(close, first, order, flat, found, model), lambda: found
-        )
+        found = _test_pairs(close, first, order, flat, found, model)
         front = jax.tree.map(lambda values: jnp.concatenate([values[WINDOW:], values[-WINDOW:]]), front)
         return first + WINDOW, front, goes_on, found
 
-    found = _Found(jax.tree.map(jnp.ravel, marks), jnp.full(order.size, -1, jnp.int32))
+    crashed, is_pushed, push_x, push_y = marks
+    found = _Found(crashed.ravel(), jnp.full(order.size, NOBODY, jnp.int32), push_x.ravel(), push_y.ravel())
     start = jnp.int32(1), front, jnp.bool_(True), found
     found = lax.while_loop(lambda work: work[2], one_window, start)[3]
-    return jax.tree.map(lambda values: values.reshape(order.shape), found.marks)
+    found = jax.tree.map(lambda values: values.reshape(order.shape), found)
+    return found.crashed, is_pushed | (found.partner != NOBODY), found.push_x, found.push_y
 
 
 def _look_ahead(rear: Extent, front: Extent) -> tuple[UInt32[Array, "vehicles *scenarios"], Bool[Array, ""]]:
@@ -81,7 +94,8 @@ def _look_ahead(rear: Extent, front: Extent) -> tuple[UInt32[Array, "vehicles *s
 
     Args:
         rear: Everybody, by place.
-        front: Those ahead of the first one, by place; a WINDOW more than there are vehicles but one.
+        front: Whoever is ahead of the rearmost by as many places as the window begins at, and all after that one, so
+            that entry p + k is the k-th of the window of place p. There are n_vehicles + WINDOW - 1 entries.
     """
     n_vehicles = rear.x.shape[0]
     close = jnp.zeros(rear.x.shape, jnp.uint32)
@@ -90,6 +104,7 @@ def _look_ahead(rear: Extent, front: Extent) -> tuple[UInt32[Array, "vehicles *s
         close = close | jnp.where(may_touch(rear, other), jnp.uint32(1 << places), jnp.uint32(0))
     reach = rear.reach_x + jnp.abs(rear.moved_x) + jnp.abs(rear.moved_y)
     farthest = reach + jnp.max(reach, axis=0, keepdims=True)
+    # Positions rise: where the last of a window is out of reach, so are all beyond it.
     return close, jnp.any(front.x[WINDOW - 1 :] - rear.x <= farthest)
 
 
@@ -101,9 +116,7 @@ def _test_pairs(
     found: _Found,
     model: TrafficModel,
 ) -> _Found:
-    """What is found once all pairs have been tested.
-
-    The pairs are numbered scenario by scenario, in each by rising place.
+    """What is found once all pairs have been tested, some scenarios at a time: in ordinary traffic few have any.
 
     Args:
         close: By place, the places ahead whose vehicle may be touched, as bits; the lowest stands for `first`.
@@ -116,45 +129,59 @@ def _test_pairs(
     n_vehicles = order.shape[0]
     close, order = close.reshape(n_vehicles, -1), order.reshape(n_vehicles, -1)
     n_scenarios = order.shape[1]
-    n_tested = order.size // TESTED + 1
-    n_listed = LISTED * n_tested
+
+    def treat_some(work: tuple[Array, _Found]) -> tuple[Array, _Found]:
+        left, found = work
+        (columns,) = jnp.nonzero(left, size=min(TREATED, n_scenarios), fill_value=n_scenarios)
+        columns = columns.astype(jnp.int32)
+        some = jnp.minimum(columns, n_scenarios - 1)
+        close_here = jnp.where(columns[None] < n_scenarios, close[:, some], jnp.uint32(0))
+        # Where each vehicle of these scenarios stands among all.
+        vehicles = order[:, some] * n_scenarios + some[None]
+        found = _test_numbered(close_here.T, first, vehicles.T, rectangles, found, model)
+        return left.at[columns].set(False, mode="drop"), found
+
+    has_pairs = jnp.any(close != 0, axis=0)
+    return lax.while_loop(lambda work: jnp.any(work[0]), treat_some, (has_pairs, found))[1]
+
+
+def _test_numbered(
+    close: UInt32[Array, "some vehicles"],
+    first: Int[Array, ""],
+    vehicles: Int[Array, "some vehicles"],
+    rectangles: Rectangle,
+    found: _Found,
+    model: TrafficModel,
+) -> _Found:
+    """What is found once the pairs of some scenarios, numbered scenario by scenario and by rising place, are tested.
+
+    Args:
+        close: By place, the places ahead whose vehicle may be touched, as bits; the lowest stands for `first`.
+        first: Places ahead of the lowest bit.
+        vehicles: By place, where the vehicle stands among those of all scenarios.
+        rectangles: The vehicles by index, all scenarios in a row.
+        found: So far.
+        model: The tick.
+    """
+    close, vehicles = close.ravel(), vehicles.ravel()
     count = lax.population_count(close).astype(jnp.int32)
-    total, number = lax.scan(lambda sum_, n: (sum_ + n, sum_), jnp.zeros(n_scenarios, jnp.int32), count)
-    number = number + (jnp.cumsum(total, dtype=jnp.int32) - total)[None]
-    n_pairs = jnp.sum(total, dtype=jnp.int32)
-    # Rises with the numbers of the pairs.
-    place, scenario = (lax.broadcasted_iota(jnp.int32, order.shape, axis) for axis in (0, 1))
-    cell = scenario * n_vehicles + place
+    end = jnp.cumsum(count, dtype=jnp.int32)
+    n_tested = close.size // TESTED + 1
 
-    def test_some(tested: Array, cells: Array, found: _Found) -> _Found:
-        scenario, place = jnp.divmod(cells, n_vehicles)
+    def test_some(work: tuple[Array, _Found]) -> tuple[Array, _Found]:
+        tested, found = work
         pair = tested + lax.iota(jnp.int32, n_tested)
-        further = first + _set_bit(close[place, scenario], pair - number[place, scenario])
-        one, other = (
-            order[at, scenario] * n_scenarios + scenario for at in (place, jnp.minimum(place + further, n_vehicles - 1))
-        )
-        return _test(jnp.minimum(one, other), jnp.maximum(one, other), pair < n_pairs, rectangles, found, model)
+        rear = jnp.minimum(jnp.searchsorted(end, pair, side="right", method="scan_unrolled"), close.size - 1)
+        further = first + _set_bit(close[rear], pair - end[rear] + count[rear])
+        one, other = vehicles[rear], vehicles[jnp.minimum(rear + further, close.size - 1)]
+        found = _test(jnp.minimum(one, other), jnp.maximum(one, other), pair < end[-1], rectangles, found, model)
+        return tested + n_tested, found
 
-    def list_some(work: tuple[Array, _Found]) -> tuple[Array, _Found]:
-        listed, found = work
-        is_here = (count > 0) & (number < listed + n_listed) & (number + count > listed)
-        slot = jnp.where(is_here, jnp.maximum(number - listed, 0), n_listed)
-        cells = lax.cummax(jnp.zeros(n_listed, jnp.int32).at[slot].max(cell, mode="drop"))
-
-        def test_next(work: tuple[Array, _Found]) -> tuple[Array, _Found]:
-            tested, found = work
-            some = lax.dynamic_slice_in_dim(cells, tested - listed, n_tested)
-            return tested + n_tested, test_some(tested, some, found)
-
-        end = jnp.minimum(n_pairs, listed + n_listed)
-        found = lax.while_loop(lambda work: work[0] < end, test_next, (listed, found))[1]
-        return listed + n_listed, found
-
-    return lax.while_loop(lambda work: work[0] < n_pairs, list_some, (jnp.int32(0), found))[1]
+    return lax.while_loop(lambda work: work[0] < end[-1], test_some, (jnp.int32(0), found))[1]
 
 
 def _set_bit(bits: UInt32[Array, " pairs"], number: Int[Array, " pairs"]) -> Int[Array, " pairs"]:
-    """Position of a set bit that so many lower ones come before."""
+    """Position of the set bit that has this number of set bits below it, by halving the range it may be in."""
     position = jnp.zeros_like(number)
     width = WINDOW // 2
     while width:
@@ -175,22 +202,21 @@ def _test(
     found: _Found,
     model: TrafficModel,
 ) -> _Found:
-    """What is found after some pairs; `low` comes before `high` in the list.
+    """What is found after some pairs; `low` comes before `high` in the list of vehicles.
 
-    Of all that push a vehicle, the one with the highest index is the last to do so in highway-env, and counts.
+    Of all that push a vehicle, the one with the highest index is the last to do so in highway-env, and counts: pairs
+    may come in any sequence here, so each push is written only where nobody with a higher index has pushed so far.
     """
     one, other = (jax.tree.map(lambda values, who=who: values[who], rectangles) for who in (low, high))
     touches, will_touch, shift_x, shift_y = contact(one, other, is_pair, model)
 
-    crashed, is_pushed, push_x, push_y = found.marks
-    partner = found.partner
-    for who, pusher in ((low, high), (high, low)):
-        crashed = crashed.at[who].max(touches)
-        is_pushed = is_pushed.at[who].max(will_touch)
-        partner = partner.at[who].max(jnp.where(will_touch, pusher, -1))
-    for who, pusher, sign in ((low, high, 0.5), (high, low, -0.5)):
-        counts = will_touch & (partner[who] == pusher)
-        written = jnp.where(counts, who, partner.shape[0])
-        push_x = push_x.at[written].set(sign * shift_x, mode="drop")
-        push_y = push_y.at[written].set(sign * shift_y, mode="drop")
-    return _Found((crashed, is_pushed, push_x, push_y), partner)
+    who, pusher = jnp.concatenate([low, high]), jnp.concatenate([high, low])
+    touches, will_touch = jnp.tile(touches, 2), jnp.tile(will_touch, 2)
+    crashed = found.crashed.at[who].max(touches)
+    partner = found.partner.at[who].max(jnp.where(will_touch, pusher, NOBODY))
+    written = jnp.where(will_touch & (partner[who] == pusher), who, partner.shape[0])
+    push_x, push_y = (
+        push.at[written].set(jnp.concatenate([shift / 2, -shift / 2]), mode="drop")
+        for push, shift in ((found.push_x, shift_x), (found.push_y, shift_y))
+    )
+    return _Found(crashed, partner, push_x, push_y)

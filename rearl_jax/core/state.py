@@ -138,7 +138,10 @@ def make_state(
     x, y, speed, heading = full(x), full(y), full(speed), full(heading)
     controller = full(controller, np.int32)
     present = controller != Controller.ABSENT
-    for name, values in (("x", x), ("y", y), ("speed", speed), ("heading", heading)):
+    given = {"x": x, "y": y, "speed": speed, "heading": heading}
+    stated = {"desired_speed": desired_speed, "timer": timer}
+    given |= {name: full(values) for name, values in stated.items() if values is not None}
+    for name, values in given.items():
         bad = np.argwhere(present & ~np.isfinite(values))
         if len(bad):
             raise ValueError(
@@ -150,12 +153,12 @@ def make_state(
     x = np.where(present, x, parking)
     y, speed, heading = (np.where(present, values, 0.0) for values in (y, speed, heading))
 
-    desired = speed if desired_speed is None else full(desired_speed)
+    desired = np.where(present, given.get("desired_speed", speed), 0.0)
     level_speed = np.asarray(model.speed_levels)[np.asarray(nearest_level(desired, model), np.int64)]
-    desired = np.where(controller == Controller.META, level_speed, np.where(present, desired, 0.0))
+    desired = np.where(controller == Controller.META, level_speed, desired)
     lane = np.clip(np.ceil(y / model.lane_width - 0.5), 0, model.n_lanes - 1).astype(np.int32)
     target = lane if target_lane is None else np.where(present, full(target_lane, np.int32), 0)
-    phase = ((x + y) * np.pi) % lane_change_delay if timer is None else full(timer)
+    phase = ((x + y) * np.pi) % lane_change_delay if timer is None else np.where(present, given["timer"], 0.0)
     zeros = jnp.zeros(shape, dtype)
     return TrafficState(
         x=jnp.asarray(x, dtype),

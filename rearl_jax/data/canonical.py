@@ -39,7 +39,7 @@ def find_tables(root: Path) -> list[Path]:
         FileNotFoundError: There is none.
     """
     files = [root] if root.is_file() else sorted(root.glob("*"))
-    found = [file for file in files if file.suffix in (".parquet", ".csv")]
+    found = [file for file in files if file.suffix.lower() in (".parquet", ".csv")]
     if not found:
         raise FileNotFoundError(
             f"no .parquet or .csv in {root}: data.root must name a table, or a folder of tables, with the "
@@ -54,7 +54,7 @@ class TableFile:
     def __init__(self, path: Path, policy: DataConfig) -> None:
         self.path = path
         self._policy = policy
-        self._is_csv = path.suffix == ".csv"
+        self._is_csv = path.suffix.lower() == ".csv"
 
     def recordings(self) -> list[str]:
         """Ids of the recordings in the file."""
@@ -116,7 +116,7 @@ class TableFile:
     def stated(self) -> dict[str, RecordingInfo]:
         """What the file states about its recordings, by id."""
         if self._is_csv:
-            file = _sidecar(self.path)
+            file = sidecar(self.path)
             stored = file.read_bytes() if file.is_file() else None
         else:
             file = self.path
@@ -144,7 +144,7 @@ def write_recording(recording: Recording, path: Path) -> Path:
         raise ValueError(f"{path} must end in .parquet or .csv")
     text = describe([recording.info])
     if path.suffix == ".csv":
-        with replacing(_sidecar(path)) as unfinished:
+        with replacing(sidecar(path)) as unfinished:
             unfinished.write_text(text, encoding="utf-8")
         with replacing(path) as unfinished:
             recording.table.to_csv(unfinished, index=False)
@@ -156,7 +156,8 @@ def write_recording(recording: Recording, path: Path) -> Path:
     return path
 
 
-def _sidecar(path: Path) -> Path:
+def sidecar(path: Path) -> Path:
+    """File that says of a CSV table what a Parquet file holds in its metadata; need not be there."""
     return path.with_name(f"{path.name}.info.json")
 
 
@@ -170,9 +171,12 @@ def _worked_out(recording: str, rows: pd.DataFrame, path: Path) -> RecordingInfo
         for name in ("track_id", "frame", "time", "direction", "position", "length", "lane")
         if name in rows
     }
-    rows_after = (np.diff(values["track_id"]) == 0) & (np.diff(values["frame"]) > 0)
+    # Rows may come frame by frame, with one of every vehicle in view.
+    by_track = np.argsort(values["track_id"], kind="stable")
+    track, frame, time = (values[name][by_track] for name in ("track_id", "frame", "time"))
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite does not count
-        seconds = np.diff(values["time"])[rows_after] / np.diff(values["frame"])[rows_after]
+        rows_after = (np.diff(track) == 0) & (np.diff(frame) > 0)
+        seconds = np.diff(time)[rows_after] / np.diff(frame)[rows_after]
     period = float(np.median(seconds[np.isfinite(seconds)])) if np.isfinite(seconds).any() else 0.0
     if period <= 0.0:
         text = "the frame rate cannot be told: no track has two rows with rising frame and time"

@@ -50,6 +50,7 @@ _SOURCE_COLUMNS = {
     "vehicle_class": "class",
     "direction": "drivingDirection",
 }
+_RARE = 0.01  # share of the rows of a direction below which a laneId far from the markings is a fault
 _STANDING = 0.5  # m/s; the mean velocity of a vehicle in a jam has no reliable sign
 
 
@@ -295,7 +296,8 @@ def _lane_ids(
     highD numbers the stripes between markings from the top, starting with 1 above the first one: n_upper and
     n_lower markings make the upper lanes 2 .. n_upper and the lower ones n_upper + 2 .. n_upper + n_lower.
     Counting from the markings keeps the ranks right where nobody used an outer lane; where ids lie outside of
-    them, the ids that occur count.
+    them, the ids that occur count. Not so rare ids that are not even next to the markings: a single one would move
+    the ranks of all others, so they are left to the schema, which has no such lane.
     """
     n_upper, n_lower = len(markings[1]), len(markings[2])
     lanes = {1: (2, n_upper), 2: (n_upper + 2, n_upper + n_lower)}
@@ -303,7 +305,9 @@ def _lane_ids(
     direction = meta["drivingDirection"].reindex(source["track_id"].to_numpy()).to_numpy()
     lane_id = source["laneId"].to_numpy()
     for side, (low, high) in lanes.items():
-        used = lane_id[direction == side]
+        here = lane_id[direction == side]
+        used, counts = np.unique(here, return_counts=True)
+        used = used[(counts >= _RARE * here.size) | ((used >= low - 1) & (used <= high + 1))]
         if used.size and (used.min() < low or used.max() > high):
             lanes[side] = (int(used.min()), int(used.max()))
             notes += (f"direction {side}: laneId outside the lane markings, lanes counted from the ids that occur",)

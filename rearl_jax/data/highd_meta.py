@@ -121,6 +121,6 @@ def read_tracks_meta(path: Path, policy: DataConfig, losses: Losses) -> pd.DataF
     for column, bad, problem, remedy in stops:
         if bad.any():
             row = int(np.argmax(bad))
-            text = f"track {meta['id'].iloc[row]} {problem} ({meta[column].iloc[row]!r})"
+            text = f"track {meta['id'].iloc[row]} {problem} ({meta[column].astype(object).iloc[row]!r})"
             raise BadRecordingError(str(path), text, remedy, column, row + 1)
     return meta.set_index("id")

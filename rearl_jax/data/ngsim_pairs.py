@@ -50,7 +50,14 @@ def pairs_recordings(path: Path) -> dict[str, str]:
     if not runs or None in runs:
         text = "a row has no run" if runs else "the table has no rows"
         raise BadRecordingError(str(path), text, "complete the file", "run")
-    return {f"i80_{run[:4]}": run for run in sorted(runs)}
+    recordings: dict[str, str] = {}
+    for run in sorted(runs):
+        name = f"i80_{run[:4]}"
+        if name in recordings:
+            text = f"the runs {recordings[name]} and {run} would both be {name}"
+            raise BadRecordingError(str(path), text, "give each run another start time", "run")
+        recordings[name] = run
+    return recordings
 
 
 def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Recording:

@@ -169,7 +169,11 @@ def find_published(root: Path) -> list[Path]:
 
 
 def _recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
-    """Recording id -> its row positions."""
+    """Recording id -> its row positions.
+
+    Raises:
+        BadRecordingError: A time is impossible, or belongs to another frame than the row says.
+    """
     start = rows["global_time"].to_numpy(np.float64) - 100.0 * rows["frame"].to_numpy(np.float64)
     if not ((start >= 0.0) & (start <= _LATEST)).all():
         row = int(np.argmax(~((start >= 0.0) & (start <= _LATEST))))
@@ -187,7 +191,12 @@ def _recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
         if key in _ARTERIALS:
             continue
         for first in np.unique(start[place == code]):
-            recordings[f"{key}_{_clock(int(first))}"] = np.flatnonzero((place == code) & (start == first))
+            own, recording = np.flatnonzero((place == code) & (start == first)), f"{key}_{_clock(int(first))}"
+            others = recordings.setdefault(recording, own)
+            if others is not own:
+                text = f"Global_Time and Frame_ID of {recording} do not go together as in its other rows"
+                row = int(rows.index[min(own, others, key=len)[0]]) + 1
+                raise BadRecordingError(str(path), text, "correct or remove the row", "Global_Time", row)
     return recordings
 
 

@@ -185,7 +185,7 @@ _ENTRIES: dict[DataFormat, Callable[[DataConfig, Path], Iterator[_Entry]]] = {
 
 
 def _files(data: DataConfig) -> list[Path]:
-    """The files the rows of a data set come from."""
+    """The files the rows of a data set come from, and those that say how to read them."""
     root = _root(data)
     if data.format in (DataFormat.highd, DataFormat.generated):
         return [file for tracks in highd.find_recordings(root) for file in highd.require_files(tracks)]
@@ -194,5 +194,6 @@ def _files(data: DataConfig) -> list[Path]:
     if data.format is DataFormat.ngsim:
         return ngsim_published.find_published(root)
     if data.format is DataFormat.table:
-        return canonical.find_tables(root)
+        tables = canonical.find_tables(root)
+        return [*tables, *filter(Path.is_file, map(canonical.sidecar, tables))]
     return [(ngsim_pairs.find_pairs if data.format is DataFormat.i80 else openacc.find_platoons)(root)]

@@ -145,17 +145,6 @@ class SceneSet:
         return self.spacing.mean(axis=2)
 
     @cached_property
-    def road_lane(self) -> Int[np.ndarray, Slots]:
-        """Lane number that differs between the carriageways too, for "same lane" over pooled directions.
-
-        Raises:
-            ValueError: A vehicle's lane is unknown.
-        """
-        self._require_lanes()
-        n_lanes = int(self.lane.max(initial=0)) + 1
-        return self.lane.astype(np.int64) + n_lanes * (self.direction.astype(np.int64) - 1)
-
-    @cached_property
     def data_id(self) -> str:
         """Sixteen hexadecimal digits that are equal where settings and every value are equal."""
         digest = hashlib.sha256(json.dumps(dict(self.settings), sort_keys=True).encode())
@@ -168,14 +157,6 @@ class SceneSet:
     def select(self, indices: np.ndarray) -> "SceneSet":
         """The scenes with the given indices, in that order, under their old ids and speed extremes."""
         return replace(self, **{name: getattr(self, name)[indices] for name in ARRAYS})
-
-    def _require_lanes(self) -> None:
-        unknown = np.argwhere(self.lane == UNKNOWN_LANE)
-        if len(unknown):
-            raise ValueError(
-                f"recording {self.recording[unknown[0, 0]]} has vehicles without a lane: lane changes and "
-                "time headways cannot be measured on it. Choose data with lanes"
-            )
 
 
 ARRAYS = tuple(
@@ -239,6 +220,11 @@ def real_lane_change_rate(scenes: SceneSet) -> Float[np.ndarray, " scenes"]:
 
     Source: Bi et al., lane-change rate, with 60 x 10 in the denominator.
     """
-    scenes._require_lanes()
+    unknown = np.argwhere(scenes.lane == UNKNOWN_LANE)
+    if len(unknown):
+        raise ValueError(
+            f"recording {scenes.recording[unknown[0, 0]]} has vehicles without a lane: lane changes and "
+            "time headways cannot be measured on it. Choose data with lanes"
+        )
     changed = scenes.has_next & (scenes.next_lane != UNKNOWN_LANE) & (scenes.next_lane != scenes.lane)
     return changed.mean(axis=(1, 2))

@@ -109,7 +109,7 @@ def _counts(seen: Mapping[str, WindowCount]) -> SceneCounts:
 def _no_scene(seen: Mapping[str, WindowCount], scenes: ScenesConfig) -> str:
     """Why there is no scene, and which key to change."""
     if not seen:
-        return "there are no recordings to cut scenes from: check data.format and data.path"
+        return "there are no recordings to cut scenes from: check data.format and data.root"
     windows = sum(count.windows for count in seen.values())
     if windows == 0:
         longest, count = max(seen.items(), key=lambda item: item[1].duration)

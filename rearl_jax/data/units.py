@@ -4,18 +4,13 @@ import numpy as np
 
 # Source: international foot and mile, NIST Special Publication 811 (2008), appendix B.
 SI_FACTOR = {
-    "m": 1.0,
     "km": 1000.0,
     "cm": 0.01,
     "ft": 0.3048,
-    "m/s": 1.0,
     "km/h": 1.0 / 3.6,
     "mph": 0.44704,
     "ft/s": 0.3048,
-    "m/s^2": 1.0,
     "ft/s^2": 0.3048,
-    "s": 1.0,
-    "ms": 1e-3,
 }
 
 

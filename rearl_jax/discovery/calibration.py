@@ -3,19 +3,16 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import data_id, iterate_recordings
-from rearl_jax.discovery.gate import amount, gate
 from rearl_jax.discovery.layout import layout_of
 from rearl_jax.discovery.moments import Programs
 from rearl_jax.discovery.noise import calibrate
-from rearl_jax.discovery.reading import measure, one_frame_rate
+from rearl_jax.discovery.parts import measured_drivers
 from rearl_jax.discovery.refit import Fit
 from rearl_jax.discovery.repaired import repaired_model
-from rearl_jax.discovery.smoothness import smoothness
 from rearl_jax.discovery.solver import Solver
 from rearl_jax.discovery.tables import fit_table
 from rearl_jax.models.file import write_model
@@ -47,15 +44,7 @@ def calibration(config: DiscoverTask) -> Calibration:
     Raises:
         FileNotFoundError, ValueError: There are no recordings, one is bad, or nobody follows a leader long enough.
     """
-    recordings = list(iterate_recordings(config.data))
-    one_frame_rate(recordings)
-    smooth = smoothness(recordings)
-    findings = gate(recordings, smooth.drives)
-    data = measure(recordings, amount(findings, "position_lag"), smooth)
-    if data.n_drivers > config.discover.max_drivers:
-        rng = np.random.default_rng(config.discover.seed)
-        kept = rng.choice(data.n_drivers, config.discover.max_drivers, replace=False)
-        data = data.select(np.flatnonzero(np.isin(data.driver, kept)))
+    findings, data = measured_drivers(list(iterate_recordings(config.data)), config.discover)
     solver = Solver(Programs(layout_of(data), data.dt))
     fit = Fit(None, *calibrate(solver, data))
     model = repaired_model(fit, fit, (), (), data, solver.layout, data_id(config.data), config.study)

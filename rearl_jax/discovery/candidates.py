@@ -86,7 +86,6 @@ class Candidate:
         kind: `driver`, `road`, `generic`, `artefact`.
         look: Places of theta whose directions the screen looks along.
         free: Places that are fitted.
-        scale: Standard deviation of the prior of each place in `look` and `free`, by place.
         variables: What it depends on.
     """
 

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.errors import gap_errors
 from rearl_jax.discovery.measured import Measured
-from rearl_jax.discovery.procedure import Search, in_time
+from rearl_jax.discovery.procedure import Search
 from rearl_jax.discovery.solver import Solver
 
 CERTAINTY = 0.95
@@ -20,31 +20,31 @@ CERTAINTY = 0.95
 DRAWS = 1000
 
 
-def confirmed(solver: Solver, found: Search, checked: Measured, seed: int) -> Search:
+def confirmed(solver: Solver, found: Search, seed: int) -> Search:
     """The search, without additions with which the closed-loop gap error of the checked drivers is larger.
 
     Args:
         solver: Simulates.
         found: What was found.
-        checked: Drivers nothing was fitted to.
         seed: Of the resampling of drivers.
     """
     if not found.added:
         return found
-    before, after = gap_errors(solver, in_time(solver, found, checked), [found.first, found.last])
+    before, after = gap_errors(solver, found.checked, [found.first, found.last])
     if _share_worse(before, after, seed) < CERTAINTY:
         return found
     return replace(found, rounds=[replace(found.rounds[0], held=[])], rejected=found.added)
 
 
 def clocks_confirmed(solver: Solver, found: Search, checked: Measured, seed: int) -> bool:
-    """Whether the closed-loop gap error of the checked drivers is rather smaller than larger with their clocks put
-    right; arguments as of `confirmed`. The search takes other irregularities for clocks too, a simulation does not.
+    """Whether the closed-loop gap error of the checked drivers is more likely smaller than larger with their clocks put
+    right, those of `checked` as they were measured. The search takes other irregularities for clocks too, a simulation
+    does not.
     """
     if found.clocks is None:
         return True
     (before,) = gap_errors(solver, checked, [found.before])
-    (after,) = gap_errors(solver, in_time(solver, found, checked), [found.first])
+    (after,) = gap_errors(solver, found.checked, [found.first])
     return _share_worse(before, after, seed) < 0.5
 
 

@@ -86,13 +86,9 @@ def _errors(solver: Solver, world: World, fit: Fit, seed: int) -> ModelErrors:
     deviation, uncalibrated = (_simulated_error(solver, one) for one in (calibrated, world))
     (surprise,) = solver.innovations([world])
     rng = np.random.default_rng(seed)
-    noisy = []
-    for _ in range(NOISY_RUNS):
-        noisy.append(np.clip(behind_noisy_drive(solver, world, fit.noise, rng), -FARTHEST, FARTHEST))
-    drawn = np.stack(noisy)
+    noisy = [behind_noisy_drive(solver, world, fit.noise, rng) for _ in range(NOISY_RUNS)]
+    drawn = np.clip(np.stack(noisy), -FARTHEST, FARTHEST)
     gap = data.around.leader_rear - (data.smooth + data.length / 2)
-    speed = np.gradient(deviation - (data.y - data.smooth), data.dt, axis=0)
-
     mean = data.driver_mean
     rmse = np.sqrt(mean(deviation**2))
     pairs = [(i, j) for i in range(len(drawn)) for j in range(i)]
@@ -102,7 +98,7 @@ def _errors(solver: Solver, world: World, fit: Fit, seed: int) -> ModelErrors:
         {
             "gap_rmse": rmse,
             "gap_nrmse": rmse / np.sqrt(mean(gap**2)),
-            "speed_rmse": np.sqrt(mean(speed**2)),
+            "speed_rmse": speed_error(deviation, data),
             "gap_rmse_uncalibrated": np.sqrt(mean(uncalibrated**2)),
             "one_step": np.sqrt(mean(surprise**2)),
             "energy_score": away - spread / 2,
@@ -110,6 +106,19 @@ def _errors(solver: Solver, world: World, fit: Fit, seed: int) -> ModelErrors:
         },
         _floor(solver, calibrated, fit, seed),
     )
+
+
+def speed_error(deviation: Float[np.ndarray, "steps pieces"], data: Measured) -> Float[np.ndarray, " drivers"]:
+    """Root mean square speed error of each driver [m/s].
+
+    Args:
+        deviation: Measured less simulated positions [m].
+        data: The drivers.
+    """
+    ahead = deviation - (data.y - data.smooth)
+    # Backward: what comes after the last moment of a piece is padding, in which nobody drives.
+    speed = np.diff(ahead, axis=0, prepend=ahead[:1]) / data.dt
+    return np.sqrt(data.driver_mean(speed**2))
 
 
 def _calibrated_to_gap(solver: Solver, world: World) -> World:

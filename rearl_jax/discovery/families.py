@@ -55,16 +55,16 @@ APART = {
     ("reaction_delay", "leader_acceleration"): "faster changes of the leader's speed, above 0.2 Hz",
     ("several_leaders", "leader_acceleration"): "a second leader that does something else than the first",
     ("speed_dependent_time_gap", "resignation"): "the same speed reached from above and from below, minutes apart",
-    ("leader_class", "dependence"): "trucks of different lengths, and long cars",
-    ("weather", "dependence"): "a longer record, or a second one in other weather",
+    ("leader_class", "leader_length"): "trucks of different lengths, and long cars",
+    ("weather", "time"): "a longer record, or a second one in other weather",
 }
-"""What data would tell candidates apart."""
+"""What data would tell candidates apart; a free curve goes by the name of its variable."""
 
 
 def told_apart_by(name: str, chosen: list[str]) -> str:
     """What data would tell a candidate from those that were chosen."""
     for other in chosen:
         for pair, words in APART.items():
-            if {name.partition(".")[0], other.partition(".")[0]} == set(pair):
+            if {one.rpartition(".")[2] for one in (name, other)} == set(pair):
                 return words
     return "more drivers, or a wider range of what they depend on"

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Bool, Int
 from matplotlib.patches import Patch
 from scipy.stats import norm
 
@@ -99,8 +100,7 @@ def draw_innovations(left: Mapping[str, Residuals], *, generated: bool) -> bytes
     figure, (lags, spread) = panels(7.2, 3.0, columns=2, generated=generated)
     for model, one in left.items():
         data = one.world.data
-        found = one.autocorrelation()
-        lags.plot(np.arange(1, len(found) + 1) * data.dt, found, color=COLOURS[model], linewidth=1.4, label=model)
+        lags.plot(*one.autocorrelation(), color=COLOURS[model], linewidth=1.4, label=model)
         used = one.innovation[data.weight > 0]
         edges = np.linspace(-FARTHEST_SIGMA, FARTHEST_SIGMA, 41)
         density = np.histogram(used / used.std(), edges, density=True)[0]
@@ -144,21 +144,20 @@ def draw_example(left: Mapping[str, Residuals], errors: Mapping[str, ModelErrors
     piece = example_piece(left["before"], errors)
     figure, (above, below) = panels(7.2, 4.2, rows=2, generated=generated)
     data = left["before"].world.data
-    counts = data.weight[:, piece] > 0
-    used = slice(int(np.flatnonzero(counts)[0]), int(np.flatnonzero(counts)[-1]) + 1)
-    time = data.around.time[used, piece]
-    gap = (data.around.leader_rear - data.smooth - data.length / 2)[used, piece]
-    leader = data.leader[used, piece]
-    seen = np.where(counts[used] & (leader == np.roll(leader, 1)), gap, np.nan)  # no line from one leader to the next
+    rows, begins = stretches(data.weight[:, piece] > 0, data.stride)
+    time, leader = data.around.time[rows, piece], data.leader[rows, piece]
+    gap = (data.around.leader_rear - data.smooth - data.length / 2)[rows, piece]
+    # No line from one leader to the next.
+    seen = np.where(begins | np.r_[False, leader[1:] != leader[:-1]], np.nan, gap)
     above.plot(time, seen, color=DARK_GREY, linewidth=2.0, label="measured")
     for model, one in left.items():
         # The simulated gap itself has no measurement noise.
-        noise = one.world.data.y[:, piece] - one.world.data.smooth[:, piece]
-        off = np.where(counts, one.gap[:, piece] - noise, np.nan)[used]
-        above.plot(time, seen + off, color=COLOURS[model], linewidth=1.3, label=f"simulated {model}")
-        below.plot(
-            time, np.where(counts, one.acceleration[:, piece], np.nan)[used], color=COLOURS[model], linewidth=1.2
+        noise = one.world.data.y[rows, piece] - one.world.data.smooth[rows, piece]
+        above.plot(
+            time, seen + one.gap[rows, piece] - noise, color=COLOURS[model], linewidth=1.3, label=f"simulated {model}"
         )
+        acceleration = np.where(begins, np.nan, one.acceleration[rows, piece])
+        below.plot(time, acceleration, color=COLOURS[model], linewidth=1.2)
     below.axhline(0.0, color=GREY, linewidth=0.8)
     above.set_ylabel("gap [m]")
     above.set_ylim(bottom=0)
@@ -166,6 +165,19 @@ def draw_example(left: Mapping[str, Residuals], errors: Mapping[str, ModelErrors
     below.set(xlabel="time [s]", ylabel="acceleration left [m/s²]")
     set_title(above, f"report driver {data.driver[piece]}, the middle one by what changed")
     return png(figure)
+
+
+def stretches(
+    counts: Bool[np.ndarray, " steps"], stride: int
+) -> tuple[Int[np.ndarray, " counted"], Bool[np.ndarray, " counted"]]:
+    """Moments of a piece that count, and whether something was left out before each.
+
+    Args:
+        counts: Whether each moment does.
+        stride: Moments from one that says something new to the next.
+    """
+    rows = np.flatnonzero(counts)
+    return rows, np.diff(rows, prepend=rows[:1]) > stride
 
 
 def example_piece(left: Residuals, errors: Mapping[str, ModelErrors]) -> int:

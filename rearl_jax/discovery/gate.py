@@ -7,10 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 
-from rearl_jax.data.records import Recording
-from rearl_jax.discovery.smoothing import cut_off, position_noise, smoothed, thinned, track_bounds
+from rearl_jax.discovery.smoothing import Thinned, cut_off, position_noise, smoothed, track_bounds
 
 SMOOTHING = "smoothing"
 """Name of the artefact that leaves nothing to claim about drivers: what they seem to do may be what it left of it."""
@@ -57,14 +55,13 @@ def amount(findings: Sequence[Finding], name: str) -> float:
     return next((finding.value for finding in findings if finding.name == name), 0.0)
 
 
-def gate(recordings: Sequence[Recording], smoothing: float) -> list[Finding]:
+def gate(tables: Sequence[Thinned], smoothing: float) -> list[Finding]:
     """What the columns show of lags, scales and noise.
 
     Args:
-        recordings: What was measured.
+        tables: What was measured.
         smoothing: Width of the kernel positions have been smoothed with [s]; 0 for none.
     """
-    tables = [thinned(recording) for recording in recordings]
     noise = [position_noise(table["position"].to_numpy(), *track_bounds(table)) for table, _ in tables]
     lag, scale = _speed_against_position(tables, noise)
     found = []
@@ -103,7 +100,7 @@ def gate(recordings: Sequence[Recording], smoothing: float) -> list[Finding]:
 
 
 def _speed_against_position(
-    tables: Sequence[tuple[pd.DataFrame, float]], noise: Sequence[float]
+    tables: Sequence[Thinned], noise: Sequence[float]
 ) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
     """Lag of the speed column [s] and its relative size [-] against the derivative of the position, with deviations."""
     grams, sides = [], []

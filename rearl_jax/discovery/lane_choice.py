@@ -9,7 +9,7 @@ from rearl_jax.data.records import Recording
 from rearl_jax.discovery.gate import SMOOTHING, amount
 from rearl_jax.discovery.lane_changes import KnownDrivers, LaneChangeFindings, lane_change_findings, too_few_changes
 from rearl_jax.discovery.parts import Parts
-from rearl_jax.discovery.procedure import Search, in_time
+from rearl_jax.discovery.procedure import Search
 from rearl_jax.discovery.refit import on_others
 from rearl_jax.discovery.solver import Solver
 
@@ -29,8 +29,7 @@ def lane_choice(
     few = too_few_changes(recordings)
     if few is not None:
         return few  # before anybody is calibrated for it
-    checked = in_time(solver, found, parts.checked)
-    known = KnownDrivers.of([found.first.world, *on_others(solver, checked, [found.first])])
+    known = KnownDrivers.of([found.first.world, *on_others(solver, found.checked, [found.first])])
     split = [part.vehicle for part in (parts.fitted, parts.checked, parts.reported)]
     lanes = lane_change_findings(recordings, known, split, options.confidence, options.seed)
     if lanes.effects and amount(parts.findings, SMOOTHING):

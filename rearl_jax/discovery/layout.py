@@ -141,12 +141,8 @@ VARIABLES_OF: dict[str, tuple[str, ...]] = {
     "asymmetry": ("approach_rate",),
     "lane_friction": ("speed_beside",),
     "lane_desired_speed": ("lane",),
-    "grade": ("position",),
-    "speed_limit": ("position",),
-    "bend": ("position",),
-    "weather": ("time",),
 }
-"""What each named effect depends on."""
+"""What each effect of `NAMED` depends on."""
 
 
 def curve_values(data: Measured, variable: str) -> Float[np.ndarray, "steps pieces"]:

@@ -124,8 +124,8 @@ class Measured:
 
     @property
     def seconds(self) -> float:
-        """Driver-seconds that count [s]."""
-        return float(np.sum(self.weight) * self.dt)
+        """Driver-seconds that count [s]; a moment stands for the time to the next one that says something new."""
+        return float(np.sum(self.weight) * self.dt * self.stride)
 
     def looks(self) -> Float[np.ndarray, " steps"]:
         """1 where something new is measured."""

@@ -35,7 +35,7 @@ MOST_SHAPES = 120
 
 
 class Programs:
-    """The compiled programs of one data configuration: number of steps, time step, places of theta.
+    """The compiled programs of one data configuration: time step and places of theta.
 
     A program holds what is active and nothing else: with one effect it takes a twentieth of the time of all at once.
     Programs are shared with other data of the same configuration: a process that looks at one data set after the other
@@ -113,7 +113,7 @@ class Programs:
         knots = _squeezed(knots)
         effects = effects_at(theta, self.layout, knots, active)
         lens = lens_at(theta, self.layout, knots) if "lens" in active else None
-        return innovations(pieces, following_params(z, pieces.is_truck), effects, lens, None, self.dt)
+        return innovations(pieces, following_params(z, pieces.is_truck), effects, lens, self.dt)
 
     def _program(self, key: tuple, run: Callable[[dict], object], widest: int) -> Callable[[dict], Any]:
         if key not in self._made:

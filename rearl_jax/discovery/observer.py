@@ -146,22 +146,19 @@ def innovations(
     params: FollowingParams,
     effects: tuple[Effect, ...],
     lens: Lens | None,
-    shift: Float[Array, "#steps pieces"] | None,
     dt: float,
 ) -> Float[Array, "steps pieces"]:
-    """Measured minus predicted position in every moment [m]; 0 in the first.
+    """Measured minus predicted position in every moment [m]; in the first, minus the smoothed one it starts from.
 
     Args:
         pieces: What was measured.
         params: Of the drivers.
         effects: What acts on them beyond IDM.
         lens: Distortion of positions by the camera; None for none.
-        shift: By how much the clock of the leader's logger is ahead of the own [s]; None for one clock.
         dt: Time between moments [s].
     """
     pieces = jax.tree.map(jnp.asarray, pieces)
     length, gain = pieces.length, pieces.gain
-    around = pieces.seen if shift is None else synchronised(pieces.seen, shift)
 
     def seen(x: Array, v: Array, now: Surroundings) -> Stimulus:
         return stimulus(x, v, length, pieces.is_truck, now if lens is None else straightened(now, lens))
@@ -180,10 +177,10 @@ def innovations(
 
     x, v = pieces.start if lens is None else straightened_start(pieces.start, lens)
     nothing = jnp.zeros_like(x)
-    memory = begin_effects(effects, seen(x, v, jax.tree.map(lambda values: values[0], around)), params, dt)
+    memory = begin_effects(effects, seen(x, v, jax.tree.map(lambda values: values[0], pieces.seen)), params, dt)
     extra = jnp.broadcast_to(pieces.known, pieces.y.shape)
-    _, surprises = lax.scan(step, (x, v, nothing, nothing, nothing, memory), (pieces.y, pieces.looks, around, extra))
-    return surprises
+    begin = (x, v, nothing, nothing, nothing, memory)
+    return lax.scan(step, begin, (pieces.y, pieces.looks, pieces.seen, extra))[1]
 
 
 def stimulus(

@@ -1,10 +1,17 @@
-"""The data of a discovery, in parts that share no driver."""
+"""The data of a discovery: drivers of recordings, in parts that share none."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rearl_jax.data.records import RecordingInfo
-from rearl_jax.discovery.gate import Finding
+import numpy as np
+
+from rearl_jax.config import DiscoverConfig
+from rearl_jax.data.records import Recording, RecordingInfo
+from rearl_jax.discovery.gate import Finding, amount, gate
 from rearl_jax.discovery.measured import Measured
+from rearl_jax.discovery.reading import measure, one_frame_rate
+from rearl_jax.discovery.smoothing import thinned
+from rearl_jax.discovery.smoothness import smoothness
 
 
 @dataclass(frozen=True)
@@ -30,3 +37,21 @@ class Parts:
     checked: Measured
     reported: Measured
     notes: tuple[str, ...]
+
+
+def measured_drivers(recordings: Sequence[Recording], options: DiscoverConfig) -> tuple[list[Finding], Measured]:
+    """What the columns show, and those who follow a leader long enough, at most `max_drivers` of them, at random.
+
+    Raises:
+        ValueError: The frame rates differ, or nobody follows a leader long enough.
+    """
+    one_frame_rate(recordings)
+    tables = [thinned(recording) for recording in recordings]
+    smooth = smoothness(tables)
+    findings = gate(tables, smooth.drives)
+    data = measure(tables, amount(findings, "position_lag"), smooth)
+    if data.n_drivers > options.max_drivers:
+        rng = np.random.default_rng(options.seed)
+        kept = rng.choice(data.n_drivers, options.max_drivers, replace=False)
+        data = data.select(np.flatnonzero(np.isin(data.driver, kept)))
+    return findings, data

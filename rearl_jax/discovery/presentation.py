@@ -9,8 +9,9 @@ import pandas as pd
 from rearl_jax.config import DiscoverTask
 from rearl_jax.discovery.atlas import Atlas, added_curves, atlas_of, ballot_of, chart_of
 from rearl_jax.discovery.errors import ModelErrors
+from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.parts import Parts
-from rearl_jax.discovery.procedure import FIRING_SURPRISE, Search, in_time
+from rearl_jax.discovery.procedure import FIRING_SURPRISE, Search
 from rearl_jax.discovery.refit import on_others
 from rearl_jax.discovery.residuals import Residuals, residuals_of
 from rearl_jax.discovery.solver import Solver
@@ -24,7 +25,7 @@ CHOSEN_FROM = 2
 """Parts that the open-ended finder looks at: not the one that is reported on."""
 
 KEPT_EVERY = 0.2
-"""Time between the moments that residuals.parquet holds [s]."""
+"""Least time between the moments that residuals.parquet holds [s]."""
 
 DRAWS = 300
 """Resamples of drivers for the bands of maps."""
@@ -35,6 +36,7 @@ def present(
     solver: Solver,
     search: Search,
     parts: Parts,
+    reported: Measured,
     errors: Mapping[str, ModelErrors],
     verdict: Mapping[str, Any],
     config: DiscoverTask,
@@ -46,12 +48,13 @@ def present(
         solver: Runs the observers.
         search: What was found.
         parts: The data.
+        reported: The report drivers as the final model takes them, see `procedure.in_time`.
         errors: Of the report drivers, `before` and, where something was added, `after`.
         verdict: As in verdict.json.
         config: The task.
     """
     options, generated = config.discover, verdict["data"]["generated"]
-    left = all_residuals(solver, search, parts.checked, parts.reported)
+    left = all_residuals(solver, search, parts, reported)
     chart = chart_of(left["before"][0])
     atlases = {
         model: atlas_of(
@@ -76,12 +79,12 @@ def present(
     rows = [row for row in verdict["candidates"] if not is_lane_choice(row)]
     keys = [row["name"] if row["name"] in search.null.mean else f"{row['name']}.{row['variables'][0]}" for row in rows]
     titles = [described(row) for row in rows]
-    reported = {model: found[-1] for model, found in left.items()}
+    of_report = {model: found[-1] for model, found in left.items()}
     drawn = {
         "maps": map_figures.draw_maps(atlases, added, generated=generated),
         "evidence": figures.draw_evidence(rows, titles, keys, search.null, FIRING_SURPRISE, generated=generated),
         "closed_loop": figures.draw_errors(errors, generated=generated),
-        "example": figures.draw_example(reported, errors, generated=generated),
+        "example": figures.draw_example(of_report, errors, generated=generated),
         "innovations": figures.draw_innovations(
             {model: found[0] for model, found in left.items()}, generated=generated
         ),
@@ -93,27 +96,24 @@ def present(
     study.write_text("page.html", write_page(config, verdict, atlases, drawn, data_sources(parts.infos)))
 
 
-def all_residuals(solver: Solver, search: Search, checked: Any, reported: Any) -> dict[str, list[Residuals]]:
+def all_residuals(solver: Solver, search: Search, parts: Parts, reported: Measured) -> dict[str, list[Residuals]]:
     """Residuals of the fitted, checked and reported drivers, `before` and, where something was added, `after`."""
-    fits = {"before": search.before}
+    models = {"before": (search.before, (parts.checked, parts.reported))}
     if search.added or search.clocks is not None:
-        fits["after"] = search.last
+        models["after"] = search.last, (search.checked, reported)
     found = {}
-    for model, fit in fits.items():
-        others = [checked, reported]
-        if model == "after":
-            others = [in_time(solver, search, part) for part in others]
+    for model, (fit, others) in models.items():
         worlds = [fit.world, *(on_others(solver, part, [fit])[0] for part in others)]
         found[model] = [residuals_of(solver, [world], [fit])[0] for world in worlds]
     return found
 
 
 def residual_table(left: Mapping[str, Sequence[Residuals]]) -> pd.DataFrame:
-    """What is left in every moment that counts, driver by driver, before and after."""
+    """What is left in moments that count, about KEPT_EVERY apart, driver by driver, before and after."""
     tables = []
     for number, part in enumerate(PARTS):
         data = left["before"][number].world.data
-        step = max(1, round(KEPT_EVERY / data.dt))
+        step = data.stride * max(1, round(KEPT_EVERY / (data.stride * data.dt)))
         kept = np.argwhere(data.weight[::step].T > 0)
         piece, t = kept[:, 0], kept[:, 1] * step
         table: dict[str, Any] = {

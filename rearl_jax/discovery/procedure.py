@@ -25,8 +25,10 @@ from rearl_jax.discovery.refit import Fit, on_others, rebased, refit
 from rearl_jax.discovery.screen import Score, clocks_in, evidences, scores
 from rearl_jax.discovery.solver import Solver
 
-FIRING_SURPRISE, FIRING_EXCESS = 4.5, 3.0
-"""A candidate fires where its evidence lies this many standard deviations and nats above that of the null."""
+FIRING_SURPRISE = 4.5
+"""A candidate fires where its evidence lies this many standard deviations above that of the null, each of them at least
+`null.LEAST_SPREAD`.
+"""
 
 WORTH_FITTING = 2.0
 """Excess [nats] from which one of the first is fitted even if it does not fire."""
@@ -123,6 +125,7 @@ class Search:
         layout: What was looked for.
         null: Evidence where nothing is missing.
         first_scores: Of the calibrated model.
+        checked: The other drivers as the final model takes them, see `in_time`.
         clocks: Differences between clocks, where the data were corrected for them.
         rounds: One per effect that was added, and the last one, which added none.
         rejected: What had been added, and made the simulation of other drivers worse.
@@ -131,6 +134,7 @@ class Search:
     layout: Layout
     null: Null
     first_scores: dict[str, Score]
+    checked: Measured
     clocks: ClockCheck | None = None
     rounds: list[Round] = field(default_factory=list)
     rejected: list[Trial] = field(default_factory=list)
@@ -186,21 +190,22 @@ def search(
     base = Fit(None, world, noise)
     null = null_for(base)
     (seen,) = scores(solver, [world])
-    found = Search(solver.layout, null, seen)
+    found = Search(solver.layout, null, seen, checked)
     clocks = _check_clocks(solver, base, seen, checked, null) if looks_at_clocks else None
     while len(found.added) <= MOST_EFFECTS:
-        one = _round(solver, base, checked, null, report, found.added)
+        one = _round(solver, base, seen, found, report)
         if clocks is not None and not found.rounds and (one.chosen is None or clocks.total > one.chosen.total):
             # The data are put right, and the loop begins again.
             found.clocks, clocks = clocks, None
-            fitted, checked = (_with_clocks(solver, part, base) for part in (fitted, checked))
+            fitted, found.checked = (_with_clocks(solver, part, base) for part in (fitted, checked))
             world, noise = calibrate(solver, fitted)
             base = Fit(None, world, noise)
-            continue
-        found.rounds.append(one)
-        if one.chosen is None:
-            break
-        base = one.chosen.fit
+        else:
+            found.rounds.append(one)
+            if one.chosen is None:
+                break
+            base = one.chosen.fit
+        (seen,) = scores(solver, [base.world])
     return found
 
 
@@ -212,7 +217,7 @@ def _check_clocks(
     evidence = {NAME: own.evidence}
     if own.evidence < CLOCK_SHARE * own.pairs:
         return None
-    if null.surprise(evidence)[NAME] < FIRING_SURPRISE or null.excess(evidence)[NAME] < FIRING_EXCESS:
+    if null.surprise(evidence)[NAME] < FIRING_SURPRISE:
         return None
     (other,) = on_others(solver, checked, [base])
     theirs = clocks_in(other, scores(solver, [other])[0]).evidence
@@ -224,7 +229,7 @@ def _check_clocks(
 
 
 def in_time(solver: Solver, found: Search, data: Measured) -> Measured:
-    """Other drivers as the final model takes them: with their clocks put right where the fitted ones' were."""
+    """Drivers as the final model takes them: with their clocks put right where the fitted ones' were."""
     return data if found.clocks is None else _with_clocks(solver, data, found.clocks.base)
 
 
@@ -236,15 +241,15 @@ def _with_clocks(solver: Solver, data: Measured, base: Fit) -> Measured:
     return data
 
 
-def _round(solver: Solver, base: Fit, checked: Measured, null: Null, report: Report, added: list[Trial]) -> Round:
-    layout, number = solver.layout, len(added)
-    report(f"looking for effects, round {number + 1}", 0, 1)
-    (seen,) = scores(solver, [base.world])
-    seen_names = [name for name in layout.candidates if name not in base.world.active]
-    evidence = {name: value for name, value in evidences(base.world, seen, layout).items() if name in seen_names}
+def _round(solver: Solver, base: Fit, seen: dict[str, Score], found: Search, report: Report) -> Round:
+    """The next turn from a model and its scores."""
+    layout, null, added = solver.layout, found.null, found.added
+    report(f"looking for effects, round {len(added) + 1}", 0, 1)
+    left = layout.candidates.keys() - base.world.active
+    evidence = {name: value for name, value in evidences(base.world, seen, layout).items() if name in left}
     excess, surprise = null.excess(evidence), null.surprise(evidence)
-    firing = {name for name in evidence if surprise[name] > FIRING_SURPRISE and excess[name] > FIRING_EXCESS}
-    if number == MOST_EFFECTS or not firing:
+    firing = {name for name in evidence if surprise[name] > FIRING_SURPRISE}
+    if len(added) == MOST_EFFECTS or not firing:
         return Round(base, evidence, excess, surprise, frozenset(firing), [], [])
     order = sorted(evidence, key=lambda name: -excess[name])
     tried = {name for name in order[:FITTED] if excess[name] > WORTH_FITTING}
@@ -257,7 +262,7 @@ def _round(solver: Solver, base: Fit, checked: Measured, null: Null, report: Rep
     )
     base = rebased(solver, base, fits)
     report("checking on other drivers", 0, 1)
-    other_base, *others = on_others(solver, checked, [base, *fits.values()])
+    other_base, *others = on_others(solver, found.checked, [base, *fits.values()])
     trials = [
         trial(solver, fit, base.world, other, other_base) for fit, other in zip(fits.values(), others, strict=True)
     ]

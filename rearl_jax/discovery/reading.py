@@ -7,13 +7,14 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
-from rearl_jax.core.encounter import MOST_GAP_LOST, NEVER_CHANGED
+from rearl_jax.core.encounter import IN_SIGHT, MOST_GAP_LOST, NEVER_CHANGED, SLOWEST, TIME_GAPS
 from rearl_jax.core.following import HARDEST_BRAKING
+from rearl_jax.core.order import NOBODY
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.measured import Measured, Surroundings, is_new
-from rearl_jax.discovery.smoothing import cut_off, jumps, position_noise, smoothed, thinned, track_bounds
+from rearl_jax.discovery.smoothing import Thinned, cut_off, jumps, position_noise, smoothed, track_bounds
 from rearl_jax.discovery.smoothness import Smoothness
-from rearl_jax.discovery.surroundings import NOBODY, look_around
+from rearl_jax.discovery.surroundings import look_around
 
 SHORTEST = 6.0
 """Shortest record of a driver that is used [s]."""
@@ -68,18 +69,17 @@ def one_frame_rate(recordings: Sequence[Recording]) -> None:
         )
 
 
-def measure(recordings: Sequence[Recording], position_lag: float = 0.0, smooth: Smoothness = UNSMOOTHED) -> Measured:
+def measure(tables: Sequence[Thinned], position_lag: float = 0.0, smooth: Smoothness = UNSMOOTHED) -> Measured:
     """All drivers of the recordings who follow somebody long enough.
 
     Args:
-        recordings: Canonical recordings of equal frame rate.
+        tables: Of the recordings, with the same time between moments.
         position_lag: By how much positions are late [s]; lanes and places in them are put to the same clock.
         smooth: What positions and their errors have been smoothed with.
 
     Raises:
         ValueError: Nobody follows anybody long enough.
     """
-    tables = [thinned(recording) for recording in recordings]
     dt = tables[0][1]
     rows = [_Rows(table, dt, round(position_lag / dt)) for table, _ in tables]
     found = float(np.median([part.noise for part in rows]))
@@ -200,6 +200,7 @@ class _Rows:
         is_truck = (table["vehicle_class"] == "truck").to_numpy()
         track = table["track_id"].to_numpy().astype(np.int64)
         lane = table["lane"].to_numpy(dtype=np.float64, na_value=0.0)
+        rightmost = pd.Series(lane).groupby(table["direction"].to_numpy()).transform("max").to_numpy()
 
         def of(row: np.ndarray, values: np.ndarray, otherwise: np.ndarray | float | int) -> np.ndarray:
             return np.where(row != NOBODY, values[row], otherwise)
@@ -217,7 +218,7 @@ class _Rows:
             "time": table["time"].to_numpy(),
             "lane": lane,
             "is_leftmost": (lane == 0).astype(float),
-            "is_rightmost": (lane == lane.max()).astype(float),
+            "is_rightmost": (lane == rightmost).astype(float),
             "lateral_offset": _offset_in_lane(table),
             "has_leader": (one != NOBODY).astype(float),
             "leader_rear": of(one, rear, front + OUT_OF_SIGHT),
@@ -264,7 +265,7 @@ class _Rows:
 
 
 def _offset_in_lane(table: pd.DataFrame) -> np.ndarray:
-    """Distance from the mean lateral position of the lane [m], positive to the right; 0 where unknown."""
+    """Distance from the median lateral position of the lane [m], positive to the right; 0 where unknown."""
     lateral = table["lateral"].to_numpy()
     if not np.isfinite(lateral).any():
         return np.zeros(len(table))
@@ -278,7 +279,7 @@ def _changes(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time since somebody else became the leader [s], the gap lost then [m], the time gap right after it [s]."""
     n = len(leader)
-    since, lost, headway = np.full(n, NEVER_CHANGED), np.zeros(n), np.full(n, 9.0)
+    since, lost, headway = np.full(n, NEVER_CHANGED), np.zeros(n), np.full(n, TIME_GAPS[1])
     for start, stop in zip(starts, stops, strict=True):
         changes = start + 1 + np.flatnonzero(leader[start + 1 : stop] != leader[start : stop - 1])
         for k in changes:
@@ -286,7 +287,7 @@ def _changes(
                 since[k:stop], lost[k:stop] = NEVER_CHANGED, 0.0
                 continue
             since[k:stop] = np.minimum(np.arange(stop - k) * dt, NEVER_CHANGED)
-            near = min(gap[k - 1], gap[k]) < 200.0
+            near = min(gap[k - 1], gap[k]) < IN_SIGHT
             lost[k:stop] = np.clip(gap[k - 1] - gap[k], 0.0, MOST_GAP_LOST) if near else 0.0
-            headway[k:stop] = np.clip(gap[k] / max(speed[k], 5.0), 0.25, 9.0)
+            headway[k:stop] = np.clip(gap[k] / max(speed[k], SLOWEST), *TIME_GAPS)
     return since, lost, headway

@@ -54,7 +54,7 @@ def starts(candidate: Candidate, score: Score, world: World, layout: Layout) -> 
     if candidate.name == "weather":
         return _onsets(score, theta, layout)
     start = theta.copy()
-    if candidate.look == candidate.free or set(candidate.look) <= set(candidate.free):
+    if set(candidate.look) <= set(candidate.free):
         # Half of the linear fit: the right side of zero, and not beyond what the model bears.
         fitted = np.clip(score.fitted() / 2, -1, 1) * np.minimum(1.0, layout.scale[list(candidate.look)])
         start[list(candidate.look)] += np.nan_to_num(fitted)

@@ -63,20 +63,17 @@ class Residuals:
         own = (jnp.asarray(self.x), jnp.asarray(self.v), jnp.asarray(data.length))
         return jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(*own, truck, jax.tree.map(jnp.asarray, self.seen))
 
-    def spread(self) -> float:
-        """Standard deviation of the acceleration residual [m/s^2]."""
-        weight = self.world.data.weight
-        return float(np.sqrt((self.acceleration**2 * weight).sum() / max(weight.sum(), 1.0)))
-
-    def autocorrelation(self) -> Float[np.ndarray, " lags"]:
-        """Of the innovations that count, one of them apart and more, up to LAGS_FOR [-]."""
+    def autocorrelation(self) -> tuple[Float[np.ndarray, " lags"], Float[np.ndarray, " lags"]]:
+        """Times apart [s], up to LAGS_FOR, and the correlation of innovations that count and are so far apart [-]."""
         data = self.world.data
         counted, found = self.innovation * data.weight, []
         furthest = min(max(round(LAGS_FOR / data.dt), data.stride), len(data.weight) - 1)
-        for lag in range(data.stride, furthest + 1, data.stride):
+        lags = np.arange(data.stride, furthest + 1, data.stride)
+        for lag in lags:
             pairs = max((data.weight[lag:] * data.weight[:-lag]).sum(), 1.0)
             found.append((counted[lag:] * counted[:-lag]).sum() / pairs)
-        return np.array(found) / max((counted**2).sum() / max(data.weight.sum(), 1.0), 1e-12)
+        variance = max((counted**2).sum() / max(data.weight.sum(), 1.0), 1e-12)
+        return lags * data.dt, np.array(found) / variance
 
 
 def residuals_of(solver: Solver, worlds: Sequence[World], fits: Sequence[Fit]) -> list[Residuals]:

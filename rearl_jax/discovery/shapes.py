@@ -7,8 +7,9 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.forcing import Votes
 from rearl_jax.discovery.maps import Curve, fitted
+from rearl_jax.discovery.uncertainty import CONTENT
 
-PRICE = 0.5 * np.log(60.0)
+PRICE = 0.5 * CONTENT
 """Of a number that a shape needs [nats], as for a parameter of a candidate."""
 
 

@@ -21,7 +21,6 @@ CUT_OFF_NOISE = 0.1 * np.sqrt(0.1)
 CUT_OFF_RANGE = (2.0, 12.0)
 """Bounds of the cut-off [rad/s]."""
 
-
 JUMP = 12.0
 """Change of the acceleration from one moment to the next that is no driver's [m/s^2]: he may brake fully at once."""
 
@@ -29,7 +28,11 @@ JUMP_NOISE = 8.0
 """The same in standard deviations of what else scatters [-]."""
 
 
-def thinned(recording: Recording) -> tuple[pd.DataFrame, float]:
+Thinned = tuple[pd.DataFrame, float]
+"""A canonical table, and the time between two of its moments [s]."""
+
+
+def thinned(recording: Recording) -> Thinned:
     """The table with as few moments as are enough, and the time between two of them [s].
 
     Neighbouring frames become one: positions are averaged, so that no measurement is thrown away; what does not

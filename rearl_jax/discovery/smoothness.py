@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.data.records import Recording
-from rearl_jax.discovery.smoothing import thinned, track_bounds
+from rearl_jax.discovery.smoothing import Thinned, track_bounds
 
 BANDS = (1.1, 1.6, 2.2, 3.2, 4.5, 6.4, 9.0, 12.8)
 """Edges of frequency bands, half an octave each [rad/s]."""
@@ -65,9 +64,9 @@ class Smoothness:
         return np.fft.irfft(missing * drawn, 2 * steps)[:steps]
 
 
-def smoothness(recordings: Sequence[Recording]) -> Smoothness:
-    """What the spectrum of the positions says."""
-    spectrum = _acceleration_power(recordings)
+def smoothness(tables: Sequence[Thinned]) -> Smoothness:
+    """What the spectrum of the positions says; all tables have the same time between moments."""
+    spectrum = _acceleration_power(tables)
     if spectrum is None:
         return Smoothness()
     frequency, power, dt = spectrum
@@ -75,6 +74,8 @@ def smoothness(recordings: Sequence[Recording]) -> Smoothness:
     bands = list(zip(edges[:-1], edges[1:], strict=True))
     middle = [np.sqrt(low * high) for low, high in bands]
     level = [power[(frequency >= low) & (frequency < high)].mean() for low, high in bands]
+    if not min(level, default=0.0) > 0.0:
+        return Smoothness()  # nobody has ever accelerated
     ratio = [later / earlier for earlier, later in zip(level[:-2], level[2:], strict=True)]
     if not ratio or min(ratio) > STEEPEST:
         return Smoothness()
@@ -89,13 +90,13 @@ def smoothness(recordings: Sequence[Recording]) -> Smoothness:
 
 
 def _acceleration_power(
-    recordings: Sequence[Recording],
+    tables: Sequence[Thinned],
 ) -> tuple[Float[np.ndarray, " frequencies"], Float[np.ndarray, " frequencies"], float] | None:
     """Frequencies [rad/s], the usual power density of accelerations there [m^2/s^3], and the time between moments [s];
     None where tracks are too short for it.
     """
     powers, window, dt = [], np.empty(0), 0.1
-    for table, dt in map(thinned, recordings):
+    for table, dt in tables:
         position = table["position"].to_numpy()
         n = 2 * int(SPECTRUM_TIME / dt / 2)
         window = np.hanning(n)

@@ -49,6 +49,8 @@ class World:
         holds_population: Whether the mean stays as it is, and only the drivers are searched.
         holds_variance: Whether S stays as it is.
         holds_theta: Whether what was added stays as it is.
+        sums: At these parameters; None until they have been evaluated.
+        log: The objective after each step of the search [nats].
     """
 
     data: Measured
@@ -235,7 +237,7 @@ def _joined(parts: Sequence[Pieces]) -> Pieces:
 def _by_driver(result: dict, worlds: Sequence[World]) -> list[DriverSums]:
     """Sums over the pieces of each driver, for each world."""
     return [
-        DriverSums(**{name: _added(result[name][..., columns], world.data) for name in _SUMS})
+        DriverSums(**{name: _added(values[..., columns], world.data) for name, values in result.items()})
         for world, columns in zip(worlds, _columns(worlds), strict=True)
     ]
 
@@ -244,9 +246,6 @@ def _columns(worlds: Sequence[World]) -> list[slice]:
     """Where the pieces of each world are among those of all."""
     ends = np.cumsum([len(world.data.driver) for world in worlds])
     return [slice(end - len(world.data.driver), end) for world, end in zip(worlds, ends, strict=True)]
-
-
-_SUMS = ("square", "gradient", "gram", "count")
 
 
 def _added(values: np.ndarray, data: Measured) -> np.ndarray:

@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.core.effects.stimulus import BESIDE_RANGE
-
-NOBODY = -1
+from rearl_jax.core.order import NOBODY
 
 MOST_BESIDE = 8
 """Vehicles on one lane that are looked at within BESIDE_RANGE."""

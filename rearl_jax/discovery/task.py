@@ -14,7 +14,6 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from rich.progress import Progress
 
@@ -25,20 +24,18 @@ from rearl_jax.discovery import tables, terminal
 from rearl_jax.discovery.adequacy import adequacy
 from rearl_jax.discovery.confirmation import clocks_confirmed, confirmed
 from rearl_jax.discovery.errors import model_errors
-from rearl_jax.discovery.gate import SMOOTHING, Finding, amount, gate
+from rearl_jax.discovery.gate import SMOOTHING, Finding, amount
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
 from rearl_jax.discovery.lane_choice import lane_choice, with_lane_choice
 from rearl_jax.discovery.layout import layout_of
 from rearl_jax.discovery.moments import Programs
 from rearl_jax.discovery.noise import calibrate
 from rearl_jax.discovery.null import Null, null_of
-from rearl_jax.discovery.parts import Parts
+from rearl_jax.discovery.parts import Parts, measured_drivers
 from rearl_jax.discovery.procedure import FIRING_SURPRISE, Search, in_time, search, split_drivers
-from rearl_jax.discovery.reading import measure, one_frame_rate
 from rearl_jax.discovery.refit import Fit, rebased, refit
 from rearl_jax.discovery.repaired import repaired_model
 from rearl_jax.discovery.screen import scores
-from rearl_jax.discovery.smoothness import smoothness
 from rearl_jax.discovery.solver import Solver
 from rearl_jax.discovery.uncertainty import known
 from rearl_jax.discovery.verdict import (
@@ -105,10 +102,7 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
     for recording in iterate_recordings(config.data):
         recordings.append(recording)
         say(len(recordings), len(recordings))
-    one_frame_rate(recordings)
-    smooth = smoothness(recordings)
-    findings = gate(recordings, smooth.drives)
-    data = measure(recordings, amount(findings, "position_lag"), smooth)
+    findings, data = measured_drivers(recordings, config.discover)
     notes = _each_once([note for one in recordings for note in one.info.notes])
     if data.jumps:
         notes += (f"positions jump {data.jumps} times: left out around them",)
@@ -117,10 +111,6 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
             f"{data.n_drivers} drivers follow a leader long enough, at least 9 are needed to fit, check and report on "
             "different ones: choose more recordings (data.recordings), or longer ones"
         )
-    if data.n_drivers > config.discover.max_drivers:
-        rng = np.random.default_rng(config.discover.seed)
-        kept = rng.choice(data.n_drivers, config.discover.max_drivers, replace=False)
-        data = data.select(np.flatnonzero(np.isin(data.driver, kept)))
     fitted, checked, reported = split_drivers(data, SHARES, config.discover.seed)
     infos = tuple(one.info for one in recordings)
     return Parts(identity, generated, infos, findings, fitted, checked, reported, notes), recordings
@@ -159,7 +149,7 @@ def _search(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, ba
         log.info("clocks put right make simulations of other drivers worse: left as they are")
         found = search(solver, parts.fitted, parts.checked, null_for, report, looks_at_clocks=False)
     report("reporting", 0, 1)
-    return confirmed(solver, found, parts.checked, options.seed)
+    return confirmed(solver, found, options.seed)
 
 
 def _verdict(
@@ -168,9 +158,9 @@ def _verdict(
     """The verdict, with the tables and the model; the page too where it is wanted."""
     options = config.discover
     left = adequacy(solver, found)
+    reported = in_time(solver, found, parts.reported)
     errors = model_errors(solver, parts.reported, {"before": found.before}, options.seed)
     if found.added or found.clocks is not None:
-        reported = in_time(solver, found, parts.reported)
         errors |= model_errors(solver, reported, {"after": found.last}, options.seed)
     effects = _effects(solver, found, left, parts.findings, options.confidence)
     following = {
@@ -204,7 +194,7 @@ def _verdict(
         # Only now, so that nobody waits for matplotlib to know the verdict.
         from rearl_jax.discovery.presentation import present
 
-        present(study, solver, found, parts, errors, verdict, config)
+        present(study, solver, found, parts, reported, errors, verdict, config)
     return verdict
 
 

@@ -2,18 +2,20 @@
 
 verdict      named | artefact | unexplained | nothing
 effects      [{name, kind: driver | road | artefact | generic, parameters: {name: {value, low, high, unit}},
-               variables, confidence, evidence}]
+               variables, confidence, evidence}]; low and high are null for what was not estimated
 candidates   [{name, kind, variables, evidence, surprise, gain, check, ambiguous, told_apart_by}], the best first; those
              of car following, then those of the choice of the lane, whose surprise is in standard deviations of the
              slope between drivers
-unseen       [{name, strength, unit}]: what an effect would have needed to be seen in these data
-error        {measure, before, after, change, floor, oracle, n_drivers}, each figure {value, low, high}
+unseen       [{name, parameter, strength, unit}]: what an effect would have needed to be seen in these data
+error        {measure, n_drivers, before, after, change, floor, oracle, explained_share, all}: `measure` in figures
+             {value, low, high}, the share of the squared error above the floor that is gone, and before, after and
+             change of every measure
 adequacy     {kurtosis, autocorrelation, misjudgement, staleness, remaining, ...}: what is left after all that was added
 lane_choice  {changes, opportunities, loss: {before, after, change}}: lane changes by choice, the chances for one, and
              the mean log-loss of the report drivers' choices [nats], null where there were too few; what was found
              is in `effects` and `candidates`, see `words.is_lane_choice`
-data         {id, recordings, drivers: {fitted, checked, reported}, driver_seconds, step, position_noise, findings,
-             notes}
+data         {id, recordings, generated, drivers: {fitted, checked, reported}, driver_seconds, step, position_noise,
+             findings, notes}
 seconds      how long it took
 """
 
@@ -56,8 +58,8 @@ KURTOSIS_LEFT = 0.6
 not [-].
 """
 
-SURE_SURPRISE, SURE_EXCESS = 8.0, 8.0
-"""Standard deviations and nats above the null from which something is missing even if no candidate fits it."""
+SURE_SURPRISE = 8.0
+"""Standard deviations above the null from which something is missing even if no candidate fits it."""
 
 DOUBTFUL = 0.5
 """Upper bound of the confidence in an effect that leaves a dependence on what it acts by, or more than noise."""
@@ -239,7 +241,7 @@ def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) 
 
 def _is_sure(last: Round) -> bool:
     """Whether something is left that the other drivers do not confirm in any form, and that is not chance."""
-    return any(last.surprise[name] > SURE_SURPRISE and last.excess[name] > SURE_EXCESS for name in last.evidence)
+    return any(surprise > SURE_SURPRISE for surprise in last.surprise.values())
 
 
 def candidate_rows(search: Search) -> list[dict[str, Any]]:
@@ -271,8 +273,9 @@ def candidate_rows(search: Search) -> list[dict[str, Any]]:
         )
     for name in chosen:
         for twin in TWINS.get(name, ()):
-            row = next(row for row in rows if row["name"] == name)
-            rows.insert(1, {**row, "name": twin, "ambiguous": True, "told_apart_by": told_apart_by(twin, chosen)})
+            place, row = next((place, row) for place, row in enumerate(rows) if row["name"] == name)
+            others = {"name": twin, "ambiguous": True, "told_apart_by": told_apart_by(twin, chosen)}
+            rows.insert(place + 1, row | others)
     return rows
 
 

@@ -20,6 +20,8 @@ def verdict_words(verdict: Mapping[str, Any]) -> str:
 
 
 def _following_words(word: str, effects: Sequence[Mapping[str, Any]]) -> str:
+    if word == "named" and not effects:
+        return "an effect was told, and nothing looked for"  # the oracle
     if word == "named":
         return f"missing in the model: {_names(effects)}"
     if word == "artefact":

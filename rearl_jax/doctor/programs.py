@@ -13,6 +13,8 @@ _USES = {
     "joblib": "hydra/launcher=joblib",
     "ray": "hydra/launcher=ray",
     "submitit": "hydra/launcher=submitit_slurm",
+    "docs": "the documentation (make docs)",
+    "gymnax": "gymnax's wrappers around the functional environment",
 }
 """What each extra is for."""
 

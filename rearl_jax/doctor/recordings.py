@@ -15,7 +15,8 @@ def recording_checks(data: DataConfig) -> list[Check]:
         n_recordings = count_recordings(data)
         first = next(iterate_recordings(data))
     except (OSError, ValueError) as error:
-        return [fail("data", f"{name}: {error}", "correct data.root and data.format; the README describes the formats")]
+        remedy = "correct data.root and data.format; docs/reference/recordings.md describes the formats"
+        return [fail("data", f"{name}: {error}", remedy)]
     vehicles, seconds = first.table["track_id"].nunique(), time.perf_counter() - begin
     found = f"{name}: {n_recordings} recordings; {first.info.id} has {vehicles} vehicles, read in {seconds:.1f} s"
     return [ok("data", found)]

@@ -17,9 +17,6 @@ from rearl_jax.doctor.machine import machine_checks
 from rearl_jax.doctor.programs import program_checks
 from rearl_jax.doctor.recordings import recording_checks
 
-FAILURES = "n_fail"
-"""The figure that is 0 where nothing has failed."""
-
 _STYLES = {Status.ok: "green", Status.warn: "yellow", Status.fail: "bold red"}
 
 

@@ -130,17 +130,17 @@ def scene_means(row: Scores, name: str, held_out: np.ndarray) -> np.ndarray:
         return row.pooled[name]
     if name not in row.values:
         return np.full(len(held_out), np.nan)
-    return _grouped_mean(row.values[name], np.searchsorted(held_out, row.scene), len(held_out))
+    return grouped_mean(row.values[name], np.searchsorted(held_out, row.scene), len(held_out))
 
 
 def spread_over_runs(row: Scores, name: str) -> float | None:
     """Standard deviation over runs of the mean over scenes; None with fewer than two runs."""
-    means = _grouped_mean(row.values[name], row.run, int(row.run.max(initial=0)) + 1)
+    means = grouped_mean(row.values[name], row.run, int(row.run.max(initial=0)) + 1)
     means = means[np.isfinite(means)]
     return float(np.std(means, ddof=1)) if len(means) > 1 else None
 
 
-def _grouped_mean(values: np.ndarray, group: np.ndarray, n_groups: int) -> np.ndarray:
+def grouped_mean(values: np.ndarray, group: np.ndarray, n_groups: int) -> np.ndarray:
     """Mean of the finite values of each group; NaN for a group without any."""
     valid = np.isfinite(values)
     counts = np.bincount(group[valid], minlength=n_groups)

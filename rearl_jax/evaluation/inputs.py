@@ -8,14 +8,17 @@ import logging
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+from jaxtyping import Int
 from rich.progress import Progress
 
 from rearl_jax.config import ClusterTask, EvaluateTask
+from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.data.recordings import count_recordings, file_stamps, iterate_recordings
 from rearl_jax.data.scene_cache import SceneCache
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.data.scenes import build_scenes
-from rearl_jax.data.splits import Splits, split_scenes
+from rearl_jax.data.splits import Split, Splits, split_scenes
 from rearl_jax.detection.references import References
 from rearl_jax.results import Study
 
@@ -41,6 +44,10 @@ class Inputs:
     splits: Splits
     references: References | None = None
     clusters: "Clusters | None" = None
+
+    def held_out(self, eval: EvaluationConfig) -> Int[np.ndarray, " scenes"]:
+        """Indices of the scenes to evaluate on, those of `eval.subset`."""
+        return self.splits.indices(Split[eval.subset.name.upper()])
 
 
 def read_inputs(config: EvaluateTask | ClusterTask, study: Study, bar: Progress, *, with_references: bool) -> Inputs:

@@ -47,6 +47,11 @@ class LanguageModel:
         """One row per question and vote."""
         return self._client.requests_frame()
 
+    def extra(self) -> Extra:
+        """Table, note and figures of the questions asked."""
+        requests = self.requests()
+        return Extra({"requests": requests}, (request_note(requests),), request_figures(requests))
+
     def _show(self, second: int, n_seconds: int) -> None:
         """What has been asked so far, on the bar; every answer counts, from the server or kept."""
         counts, elapsed = self._client.counts, time.perf_counter() - self._begin
@@ -94,11 +99,6 @@ def open_client(config: EvaluateTask, llm: LlmConfig, read: Read = understand) -
         return
     with server_at(server) as address, Client(llm, address, read=read) as client:
         yield client
-
-
-def request_extra(requests: pd.DataFrame) -> Extra:
-    """Table, note and figures of the questions asked."""
-    return Extra({"requests": requests}, (request_note(requests),), request_figures(requests))
 
 
 def request_figures(requests: pd.DataFrame) -> dict[str, int | float | None]:

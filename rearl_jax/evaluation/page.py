@@ -66,7 +66,7 @@ def render(
         figures=figures,
         captions=CAPTIONS,
         data_id=scenes.data_id,
-        title=f"{evaluation.method.title} against {source_names(evaluation)}",
+        title=f"{evaluation.method.title} against {source_names(evaluation.scenes)}",
         generated=scenes.generated,
         rows=[row.title for row in evaluation.rows],
         difference=f"{evaluation.method.title} less reference",

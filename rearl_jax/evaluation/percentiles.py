@@ -1,20 +1,27 @@
 """Detection thresholds as percentiles of what the method base reaches on the threshold scenes."""
 
+import logging
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
+from rich.progress import Progress
 
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.detection import Cues
 from rearl_jax.config.evaluation import Method
 from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.evaluation.inputs import Inputs
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.runner import scored_rollouts
+from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.evaluation.tables import frame_series
 from rearl_jax.evaluation.traffic import calibrated
+from rearl_jax.progress import shown
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -70,6 +77,22 @@ def base_values(
     if not len(h) or not len(mape):
         raise ValueError("base gave no Hellinger distance or no spacing error to take percentiles of")
     return BaseValues(h, mape, subset, row.n_rollouts)
+
+
+def thresholds_of(config: EvaluateTask, inputs: Inputs, bar: Progress) -> tuple[float, float]:
+    """Thresholds of the configured method; ones that nothing passes where it detects nothing.
+
+    Args:
+        config: The task.
+        inputs: Scenes and splits.
+        bar: Shows the rollouts of base.
+    """
+    if not config.method.needs_references:
+        return NEVER
+    progress = shown(bar, "thresholds")
+    thresholds = detection_thresholds(config, inputs.scenes, inputs.splits.threshold, progress)
+    log.info("thresholds: Hellinger distance %.4f, spacing error %.4f", *thresholds)
+    return thresholds
 
 
 def detection_thresholds(

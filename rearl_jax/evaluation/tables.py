@@ -4,13 +4,14 @@ Where there is no figure a cell is missing (null), never a number that means not
 """
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
 
 from rearl_jax.config import EvaluateTask
+from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.evaluation.estimates import BASE, Estimate
 from rearl_jax.evaluation.extras import summary_of
 from rearl_jax.evaluation.runner import Evaluation
@@ -239,10 +240,6 @@ def metadata(config: EvaluateTask, evaluation: Evaluation) -> dict[str, str]:
     }
 
 
-def source_names(evaluation: Evaluation) -> str:
+def source_names(scenes: SceneSet) -> str:
     """Data sets of the scenes."""
-    return ", ".join(_distinct(info.source for info in evaluation.scenes.infos))
-
-
-def _distinct(texts: Iterable[str]) -> list[str]:
-    return list(dict.fromkeys(texts))
+    return ", ".join(dict.fromkeys(info.source for info in scenes.infos))

@@ -7,29 +7,23 @@ row per rollout and second, where a policy intervenes), `requests.parquet` (one 
 `rounds.parquet` (one per mixture of driver classes that was tried out).
 """
 
-import logging
+from contextlib import ExitStack
 from dataclasses import replace
 
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.evaluation import Method
 from rearl_jax.data.recordings import is_generated
-from rearl_jax.data.splits import Split
 from rearl_jax.evaluation import tables, terminal
-from rearl_jax.evaluation.critical import adapt
 from rearl_jax.evaluation.estimates import estimates
 from rearl_jax.evaluation.extras import Extra
 from rearl_jax.evaluation.inputs import read_inputs
-from rearl_jax.evaluation.language_model import language_model, request_extra
-from rearl_jax.evaluation.percentiles import detection_thresholds
+from rearl_jax.evaluation.percentiles import thresholds_of
 from rearl_jax.evaluation.runner import evaluate
-from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.evaluation.variants import compares_variants, evaluate_variants
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
-
-log = logging.getLogger(__name__)
 
 
 def run(config: EvaluateTask) -> dict:
@@ -58,17 +52,20 @@ def run(config: EvaluateTask) -> dict:
     with progress_bar() as bar:
         if is_compared := compares_variants(config):
             config = replace(config, method=Method.rearl)
-        acts = config.method.needs_references
-        inputs = read_inputs(config, study, bar, with_references=acts)
-        scenes, splits, thresholds = inputs.scenes, inputs.splits, NEVER
-        if acts:
-            thresholds = detection_thresholds(config, scenes, splits.threshold, shown(bar, "thresholds"))
-            log.info("thresholds: Hellinger distance %.4f, spacing error %.4f", *thresholds)
-        held_out = splits.indices(Split[config.eval.subset.name.upper()])
+        inputs = read_inputs(config, study, bar, with_references=config.method.needs_references)
+        scenes, held_out = inputs.scenes, inputs.held_out(config.eval)
+        thresholds = thresholds_of(config, inputs, bar)
         mixture, extras = None, list[Extra]()
         if config.method is Method.critical:
-            mixture, extras = adapt(config, scenes, splits.threshold, bar)
-        with language_model(config, bar) as asked:
+            from rearl_jax.evaluation.critical import adapt  # only here: it brings the client of a language model
+
+            mixture, extras = adapt(config, scenes, inputs.splits.threshold, bar)
+        with ExitStack() as opened:
+            asked = None
+            if config.decision.policy.is_outside:
+                from rearl_jax.evaluation.language_model import language_model  # likewise
+
+                asked = opened.enter_context(language_model(config, bar))
             measure = evaluate_variants if is_compared else evaluate
             evaluation = measure(
                 config,
@@ -81,7 +78,7 @@ def run(config: EvaluateTask) -> dict:
                 mixture,
             )
             if asked is not None:
-                extras.append(request_extra(asked.requests()))
+                extras.append(asked.extra())
     evaluation = replace(evaluation, extras=(*evaluation.extras, *extras))
     found = estimates(evaluation.rows, evaluation.held_out, config.eval)
     metadata = tables.metadata(config, evaluation)

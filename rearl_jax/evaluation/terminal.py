@@ -14,7 +14,7 @@ def print_table(config: EvaluateTask, evaluation: Evaluation, estimates: dict[tu
     """Prints the table people read; in a narrow terminal without intervals."""
     console = standard_output(_WIDTH)
     has_room = console.width >= _WIDTH
-    title = f"{evaluation.method.title} on {source_names(evaluation)}"
+    title = f"{evaluation.method.title} on {source_names(evaluation.scenes)}"
     table = titled_table(title, generated=evaluation.scenes.generated)
     table.add_column("", no_wrap=True)
     for name in SHOWN:

@@ -21,7 +21,7 @@ from rearl_jax.evaluation.interventions import DecisionLog, decision_table, inte
 from rearl_jax.evaluation.outside import MakePolicy
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.runner import Evaluation, example_scene, make_scorer, reference_rows, simulated_row
-from rearl_jax.evaluation.scores import REAL, WITH_EFFECT, with_realism
+from rearl_jax.evaluation.scores import REAL, WITH_EFFECT, title_of, with_realism
 from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.evaluation.traffic import WITH_MODEL
 
@@ -99,6 +99,5 @@ def intervention_extra(scene_id: np.ndarray, logs: dict[str, DecisionLog], windo
         table.insert(0, "method", pd.Categorical([name], list(logs)).repeat(len(table)))
         tables.append(table)
         rate = intervention_rates(log, n_vehicles)["interventions_per_vehicle_minute"]
-        title = name.replace(WITH_EFFECT, " + effect")
-        notes.append(f"{title}: {rate:.2f} interventions per vehicle and minute; {intervention_note(log)}")
+        notes.append(f"{title_of(name)}: {rate:.2f} interventions per vehicle and minute; {intervention_note(log)}")
     return Extra({"decisions": pd.concat(tables, ignore_index=True)}, tuple(notes))

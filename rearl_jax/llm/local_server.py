@@ -11,7 +11,7 @@ import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
@@ -30,7 +30,7 @@ SLOTS = 2
 """Requests served at a time: on a CPU more only slow each other down, as every slot keeps its own prefix."""
 
 _PATIENCE = 180.0
-"""Time a server may take to load its model [s]."""
+"""Time a server may take to get ready, which is to load its model [s]."""
 
 
 def local_model() -> Path:
@@ -76,20 +76,38 @@ def local_server(slots: int = SLOTS) -> Iterator[str]:
         OSError: It does not start.
     """
     model = local_model()
-    command = [sys.executable, "-m", "rearl_jax.llm.serve", str(model), str(slots), str(available_cores())]
+    command = ["rearl_jax.llm.serve", str(model), str(slots), str(available_cores())]
+    with started(command, "the server of the language model") as address:
+        log.info("language model %s at %s", model.stem, address)
+        yield f"{address}/v1"
+
+
+@contextmanager
+def started(command: Sequence[str], name: str) -> Iterator[str]:
+    """Address of a server in a process of its own, which prints `READY <address>` when it takes requests.
+
+    Args:
+        command: Its module, and what that is told; it must end when its standard input does.
+        name: What messages call it.
+
+    Raises:
+        OSError: It does not start.
+    """
     # The pipe to its standard input is closed with this process, however it ends, and the server ends with it.
     with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        [sys.executable, "-m", *command],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
     ) as process:
         try:
-            address = _address(process)
-            log.info("language model %s at %s", model.stem, address)
-            yield f"{address}/v1"
+            yield _address(process, name)
         finally:
             process.kill()
 
 
-def _address(process: "subprocess.Popen[str]") -> str:
+def _address(process: "subprocess.Popen[str]", name: str) -> str:
     """What the server says when it is ready."""
     assert process.stdout is not None
     lines: queue.Queue[str] = queue.Queue()
@@ -98,11 +116,11 @@ def _address(process: "subprocess.Popen[str]") -> str:
         try:
             line = lines.get(timeout=_PATIENCE)
         except queue.Empty:
-            raise TimeoutError(f"the language model was not loaded within {_PATIENCE:.0f} s") from None
+            raise TimeoutError(f"{name} was not ready within {_PATIENCE:.0f} s") from None
         if line.startswith("READY "):
             return line.split()[1]
         if not line:
-            raise OSError(f"the server of the language model ended with exit code {process.wait()} while starting")
+            raise OSError(f"{name} ended with exit code {process.wait()} while starting")
 
 
 def _read(stream: IO[str], lines: "queue.Queue[str]") -> None:

@@ -117,15 +117,6 @@ def window_counts(cumulative: Int[Array, "rows bins *scenarios"], window: int) -
     return cumulative[window:] - cumulative[:-window]
 
 
-def latest_window_counts(
-    cumulative: Int[Array, "rows bins *scenarios"], step: Int[Array, ""] | int, window: int
-) -> Int[Array, " bins *scenarios"]:
-    """Histogram of the window that ends at frame `step`, traced or not; shorter before frame window - 1."""
-    last = jax.lax.dynamic_index_in_dim(cumulative, step + 1, 0, keepdims=False)
-    before = jax.lax.dynamic_index_in_dim(cumulative, jnp.maximum(step + 1 - window, 0), 0, keepdims=False)
-    return last - before
-
-
 def hellinger_distance(
     p: Float[Array, " bins *scenarios"], q: Float[Array, " bins *scenarios"]
 ) -> Float[Array, "*scenarios"]:

@@ -17,17 +17,23 @@ from rearl_jax.metrics.realism import RealismCounts, distance_to_nearest, realis
 from rearl_jax.metrics.safety import collisions, conflicts, time_headways
 from rearl_jax.metrics.spacing import mean_spacing, spacing_errors, vehicle_spacing
 
-#: Length and width of every highway-env vehicle [m]. Source: highway-env 1.12.1, vehicle/objects.py.
 VEHICLE_LENGTH, VEHICLE_WIDTH = 5.0, 2.0
+"""Length and width of every highway-env vehicle [m]. Source: highway-env 1.12.1, vehicle/objects.py."""
 
 
 class Trajectories(eqx.Module):
     """What the metrics need to know of a scene's vehicles.
 
-    x, y: centre in the ground frame [m], both carriageways in the same frame. position: centre along the own
-    driving direction [m]. speed [m/s]; scaled_speed: the same rescaled to the simulator's range, equal to
-    speed in a simulation. direction: carriageway, None where there is one. track_id: vehicle in a slot, None
-    where it never changes.
+    Attributes:
+        x, y: Centre in the ground frame [m], both carriageways in the same frame.
+        position: Centre along the own driving direction [m]; x in a simulation.
+        speed: [m/s].
+        scaled_speed: The same rescaled to the simulator's range; equal to it in a simulation.
+        lane: Lane index within the carriageway.
+        crashed: Whether the vehicle has crashed; nobody has in a recording.
+        length, width: Size of the vehicle [m].
+        direction: Carriageway; None where there is one.
+        track_id: Vehicle in a slot; None where it never changes.
     """
 
     x: Float[Array, "steps vehicles *scenarios"]
@@ -88,59 +94,6 @@ class SceneMetrics(eqx.Module):
     critical_share: Measure
     realism: RealismCounts
     series: SceneSeries
-
-
-def simulated_trajectories(
-    x: Float[Array, "steps vehicles *scenarios"],
-    y: Float[Array, "steps vehicles *scenarios"],
-    speed: Float[Array, "steps vehicles *scenarios"],
-    lane: Int[Array, "steps vehicles *scenarios"],
-    crashed: Bool[Array, "steps vehicles *scenarios"],
-) -> Trajectories:
-    """Trajectories of a simulated scene on a straight road along x.
-
-    Args:
-        x: Position along the road [m].
-        y: Position across the road [m].
-        speed: Speed [m/s].
-        lane: Lane index.
-        crashed: Whether the vehicle has crashed.
-
-    Source: vehicle size from highway-env 1.12.1.
-    """
-    length, width = jnp.full_like(x, VEHICLE_LENGTH), jnp.full_like(x, VEHICLE_WIDTH)
-    return Trajectories(x, y, x, speed, speed, lane, crashed, length, width)
-
-
-def recorded_trajectories(
-    x: Float[Array, "steps vehicles *scenarios"],
-    y: Float[Array, "steps vehicles *scenarios"],
-    position: Float[Array, "steps vehicles *scenarios"],
-    speed: Float[Array, "steps vehicles *scenarios"],
-    scaled_speed: Float[Array, "steps vehicles *scenarios"],
-    lane: Int[Array, "steps vehicles *scenarios"],
-    length: Float[Array, "steps vehicles *scenarios"],
-    direction: Int[Array, "steps vehicles *scenarios"],
-    track_id: Int[Array, "steps vehicles *scenarios"],
-    width: Float[Array, "steps vehicles *scenarios"] | None = None,
-) -> Trajectories:
-    """Trajectories of a recorded scene, in which nobody crashes.
-
-    Args:
-        x: Centre in the ground frame [m].
-        y: Centre in the ground frame [m].
-        position: Centre along the own driving direction [m].
-        speed: Recorded speed [m/s].
-        scaled_speed: Speed rescaled to the simulator's range.
-        lane: Lane index within the carriageway.
-        length: Vehicle length [m].
-        direction: Carriageway.
-        track_id: Vehicle in each slot.
-        width: Vehicle width [m]; the simulated one where the recording has none.
-    """
-    width = jnp.full_like(x, VEHICLE_WIDTH) if width is None else width
-    crashed = jnp.zeros(x.shape, bool)
-    return Trajectories(x, y, position, speed, scaled_speed, lane, crashed, length, width, direction, track_id)
 
 
 def scene_reference(

@@ -75,7 +75,8 @@ def number(value: Any, sign: str = "") -> str:
         return "yes" if value else "no"
     if isinstance(value, float):
         small = f"{value:{sign}#.{_DIGITS}g}".rstrip(".")
-        return small if abs(value) < 10**_DIGITS and value else f"{value:{sign},.0f}"
+        is_small = value and round(abs(value)) < 10**_DIGITS
+        return small if is_small else f"{value:{sign},.0f}"
     return f"{value:{sign},}" if isinstance(value, int) else str(value)
 
 

@@ -149,6 +149,8 @@ def _closer(table: pd.DataFrame) -> str:
     if not {"metric", "less_base_low", "less_base_high"} <= set(table):
         return ""
     of_h = table[(table["metric"] == "h") & table["less_base_low"].notna()]
+    if of_h.empty:
+        return ""
     low, high = np.array(of_h[["less_base_low", "less_base_high"]], np.float64).T
     closer, farther = int((high < 0).sum()), int((low > 0).sum())
     left = len(of_h) - closer - farther

@@ -20,15 +20,14 @@ from rearl_jax.config.evaluation import Method, Variant
 from rearl_jax.config.report import ReportConfig
 from rearl_jax.core.rollout import Frames
 from rearl_jax.data.scene_set import SceneSet
-from rearl_jax.data.splits import Split
 from rearl_jax.evaluation.inputs import Inputs, read_inputs
 from rearl_jax.evaluation.language_model import language_model
 from rearl_jax.evaluation.outside import MakePolicy
-from rearl_jax.evaluation.percentiles import detection_thresholds
+from rearl_jax.evaluation.percentiles import thresholds_of
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.runner import make_scorer, scored_chunks
 from rearl_jax.evaluation.scores import WITH_EFFECT
-from rearl_jax.evaluation.simulators import NEVER, interventions
+from rearl_jax.evaluation.simulators import interventions
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.evaluation.variants import compares_variants
 from rearl_jax.progress import shown
@@ -102,7 +101,7 @@ def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -
     set_precision(config.core.dtype)
     folder = Study(str(study.path.parent), study.path.name, study.config, study.task.words, generated=study.generated)
     inputs = read_inputs(config, folder, bar, with_references=config.method.needs_references)
-    held_out = inputs.splits.indices(Split[config.eval.subset.name.upper()])
+    held_out = inputs.held_out(config.eval)
     chosen = chosen_scenes(inputs.scenes, held_out, options)
     found = _replayed(study, config, inputs, chosen, len(held_out), options.run, bar)
     replay = Replay(config, row, inputs.scenes, tuple(found))
@@ -164,10 +163,8 @@ def _replayed(
     bar: Progress,
 ) -> Iterator[ReplayedScene]:
     """One run of the chosen scenes, scored as the study scored it."""
-    scenes, thresholds = inputs.scenes, NEVER
-    if config.method.needs_references:
-        asked = replace(config, variant=study.config.variant)
-        thresholds = detection_thresholds(asked, scenes, inputs.splits.threshold, shown(bar, "thresholds"))
+    scenes = inputs.scenes
+    thresholds = thresholds_of(replace(config, variant=study.config.variant), inputs, bar)
     mixtures = _mixture(study)
 
     def rollouts_with(outside: MakePolicy | None) -> Rollouts:

@@ -6,13 +6,9 @@ from rearl_jax.config.core import InitialSource
 from rearl_jax.config.metrics import MapeDefinition
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.data.scenes import PAPER_SCENES
+from rearl_jax.evaluation.tables import source_names
 from rearl_jax.metrics.histograms import legacy_scale
 from rearl_jax.study.published import N_RUNS
-
-
-def source_names(scenes: SceneSet) -> str:
-    """Data sets of the scenes."""
-    return ", ".join(dict.fromkeys(info.source for info in scenes.infos))
 
 
 def of_data(config: EvaluateTask | ClusterTask, scenes: SceneSet) -> list[str]:

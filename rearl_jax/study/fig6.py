@@ -12,12 +12,11 @@ import pandas as pd
 from rearl_jax.config import StudyFig6Task
 from rearl_jax.data.recordings import is_generated
 from rearl_jax.evaluation.inputs import read_inputs
-from rearl_jax.evaluation.tables import HEADINGS
+from rearl_jax.evaluation.tables import HEADINGS, source_names
 from rearl_jax.evaluation.terminal import short
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
-from rearl_jax.study import differences
 from rearl_jax.study.error_series import ErrorSeries, error_series
 from rearl_jax.study.report import NONE, Cell, Line, Report, Shown, finish, long_table
 from rearl_jax.study.row_results import evaluate_rows
@@ -50,7 +49,7 @@ def run(config: StudyFig6Task) -> dict:
     metrics = ("h", config.mape.column)
     series = error_series(results, metrics)
     report = Report(
-        title=f"Errors second by second, on {differences.source_names(inputs.scenes)}",
+        title=f"Errors second by second, on {source_names(inputs.scenes)}",
         tables=(_shown(series, metrics, results.n_scenes),),
         findings=tuple(_findings(series, metrics)),
         differences=(

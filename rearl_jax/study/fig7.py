@@ -14,6 +14,7 @@ from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.layout import data_sources
 from rearl_jax.evaluation.page import data_summary
 from rearl_jax.evaluation.percentiles import BaseValues
+from rearl_jax.evaluation.tables import source_names
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.metrics.histograms import legacy_scale
 from rearl_jax.progress import progress_bar, shown
@@ -57,7 +58,7 @@ def run(config: StudyFig7Task) -> dict:
         base = kept_base_values(config, study, scenes, subset, metadata, shown(bar, "base"))
     records = percentile_records(config, base)
     report = Report(
-        title=f"Errors of base beside Fig. 7 of the paper, on {differences.source_names(scenes)}",
+        title=f"Errors of base beside Fig. 7 of the paper, on {source_names(scenes)}",
         tables=(_shown(config, base, records),),
         findings=tuple(_findings(config, base)),
         differences=(

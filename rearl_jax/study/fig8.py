@@ -19,6 +19,7 @@ from rearl_jax.data.scenes import PAPER_SCENES
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.layout import data_sources
 from rearl_jax.evaluation.page import data_summary
+from rearl_jax.evaluation.tables import source_names
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 from rearl_jax.study import differences
@@ -50,7 +51,7 @@ def run(config: StudyFig8Task) -> dict:
     with progress_bar() as bar:
         scenes = read_inputs(config, study, bar, with_references=False).scenes
     report = Report(
-        title=f"Clusters of scenes beside Fig. 8 of the paper, on {differences.source_names(scenes)}",
+        title=f"Clusters of scenes beside Fig. 8 of the paper, on {source_names(scenes)}",
         tables=(_counts(found), _clusters(found)),
         findings=tuple(_findings(found)),
         differences=(

@@ -9,10 +9,10 @@ from functools import partial
 
 from rearl_jax.config import StudyTable1Task
 from rearl_jax.data.recordings import is_generated
-from rearl_jax.data.splits import Split
 from rearl_jax.evaluation.inputs import Inputs, read_inputs
 from rearl_jax.evaluation.layout import data_sources
 from rearl_jax.evaluation.page import data_summary
+from rearl_jax.evaluation.tables import source_names
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
@@ -52,7 +52,7 @@ def run(config: StudyTable1Task) -> dict:
         results.differences(config), n_scenes=results.n_scenes, confidence=config.eval.confidence, generated=generated
     )
     report = Report(
-        title=f"Methods beside Table 1 of the paper, on {differences.source_names(inputs.scenes)}",
+        title=f"Methods beside Table 1 of the paper, on {source_names(inputs.scenes)}",
         tables=shown_tables(config, results),
         findings=tuple(said),
         differences=tuple(what_differs(config, results, inputs)),
@@ -104,6 +104,6 @@ def what_differs(config: StudyTable1Task, results: Results, inputs: Inputs) -> l
 
 def page_data(config: StudyTable1Task, results: Results, inputs: Inputs) -> dict:
     """Data and licences for the page."""
-    n_scored = len(inputs.splits.indices(Split[config.eval.subset.name.upper()]))
+    n_scored = len(inputs.held_out(config.eval))
     use = f"{n_scored} of them held out for this study"
     return {"summary": data_summary(config, inputs.scenes, use), "sources": data_sources(inputs.scenes.infos)}

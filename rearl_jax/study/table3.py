@@ -12,6 +12,7 @@ from rearl_jax.data.recordings import is_generated
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.layout import data_sources
 from rearl_jax.evaluation.page import data_summary
+from rearl_jax.evaluation.tables import source_names
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
@@ -51,7 +52,7 @@ def run(config: StudyTable3Task) -> dict:
     assert inputs.references is not None  # asked for
     n_runs = config.eval.n_runs
     report = Report(
-        title=f"Threshold pairs beside Table 3 of the paper, on {differences.source_names(scenes)}",
+        title=f"Threshold pairs beside Table 3 of the paper, on {source_names(scenes)}",
         tables=(shown_pairs(config, results),),
         findings=tuple(conclusions(results)),
         differences=(

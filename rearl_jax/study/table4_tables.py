@@ -9,7 +9,7 @@ import pandas as pd
 from rearl_jax.bench.loop_programs import BASE, DECISION, DETECTION, LOOP, PPO
 from rearl_jax.bench.loop_results import PAPER_MS
 from rearl_jax.bench.loop_terminal import PAPER_TITLES
-from rearl_jax.bench.results import Spread, spread_of
+from rearl_jax.bench.spread import Spread, spread_of
 from rearl_jax.study.report import NONE, Cell, Line, Shown, long_table
 
 MODEL = "llm"

@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.sweep import SweepConfig
+from rearl_jax.evaluation.estimates import grouped_mean
 from rearl_jax.evaluation.percentiles import BaseValues
 
 
@@ -126,9 +127,4 @@ def scene_means(
     """Mean over runs of every pair and scene; NaN where no run has a figure."""
     n_pairs = int(pair.max()) + 1
     cell = pair * len(subset) + np.searchsorted(subset, scene)
-    is_finite = np.isfinite(values)
-    sums = np.bincount(cell[is_finite], values[is_finite], minlength=n_pairs * len(subset))
-    counts = np.bincount(cell[is_finite], minlength=n_pairs * len(subset))
-    means = np.full(len(sums), np.nan)
-    np.divide(sums, counts, out=means, where=counts > 0)
-    return means.reshape(n_pairs, len(subset))
+    return grouped_mean(values, cell, n_pairs * len(subset)).reshape(n_pairs, len(subset))

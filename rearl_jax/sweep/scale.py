@@ -18,13 +18,11 @@ from rearl_jax.config import SweepScaleTask
 from rearl_jax.config.evaluation import SeedScope
 from rearl_jax.data.recordings import is_generated
 from rearl_jax.data.scene_set import SceneSet
-from rearl_jax.data.splits import Split
 from rearl_jax.detection.references import References
 from rearl_jax.evaluation.inputs import read_inputs
-from rearl_jax.evaluation.percentiles import detection_thresholds
+from rearl_jax.evaluation.percentiles import thresholds_of
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.scores import Scores
-from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.evaluation.traffic import inputs_id, require_one_variant
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
@@ -68,12 +66,9 @@ def run(config: SweepScaleTask) -> dict:
 def _measured(config: SweepScaleTask, study: Study, bar: Progress, *, generated: bool) -> ScaleResults:
     """The batch sizes, then the stream; both are written."""
     load_average = runtime.load_average()
-    acts = config.method.needs_references
-    inputs = read_inputs(config, study, bar, with_references=acts)
-    scenes, splits, thresholds = inputs.scenes, inputs.splits, NEVER
-    if acts:
-        thresholds = detection_thresholds(config, scenes, splits.threshold, shown(bar, "thresholds"))
-    subset = splits.indices(Split[config.eval.subset.name.upper()])
+    inputs = read_inputs(config, study, bar, with_references=config.method.needs_references)
+    scenes, subset = inputs.scenes, inputs.held_out(config.eval)
+    thresholds = thresholds_of(config, inputs, bar)
     rollouts = list_rollouts(config, scenes, subset, inputs.references, thresholds)
     machine = runtime.describe_machine()
     metadata = {

@@ -14,6 +14,7 @@ import pandas as pd
 from rich.progress import Progress
 
 from rearl_jax.bench.measurement import peak_memory_bytes
+from rearl_jax.progress import in_words
 from rearl_jax.results import Study
 
 PROGRESS = "progress"
@@ -90,14 +91,10 @@ def shown_with_rate(bar: Progress, title: str, before: list[slice]) -> Callable[
         text = title
         if simulated:
             rate = simulated / (time.perf_counter() - begin)
-            text += f", {rate:,.0f}/s, {_time_left(left / rate)}"
+            text += f", {rate:,.0f}/s, {in_words(left / rate)} left"
         bar.update(line, description=text, completed=done, total=total)
 
     return advance
-
-
-def _time_left(seconds: float) -> str:
-    return f"{math.ceil(seconds / 60)} min left" if seconds > 90 else f"{seconds:.0f} s left"
 
 
 def resident_bytes() -> int | None:

@@ -24,6 +24,7 @@ DATA = (
         run="rearl_jax.clustering.task:run",
         config="rearl_jax.config:ClusterTask",
         summary="cluster tracks and scenes and pick representative scenes",
+        goes_on=True,
         description=(
             "Clusters all tracks by speed, position and spacing under the Frechet distance ((k,l)-clustering), "
             "scenes by the shares of these clusters (k-means), and picks the representative scenes that "

@@ -88,6 +88,7 @@ SIMULATION = (
         run="rearl_jax.validation.task:run",
         config="rearl_jax.config:ValidateTask",
         summary="compare the traffic core with highway-env, tick by tick",
+        goes_on=True,
         description=(
             "Runs the same scenes in this package's core and in highway-env and compares them at every tick: "
             "positions, speeds, headings, lane changes and crashes, in float64 and float32. Writes the "

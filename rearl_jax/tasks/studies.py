@@ -39,6 +39,7 @@ STUDIES = (
         run="rearl_jax.study.table4:run",
         config="rearl_jax.config:StudyTable4Task",
         summary="the time of ten consecutive decisions beside the paper's Table 4",
+        goes_on=True,
         description=(
             "Measures ten consecutive decision steps as `rearl bench loop` does, one scenario and many at a time, "
             "detection and decision apart, and puts them beside the paper's inference times. Reads no data: the "
@@ -64,6 +65,7 @@ STUDIES = (
         run="rearl_jax.study.fig7:run",
         config="rearl_jax.config:StudyFig7Task",
         summary="the errors of base and their percentiles, as in the paper's Fig. 7",
+        goes_on=True,
         description=(
             "Simulates base on the threshold scenes and shows the distributions of Hellinger distance and spacing "
             "error with the percentiles that become thresholds, beside the paper's. Prints a table, writes Parquet, a "

@@ -8,6 +8,7 @@ import numpy as np
 from rearl_jax.core.kinematics import HEADING_TIME, LATERAL_TIME
 from rearl_jax.validation.comparison import Comparison
 from rearl_jax.validation.records import Recorded
+from rearl_jax.validation.scenarios import TICKS_PER_SECOND
 
 JUMP = 100.0
 """Growth of a difference within one tick that is a jump: no rounding error of a smooth step grows like that."""
@@ -89,7 +90,7 @@ def measure(comparison: Comparison, recorded: Recorded, scene: int, tick: int, t
     )
 
 
-def unstable_below(length: float, ticks_per_second: int = 15) -> float:
+def unstable_below(length: float) -> float:
     """Speed [m/s] below which highway-env's lateral controller is unstable for a vehicle of a length [m].
 
     A lateral offset y is steered back by the slip angle -(l / 2) y / (v^2 t_h t_l), which moves the vehicle sideways by
@@ -98,7 +99,7 @@ def unstable_below(length: float, ticks_per_second: int = 15) -> float:
 
     Source: highway-env 1.12.1, `ControlledVehicle.steering_control`, linearised.
     """
-    return length / 2 / ticks_per_second / (2 * HEADING_TIME * LATERAL_TIME)
+    return length / 2 / TICKS_PER_SECOND / (2 * HEADING_TIME * LATERAL_TIME)
 
 
 def name_cause(facts: Facts) -> Cause:

@@ -17,10 +17,7 @@ from highway_env.vehicle.behavior import IDMVehicle
 from highway_env.vehicle.controller import ControlledVehicle, MDPVehicle
 
 from rearl_jax.validation.records import Recorded, Start, Tracks
-from rearl_jax.validation.scenarios import Injection, Scenario, Source
-
-TICKS_PER_SECOND = 15
-"""Source: highway-env 1.12.1, `AbstractEnv.default_config`, simulation_frequency."""
+from rearl_jax.validation.scenarios import TICKS_PER_SECOND, Injection, Scenario, Source
 
 DENSITY = 2.0
 """vehicles_density of the scenes that highway-env places itself. Source: REARL (Bi et al.), as DiLu."""

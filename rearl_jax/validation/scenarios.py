@@ -13,6 +13,9 @@ from enum import Enum
 
 import numpy as np
 
+TICKS_PER_SECOND = 15
+"""Source: highway-env 1.12.1, `AbstractEnv.default_config`, simulation_frequency."""
+
 N_ACTIONS = 5
 """Number of meta-actions. Source: highway-env 1.12.1, `DiscreteMetaAction`."""
 

@@ -29,12 +29,9 @@ from rearl_jax.validation import causes, comparison, report, simulation, summary
 from rearl_jax.validation.comparison import Comparison
 from rearl_jax.validation.figures import error_over_time
 from rearl_jax.validation.records import Recorded, stack
-from rearl_jax.validation.scenarios import SETS, ScenarioSet
+from rearl_jax.validation.scenarios import SETS, TICKS_PER_SECOND, ScenarioSet
 from rearl_jax.validation.store import ReferenceStore
 from rearl_jax.validation.workers import Job, Variant, vector_features
-
-TICKS_PER_SECOND = 15
-"""Source: highway-env 1.12.1, simulation_frequency."""
 
 FACTS = {
     "cause": "str",

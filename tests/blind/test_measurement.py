@@ -7,6 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from rearl_jax.blind.traffic import Planted, Scenario, write_dataset
+from rearl_jax.blind.traffic.__main__ import main
 from rearl_jax.blind.traffic.measurement import ARTEFACTS, measure
 from rearl_jax.blind.traffic.simulation import simulate
 from rearl_jax.config.data import DataConfig, DataFormat
@@ -185,6 +186,14 @@ def test_highd_files_hold_the_same(tmp_path):
     assert (both["speed"] - both["speed_table"]).abs().max() < 0.011
     with pytest.raises(ValueError, match="view=420"):
         write_dataset(tmp_path, Scenario(8, **SHORT), as_highd=True)
+
+
+def test_a_data_set_by_hand_says_what_it_does_not_know(tmp_path):
+    with pytest.raises(SystemExit, match="no such key: pase; one of highd, .*pace"):
+        main(["grade", "3", "1", str(tmp_path), "pase=2"])
+    with pytest.raises(SystemExit, match="'magic' is nothing to hide"):
+        main(["magic", "3", "1", str(tmp_path)])
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_unknown_effects_are_refused(tmp_path):

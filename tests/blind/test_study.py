@@ -121,6 +121,20 @@ def test_code_is_written_down_before_a_seed_is_drawn(tmp_path, monkeypatch):
     assert (other.master_seed, other.seed_drawn, goes_on) == (5, False, False)
 
 
+def test_verdicts_do_not_go_unnoticed(tmp_path, caplog):
+    blind = BlindConfig(seed=11, sets="control")
+    open_study(tmp_path, "one", blind, silent)
+    kept = tmp_path / "verdicts" / "x.json"
+    kept.parent.mkdir()
+    kept.touch()
+    open_study(tmp_path, "one", blind, silent)
+    assert kept.is_file()
+    assert caplog.messages == []
+    open_study(tmp_path, "another", blind, silent)
+    assert not kept.is_file()
+    assert "begins anew, verdicts removed: 1" in caplog.text
+
+
 @pytest.mark.slow
 def test_a_killed_study_goes_on_where_it_was(tmp_path, finished):
     whole, _ = finished

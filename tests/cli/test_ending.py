@@ -83,6 +83,25 @@ def test_a_signal_ends_in_an_orderly_way_and_says_how_to_go_on(tmp_path, number,
     assert (tmp_path / "results" / "s" / "tidy").exists()
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("evaluate study=s", "; nothing of an unfinished run is kept, start again with: rearl evaluate study=s"),
+        ("evaluate -m eval.seed=1,2", "; what was finished is kept, go on with: rearl evaluate -m eval.seed=1,2"),
+        ("validate", "; what was finished is kept, go on with: rearl validate"),
+        ("study fig7", "; what was finished is kept, go on with: rearl study fig7"),
+        ("study table4", "; what was finished is kept, go on with: rearl study table4"),
+        ("cluster bo.enabled=true", "; what was finished is kept, go on with: rearl cluster bo.enabled=true"),
+        ("dine", ""),
+        ("", ""),
+    ],
+)
+def test_what_is_kept_of_a_task_that_was_ended(words, said):
+    from rearl_jax.cli.command_line import _how_to_go_on
+
+    assert _how_to_go_on(words.split()) == said
+
+
 def test_who_ignores_a_signal_is_left_alone(tmp_path):
     process = drive(tmp_path, "lanes=9", "study=deaf")
     assert process.stdout is not None

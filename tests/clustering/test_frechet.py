@@ -20,6 +20,11 @@ def couplings(n, m):
     return list(extend([(0, 0)]))
 
 
+def longest_edge(curves):
+    """Length of the longest edge of each of some polylines `[curves, features, points]`."""
+    return np.linalg.norm(np.diff(curves, axis=2), axis=1).max(axis=1)
+
+
 def by_definition(curve, centre):
     """Smallest largest distance over all couplings; `[features, points]` each."""
     distance = np.linalg.norm(curve[:, :, None] - centre[:, None, :], axis=0)
@@ -70,7 +75,7 @@ def test_alignment_is_a_coupling_that_reaches_the_distance(walks):
 
 
 def test_subdivision_keeps_the_polyline_and_halves_the_longest_edges(walks):
-    from rearl_jax.clustering.frechet import longest_edge, subdivided
+    from rearl_jax.clustering.frechet import subdivided
 
     centres = walks(4, 5, seed=3).transpose(2, 0, 1).astype(np.float64)
     finer = subdivided(centres, 17)
@@ -114,8 +119,9 @@ def test_continuous_distance_is_the_limit_of_discrete_ones(bridges):
 
 @pytest.mark.parametrize("m", [4, 24])
 def test_discrete_distance_exceeds_the_continuous_one_by_at_most_the_longest_edge(bridges, m):
+    """Eiter & Mannila, Computing discrete Frechet distance, TU Wien report CD-TR 94/64 (1994), lemma 5."""
     from rearl_jax.clustering.continuous import continuous_distances
-    from rearl_jax.clustering.frechet import discrete_distances, longest_edge, subdivided
+    from rearl_jax.clustering.frechet import discrete_distances, subdivided
 
     curves, vertices = bridges(60, 10), bridges(3, 4, seed=5).transpose(2, 0, 1).astype(np.float64)
     centres = subdivided(vertices, m)

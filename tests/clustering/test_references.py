@@ -1,7 +1,9 @@
 """References from recordings: nothing held out, the cache, and the order of labels."""
 
 import logging
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -135,6 +137,21 @@ def test_other_configuration_other_cache_file(task_config, change):
 
     assert ReferenceBuilder(task_config)._path != ReferenceBuilder(replace(task_config, **change))._path
     assert ReferenceBuilder(task_config)._path == ReferenceBuilder(replace(task_config, study="other"))._path
+
+
+def test_a_touched_recording_has_another_cache_file(task_config):
+    from rearl_jax.clustering.references import ReferenceBuilder
+    from rearl_jax.data.recordings import data_id
+
+    before, identity = ReferenceBuilder(task_config)._path, data_id(task_config.data)
+    file = next(Path(task_config.data.root).glob("*_tracks.csv"))
+    stat = file.stat()
+    os.utime(file, ns=(1, 1))
+    try:
+        assert data_id(task_config.data) == identity
+        assert ReferenceBuilder(task_config)._path != before
+    finally:
+        os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))
 
 
 def test_leaks_are_said(task_config, traffic, caplog):

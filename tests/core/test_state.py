@@ -9,17 +9,16 @@ from rearl_jax.core.state import Controller, make_state, nearest_lane, nearest_l
 from tests.core.simulation import MODEL
 
 
-@pytest.mark.parametrize("name", ["x", "y", "speed", "heading"])
+@pytest.mark.parametrize("name", ["x", "y", "speed", "heading", "desired_speed", "timer"])
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_numbers_that_are_not_finite_are_refused(name, bad):
-    arrays = {key: np.full((4, 3), 4.0) for key in ("x", "y", "speed", "heading")}
+    arrays = {key: np.full((4, 3), 4.0) for key in ("x", "y", "speed", "heading", "desired_speed", "timer")}
     arrays[name][2, 1] = bad
-    positional = (arrays["x"], arrays["y"], arrays["speed"], MODEL)
     with pytest.raises(ValueError, match=rf"{name} of vehicle 2 \(index \(2, 1\)\) is not finite.*ABSENT"):
-        make_state(*positional, heading=arrays["heading"])
+        make_state(**arrays, model=MODEL)
     controller = np.full((4, 3), Controller.IDM)
     controller[2, 1] = Controller.ABSENT
-    state = make_state(*positional, heading=arrays["heading"], controller=controller)
+    state = make_state(**arrays, model=MODEL, controller=controller)
     assert all(np.isfinite(np.asarray(leaf)).all() for leaf in jax.tree.leaves(state))
 
 

@@ -79,6 +79,17 @@ def test_a_foreign_table_of_several_recordings_is_worked_out(recording, tmp_path
     assert (caught.value.file, caught.value.column, caught.value.row) == (str(path), "speed", 311)
 
 
+@pytest.mark.parametrize("ending", [".parquet", ".CSV"])
+def test_rows_may_come_frame_by_frame(recording, tmp_path, ending):
+    path = tmp_path / f"made_07{ending}"
+    by_frame = recording.table.sort_values(["frame", "track_id"])
+    assert not (by_frame["track_id"].diff() == 0).any()
+    by_frame.to_parquet(path) if ending == ".parquet" else by_frame.to_csv(path, index=False)
+    (found,) = iterate_recordings(DataConfig(DataFormat.table, str(tmp_path)))
+    assert found.info.frame_rate == 10.0
+    pd.testing.assert_frame_equal(found.table, recording.table)
+
+
 def test_a_table_without_recording_is_named_after_its_file(recording, tmp_path):
     recording.table.drop(columns="recording").to_parquet(tmp_path / "motorway.parquet")
     (found,) = iterate_recordings(DataConfig(DataFormat.table, str(tmp_path / "motorway.parquet")))

@@ -90,6 +90,19 @@ def test_lane_ids_beside_the_markings_count_among_themselves(tracks):
     assert dict(recording.info.lane_count) == {1: 2, 2: 2}
 
 
+def test_a_single_wrong_lane_id_does_not_move_the_lanes_of_others(tracks):
+    sound = read_recording(tracks, STOP).table
+    _edit(tracks, _set(7, laneId=99))
+    with pytest.raises(BadRecordingError, match="lane -96 does not exist, direction 1 has lanes 0") as caught:
+        read_recording(tracks, STOP)
+    assert (caught.value.column, caught.value.row) == ("laneId", 8)
+    dropped = read_recording(tracks, DataConfig(on_bad=OnBad.drop_track))
+    assert dropped.dropped == {"lane_out_of_range": 150, "tracks": 1}
+    assert dict(dropped.info.lane_count) == {1: 2, 2: 2}
+    left = sound[sound["track_id"] != 1].reset_index(drop=True)
+    pd.testing.assert_frame_equal(dropped.table, left, check_categorical=False)
+
+
 def test_a_standing_vehicle_may_have_a_velocity_of_either_sign(tracks):
     standing = {"xVelocity": 0.01, "x": 100.0}
     _edit(tracks, lambda t: t.assign(**{k: t[k].where(t["id"] != 1, v) for k, v in standing.items()}))
@@ -144,7 +157,7 @@ CONTRADICTIONS = {
     "third direction": ("tracksMeta", _set(4, drivingDirection=3), "neither 1 nor 2", "drivingDirection", 5),
     "class": ("tracksMeta", _set(4, **{"class": "Tram"}), "unknown class ('tram')", "class", 5),
     "no class": ("tracksMeta", _set(4, **{"class": None}), "unknown class", "class", 5),
-    "same id": ("tracksMeta", _set(4, id=4), "track 4 is listed twice", "id", 5),
+    "same id": ("tracksMeta", _set(4, id=4), "track 4 is listed twice (4)", "id", 5),
     "not listed": ("tracksMeta", lambda t: t.drop(index=4), "track 5 is not in the meta file", "id", 601),
     "no frames": ("tracksMeta", _set(4, numFrames=None), "no number of frames", "numFrames", 5),
     "lane": ("tracks", _set(7, laneId=None), "value is missing", "laneId", 8),

@@ -42,6 +42,12 @@ def test_a_leader_without_a_row_becomes_unknown():
     np.testing.assert_array_equal(leader, [1.0, np.nan, 3.0])
 
 
+def test_rows_of_an_unknown_track_leave_the_new_ids_alone():
+    table = pd.DataFrame({"track_id": [1.0, 1.0, 1.0, 2.0, np.nan], "frame": [0, 2, 3, 0, 0]})
+    cut = split_tracks(table, np.array([False, True, False, False, False]))
+    np.testing.assert_array_equal(cut["track_id"], [1.0, 2.0, 3.0, 3.0, np.nan])
+
+
 def test_pieces_below_one_second_go_and_are_counted(vehicle_rows):
     info = RecordingInfo("made", 10.0, {1: 2}, 300.0, "", "", "")
     spoiled = vehicle_rows.copy()

@@ -129,6 +129,14 @@ def test_recordings_are_told_apart_by_their_clock_and_arterials_are_passed_over(
         assert len(file.read(name).table) == 180
 
 
+def test_a_time_of_another_frame_stops_instead_of_hiding_the_recording(tmp_path):
+    rows = _published()
+    rows.loc[70, "Global_Time"] += 100
+    with pytest.raises(BadRecordingError, match="of us101_0750 do not go together") as caught:
+        _write(tmp_path, rows).recordings()
+    assert (caught.value.column, caught.value.row) == ("Global_Time", 71)
+
+
 def test_row_order_and_spelling_of_columns_do_not_matter(tmp_path):
     expected = _write(tmp_path, _published()).read("us101_0750").table
     other = _published().sample(frac=1.0, random_state=0)
@@ -278,6 +286,12 @@ def test_pairs_that_disagree_about_a_vehicle_stop_or_are_counted(tmp_path):
         _read_pairs(tmp_path, pairs)
     dropped = _read_pairs(tmp_path, pairs, DROP_ROW).dropped
     assert dropped["contradiction"] == 2
+
+
+def test_runs_of_one_name_stop(tmp_path):
+    _pairs().assign(run=["0400pm-0415pm", "0400pm-0430pm"] * 90).to_parquet(tmp_path / "pairs.parquet")
+    with pytest.raises(BadRecordingError, match="0400pm-0415pm and 0400pm-0430pm would both be i80_0400"):
+        pairs_recordings(find_pairs(tmp_path))
 
 
 def test_a_vehicle_of_several_lengths_stops(tmp_path):

@@ -7,9 +7,10 @@ import pytest
 
 from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.data import recordings
+from rearl_jax.data.canonical import write_recording
 from rearl_jax.data.problems import BadRecordingError
-from rearl_jax.data.recordings import count_recordings, data_id, is_generated, iterate_recordings
-from rearl_jax.data.schema import COLUMNS
+from rearl_jax.data.recordings import count_recordings, data_id, file_stamps, is_generated, iterate_recordings
+from rearl_jax.data.schema import COLUMNS, Recording, RecordingInfo, validate
 
 
 @pytest.fixture
@@ -74,6 +75,21 @@ def test_the_identity_follows_the_rows_and_the_policy(highd, tmp_path):
     others.add(data_id(highd))
     assert before not in others
     assert len(others) == 4
+
+
+def test_what_is_stated_beside_a_table_is_part_of_its_identity(vehicle_rows, tmp_path):
+    info = RecordingInfo("made", 10.0, {1: 2}, 300.0, "hand", "CC0", "nobody")
+    path = write_recording(Recording(info, validate(vehicle_rows, info, DataConfig())[0]), tmp_path / "made.csv")
+    data = DataConfig(DataFormat.table, str(path))
+    before, stamps = data_id(data), file_stamps(data)
+    assert [name for name, _, _ in stamps] == ["made.csv", "made.csv.info.json"]
+    beside = path.with_name("made.csv.info.json")
+    text = beside.read_text()
+    beside.write_text(text.replace('"speed_limit": null', '"speed_limit": 33.3'))
+    assert beside.read_text() != text
+    assert next(iterate_recordings(data)).info.speed_limit == 33.3
+    assert data_id(data) != before
+    assert file_stamps(data) != stamps
 
 
 def test_generated_recordings_stay_generated_when_read_as_highd(highd, tmp_path):

@@ -350,20 +350,12 @@ def test_the_leader_is_the_nearest_centre_even_behind_a_long_truck():
     np.testing.assert_allclose(built.feature_distance[0, 0], [6.0, 0.0, 6.0, 0.0])
 
 
-def test_road_lane_separates_the_carriageways():
-    tracks = [t | {"direction": 1 + t["id"] % 2, "lane": t["id"] // 3} for t in standing(4)]
-    built = build([recording(*tracks)])
-    np.testing.assert_array_equal(built.lane[0, 0], [0, 0, 1, 1])
-    np.testing.assert_array_equal(built.road_lane[0, 0], [2, 0, 3, 1])
-
-
 def test_unknown_lanes_are_refused_only_where_lanes_matter():
     built = build([recording(*standing(4, lane=pd.NA))])
     assert (built.lane == -1).all()
     assert (built.action == 1).all()
-    for ask in (lambda: built.road_lane, lambda: real_lane_change_rate(built)):
-        with pytest.raises(ValueError, match="recording a has vehicles without a lane"):
-            ask()
+    with pytest.raises(ValueError, match="recording a has vehicles without a lane"):
+        real_lane_change_rate(built)
     with pytest.raises(ValueError, match="features.d=mean_all"):
         build([recording(*standing(4, lane=pd.NA))], d=FeatureDistance.dhw)
 
@@ -428,7 +420,7 @@ def test_select_keeps_ids_and_extremes():
 @pytest.mark.parametrize(
     ("sources", "scenes", "message"),
     [
-        ([], SMALL, "there are no recordings"),
+        ([], SMALL, "there are no recordings .* data.format and data.root"),
         ([recording(*standing(4, 59))], SMALL, "the longest, a, lasts 5.9 s. Lower scenes.seconds"),
         (
             [recording(*standing(3), name="b"), recording(*standing(2), name="c")],

@@ -38,14 +38,27 @@ def recordings_of(folder_of):
 
 
 @pytest.fixture(scope="session")
-def measured_of(recordings_of):
+def tables_of(recordings_of):
+    """Tables of such a data set with as few moments as are enough."""
+
+    @cache
+    def thin(name: str | None = None, strength: float = 1.0, **changes):
+        from rearl_jax.discovery.smoothing import thinned
+
+        return tuple(map(thinned, recordings_of(name, strength, **changes)))
+
+    return thin
+
+
+@pytest.fixture(scope="session")
+def measured_of(tables_of):
     """Measured drivers of the first recording."""
 
     @cache
     def measure_first(name: str | None = None, strength: float = 1.0, **changes):
         from rearl_jax.discovery.reading import measure
 
-        return measure(recordings_of(name, strength, **changes)[:1])
+        return measure(tables_of(name, strength, **changes)[:1])
 
     return measure_first
 

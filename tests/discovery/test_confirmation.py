@@ -22,13 +22,13 @@ def search_with(solver, calibrated, delay):
     gains = world.penalised() * 0.0 + 10.0
     trial = Trial(candidate, Fit(candidate, slow, noise), gains, gains, 0.0)
     base = Round(Fit(None, world, noise), {}, {}, {}, frozenset(), [trial], [trial])
-    return Search(solver.layout, Null({}, {}, 1), {}, None, [base, replace(base, base=trial.fit, held=[])])
+    return Search(solver.layout, Null({}, {}, 1), {}, world.data, None, [base, replace(base, base=trial.fit, held=[])])
 
 
 def test_an_addition_that_makes_simulations_worse_is_taken_back(solver, calibrated):
     found = search_with(solver, calibrated, 1.2)
     assert found.added
-    kept = confirmed(solver, found, calibrated[0].data, 0)
+    kept = confirmed(solver, found, 0)
     assert not kept.added
     assert kept.rejected == found.added
     assert kept.last is found.first
@@ -36,17 +36,13 @@ def test_an_addition_that_makes_simulations_worse_is_taken_back(solver, calibrat
 
 def test_an_addition_that_does_nothing_is_left_alone(solver, calibrated):
     found = search_with(solver, calibrated, 0.0)
-    assert confirmed(solver, found, calibrated[0].data, 0) is found
+    assert confirmed(solver, found, 0) is found
 
 
-def test_clocks_that_make_simulations_worse_are_not_believed(solver, calibrated, monkeypatch):
-    from rearl_jax.discovery import confirmation
-
+def test_clocks_that_make_simulations_worse_are_not_believed(solver, calibrated):
     found = replace(search_with(solver, calibrated, 0.0), clocks=ClockCheck(Fit(None, *calibrated), 9.0, 9.0, 0.3))
     data = calibrated[0].data
     late = replace(data, around=replace(data.around, leader_rear=data.around.leader_rear + 8.0))
-    monkeypatch.setattr(confirmation, "in_time", lambda solver, found, data: late)
-    assert not clocks_confirmed(solver, found, data, 0)
-    monkeypatch.setattr(confirmation, "in_time", lambda solver, found, data: data)
+    assert not clocks_confirmed(solver, replace(found, checked=late), data, 0)
     assert clocks_confirmed(solver, found, data, 0)  # no worse
     assert clocks_confirmed(solver, replace(found, clocks=None), data, 0)

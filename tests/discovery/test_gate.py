@@ -8,8 +8,8 @@ from rearl_jax.discovery.gate import gate
 from rearl_jax.discovery.smoothness import Smoothness, smoothness
 
 
-def test_a_clean_data_set_shows_nothing(recordings_of):
-    assert gate(recordings_of(), 0.0) == []
+def test_a_clean_data_set_shows_nothing(tables_of):
+    assert gate(tables_of(), 0.0) == []
 
 
 @pytest.mark.parametrize(
@@ -21,26 +21,31 @@ def test_a_clean_data_set_shows_nothing(recordings_of):
         ("position_noise", "sd", 0.4),
     ],
 )
-def test_faults_between_columns_are_named_and_measured(recordings_of, name, parameter, value):
-    (found,) = gate(recordings_of(name), 0.0)
+def test_faults_between_columns_are_named_and_measured(tables_of, name, parameter, value):
+    (found,) = gate(tables_of(name), 0.0)
     assert (found.name, found.parameter) == (name, parameter)
     assert found.value == pytest.approx(value, rel=0.1)
 
 
-def test_smoothed_tracks_are_noticed(recordings_of):
-    smooth = smoothness(recordings_of("smoothing"))
+def test_smoothed_tracks_are_noticed(tables_of):
+    smooth = smoothness(tables_of("smoothing"))
     assert 0.4 < smooth.drives < 0.9
     assert smooth.errors == 0.0
-    assert "smoothing" in [finding.name for finding in gate(recordings_of("smoothing"), smooth.drives)]
+    assert "smoothing" in [finding.name for finding in gate(tables_of("smoothing"), smooth.drives)]
 
 
-def test_smooth_errors_are_not_taken_for_smoothed_drives(recordings_of):
-    smooth = smoothness(recordings_of(noise_time=0.3))
+def test_smooth_errors_are_not_taken_for_smoothed_drives(tables_of):
+    smooth = smoothness(tables_of(noise_time=0.3))
     assert smooth.drives == 0.0
     assert smooth.errors == pytest.approx(0.3, rel=0.2)
     # What has 0.1 m over a kernel of 0.3 s was white before, and larger.
     assert smooth.size == pytest.approx(0.1 * np.sqrt(2 * np.sqrt(np.pi) * 0.3 / 0.1), rel=0.2)
-    assert smoothness(recordings_of()) == Smoothness()
+    assert smoothness(tables_of()) == Smoothness()
+
+
+def test_who_never_accelerates_says_nothing_of_smoothing(tables_of):
+    (table, dt), *_ = tables_of()
+    assert smoothness([(table.assign(position=16.0 * table["frame"]), dt)]) == Smoothness()
 
 
 def test_the_complement_makes_errors_white():

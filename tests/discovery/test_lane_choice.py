@@ -26,6 +26,7 @@ from rearl_jax.discovery.procedure import Round, Search, split_drivers
 from rearl_jax.discovery.reading import measure
 from rearl_jax.discovery.refit import Fit
 from rearl_jax.discovery.repaired import lane_effect_values
+from rearl_jax.discovery.smoothing import thinned
 from rearl_jax.models.file import read_model, write_model
 from rearl_jax.models.traffic import populate, traffic_numbers
 from tests.models.drivers import model
@@ -53,18 +54,19 @@ def found(recordings):
 def search(solver, calibrated):
     """A search that has calibrated drivers and nothing more."""
     base = Fit(None, *calibrated)
-    return Search(solver.layout, Null({}, {}, 0), {}, rounds=[Round(base, {}, {}, {}, frozenset(), [], [])])
+    rounds = [Round(base, {}, {}, {}, frozenset(), [], [])]
+    return Search(solver.layout, Null({}, {}, 0), {}, base.world.data, rounds=rounds)
 
 
 def parts_of(recordings, *findings):
-    data = measure(recordings)
+    data = measure(list(map(thinned, recordings)))
     kept = data.select(np.flatnonzero(data.driver % 20 == 0))  # few are enough, and faster
     return Parts("id", True, (), list(findings), *split_drivers(kept, (1 / 3, 1 / 3, 1 / 3), 0), ())
 
 
 def test_vehicles_have_the_numbers_that_measure_gives_them(recordings_of, recordings):
     uneven = [*recordings_of(n_vehicles=15, duration=40.0)[:1], *recordings[:2]]
-    data, table = measure(uneven), opportunities(uneven, KnownDrivers.of([]))[0]
+    data, table = measure(list(map(thinned, uneven))), opportunities(uneven, KnownDrivers.of([]))[0]
     both, rows, pieces = np.intersect1d(table.vehicle, data.vehicle, return_indices=True)
     assert len(both) > 100
     np.testing.assert_array_equal(table.recording[rows], data.recording[pieces])
@@ -83,7 +85,8 @@ def test_drivers_are_known_and_split_as_they_were_for_car_following(recordings, 
 
     monkeypatch.setattr("rearl_jax.discovery.lane_choice.lane_change_findings", record)
     parts = parts_of(recordings)
-    lanes = lane_choice(solver, search, parts, recordings, DiscoverConfig(confidence=0.8, seed=3))
+    found = replace(search, checked=parts.checked)
+    lanes = lane_choice(solver, found, parts, recordings, DiscoverConfig(confidence=0.8, seed=3))
     ((_, known, split, confidence, seed),) = asked
     assert (confidence, seed) == (0.8, 3)
     for part, vehicles in zip((parts.fitted, parts.checked, parts.reported), split, strict=True):

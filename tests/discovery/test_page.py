@@ -12,74 +12,7 @@ from rearl_jax.discovery.maps import Basis, Curve
 from rearl_jax.discovery.page import write_page
 from rearl_jax.discovery.presentation import map_table
 from rearl_jax.discovery.reactions import Reaction
-
-FIGURE = {"value": 1.5, "low": 1.0, "high": 2.0}
-
-VERDICT = {
-    "verdict": "named",
-    "effects": [
-        {
-            "name": "reaction_delay",
-            "kind": "driver",
-            "parameters": {"delay": {"value": 0.7, "low": 0.6, "high": 0.8, "unit": "s"}},
-            "variables": ["gap"],
-            "confidence": 0.9,
-            "evidence": 50.0,
-        }
-    ],
-    "candidates": [
-        {
-            "name": "reaction_delay",
-            "kind": "driver",
-            "variables": ["gap"],
-            "evidence": 60.0,
-            "surprise": 40.0,
-            "gain": 30.0,
-            "check": 20.0,
-            "ambiguous": False,
-            "told_apart_by": None,
-        },
-        {
-            "name": "leader_acceleration",
-            "kind": "driver",
-            "variables": ["leader_acceleration"],
-            "evidence": 50.0,
-            "surprise": 30.0,
-            "gain": None,
-            "check": None,
-            "ambiguous": True,
-            "told_apart_by": "faster changes <i>",
-        },
-    ],
-    "unseen": [{"name": "rear_pressure", "parameter": "gain", "strength": 0.4, "unit": "-"}],
-    "error": {
-        "measure": "gap_rmse",
-        "n_drivers": 36,
-        "before": FIGURE,
-        "after": FIGURE | {"value": 0.5},
-        "change": FIGURE | {"value": -1.0},
-        "floor": FIGURE,
-        "oracle": None,
-        "explained_share": 0.9,
-        "all": {
-            name: {"before": FIGURE, "after": FIGURE, "change": FIGURE}
-            for name in ("gap_rmse", "speed_rmse", "one_step", "energy_score")
-        },
-    },
-    "adequacy": {"kurtosis": 0.01, "autocorrelation": 0.0, "remaining": {"name": "dependence.gap", "surprise": 1.0}},
-    "lane_choice": {"changes": 12, "opportunities": 345, "loss": None},
-    "data": {
-        "id": "abc",
-        "recordings": 3,
-        "generated": True,
-        "drivers": {"fitted": 36, "checked": 36, "reported": 36},
-        "driver_seconds": 6000.0,
-        "step": 0.1,
-        "position_noise": 0.1,
-        "findings": ["the <b>speed</b> column is late"],
-        "notes": ["made for a test"],
-    },
-}
+from tests.discovery.made_verdict import KEEP_RIGHT, LANE_SCORES, LOSS, VERDICT
 
 
 def atlas() -> Atlas:
@@ -104,11 +37,6 @@ def test_page_says_the_verdict_escapes_markup_and_has_no_nan():
     assert 'name="viewport"' in body
 
 
-KEEP_RIGHT = {"name": "keep_right", "kind": "driver", "variables": ["side"]}
-FIGURES = {"evidence": 72.0, "surprise": 12.0, "gain": 30.0, "check": 20.0, "ambiguous": False, "told_apart_by": None}
-LOSS = {"before": 0.2, "after": 0.15, "change": {"value": -0.05, "low": -0.06, "high": -0.04, "unit": "nats"}}
-
-
 def test_page_has_the_choice_of_the_lane_where_there_was_one():
     page = write_page(DiscoverTask(), VERDICT, {"before": atlas()}, {}, [])
     assert "The choice of the lane" not in page
@@ -116,7 +44,11 @@ def test_page_has_the_choice_of_the_lane_where_there_was_one():
     effect = KEEP_RIGHT | {"parameters": bias, "confidence": 0.98, "evidence": 50.0}
     with_lanes = VERDICT | {
         "effects": [*VERDICT["effects"], effect],
-        "candidates": [*VERDICT["candidates"], KEEP_RIGHT | FIGURES, KEEP_RIGHT | FIGURES | {"name": "politeness"}],
+        "candidates": [
+            *VERDICT["candidates"],
+            KEEP_RIGHT | LANE_SCORES,
+            KEEP_RIGHT | LANE_SCORES | {"name": "politeness"},
+        ],
         "lane_choice": {"changes": 400, "opportunities": 9000, "loss": LOSS},
     }
     page = write_page(DiscoverTask(), with_lanes, {"before": atlas()}, {}, [])

@@ -10,18 +10,23 @@ from rearl_jax.blind.traffic.scenario import Scenario
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.discovery.atlas import ballot_of, chart_of
+from rearl_jax.discovery.errors import speed_error
+from rearl_jax.discovery.figures import stretches
 from rearl_jax.discovery.finder import Group, stability_selection
 from rearl_jax.discovery.forcing import Votes, answers, felt, votes_and_seen
 from rearl_jax.discovery.layout import layout_of
 from rearl_jax.discovery.maps import curve_of
+from rearl_jax.discovery.measured import is_new
 from rearl_jax.discovery.moments import Programs
 from rearl_jax.discovery.null import driver_noise
 from rearl_jax.discovery.observer import CLOSED_LOOP, DAMPING, PULL, Noise, pieces_of
+from rearl_jax.discovery.presentation import residual_table
 from rearl_jax.discovery.reactions import reactions
 from rearl_jax.discovery.reading import measure
 from rearl_jax.discovery.refit import Fit
 from rearl_jax.discovery.residuals import residuals_of, smoothed_acceleration, smoothing_error
 from rearl_jax.discovery.shapes import shape_of, shape_words
+from rearl_jax.discovery.smoothing import thinned
 from rearl_jax.discovery.solver import Solver, new_world, replace_gain
 
 NOISE = Noise(0.1, 1.5, 0.05)
@@ -33,7 +38,8 @@ SLOPE = 0.6
 def solver_and_world(tmp_path_factory):
     folder = tmp_path_factory.mktemp("traffic")
     write_dataset(folder, Scenario(5, n_recordings=1, n_vehicles=18, duration=30.0, lane_changes=2))
-    data = measure(list(iterate_recordings(DataConfig(format=DataFormat.table, root=str(folder)))))
+    recordings = iterate_recordings(DataConfig(format=DataFormat.table, root=str(folder)))
+    data = measure([thinned(recording) for recording in recordings])
     solver = Solver(Programs(layout_of(data), data.dt))
     return solver, new_world(data, solver.layout, NOISE.gain(data.dt))
 
@@ -127,6 +133,37 @@ def test_smoothed_acceleration_errs_as_little_as_it_says(stride):
     error = error[7 * stride : -7 * stride : stride]
     assert error.std() == pytest.approx(smoothing_error(NOISE, dt, stride), rel=0.1)
     assert error.std() < (0.75 if stride == 1 else 0.95) * known.std()
+
+
+def test_where_few_moments_count_all_are_kept_and_stand_at_their_times(planted):
+    _, left = planted
+    data, stride = left.world.data, 7
+    data = replace(data, stride=stride, weight=data.weight * is_new(len(data.y), stride)[:, None])
+    few = replace(left, world=replace(left.world, data=data))
+    apart, values = few.autocorrelation()
+    np.testing.assert_allclose(apart, [0.7, 1.4, 2.1, 2.8])
+    assert len(values) == 4
+    n_counted = int((data.weight > 0).sum())
+    assert n_counted > 100
+    assert len(residual_table({"before": [few] * 3})) == 3 * n_counted
+
+
+def test_lines_are_broken_where_something_is_left_out():
+    counts = np.zeros(30, bool)
+    counts[[2, 5, 8, 20, 23]] = True
+    rows, begins = stretches(counts, 3)
+    assert rows.tolist() == [2, 5, 8, 20, 23]
+    assert rows[begins].tolist() == [20]
+
+
+def test_the_speed_error_does_not_feel_what_comes_after_a_drive(planted):
+    _, left = planted
+    data = left.world.data
+    last = len(data.y) - (data.weight[::-1] > 0).argmax(axis=0) - 1
+    step = np.arange(len(data.y))[:, None]
+    assert (last < len(data.y) - 1).all(), "no padding"
+    gone = (data.y - data.smooth) + np.where(step <= last, 0.5 * step * data.dt, 1000.0)
+    np.testing.assert_allclose(speed_error(gone, data), 0.5)
 
 
 def noisy_votes(rng, n_drivers=40, n_groups=12, size=5, n=200, planted=None):

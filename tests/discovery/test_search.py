@@ -10,8 +10,11 @@ from rearl_jax.discovery.drivers import CAR, SPREAD, following_params
 from rearl_jax.discovery.moments import N_DRIVER
 from rearl_jax.discovery.null import Null, simulate_again, summarise
 from rearl_jax.discovery.observer import Noise
+from rearl_jax.discovery.procedure import Round, Search
+from rearl_jax.discovery.refit import Fit
 from rearl_jax.discovery.screen import evidences, scores
 from rearl_jax.discovery.uncertainty import interval, known, price
+from rearl_jax.discovery.verdict import candidate_rows
 
 
 def test_standard_parameters_are_usual_drivers():
@@ -91,7 +94,6 @@ def test_null_counts_nats_above_what_nothing_gives():
 def trial(calibrated):
     """A trial with given gains."""
     from rearl_jax.discovery.candidates import Candidate
-    from rearl_jax.discovery.refit import Fit
 
     def make(name, fitted, checked, price=2.0):
         candidate, fit = Candidate(name, "driver", (0,), (0,), ("speed",)), Fit(None, *calibrated)
@@ -118,6 +120,25 @@ def test_confusable_candidates_compete_together():
     assert families.are_kin("reaction_delay", "leader_acceleration")
     assert not families.are_kin("leader_class", "grade")
     assert "map" in families.told_apart_by("bend", ["speed_limit"])
+    assert families.told_apart_by("time_gap_dependence.leader_length", ["leader_class"]).startswith("trucks")
+    assert families.told_apart_by("dependence.follower_gap", ["leader_class"]).startswith("more drivers")
+
+
+def test_a_twin_stands_behind_the_candidate_that_it_looks_like(solver, calibrated):
+    names = ("reaction_delay", "speed_limit", "asymmetry")
+    fit, evidence = Fit(None, *calibrated), dict(zip(names, (50.0, 40.0, 1.0), strict=True))
+    first, second = (
+        decision.Trial(solver.layout.candidates[name], fit, np.full(10, gain), np.full(10, gain), 0.0)
+        for name, gain in (("reaction_delay", 5.0), ("speed_limit", 4.0))
+    )
+    rounds = [
+        Round(fit, evidence, evidence, evidence, frozenset(evidence), [first, second], held)
+        for held in ([first], [second], [])
+    ]
+    rows = candidate_rows(Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=rounds))
+    assert [row["name"] for row in rows] == ["reaction_delay", "speed_limit", "bend", "asymmetry"]
+    assert [row["ambiguous"] for row in rows] == [False, False, True, False]
+    assert "map" in rows[2]["told_apart_by"]
 
 
 def test_clocks_are_told_from_shifts_that_are_no_clocks(measured_of):

@@ -4,7 +4,7 @@ import pytest
 
 from rearl_jax.discovery.terminal import print_verdict
 from rearl_jax.discovery.words import verdict_words
-from tests.discovery.test_page import FIGURES, KEEP_RIGHT, LOSS, VERDICT
+from tests.discovery.made_verdict import KEEP_RIGHT, LANE_SCORES, LOSS, VERDICT
 
 CURVE = {"name": "dependence", "kind": "generic"}
 NUMBERS = {"parameters": {}, "confidence": 0.9, "evidence": 50.0}
@@ -22,7 +22,7 @@ def line_of(text, start):
 
 
 def test_of_two_curves_the_one_that_was_added_is_marked(capsys):
-    gap, speed = (CURVE | FIGURES | {"variables": [name]} for name in ("gap", "speed"))
+    gap, speed = (CURVE | LANE_SCORES | {"variables": [name]} for name in ("gap", "speed"))
     effect = CURVE | NUMBERS | {"variables": ["gap"]}
     print_verdict(VERDICT | {"effects": [effect], "candidates": [gap, speed]}, generated=True)
     said = capsys.readouterr().out
@@ -33,7 +33,7 @@ def test_of_two_curves_the_one_that_was_added_is_marked(capsys):
 
 
 def test_the_choice_of_the_lane_has_a_table_of_its_own(capsys):
-    lanes = [KEEP_RIGHT | FIGURES, KEEP_RIGHT | FIGURES | {"name": "politeness", "ambiguous": True}]
+    lanes = [KEEP_RIGHT | LANE_SCORES, KEEP_RIGHT | LANE_SCORES | {"name": "politeness", "ambiguous": True}]
     verdict = VERDICT | {
         "effects": [KEEP_RIGHT | NUMBERS],
         "candidates": [*VERDICT["candidates"] * 6, *lanes],
@@ -57,6 +57,7 @@ def test_what_no_effect_of_the_library_does_is_said_to_be_in_no_model(capsys):
     ("word", "effects", "said"),
     [
         ("nothing", [], "nothing significant is missing"),
+        ("named", [], "an effect was told, and nothing looked for"),
         ("named", [KEEP_RIGHT], "missing in the choice of the lane: keep right"),
         (
             "unexplained",

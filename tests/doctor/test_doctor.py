@@ -130,6 +130,16 @@ def test_packages_that_are_missing(monkeypatch):
     assert found["browser"].status is Status.warn
 
 
+def test_it_is_said_what_every_extra_is_for():
+    import tomllib
+    from pathlib import Path
+
+    from rearl_jax.doctor.programs import _USES
+
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert set(_USES) == set(project["optional-dependencies"])
+
+
 def test_servers(monkeypatch):
     from rearl_jax.config.decision import DecisionConfig, PolicyName
     from rearl_jax.config.llm import LlmConfig

@@ -15,7 +15,6 @@ from rearl_jax.metrics.histograms import (
     equal_edges,
     hellinger_distance,
     histogram_distances,
-    latest_window_counts,
     legacy_scale,
     noise_floor,
     speed_counts,
@@ -86,10 +85,6 @@ def test_frame_by_frame_equals_the_whole(dtype, oob):
         rows.append(row)
     assert int(row.sum()) > 300
     np.testing.assert_array_equal(whole, jnp.stack(rows))
-    latest = jax.jit(latest_window_counts, static_argnums=2)
-    for t, window in enumerate(window_counts(whole, 5), start=4):
-        np.testing.assert_array_equal(latest(whole, jnp.asarray(t), 5), window)
-    np.testing.assert_array_equal(latest(whole, jnp.asarray(2), 5), whole[3])
 
 
 def test_zero_on_itself_one_on_disjoint_symmetric_and_bounded(dtype):

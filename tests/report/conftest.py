@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.discovery.made_verdict import VERDICT as MADE
+
 HOSTILE = "</script><script>alert(1)</script><!--"
 
 
@@ -128,55 +130,11 @@ def read_replay():
     return replay_of
 
 
-FIGURE = {"value": 1.5, "low": 1.0, "high": 2.0}
-DELAY = {"name": "reaction_delay", "kind": "driver", "variables": ["gap"]}
-SCORES = {"evidence": 60.0, "surprise": 40.0, "gain": 30.0, "check": 20.0, "ambiguous": False, "told_apart_by": None}
-
-VERDICT = {
-    "verdict": "named",
-    "effects": [
-        DELAY
-        | {
-            "parameters": {"delay": {"value": 0.7, "low": 0.6, "high": 0.8, "unit": "s"}},
-            "confidence": 0.9,
-            "evidence": 50.0,
-        }
-    ],
-    "candidates": [
-        DELAY | SCORES,
-        {"name": "leader_acceleration", "kind": "driver", "variables": ["leader_acceleration"]}
-        | SCORES
-        | {"gain": None, "check": None, "ambiguous": True, "told_apart_by": f"faster changes {HOSTILE}"},
-    ],
-    "unseen": [{"name": "rear_pressure", "parameter": "gain", "strength": 0.4, "unit": "-"}],
-    "error": {
-        "measure": "gap_rmse",
-        "n_drivers": 36,
-        "before": FIGURE,
-        "after": FIGURE | {"value": 0.5},
-        "change": FIGURE | {"value": -1.0},
-        "floor": FIGURE | {"value": 0.4},
-        "oracle": None,
-        "explained_share": 0.9,
-        "all": {
-            name: {"before": FIGURE, "after": FIGURE, "change": FIGURE}
-            for name in ("gap_rmse", "speed_rmse", "one_step", "energy_score")
-        },
-    },
+DELAY, RIVAL = MADE["candidates"]
+VERDICT = MADE | {
+    "candidates": [DELAY, RIVAL | {"told_apart_by": f"faster changes {HOSTILE}"}],
     "adequacy": None,
-    "lane_choice": {"changes": 12, "opportunities": 345, "loss": None},
-    "data": {
-        "id": "abc",
-        "recordings": 3,
-        "generated": True,
-        "drivers": {"fitted": 36, "checked": 35, "reported": 34},
-        "driver_seconds": 6000.0,
-        "step": 0.1,
-        "position_noise": 0.1,
-        "findings": [f"the {HOSTILE} column is late"],
-        "notes": ["made for a test"],
-    },
-    "seconds": 1.0,
+    "data": MADE["data"] | {"findings": [f"the {HOSTILE} column is late"]},
 }
 
 

@@ -260,7 +260,7 @@ def test_the_bar_shows_the_rate_of_what_is_simulated_now(monkeypatch):
         (10.0, 200, "rollouts, 10/s, 40 s left"),
         (20.0, 300, "rollouts, 10/s, 30 s left"),
         (20.0, 400, "rollouts, 10/s, 30 s left"),
-        (300.0, 500, "rollouts, 1/s, 4 min left"),
+        (300.0, 500, "rollouts, 1/s, 3 min left"),
     ):
         now[0] = seconds
         advance(done, 700)

@@ -25,11 +25,17 @@ def main(words: list[str]) -> None:
     given = {key: value for key, _, value in (pair.partition("=") for pair in pairs)}
     as_highd = bool(int(given.pop("highd", "0")))
     given = ({"view": "420", "frame_rate": "25"} if as_highd else {}) | given
-    types = {item.name: float if item.type not in (int, bool) else int for item in fields(Scenario)}
+    # All but the seed and what is planted, which are words of their own.
+    types = {item.name: int if item.type in (int, bool) else float for item in fields(Scenario)[2:]}
+    if unknown := given.keys() - types:
+        sys.exit(f"no such key: {', '.join(sorted(unknown))}; one of highd, {', '.join(types)}")
     keys: dict[str, Any] = {key: types[key](value) for key, value in given.items()}
     if keys.get("free_changes") or any(item.name in LANE_CHOICE for item in planted):
         keys = {**FREE_CHANGES} | keys
-    truth = write_dataset(Path(folder), Scenario(int(seed), planted, **keys), as_highd=as_highd)
+    try:
+        truth = write_dataset(Path(folder), Scenario(int(seed), planted, **keys), as_highd=as_highd)
+    except ValueError as error:
+        sys.exit(str(error))
     print(json.dumps(truth, indent=1))
 
 

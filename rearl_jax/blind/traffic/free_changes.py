@@ -99,10 +99,8 @@ def weigh(now: Moment, side: int) -> Choice:
     leader, rear = _neighbours(now, side)
     speed = now.speed
     gap, rear_gap = now.gap_to(leader), _gap_behind(now, rear)
-    gain = now.fleet.max_accel * (
-        _pull(now, np.arange(now.n), now.gap_to(now.leader), speed[now.leader])
-        - _pull(now, np.arange(now.n), gap, speed[leader])
-    )
+    pull = _pull(now, np.arange(now.n), gap, speed[leader])
+    gain = now.fleet.max_accel * (_pull(now, np.arange(now.n), now.gap_to(now.leader), speed[now.leader]) - pull)
     behind_me = _pull(now, rear, rear_gap, speed[own])
     before = _pull(now, rear, gap + rear_gap + now.length[own], speed[leader])
     follower = now.follower
@@ -111,7 +109,7 @@ def weigh(now: Moment, side: int) -> Choice:
     gift = _pull(now, follower, follower_gap, speed[own]) - _pull(now, follower, freed_gap, speed[now.leader])
     accel = np.append(now.fleet.max_accel, 0.0)
     rear_after = accel[rear] * (_free(now)[rear] - behind_me)
-    own_after = now.fleet.max_accel * (_free(now)[own] - _pull(now, np.arange(now.n), gap, speed[leader]))
+    own_after = now.fleet.max_accel * (_free(now)[own] - pull)
     lane = now.lane + side
     # Nobody passes the first vehicle of a lane: it sees nobody and does not react.
     fits = (leader < now.n) & (gap > LEAST_GAP) & (rear_gap > LEAST_GAP) & (now.leader < now.n)

@@ -23,14 +23,14 @@ class UneasyTraffic(HiddenEffect):
 
     def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
         """Longer in uneven traffic."""
-        own, speeds = now.speed[: now.n], [now.speed[: now.n]]
+        speeds = [now.speed[: now.n]]
         for places in range(1, 5):
             other = now.ahead(places)
             speeds.append(np.where(other == now.n, speeds[-1], now.speed[other]))
         all_speeds = np.stack(speeds)
         mean = all_speeds.mean(axis=0)
         deviation = np.abs(all_speeds - mean).mean(axis=0) / np.maximum(mean, 3.0)
-        return value * (1.0 + 3.5 * self.strength * np.where(own > 0.0, deviation, deviation))
+        return value * (1.0 + 3.5 * self.strength * deviation)
 
 
 class Frustration(HiddenEffect):

@@ -25,7 +25,6 @@ class ForcedChanges:
 
     def carry_out(self, now: Moment) -> None:
         """Moves those over whose time has come, and finds the neighbours anew."""
-        moved = False
         for recording, due in enumerate(self._due):
             if due and due[0] <= now.time:
                 chosen = self._choose(now, recording)
@@ -36,9 +35,6 @@ class ForcedChanges:
                 vehicle, lane = chosen
                 now.lane[vehicle], self._changed[vehicle] = lane, now.time
                 now.look_along()
-                moved = True
-        if moved:
-            now.look_along()
 
     def _choose(self, now: Moment, recording: int) -> tuple[int, int] | None:
         """A vehicle and its new lane, at random of all that would survive it; None without any."""

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from rearl_jax.core.effects.effect import Effect, Parameter
-from rearl_jax.core.effects.randomness import standard_uniform
+from rearl_jax.core.effects.randomness import no_seed, standard_uniform
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.gap_idm import FollowingParams, free_term, gap_interaction
 
@@ -37,7 +37,7 @@ class ActionPoints(Effect):
 
     mean_time: Float[Array, "*#n"]
     threshold: Float[Array, "*#n"]
-    seed: Int[Array, "*#seeds"] = field(default_factory=lambda: jnp.zeros((), jnp.int32))
+    seed: Int[Array, "*#seeds"] = field(default_factory=no_seed)
 
     name: ClassVar[str] = "action_points"
     kind: ClassVar[str] = "random"

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from rearl_jax.core.effects.effect import Effect, Parameter
-from rearl_jax.core.effects.randomness import standard_normal
+from rearl_jax.core.effects.randomness import no_seed, standard_normal
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.gap_idm import FollowingParams
 
@@ -53,16 +53,12 @@ def fluctuate(
     return Fluctuation(count, before.value * kept + jnp.sqrt(1 - kept * kept) * fresh)
 
 
-def _no_seed() -> Int[Array, ""]:
-    return jnp.zeros((), jnp.int32)
-
-
 class AccelerationNoise(Effect):
     """Drivers accelerate a little more or less than they mean to, for a while."""
 
     sd: Float[Array, "*#n"]
     time: Float[Array, "*#n"]
-    seed: Int[Array, "*#seeds"] = field(default_factory=_no_seed)
+    seed: Int[Array, "*#seeds"] = field(default_factory=no_seed)
 
     name: ClassVar[str] = "acceleration_noise"
     kind: ClassVar[str] = "random"
@@ -94,7 +90,7 @@ class PerceptionNoise(Effect):
     gap_error: Float[Array, "*#n"]
     rate_error: Float[Array, "*#n"]
     time: Float[Array, "*#n"]
-    seed: Int[Array, "*#seeds"] = field(default_factory=_no_seed)
+    seed: Int[Array, "*#seeds"] = field(default_factory=no_seed)
 
     name: ClassVar[str] = "perception_noise"
     kind: ClassVar[str] = "random"

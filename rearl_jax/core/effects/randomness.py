@@ -7,6 +7,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Key
 
 
+def no_seed() -> Int[Array, ""]:
+    """The seed of effects that nobody has given one: the same numbers in every scenario."""
+    return jnp.zeros((), jnp.int32)
+
+
 def standard_normal(
     seed: Int[Array, "*#seeds"], stream: int, count: Int[Array, ""], like: Float[Array, "vehicles *scenarios"]
 ) -> Float[Array, "vehicles *scenarios"]:

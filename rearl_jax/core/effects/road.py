@@ -130,7 +130,7 @@ class LaneDesiredSpeed(Effect):
 
 
 class Weather(Effect):
-    """Something comes up for everybody at once, such as rain: drivers want less speed, more distance, less haste."""
+    """Something comes up for everybody at once, such as rain: drivers want less speed and more distance."""
 
     kind: ClassVar[str] = "road"
 

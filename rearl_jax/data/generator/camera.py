@@ -112,8 +112,7 @@ def smoothed(measured: np.ndarray, begin: np.ndarray, cutoff: float) -> np.ndarr
     bands[0] = 1.0
     for i in range(4):
         for j in range(i, 4):
-            # Row r of D3 adds difference[i] * difference[j] to the entry (r + i, r + j), stored in band j -
-            # i.
+            # Row r of D3 adds difference[i] * difference[j] to the entry (r + i, r + j), stored in band j - i.
             bands[j - i, i:] += difference[i] * difference[j] * weight[: n_rows - i]
     return solveh_banded(bands, measured, overwrite_ab=True, lower=True, check_finite=False)
 

@@ -40,19 +40,6 @@ class Logit:
         return taken * odds - np.logaddexp(0.0, odds)
 
 
-@dataclass(frozen=True)
-class ScoreTest:
-    """A column that is not in the model, tested by the slope of the likelihood along it.
-
-    Attributes:
-        z: Slope in standard deviations between drivers; positive where more of it means more changes.
-        step: Coefficient that one step of Fisher scoring would give it.
-    """
-
-    z: float
-    step: float
-
-
 def knots(gain: Float[np.ndarray, " rows"], taken: Bool[np.ndarray, " rows"]) -> Float[np.ndarray, " knots"]:
     """Gains at which the log-odds may bend [m/s^2]."""
     return np.quantile(gain[taken], KNOT_SHARES)
@@ -108,8 +95,10 @@ def score_test(
     taken: Bool[np.ndarray, " rows"],
     driver: Int[np.ndarray, " rows"],
     extra: Float[np.ndarray, " rows"],
-) -> ScoreTest:
-    """What a further column would add to a fitted model.
+) -> float:
+    """Slope of the likelihood along a column that is not in the model, in standard deviations between drivers [-].
+
+    It is positive where more of the column means more changes.
 
     Args:
         coefficients: The most likely ones.
@@ -126,10 +115,9 @@ def score_test(
     votes = _by_driver((own * (taken - chance))[:, None], driver)[:, 0]
     spread = float(np.sqrt((votes**2).sum()))
     information = float((weight * own * extra).sum())
-    total = float(votes.sum())
     if spread <= 0.0 or information <= OWN_SHARE * float((weight * extra**2).sum()):
-        return ScoreTest(0.0, 0.0)  # the model knows all that the column says, or nobody had a choice
-    return ScoreTest(total / spread, total / information)
+        return 0.0  # the model knows all that the column says, or nobody had a choice
+    return float(votes.sum()) / spread
 
 
 def _chance(columns: np.ndarray, beta: np.ndarray) -> np.ndarray:

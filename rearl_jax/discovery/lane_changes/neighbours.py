@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Int
 
-NOBODY = -1
+from rearl_jax.core.order import NOBODY
 
 _LANES = 64
 """More lanes than any carriageway has, with room for the neighbours' numbers."""

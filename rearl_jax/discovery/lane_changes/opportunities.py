@@ -13,11 +13,12 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int
 
 from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
+from rearl_jax.core.order import NOBODY
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.lane_changes.following import likely_parameters
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers, acceleration
 from rearl_jax.discovery.lane_changes.motion import with_motion
-from rearl_jax.discovery.lane_changes.neighbours import NOBODY, Pair, next_on_lanes
+from rearl_jax.discovery.lane_changes.neighbours import Pair, next_on_lanes
 from rearl_jax.discovery.smoothing import thinned
 
 PERIOD = 0.5

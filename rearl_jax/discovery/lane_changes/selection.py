@@ -107,7 +107,7 @@ def lane_change_findings(
 
 
 def _gain_counts(every: Tried) -> bool:
-    """Whether drivers change the rather the more they gain."""
+    """Whether drivers are the more likely to change the more they gain."""
     data = every.data.take(every.rows(0, 1))
     line = fit(np.column_stack([np.ones(len(data.gain)), data.gain]), data.taken, data.driver)
     return bool(line.coefficients[1] > OWN_GAIN_COUNTS * np.sqrt(line.covariance[1, 1]))

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.stats import norm
 
 from rearl_jax.discovery.lane_changes.candidates import CANDIDATES, Form, LaneCandidate, own_gain
-from rearl_jax.discovery.lane_changes.hazard import ScoreTest, knots, score_test
+from rearl_jax.discovery.lane_changes.hazard import knots, score_test
 from rearl_jax.discovery.lane_changes.opportunities import Opportunities
 from rearl_jax.discovery.lane_changes.strengths import Choices, IncentiveModel, fit_incentive
 
@@ -88,8 +88,8 @@ class Tried:
 
     def score(
         self, model: IncentiveModel, effects: Float[np.ndarray, "rows effects"], extra: Float[np.ndarray, " rows"]
-    ) -> ScoreTest:
-        """Slope of the likelihood of the first two parts along one more effect."""
+    ) -> float:
+        """Slope of the likelihood of the first two parts along one more effect, as of `score_test` [-]."""
         rows = self.rows(0, 1)
         data, added = self.data.take(rows), effects[rows]
         slope = model.slope(data, added)[:, None]
@@ -127,7 +127,7 @@ def tried(all_of: Tried, added: Sequence[Trial]) -> list[Trial]:
         forms = []
         for form in candidate.forms:
             extra = all_of.column(candidate, form)
-            z = all_of.score(model, effects, extra).z
+            z = all_of.score(model, effects, extra)
             if abs(z) < NEEDED or (z < 0 and candidate.low >= 0):
                 forms.append(Trial(candidate, form, z, None, None, False))
                 continue
