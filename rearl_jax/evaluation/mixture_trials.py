@@ -13,11 +13,11 @@ from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import InitConfig
 from rearl_jax.config.evaluation import SeedScope
-from rearl_jax.core.rollout import Frames
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.runner import make_scorer
 from rearl_jax.evaluation.scores import scores_of
+from rearl_jax.evaluation.simulators import Simulated
 
 
 class Assessor:
@@ -63,17 +63,17 @@ class Assessor:
             # A few at a time: every rollout is scored against every scene.
             for start in range(0, n, self._n_rollouts):
                 columns = np.arange(start, min(start + self._n_rollouts, n))
-                parts.append(self._scored(simulated.frames, columns))
+                parts.append(self._scored(simulated, columns))
                 self.progress(done + int(columns[-1]) + 1, len(rollouts))
             done += n
         found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         cells = (rollouts.cell == number for number in range(len(candidates)))
         return [self._assessment({name: values[own] for name, values in found.items()}) for own in cells]
 
-    def _scored(self, frames: Frames, columns: np.ndarray) -> dict[str, Float[np.ndarray, "rollouts scenes"]]:
+    def _scored(self, simulated: Simulated, columns: np.ndarray) -> dict[str, Float[np.ndarray, "rollouts scenes"]]:
         """Figures of some rollouts against every scene."""
         rollout, scene = np.repeat(columns, len(self._subset)), np.tile(self._subset, len(columns))
-        metrics = self._scorer.simulated(frames, rollout, scene)
+        metrics = self._scorer.simulated(simulated, rollout, scene)
         scores = scores_of(self._config.method.name, scene, rollout, metrics, seconds=0.0)
         figures = {
             "h": scores.values["h"],

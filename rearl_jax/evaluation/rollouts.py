@@ -14,10 +14,12 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.core.road import traffic_model
+from rearl_jax.core.rollout import Frames
 from rearl_jax.core.state import TrafficState
 from rearl_jax.data.initial_states import measured_state
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.decision.execution import model_under_decisions
+from rearl_jax.decision.loop import Decisions
 from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.references import References
 from rearl_jax.evaluation.outside import MakePolicy, simulate_outside
@@ -29,7 +31,7 @@ from rearl_jax.evaluation.simulators import (
     beginnings,
     decision_keys,
     interventions,
-    populated,
+    lengths_of,
     program,
     rollout_keys,
 )
@@ -166,14 +168,6 @@ class Rollouts:
         """Random keys of the policy, from which it draws those of each second."""
         return decision_keys(rollout_keys(self._starts()[0]))
 
-    def vehicle_lengths(self) -> Float[np.ndarray, "vehicles rollouts"]:
-        """Lengths of the simulated vehicles [m]."""
-        config, starts = self._config, self._starts()
-        shares = None if self._shares is None else self._shares[:, self.cell]
-        batch = Batch(*starts, shares=shares, traffic=self._traffic)
-        drivers = populated(batch, config.core, config.init.speed, traffic_model(config.core))[1]
-        return np.array(np.broadcast_to(drivers.body.length, (config.core.n_vehicles, len(self))))
-
     def _starts(self) -> tuple[dict[str, np.ndarray], TrafficState | None]:
         """Seeds, and initial states where they are measured."""
         column = self._column
@@ -203,7 +197,18 @@ class Rollouts:
             acts.loop,
             n_seconds=self._n_seconds,
         )
-        return (Simulated(frames, decisions) for frames, decisions in bursts)
+        return _with_lengths(bursts, np.asarray(lengths_of(state, drivers)))
+
+
+def _with_lengths(
+    bursts: Iterator[tuple[Frames, Decisions]], length: Float[np.ndarray, "vehicles scenarios"]
+) -> Iterator[Simulated]:
+    """Bursts, one after the other, with the lengths of their vehicles."""
+    first = 0
+    for frames, decisions in bursts:
+        end = first + frames.x.shape[-1]
+        yield Simulated(frames, length[:, first:end], decisions)
+        first = end
 
 
 def _mixtures(config: EvaluateTask, mixtures: Sequence[Mixture]) -> Sequence[tuple[float, ...]]:

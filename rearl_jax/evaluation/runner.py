@@ -238,7 +238,7 @@ def scored_chunks(
         which = np.arange(n)
         if config.eval.seed_scope is SeedScope.run:
             which, scene = np.repeat(which, len(held_out)), np.tile(held_out, n)
-        yield simulated, ScoredChunk(which, scene, run[which], scorer.simulated(simulated.frames, which, scene))
+        yield simulated, ScoredChunk(which, scene, run[which], scorer.simulated(simulated, which, scene))
         done += n
         progress(done, len(rollouts))
 

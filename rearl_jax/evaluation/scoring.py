@@ -13,10 +13,9 @@ from jaxtyping import Array
 
 from rearl_jax.config.metrics import MetricsConfig
 from rearl_jax.core.batch import ScenarioMap
-from rearl_jax.core.rollout import Frames
 from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.evaluation.simulators import Simulated
 from rearl_jax.metrics.scene import (
-    VEHICLE_LENGTH,
     VEHICLE_WIDTH,
     SceneMetrics,
     Trajectories,
@@ -69,17 +68,17 @@ class Scorer:
             parts.append(self._score(self._recorded(candidate[at]), scene[at]))
         return join(parts)
 
-    def simulated(self, frames: Frames, rollout: np.ndarray, scene: np.ndarray) -> SceneMetrics:
+    def simulated(self, simulated: Simulated, rollout: np.ndarray, scene: np.ndarray) -> SceneMetrics:
         """Metrics of rollouts against recorded scenes, pair by pair.
 
         Args:
-            frames: Rollouts.
+            simulated: Rollouts.
             rollout: Which of them.
             scene: Index of the scene it is scored against.
         """
         parts = []
         for at in self._batches(len(scene)):
-            parts.append(self._score(self._simulated(frames, rollout[at]), scene[at]))
+            parts.append(self._score(self._simulated(simulated, rollout[at]), scene[at]))
         return join(parts)
 
     def _batches(self, n_pairs: int) -> Iterator[slice]:
@@ -109,17 +108,19 @@ class Scorer:
             "width": np.full(shape, VEHICLE_WIDTH, self._dtype),
         }
 
-    def _simulated(self, frames: Frames, index: np.ndarray) -> dict[str, np.ndarray]:
-        """The same fields of a simulation: one carriageway along x, a slot is a vehicle, all of one size."""
+    def _simulated(self, simulated: Simulated, index: np.ndarray) -> dict[str, np.ndarray]:
+        """The same fields of a simulation: one carriageway along x, a slot is a vehicle, all of one width."""
+        frames = simulated.frames
         picked = {
             name: np.asarray(getattr(frames, name))[..., index] for name in ("x", "y", "speed", "lane", "crashed")
         }
+        length = np.asarray(simulated.length, self._dtype)[:, index]
         shape = picked["x"].shape
         slots = np.arange(shape[1], dtype=np.int32)[None, :, None]
         return picked | {
             "position": picked["x"],
             "scaled_speed": picked["speed"],
-            "length": np.full(shape, VEHICLE_LENGTH, self._dtype),
+            "length": np.broadcast_to(length, shape),
             "width": np.full(shape, VEHICLE_WIDTH, self._dtype),
             "direction": np.ones(shape, np.int32),
             "track_id": np.broadcast_to(slots, shape),

@@ -62,12 +62,18 @@ SIMULATORS: dict[Method, Simulator] = {Method.base: simulate_base, Method.critic
 
 
 class Simulated(eqx.Module):
-    """Rollouts: the traffic, what was decided about it (None where nothing is detected), and the action every vehicle
-    followed in every second (None where no policy drives them all).
+    """Rollouts.
+
+    Attributes:
+        frames: The traffic.
+        length: Lengths of the vehicles [m].
+        decisions: What was decided about it; None where nothing is detected.
+        actions: The action every vehicle followed in every second; None where no policy drives them all.
     """
 
     frames: Frames
-    decisions: Decisions | None
+    length: Float[Array | np.ndarray, "vehicles scenarios"]
+    decisions: Decisions | None = None
     actions: Int[Array | np.ndarray, "seconds vehicles scenarios"] | None = None
 
 
@@ -192,15 +198,18 @@ def program(
     def simulate(batch: Batch) -> Simulated:
         references, thresholds = batch.references, batch.thresholds
         state, drivers, keys = populated(batch, core, speed, model)
+        length = lengths_of(state, drivers)
         if isinstance(acts, DrivingOptions):
             assert batch.actor is not None  # loaded with its options
             actor = jax.tree.map(lambda leaf: leaf[..., 0], batch.actor)
             frames, actions = rollout_with_actor(state, drivers, actor, model, acts, n_seconds=n_seconds)
-            return Simulated(frames, None, actions)
+            return Simulated(frames, length, actions=actions)
         if acts is None or references is None or thresholds is None:
-            return Simulated(SIMULATORS[method](state, drivers, model, n_seconds), None)
+            return Simulated(SIMULATORS[method](state, drivers, model, n_seconds), length)
         references = jax.tree.map(lambda leaf: leaf[..., 0], references)
-        return simulate_rearl(state, drivers, keys, references, Thresholds(*thresholds), acts, model, n_seconds)
+        limits = Thresholds(*thresholds)
+        frames, decisions = simulate_rearl(state, drivers, keys, references, limits, acts, model, n_seconds)
+        return Simulated(frames, length, decisions)
 
     return ScenarioMap(simulate, chunk=width)
 
@@ -214,8 +223,8 @@ def simulate_rearl(
     acts: Interventions,
     model: TrafficModel,
     n_seconds: int,
-) -> Simulated:
-    """Rollouts of IDM and MOBIL traffic with interventions.
+) -> tuple[Frames, Decisions]:
+    """Frames of IDM and MOBIL traffic with interventions, and what was decided about it.
 
     Args:
         state: Initial states.
@@ -233,7 +242,12 @@ def simulate_rearl(
     _, frames, decisions = rollout_with_policy(
         state, drivers, decision_keys(keys), table, thresholds, policy, model, acts.loop, n_seconds=n_seconds
     )
-    return Simulated(frames, decisions)
+    return frames, decisions
+
+
+def lengths_of(state: TrafficState, drivers: Drivers) -> Float[Array, "vehicles scenarios"]:
+    """Lengths of the vehicles [m], which drivers may share."""
+    return jnp.broadcast_to(drivers.body.length, state.x.shape)
 
 
 def decision_keys(keys: Key[Array, " scenarios"]) -> Key[Array, " scenarios"]:

@@ -17,8 +17,8 @@ from rearl_jax.metrics.realism import RealismCounts, distance_to_nearest, realis
 from rearl_jax.metrics.safety import collisions, conflicts, time_headways
 from rearl_jax.metrics.spacing import mean_spacing, spacing_errors, vehicle_spacing
 
-VEHICLE_LENGTH, VEHICLE_WIDTH = 5.0, 2.0
-"""Length and width of every highway-env vehicle [m]. Source: highway-env 1.12.1, vehicle/objects.py."""
+VEHICLE_WIDTH = 2.0
+"""Width of every highway-env vehicle [m]. Source: highway-env 1.12.1, vehicle/objects.py."""
 
 
 class Trajectories(eqx.Module):

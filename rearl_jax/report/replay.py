@@ -176,14 +176,14 @@ def _replayed(
     scorer, width = make_scorer(config, scenes, config.eval.n_runs * n_held_out)
     with _witness(config, rollouts_with, bar) as witness:
         rollouts = rollouts_with(witness)
-        lengths = rollouts.vehicle_lengths()
         first = 0
         for simulated, chunk in scored_chunks(config, rollouts, scorer, chosen, width, shown(bar, "replay")):
             for column, scene, h in zip(chunk.rollout, chunk.scene, chunk.metrics.h.value, strict=True):
                 at = first + int(column)
                 told = () if witness is None else tuple(one for one in witness.decisions if one.rollout == at)
                 frames = jax.tree.map(lambda leaf, column=column: np.asarray(leaf[..., column]), simulated.frames)
-                yield ReplayedScene(int(scene), run, frames, lengths[:, at], told, float(h))
+                length = np.asarray(simulated.length[:, column])
+                yield ReplayedScene(int(scene), run, frames, length, told, float(h))
             first += simulated.frames.x.shape[-1]
 
 

@@ -85,9 +85,9 @@ def _timed(rollouts: Rollouts, scorer: Scorer, width: int) -> tuple[Stopwatch, S
     done = 0
     while done < len(rollouts):
         with simulating:
-            frames = next(chunks).frames
-        n = frames.x.shape[-1]
+            simulated = next(chunks)
+        n = simulated.frames.x.shape[-1]
         with scoring:
-            scorer.simulated(frames, np.arange(n), rollouts[done : done + n].scene)
+            scorer.simulated(simulated, np.arange(n), rollouts[done : done + n].scene)
         done += n
     return simulating, scoring

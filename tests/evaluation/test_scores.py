@@ -118,3 +118,27 @@ def test_realism_of_a_row_pools_its_runs(scenes):
     single = [likelihood([pair], scene) for pair, scene in enumerate((1, 0, 0, 1))]
     np.testing.assert_allclose(done.values["realism"], single, rtol=1e-5)
     assert len(set(np.round(single, 6))) > 2
+
+
+def test_headways_are_those_of_the_vehicles_own_lengths(scenes):
+    """Two vehicles 40 m apart at 20 m/s: the leader's length is no headway."""
+    import jax.numpy as jnp
+
+    from rearl_jax.config.metrics import MetricsConfig
+    from rearl_jax.core.rollout import Frames
+    from rearl_jax.evaluation.scoring import Scorer
+    from rearl_jax.evaluation.simulators import Simulated
+
+    n_seconds, n_vehicles = scenes.speed.shape[1:]
+    shape = (n_seconds, n_vehicles, 1)
+    moved = 20.0 * np.arange(n_seconds)[:, None, None] + 40.0 * np.arange(n_vehicles)[None, :, None]
+    same, nobody = jnp.zeros(shape, jnp.float32), jnp.zeros(shape, bool)
+    frames = Frames(jnp.float32(moved), same, same, same + 20, same, jnp.zeros(shape, jnp.int32), nobody)
+    scorer = Scorer(scenes, MetricsConfig(), width=1, dtype=np.dtype(np.float32))
+    headway = {}
+    for length in (5.0, 15.0):
+        simulated = Simulated(frames, np.full(shape[1:], length, np.float32))
+        metrics = scorer.simulated(simulated, np.zeros(1, int), np.array([2]))
+        headway[length] = float(metrics.thw.value[0])
+    assert headway[5.0] == pytest.approx(35 / 20, rel=1e-5)
+    assert headway[15.0] == pytest.approx(25 / 20, rel=1e-5)

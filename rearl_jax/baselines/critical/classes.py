@@ -54,7 +54,7 @@ CLASSES = {
 
 Source: CRITICAL, highway_env/vehicle/behavior.py. It overwrites DISTANCE_WANTED, which in highway-env holds one vehicle
 length, with values that do not: taken as they act there. Trucks keep highway-env 1.12.1's constants (IDMVehicle) and
-their own speeds; they are as long as cars here (5 m, in CRITICAL 10 m), because frames and metrics know one length.
+their own speeds; they are as long as cars here (5 m, in CRITICAL 10 m), as all vehicles of Base.
 """
 
 
