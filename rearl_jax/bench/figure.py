@@ -36,7 +36,7 @@ def draw_costs(results: BenchResults) -> bytes:
         draw(each, results)
         each.grid(axis="y", color=drawing.LIGHT_GREY, linewidth=0.8)
         each.set_axisbelow(True)
-        each.legend(frameon=False, fontsize=drawing.FONT_SIZE)
+        each.legend(frameon=False, fontsize=drawing.FONT_SIZE, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     return drawing.png(figure)
 
 
