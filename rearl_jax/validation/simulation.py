@@ -49,7 +49,7 @@ def simulate(scenes: Sequence[Recorded], model: TrafficModel, dtype: type) -> Tr
     """
     width = batch_width(scenes[0].tracks.x.shape[1])
     recorded = stack([*scenes, *(scenes[-1],) * (width - len(scenes))])
-    state = _state(recorded.start, model, dtype)
+    state = initial_state(recorded.start, model, dtype)
     drivers = _drivers(recorded.start, model, dtype)
     arguments = jax.tree.map(np.asarray, (state, drivers, recorded.actions.astype(np.int32)))
     later = _program(model, width)(arguments)
@@ -90,7 +90,14 @@ def _observe(state: TrafficState, model: TrafficModel) -> tuple[jax.Array, ...]:
     return state.x, state.y, state.heading, state.speed, lane, state.target_lane, state.crashed
 
 
-def _state(start: Start, model: TrafficModel, dtype: type) -> TrafficState:
+def initial_state(start: Start, model: TrafficModel, dtype: type) -> TrafficState:
+    """The vehicles of highway-env at the beginning of a scene, as the core has them.
+
+    Args:
+        start: The vehicles.
+        model: The road.
+        dtype: Floating type of the state.
+    """
     return make_state(
         start.x,
         start.y,

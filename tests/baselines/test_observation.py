@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from tests.highway_env_twins import put_on_road, road_of_four_lanes
+
 
 def plain_observation(state, vehicle, scenario):
     """The same, vehicle by vehicle."""
@@ -41,28 +43,15 @@ def test_against_a_plain_reading(wild):
 def test_against_highway_env(wild):
     """highway-env's Kinematics with our ranges, but for the observer's x, which it gives from the start of the road."""
     from highway_env.envs.common.observation import KinematicObservation
-    from highway_env.envs.highway_env import HighwayEnv
-    from highway_env.vehicle.controller import MDPVehicle
 
     from rearl_jax.baselines.observation import RANGES, observe_neighbours
 
-    env = HighwayEnv({"lanes_count": 4, "vehicles_count": 1})
-    env.reset(seed=0)
+    env = road_of_four_lanes()
     observation = np.asarray(observe_neighbours(wild))
     ranges = {name: [-reach, reach] for name, reach in RANGES.items()}
     n_compared = 0
     for scenario in range(wild.x.shape[1]):
-        present = np.flatnonzero(np.asarray(wild.controller)[:, scenario] != 0)
-        env.road.vehicles = [
-            MDPVehicle(
-                env.road,
-                [float(wild.x[i, scenario]), float(wild.y[i, scenario])],
-                heading=float(wild.heading[i, scenario]),
-                speed=float(wild.speed[i, scenario]),
-            )
-            for i in present
-        ]
-        for vehicle, twin in zip(present, env.road.vehicles, strict=True):
+        for vehicle, twin in put_on_road(env, wild, scenario):
             theirs = KinematicObservation(env, features_range=ranges, see_behind=True)
             theirs.observer_vehicle = twin
             expected = theirs.observe()

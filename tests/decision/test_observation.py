@@ -4,33 +4,22 @@ import jax
 import numpy as np
 import pytest
 
+from tests.highway_env_twins import put_on_road, road_of_four_lanes
+
 
 @pytest.mark.parametrize(("n_rows", "see_behind"), [(5, False), (7, True), (9, False)])
 def test_as_highway_env_sees(wild, n_rows, see_behind):
     from highway_env.envs.common.observation import KinematicObservation
-    from highway_env.envs.highway_env import HighwayEnv
-    from highway_env.vehicle.controller import MDPVehicle
 
     from rearl_jax.decision.observation import highway_env_view, observe_neighbours
 
-    env = HighwayEnv({"lanes_count": 4, "vehicles_count": 1})
-    env.reset(seed=0)
+    env = road_of_four_lanes()
     view = highway_env_view(4, n_rows, see_behind=see_behind)
     observation = np.asarray(jax.jit(lambda state: observe_neighbours(state, view))(wild))
     assert observation.shape == (view.n_features, *wild.x.shape)
     n_hidden = 0
     for scenario in range(4):
-        present = np.flatnonzero(np.asarray(wild.controller)[:, scenario] != 0)
-        env.road.vehicles = [
-            MDPVehicle(
-                env.road,
-                [float(wild.x[i, scenario]), float(wild.y[i, scenario])],
-                heading=float(wild.heading[i, scenario]),
-                speed=float(wild.speed[i, scenario]),
-            )
-            for i in present
-        ]
-        for vehicle, twin in zip(present, env.road.vehicles, strict=True):
+        for vehicle, twin in put_on_road(env, wild, scenario):
             theirs = KinematicObservation(env, vehicles_count=n_rows, see_behind=see_behind)
             theirs.observer_vehicle = twin
             ours = observation[:, vehicle, scenario].reshape(n_rows, 5)

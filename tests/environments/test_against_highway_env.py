@@ -14,22 +14,11 @@ N_OTHERS, SECONDS, SEEDS = 10, 15, (2, 3, 4, 5)
 def start_of(scenario):
     """The vehicles of highway-env after its reset, as the core has them."""
     from rearl_jax.core.drivers import highway_env_drivers
-    from rearl_jax.core.state import Controller, make_state
-    from rearl_jax.validation import reference
+    from rearl_jax.validation import reference, simulation
 
     start = reference.simulate(scenario).start
     return start, lambda model: (
-        make_state(
-            start.x,
-            start.y,
-            start.speed,
-            model,
-            desired_speed=start.desired_speed,
-            target_lane=start.target_lane,
-            timer=start.timer,
-            controller=np.where(start.is_meta, Controller.META, Controller.IDM),
-            dtype=np.float64,
-        ),
+        simulation.initial_state(start, model, np.float64),
         highway_env_drivers(jnp.asarray(start.accel_exponent)),
     )
 
