@@ -200,6 +200,16 @@ class Study:
         return path
 
 
+def cell_folder(folder: Path, keys: Mapping[str, str]) -> Path:
+    """Where a job of a multirun has its results.
+
+    Args:
+        folder: Of the multirun.
+        keys: Values of the swept keys in this job.
+    """
+    return folder.joinpath(*sorted(f"{key}={value}" for key, value in keys.items()))
+
+
 def part_name(table: str, number: int) -> str:
     """Name of one part of a table that is written piece by piece."""
     return f"{table}/part-{number:05d}"

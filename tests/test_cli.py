@@ -1,5 +1,6 @@
 """The console script, tried on a small task of its own: `drive`, with records of every kind of key."""
 
+import json
 import subprocess
 import sys
 import zipfile
@@ -257,6 +258,27 @@ def test_cells_are_put_together_also_after_a_failed_job(cli):
     ((config, cells),) = cli.collected
     assert cells == [{"road.lanes": "0"}, {"road.lanes": "3"}]
     assert (config.study, config.limit) == ("s", 20)
+
+
+def test_a_failed_job_leaves_nothing_of_another_configuration(cli, capsys):
+    from rearl_jax import tasks
+    from rearl_jax.cli.composition import compose_task
+    from rearl_jax.results import config_hash
+
+    # The task of these tests writes no summaries, so these stay whatever is run.
+    for lanes in (9, 3):
+        folder = cli.work / "results" / "s" / f"road.lanes={lanes}"
+        folder.mkdir(parents=True)
+        config = compose_task(tasks.TASKS[0], [f"road.lanes={lanes}", "limit=20"], None)
+        (folder / "summary.json").write_text(json.dumps([{"config_hash": config_hash(config)}]))
+
+    cli.task.fail = lambda: open("missing.csv")
+    assert cli.main(["drive", "far", "-m", "road.lanes=9,3", "limit=20", "study=s"]) == 2
+    assert cli.main(["drive", "far", "-m", "road.lanes=9,3", "limit=30", "study=s"]) == 2
+    (_, same), (_, other) = cli.collected
+    assert same == [{"road.lanes": "9"}, {"road.lanes": "3"}]
+    assert other == []
+    assert capsys.readouterr().out.count("is of another configuration and is left out") == 2
 
 
 def test_jobs_resume_unless_told_otherwise(cli):

@@ -4,6 +4,7 @@ Finished jobs are not run again, so a killed multirun goes on where it was. At t
 together.
 """
 
+import json
 import logging
 import os
 import sys
@@ -17,6 +18,7 @@ from rearl_jax.cli.composition import as_record, check_overrides, compose_task, 
 from rearl_jax.cli.launchers import launcher_errors, settings
 from rearl_jax.cli.running import JobError, complain, is_for_user, run_task
 from rearl_jax.config._schema import finished
+from rearl_jax.results import cell_folder, config_hash
 from rearl_jax.tasks import Task
 
 log = logging.getLogger(__name__)
@@ -53,12 +55,32 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
     own = [text for text in fixed if not text.lstrip("+~").startswith("hydra")]
     whole = compose_task(task, own, config_dir)
     folder = Path(whole.results.root) / whole.study
+    if failed is not None:
+        # A job that ended before its study began has left there what an earlier multirun wrote.
+        cells = [cell for cell in cells if not _is_of_before(task, own, folder, cell, config_dir)]
     if task.collect is not None:
         task.load_collect()(whole, cells)
         print(f"all cells: {folder}")
     if failed is not None:
         raise failed
     return folder, cells
+
+
+def _is_of_before(
+    task: Task, fixed: Sequence[str], folder: Path, cell: Mapping[str, str], config_dir: str | None
+) -> bool:
+    """Whether the results in the folder of a job are those of another configuration than it was to run with."""
+    own = cell_folder(folder, cell)
+    try:
+        found = json.loads((own / "summary.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return False
+    first = found[0] if isinstance(found, list) else found
+    overrides = [*fixed, *(f"{key}={value}" for key, value in cell.items())]
+    if first["config_hash"] == config_hash(compose_task(task, overrides, config_dir)):
+        return False
+    log.warning("%s: what is there is of another configuration and is left out", own)
+    return True
 
 
 def cells_of(overrides: Sequence[Any], swept: set[str]) -> list[dict[str, str]]:

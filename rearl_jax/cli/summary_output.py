@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO
 
+from rearl_jax.results import cell_folder
 from rearl_jax.tasks import Task
 
 
@@ -56,7 +57,7 @@ def multirun_object(task: Task, folder: Path, cells: Sequence[Mapping[str, str]]
     if stored is None:
         stored = []
         for cell in cells:
-            own = folder.joinpath(*sorted(f"{key}={value}" for key, value in cell.items()))
+            own = cell_folder(folder, cell)
             found = _read(own / "summary.json")
             parts = found if isinstance(found, list) else [found] if found is not None else []
             stored += [{"results": str(own), **cell, **part} for part in parts]

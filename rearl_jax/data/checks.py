@@ -92,6 +92,16 @@ def out_of_range(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
     return None
 
 
+def wrong_time(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Rows whose time is not that of their frame, to half a frame."""
+    bad = times_beside_frames(table, info)
+    if not bad.any():
+        return None
+    row = int(np.argmax(bad))
+    text = f"time {table['time'].iloc[row]:g} s is not that of frame {table['frame'].iloc[row]}"
+    return Finding("wrong_time", "time", bad, text, "correct the time, or leave the column out: frames tell it")
+
+
 def wrong_lane(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
     """Rows with a direction the road does not have, or with a lane outside the lanes of their direction."""
     direction = table["direction"].to_numpy()
@@ -166,6 +176,12 @@ def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Findin
     return None
 
 
+def times_beside_frames(table: pd.DataFrame, info: RecordingInfo) -> np.ndarray:
+    """Mask of rows whose time is more than half a frame off frame / frame rate, up to a start all rows share."""
+    off = table["time"].to_numpy() - table["frame"].to_numpy() / info.frame_rate
+    return np.abs(off - np.median(off)) > 0.5 / info.frame_rate
+
+
 def follows_row_before(track: np.ndarray) -> np.ndarray:
     """Mask of rows that continue the track of the row before."""
     follows = np.zeros(len(track), dtype=bool)
@@ -174,4 +190,4 @@ def follows_row_before(track: np.ndarray) -> np.ndarray:
 
 
 ROW_CHECKS = (unknown_class, out_of_order)
-RANGE_CHECKS = (out_of_range, wrong_lane, changed_direction, gap, jump)
+RANGE_CHECKS = (wrong_time, out_of_range, wrong_lane, changed_direction, gap, jump)

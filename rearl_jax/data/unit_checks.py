@@ -8,7 +8,7 @@ with those of roads.
 import numpy as np
 import pandas as pd
 
-from rearl_jax.data.checks import CLASSES, follows_row_before
+from rearl_jax.data.checks import CLASSES, follows_row_before, times_beside_frames
 from rearl_jax.data.problems import BadRecordingError, Finding
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.units import SI_FACTOR
@@ -23,6 +23,7 @@ ACCELERATION_P99 = 9.0  # m/s^2, about the friction limit of a dry road
 # Two measurements of one quantity: in NGSIM, I-80 and OpenACC they correlate with .92 or more and agree within 25 %.
 ALIKE = 0.8  # correlation from which two measurements tell each other's unit
 SAME_UNIT = 1.8  # factor between them that no error makes; the least wrong unit has 3.28
+WRONG_SHARE = 0.1  # of the rows have a wrong time: a unit or a frame rate, no matter of single rows
 WINDOW = 1.0  # s over which changes of speed are compared with accelerations, beyond most of their noise
 
 # step / (speed * time) that a wrong unit of position or speed produces.
@@ -90,8 +91,9 @@ def is_other_unit(scale: tuple[float, float] | None) -> bool:
 
 
 def _wrong_time(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
-    off = table["time"].to_numpy() - table["frame"].to_numpy() / info.frame_rate
-    bad = np.abs(off - np.median(off)) > 0.5 / info.frame_rate
+    bad = times_beside_frames(table, info)
+    if np.mean(bad) < WRONG_SHARE:
+        return None
     text = f"time does not follow frame / frame rate at {info.frame_rate:g} frames per second"
     return _unit_finding("time", bad, text, "give time in s and the frame rate of the recording")
 

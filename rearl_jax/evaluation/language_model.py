@@ -11,11 +11,8 @@ from rich.progress import Progress, TaskID
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.decision import PolicyName
 from rearl_jax.config.llm import LlmConfig
-from rearl_jax.core.model import TrafficModel
-from rearl_jax.decision.loop import LoopOptions
-from rearl_jax.detection.detector import Thresholds
-from rearl_jax.detection.table import ReferenceTable
 from rearl_jax.evaluation.extras import Extra
+from rearl_jax.evaluation.outside import Lot
 from rearl_jax.llm.client import Client, Read
 from rearl_jax.llm.local_server import server_at
 from rearl_jax.llm.parsing import understand
@@ -34,13 +31,18 @@ class LanguageModel:
         self._line: TaskID = bar.add_task("decisions", total=None)
         self._begin = time.perf_counter()
 
-    def make_policy(
-        self, table: ReferenceTable, model: TrafficModel, options: LoopOptions, thresholds: Thresholds, first: int
-    ) -> LanguageModelPolicy:
+    def make_policy(self, lot: Lot) -> LanguageModelPolicy:
         """Who decides for some scenarios during a rollout; see `outside.MakePolicy`."""
-        prompter = Prompter(table, model, self._config.prompt, options.detection, self._template)
+        prompter = Prompter(
+            lot.table,
+            lot.model,
+            self._config.prompt,
+            lot.options.detection,
+            self._template,
+            vehicle_length=lot.length,
+        )
         return LanguageModelPolicy(
-            self._client, prompter, thresholds, first, lambda second: self._show(second, table.n_seconds)
+            self._client, prompter, lot.thresholds, lot.first, lambda second: self._show(second, lot.table.n_seconds)
         )
 
     def requests(self) -> pd.DataFrame:

@@ -1,11 +1,12 @@
 """Rollouts whose decisions are made outside the compiled program: initial states in, frames and decisions out."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import jax
 import numpy as np
-from jaxtyping import Key
+from jaxtyping import Float, Key
 
 from rearl_jax.core.batch import select_scenarios
 from rearl_jax.core.drivers import Drivers
@@ -16,14 +17,35 @@ from rearl_jax.decision.lockstep import HostPolicy, rollout_in_lockstep
 from rearl_jax.decision.loop import Decisions, LoopOptions
 from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.table import ReferenceTable
+from rearl_jax.evaluation.simulators import lengths_of
 
 BURST = 2_048
 """Scenarios in lockstep at most: all their questions of a second are asked at once."""
 
-MakePolicy: TypeAlias = Callable[[ReferenceTable, TrafficModel, LoopOptions, Thresholds, int], HostPolicy]
-"""Who decides for some scenarios during a rollout: from references, road, choices of the loop, their thresholds and the
-number of the first of them.
-"""
+
+@dataclass(frozen=True)
+class Lot:
+    """Scenarios that one policy decides for, as it sees them before the first second.
+
+    Attributes:
+        table: References.
+        model: Road, clock and stages.
+        options: Choices of the loop.
+        thresholds: Of every scenario.
+        length: Lengths of the vehicles [m].
+        first: Number of the first of the scenarios.
+    """
+
+    table: ReferenceTable
+    model: TrafficModel
+    options: LoopOptions
+    thresholds: Thresholds
+    length: Float[np.ndarray, "vehicles scenarios"]
+    first: int
+
+
+MakePolicy: TypeAlias = Callable[[Lot], HostPolicy]
+"""Who decides for some scenarios during a rollout."""
 
 
 def simulate_outside(
@@ -57,11 +79,9 @@ def simulate_outside(
         columns = np.arange(start, start + size)
         some, their_drivers = select_scenarios((state, drivers), columns, n_scenarios, least_ndim=2)
         limits = select_scenarios(thresholds, columns, n_scenarios)
-        half = -(-size // 2)
-        policies = (
-            make_policy(table, model, options, Thresholds(limits.hellinger[:half], limits.mape[:half]), start),
-            make_policy(table, model, options, Thresholds(limits.hellinger[half:], limits.mape[half:]), start + half),
-        )
+        length, half = np.asarray(lengths_of(some, their_drivers)), -(-size // 2)
+        whole = Lot(table, model, options, limits, length, start)
+        policies = make_policy(_part(whole, slice(0, half))), make_policy(_part(whole, slice(half, size)))
         yield rollout_in_lockstep(
             some,
             their_drivers,
@@ -73,3 +93,8 @@ def simulate_outside(
             options,
             n_seconds=n_seconds,
         )
+
+
+def _part(lot: Lot, part: slice) -> Lot:
+    limits = Thresholds(lot.thresholds.hellinger[part], lot.thresholds.mape[part])
+    return replace(lot, thresholds=limits, length=lot.length[:, part], first=lot.first + part.start)

@@ -80,6 +80,7 @@ def read_model(path: str | Path) -> RepairedModel:
 
     Raises:
         FileNotFoundError: There is no such file.
+        IsADirectoryError: It is a folder.
         BadModelError: A key is missing, unknown or outside its bounds.
     """
     path = Path(path)
@@ -87,6 +88,8 @@ def read_model(path: str | Path) -> RepairedModel:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise FileNotFoundError(f"model={path}: there is no such file; `rearl discover` writes model.yaml") from None
+    except IsADirectoryError:
+        raise IsADirectoryError(f"model={path} is a folder: name the file model.yaml in it") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise BadModelError(f"{path} is no YAML: {error}") from error
     return _checked(path, content)

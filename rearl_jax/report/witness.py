@@ -17,12 +17,10 @@ from jaxtyping import Array, Int, Key
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.decision.execution import accept
 from rearl_jax.decision.lockstep import HostPolicy
-from rearl_jax.decision.loop import LoopOptions
 from rearl_jax.decision.policies import make_policy
 from rearl_jax.decision.situation import Situation
-from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.table import ReferenceTable
-from rearl_jax.evaluation.outside import MakePolicy
+from rearl_jax.evaluation.outside import Lot, MakePolicy
 from rearl_jax.evaluation.simulators import Interventions
 
 
@@ -55,11 +53,9 @@ class Witness:
     make: MakePolicy
     decisions: list[Decision] = field(default_factory=list)
 
-    def __call__(
-        self, table: ReferenceTable, model: TrafficModel, options: LoopOptions, thresholds: Thresholds, first: int
-    ) -> HostPolicy:
+    def __call__(self, lot: Lot) -> HostPolicy:
         """A policy for some scenarios; see `outside.MakePolicy`."""
-        return _Witnessed(self.make(table, model, options, thresholds, first), first, self.decisions)
+        return _Witnessed(self.make(lot), lot.first, self.decisions)
 
 
 @dataclass(frozen=True)
@@ -94,12 +90,9 @@ def policy_of(acts: Interventions, keys: Key[Array, " rollouts"]) -> MakePolicy:
         keys: Random keys of the policy, one per rollout.
     """
 
-    def make(
-        table: ReferenceTable, model: TrafficModel, options: LoopOptions, thresholds: Thresholds, first: int
-    ) -> HostPolicy:
-        n_rollouts = thresholds.hellinger.shape[-1]
-        decide = _compiled(acts, model)
-        return _Compiled(functools.partial(decide, table=table, keys=keys[first : first + n_rollouts]))
+    def make(lot: Lot) -> HostPolicy:
+        own_keys = keys[lot.first : lot.first + lot.length.shape[-1]]
+        return _Compiled(functools.partial(_compiled(acts, lot.model), table=lot.table, keys=own_keys))
 
     return make
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from rearl_jax.config import EvaluateTask
-from rearl_jax.results import PROVENANCE, Study, shared_config
+from rearl_jax.results import PROVENANCE, Study, cell_folder, shared_config
 from rearl_jax.sweep.cell_terminal import print_cells
 
 log = logging.getLogger(__name__)
@@ -81,7 +81,7 @@ def collect(config: EvaluateTask, swept: list[dict[str, str]]) -> None:
 
 def _read(root: Path, keys: dict[str, str]) -> Cell | None:
     """The cell with these values, if its job has finished."""
-    folder = root.joinpath(*sorted(f"{key}={value}" for key, value in keys.items()))
+    folder = cell_folder(root, keys)
     try:
         figures = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     except FileNotFoundError:

@@ -62,6 +62,11 @@ def _rows(*parts: slice | int):
     return lambda table: table.iloc[np.r_[parts]].reset_index(drop=True)
 
 
+def _late(table: pd.DataFrame, row: int) -> pd.DataFrame:
+    late = np.where(np.arange(len(table)) == row, 0.06, 0.0)
+    return table.assign(time=table["frame"] / INFO.frame_rate + late)
+
+
 def _cell(name: str, value: object):
     return lambda table: _at(table, 41, **{name: value})
 
@@ -80,6 +85,14 @@ FAULTS = {
     "negative speed": (_cell("speed", -0.5), "v_Vel", 42, "-0.5 m/s", "out_of_range", 1),
     "negative length": (_cell("length", -4.5), "length", 42, "-4.5 m", "out_of_range", 1),
     "zero length": (_cell("length", 0.0), "length", 42, "0 m", "out_of_range", 1),
+    "late": (
+        lambda t: _at(t, 41, time=t["frame"].iloc[41] / 10 + 0.06),
+        "time",
+        42,
+        "that of frame 47",
+        "wrong_time",
+        1,
+    ),
     "lane beyond the road": (_cell("lane", 2), "lane", 42, "lane 2", "lane_out_of_range", 1),
     "negative lane": (_cell("lane", -1), "lane", 42, "lane -1", "lane_out_of_range", 1),
     "lane beyond int8": (_cell("lane", 300), "lane", 42, "lane 300", "lane_out_of_range", 1),

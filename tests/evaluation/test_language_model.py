@@ -86,7 +86,7 @@ def test_the_matcher_asked_from_outside_gives_the_rows_of_the_matcher_inside(sce
         HELD_OUT,
         references=references,
         thresholds=THRESHOLDS,
-        outside=lambda table, model, options, thresholds, first: Matcher(table, model),
+        outside=lambda lot: Matcher(lot.table, lot.model),
     )
     inside = evaluate(task, scenes, HELD_OUT, references=references, thresholds=THRESHOLDS)
     assert inside.log.decisions.n_accepted.sum() > 0
