@@ -20,6 +20,7 @@ from rearl_jax.core.drivers import Body
 from rearl_jax.core.elementary import cosine, sine
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import for_each_vehicle, is_large, row
+from rearl_jax.core.order import sort_along_road
 from rearl_jax.core.pile_ups import collide_along_road
 from rearl_jax.core.rectangles import Rectangle
 from rearl_jax.core.state import TrafficState
@@ -42,11 +43,13 @@ def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficStat
     )
     extent = extent_of(rectangles, model)
     marks = lax.stop_gradient((state.crashed, state.is_pushed, state.push_x, state.push_y))
+    order = state.order
     if is_large(shape[0]):
-        marks = collide_along_road(state.order, extent, rectangles, marks, model)
+        order = sort_along_road(rectangles.x, order)
+        marks = collide_along_road(order, extent, rectangles, marks, model)
     else:
         marks = _collide_in_list(extent, rectangles, marks, model)
-    return eqx.tree_at(lambda s: (s.crashed, s.is_pushed, s.push_x, s.push_y), state, marks)
+    return eqx.tree_at(lambda s: (s.crashed, s.is_pushed, s.push_x, s.push_y, s.order), state, (*marks, order))
 
 
 def _collide_in_list(extent: Extent, rectangles: Rectangle, marks: Marks, model: TrafficModel) -> Marks:

@@ -230,16 +230,20 @@ def _walk(
 
 
 def _first_of_level(x: Float[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
-    """By place, the first place with the same x, found by stepping back as often as vehicles are abreast; x rises."""
+    """By place, the first place with the same x; x rises.
+
+    Everybody points at the place before if that is level, and then at whatever the place pointed at points at: twice as
+    far back each time, until all point at one that begins a level.
+    """
     place = lax.broadcasted_iota(jnp.int32, x.shape, 0)
     is_level = (place > 0) & (x == jnp.roll(x, 1, axis=0))
 
-    def step_back(work: tuple[Array, Array]) -> tuple[Array, Array]:
-        first, goes_on = work
-        first = first - goes_on.astype(jnp.int32)
+    def point_further(work: tuple[Array, Array]) -> tuple[Array, Array]:
+        first = pick(work[0], work[0])
         return first, pick(is_level, first)
 
-    return lax.while_loop(lambda work: jnp.any(work[1]), step_back, (place, is_level))[0]
+    start = place - is_level.astype(jnp.int32), is_level & jnp.roll(is_level, 1, axis=0)
+    return lax.while_loop(lambda work: jnp.any(work[1]), point_further, start)[0]
 
 
 def inverse(order: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:

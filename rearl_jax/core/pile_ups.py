@@ -5,14 +5,13 @@ always some. Here the order along the road says who may touch whom, one window a
 
 1. `_look_ahead` holds everybody against the next WINDOW vehicles ahead by the cheap test of bounding boxes, and
    remembers as bits which of them may be touched.
-2. `_test_pairs` takes up the scenarios that have such pairs, some at a time, numbers the pairs of these in one sequence
-   and tests them in full, a lot at a time. The work grows with the number of pairs and does not wait for the scenario
-   that has most of them.
-
-It ends with the window beyond which nobody is within reach of anybody, which is the first one unless traffic is piled
-up.
+2. `_test_pairs` numbers these pairs in one sequence through all scenarios and tests them in full, a lot at a time. The
+   work grows with the number of pairs and does not wait for the scenario that has most of them.
+3. Where traffic is piled up, somebody further ahead may still be within reach. `_look_further` takes up the few
+   vehicles of which that is true, some at a time, and goes on from window to window until it is true of none of them.
 """
 
+import functools
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -21,19 +20,23 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
+from rearl_jax.core.affected import if_any
 from rearl_jax.core.contacts import Extent, Marks, contact, may_touch
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.order import NOBODY, pick
 from rearl_jax.core.rectangles import Rectangle
 
 WINDOW = 8
-"""Places ahead that are looked at in one pass and remembered as bits of a number; a power of two, at most 32."""
+"""Places ahead that are looked at in one pass; as many bits are remembered of each vehicle."""
 
-TREATED = 16
-"""Scenarios whose pairs are numbered together: as many numbers as a cache line holds."""
+TOGETHER = 32 // WINDOW
+"""Vehicles whose bits make one number."""
 
-TESTED = 32
-"""Vehicles of these scenarios for each pair of a lot that is tested at a time."""
+TESTED = 64
+"""Vehicles of all scenarios for each pair of a lot that is tested at a time."""
+
+FOLLOWED = 64
+"""Vehicles of all scenarios for each that is followed further ahead at a time."""
 
 
 class _Found(NamedTuple):
@@ -58,132 +61,176 @@ def collide_along_road(
     """Crash marks and pushes after all pairs that may touch have been tested.
 
     Args:
-        order: Vehicle indices by rising x, as of the beginning of the tick: who has come past others since then stands
-            far less than a WINDOW of places off.
+        order: Vehicle indices by rising x.
         extent: Bounding boxes, by vehicle index.
         rectangles: The vehicles, by vehicle index.
         marks: Of the tick so far.
         model: The tick.
     """
-    rear = jax.tree.map(lambda values: pick(values, order), extent)
-    flat = jax.tree.map(jnp.ravel, rectangles)
+    by_place = jax.tree.map(lambda values: pick(values, order), extent)
+    reach = by_place.reach_x + jnp.abs(by_place.moved_x) + jnp.abs(by_place.moved_y)
+    farthest = by_place.x + reach + jnp.max(reach, axis=0, keepdims=True)
+    nobody = jnp.zeros(order.shape, jnp.uint32), jnp.zeros(order.shape, bool)
+    is_near = by_place.x[1:] <= farthest[:-1]
+    close, goes_on = if_any(is_near, lambda: _look_ahead(by_place, farthest), nobody)
 
-    def next_and_beyond(values: Array, beyond: float = 0) -> Array:
-        return jnp.pad(values[1:], [(0, WINDOW)] + [(0, 0)] * (order.ndim - 1), constant_values=beyond)
-
-    # Beyond the last vehicle somebody is infinitely far away.
-    front = replace(jax.tree.map(next_and_beyond, rear), x=next_and_beyond(rear.x, jnp.inf))
-
-    def one_window(work: tuple[Array, Extent, Array, _Found]) -> tuple[Array, Extent, Array, _Found]:
-        first, front, _, found = work
-        close, goes_on = _look_ahead(rear, front)
-        found = _test_pairs(close, first, order, flat, found, model)
-        front = jax.tree.map(lambda values: jnp.concatenate([values[WINDOW:], values[-WINDOW:]]), front)
-        return first + WINDOW, front, goes_on, found
-
+    n_scenarios = order.size // order.shape[0]
+    scenario = lax.broadcasted_iota(jnp.int32, (1, n_scenarios), 1)
+    road = _Road(order.reshape(-1, n_scenarios) * n_scenarios + scenario, jax.tree.map(jnp.ravel, rectangles))
     crashed, is_pushed, push_x, push_y = marks
     found = _Found(crashed.ravel(), jnp.full(order.size, NOBODY, jnp.int32), push_x.ravel(), push_y.ravel())
-    start = jnp.int32(1), front, jnp.bool_(True), found
-    found = lax.while_loop(lambda work: work[2], one_window, start)[3]
+    numbers = _together(close.reshape(-1, n_scenarios))
+    places = TOGETHER * n_scenarios * lax.broadcasted_iota(jnp.int32, numbers.shape, 0) + scenario
+    pairs = _Pairs(numbers.ravel(), places.ravel(), jnp.int32(1))
+    found = _test_pairs(pairs, order.size // TESTED + 1, road, found, model)
+    found = _look_further(goes_on, by_place, farthest, road, found, model)
     found = jax.tree.map(lambda values: values.reshape(order.shape), found)
     return found.crashed, is_pushed | (found.partner != NOBODY), found.push_x, found.push_y
 
 
-def _look_ahead(rear: Extent, front: Extent) -> tuple[UInt32[Array, "vehicles *scenarios"], Bool[Array, ""]]:
-    """By place, which of the next vehicles may be touched, as bits, and whether there may be more beyond.
+def _look_ahead(
+    by_place: Extent, farthest: Float[Array, "vehicles *scenarios"]
+) -> tuple[UInt32[Array, "vehicles *scenarios"], Bool[Array, "vehicles *scenarios"]]:
+    """By place, which of the next WINDOW vehicles may be touched, as bits, and whether there may be more beyond.
 
     Args:
-        rear: Everybody, by place.
-        front: Whoever is ahead of the rearmost by as many places as the window begins at, and all after that one, so
-            that entry p + k is the k-th of the window of place p. There are n_vehicles + WINDOW - 1 entries.
+        by_place: Everybody.
+        farthest: Position beyond which nobody can be touched [m].
     """
-    n_vehicles = rear.x.shape[0]
-    close = jnp.zeros(rear.x.shape, jnp.uint32)
+    n_vehicles, *others = by_place.x.shape
+
+    def from_next(values: Array, beyond: float = 0) -> Array:
+        return jnp.pad(values[1:], [(0, WINDOW)] + [(0, 0)] * len(others), constant_values=beyond)
+
+    # Beyond the last vehicle somebody is infinitely far away.
+    ahead = replace(jax.tree.map(from_next, by_place), x=from_next(by_place.x, jnp.inf))
+    close = jnp.zeros(by_place.x.shape, jnp.uint32)
     for places in range(WINDOW):
-        other = jax.tree.map(lambda values, k=places: values[k : k + n_vehicles], front)
-        close = close | jnp.where(may_touch(rear, other), jnp.uint32(1 << places), jnp.uint32(0))
-    reach = rear.reach_x + jnp.abs(rear.moved_x) + jnp.abs(rear.moved_y)
-    farthest = reach + jnp.max(reach, axis=0, keepdims=True)
+        other = jax.tree.map(lambda values, k=places: values[k : k + n_vehicles], ahead)
+        close = close | jnp.where(may_touch(by_place, other), jnp.uint32(1 << places), jnp.uint32(0))
     # Positions rise: where the last of a window is out of reach, so are all beyond it.
-    return close, jnp.any(front.x[WINDOW - 1 :] - rear.x <= farthest)
+    return close, ahead.x[WINDOW - 1 :] <= farthest
 
 
-def _test_pairs(
-    close: UInt32[Array, "vehicles *scenarios"],
-    first: Int[Array, ""],
-    order: Int[Array, "vehicles *scenarios"],
-    rectangles: Rectangle,
-    found: _Found,
-    model: TrafficModel,
-) -> _Found:
-    """What is found once all pairs have been tested, some scenarios at a time: in ordinary traffic few have any.
+def _together(close: UInt32[Array, "vehicles scenarios"]) -> UInt32[Array, "numbers scenarios"]:
+    """The bits of TOGETHER places in one number, those of the rearmost lowest."""
+    n_vehicles, n_scenarios = close.shape
+    close = jnp.pad(close, [(0, -n_vehicles % TOGETHER), (0, 0)]).reshape(-1, TOGETHER, n_scenarios)
+    return functools.reduce(jnp.bitwise_or, (close[:, k] << jnp.uint32(k * WINDOW) for k in range(TOGETHER)))
+
+
+class _Road(NamedTuple):
+    """Who stands where, and the vehicles, all scenarios in a row.
+
+    Attributes:
+        vehicle: By place, where the vehicle stands among all.
+        rectangles: The vehicles.
+    """
+
+    vehicle: Int[Array, "vehicles scenarios"]
+    rectangles: Rectangle
+
+
+class _Pairs(NamedTuple):
+    """Pairs of vehicles that may touch.
+
+    Attributes:
+        close: The pairs as bits: WINDOW for the places ahead of one place, the next WINDOW for the place after it.
+        place: Of each number the first place, counted through all scenarios as in `_Road`.
+        first: Places ahead of the lowest of WINDOW bits.
+    """
+
+    close: UInt32[Array, " numbers"]
+    place: Int[Array, " numbers"]
+    first: Int[Array, ""]
+
+
+def _test_pairs(pairs: _Pairs, n_tested: int, road: _Road, found: _Found, model: TrafficModel) -> _Found:
+    """What is found once the pairs have been tested.
 
     Args:
-        close: By place, the places ahead whose vehicle may be touched, as bits; the lowest stands for `first`.
-        first: Places ahead of the lowest bit.
-        order: Vehicle indices by rising x.
-        rectangles: The vehicles by index, all scenarios in a row.
+        pairs: The pairs.
+        n_tested: How many are tested at a time.
+        road: The traffic.
         found: So far.
         model: The tick.
     """
-    n_vehicles = order.shape[0]
-    close, order = close.reshape(n_vehicles, -1), order.reshape(n_vehicles, -1)
-    n_scenarios = order.shape[1]
-
-    def treat_some(work: tuple[Array, _Found]) -> tuple[Array, _Found]:
-        left, found = work
-        (columns,) = jnp.nonzero(left, size=min(TREATED, n_scenarios), fill_value=n_scenarios)
-        columns = columns.astype(jnp.int32)
-        some = jnp.minimum(columns, n_scenarios - 1)
-        close_here = jnp.where(columns[None] < n_scenarios, close[:, some], jnp.uint32(0))
-        # Where each vehicle of these scenarios stands among all.
-        vehicles = order[:, some] * n_scenarios + some[None]
-        found = _test_numbered(close_here.T, first, vehicles.T, rectangles, found, model)
-        return left.at[columns].set(False, mode="drop"), found
-
-    has_pairs = jnp.any(close != 0, axis=0)
-    return lax.while_loop(lambda work: jnp.any(work[0]), treat_some, (has_pairs, found))[1]
-
-
-def _test_numbered(
-    close: UInt32[Array, "some vehicles"],
-    first: Int[Array, ""],
-    vehicles: Int[Array, "some vehicles"],
-    rectangles: Rectangle,
-    found: _Found,
-    model: TrafficModel,
-) -> _Found:
-    """What is found once the pairs of some scenarios, numbered scenario by scenario and by rising place, are tested.
-
-    Args:
-        close: By place, the places ahead whose vehicle may be touched, as bits; the lowest stands for `first`.
-        first: Places ahead of the lowest bit.
-        vehicles: By place, where the vehicle stands among those of all scenarios.
-        rectangles: The vehicles by index, all scenarios in a row.
-        found: So far.
-        model: The tick.
-    """
-    close, vehicles = close.ravel(), vehicles.ravel()
-    count = lax.population_count(close).astype(jnp.int32)
+    count = lax.population_count(pairs.close).astype(jnp.int32)
     end = jnp.cumsum(count, dtype=jnp.int32)
-    n_tested = close.size // TESTED + 1
+    vehicle, n_scenarios = road.vehicle.ravel(), road.vehicle.shape[1]
 
     def test_some(work: tuple[Array, _Found]) -> tuple[Array, _Found]:
         tested, found = work
         pair = tested + lax.iota(jnp.int32, n_tested)
-        rear = jnp.minimum(jnp.searchsorted(end, pair, side="right", method="scan_unrolled"), close.size - 1)
-        further = first + _set_bit(close[rear], pair - end[rear] + count[rear])
-        one, other = vehicles[rear], vehicles[jnp.minimum(rear + further, close.size - 1)]
-        found = _test(jnp.minimum(one, other), jnp.maximum(one, other), pair < end[-1], rectangles, found, model)
+        number = _listed(end, pair)
+        bit = _set_bit(pairs.close[number], pair - end[number] + count[number])
+        rear = pairs.place[number] + bit // WINDOW * n_scenarios
+        front = jnp.minimum(rear + (pairs.first + bit % WINDOW) * n_scenarios, vehicle.size - 1)
+        one, other = vehicle[jnp.minimum(rear, vehicle.size - 1)], vehicle[front]
+        is_pair = pair < end[-1]
+        found = _test(jnp.minimum(one, other), jnp.maximum(one, other), is_pair, road.rectangles, found, model)
         return tested + n_tested, found
 
     return lax.while_loop(lambda work: work[0] < end[-1], test_some, (jnp.int32(0), found))[1]
 
 
+def _look_further(
+    goes_on: Bool[Array, "vehicles *scenarios"],
+    by_place: Extent,
+    farthest: Float[Array, "vehicles *scenarios"],
+    road: _Road,
+    found: _Found,
+    model: TrafficModel,
+) -> _Found:
+    """What is found once the pairs beyond the first window have been tested as well.
+
+    Args:
+        goes_on: By place, whether somebody beyond the first window may be touched.
+        by_place: Everybody.
+        farthest: Position beyond which nobody can be touched [m].
+        road: The traffic.
+        found: So far.
+        model: The tick.
+    """
+    n_followed = goes_on.size // FOLLOWED + 1
+    goes_on, by_place, farthest = jax.tree.map(jnp.ravel, (goes_on, by_place, farthest))
+    window, n_scenarios = lax.iota(jnp.int32, WINDOW), road.vehicle.shape[1]
+    bit = (jnp.uint32(1) << window.astype(jnp.uint32))[None]
+    end = jnp.cumsum(goes_on, dtype=jnp.int32)
+
+    def follow_some(work: tuple[Array, _Found]) -> tuple[Array, _Found]:
+        followed, found = work
+        number = followed + lax.iota(jnp.int32, n_followed)
+        place = _listed(end, number)
+        rear, their_farthest = jax.tree.map(lambda values: values[place][:, None], (by_place, farthest))
+
+        def look_on(work: tuple[Array, Array, _Found]) -> tuple[Array, Array, _Found]:
+            first, goes_on, found = work
+            ahead = place[:, None] + (first + window)[None] * n_scenarios
+            is_there = (ahead < end.size) & goes_on[:, None]
+            other = jax.tree.map(lambda values: values[jnp.minimum(ahead, end.size - 1)], by_place)
+            bits = jnp.where(may_touch(rear, other) & is_there, bit, jnp.uint32(0))
+            pairs = _Pairs(jnp.sum(bits, axis=1, dtype=jnp.uint32), place, first)
+            goes_on = (is_there & (other.x <= their_farthest))[:, -1]
+            return first + WINDOW, goes_on, _test_pairs(pairs, n_followed // 2 + 1, road, found, model)
+
+        start = jnp.int32(1 + WINDOW), number < end[-1], found
+        found = lax.while_loop(lambda work: jnp.any(work[1]), look_on, start)[2]
+        return followed + n_followed, found
+
+    return lax.while_loop(lambda work: work[0] < end[-1], follow_some, (jnp.int32(0), found))[1]
+
+
+def _listed(end: Int[Array, " listed"], number: Int[Array, " wanted"]) -> Int[Array, " wanted"]:
+    """Under which entry of a list each number falls; `end` is the number after the last of each entry."""
+    entry = jnp.searchsorted(end, number, side="right", method="scan_unrolled")
+    return jnp.minimum(entry, end.size - 1)
+
+
 def _set_bit(bits: UInt32[Array, " pairs"], number: Int[Array, " pairs"]) -> Int[Array, " pairs"]:
     """Position of the set bit that has this number of set bits below it, by halving the range it may be in."""
     position = jnp.zeros_like(number)
-    width = WINDOW // 2
+    width = WINDOW * TOGETHER // 2
     while width:
         low = (bits >> position.astype(jnp.uint32)) & jnp.uint32((1 << width) - 1)
         n_low = lax.population_count(low).astype(jnp.int32)
