@@ -95,6 +95,17 @@ def ranked(trials: list[Trial]) -> list[Trial]:
     return sorted((one for one in trials if one.holds), key=lambda one: -one.total)
 
 
+def believed(trials: list[Trial]) -> list[Trial]:
+    """Those that hold, the best first; before them, where any holds, what fares better still.
+
+    What convinces other drivers by so much more is the better account, also where the fitted ones hardly paid for its
+    freedom.
+    """
+    held = ranked(trials)
+    better = [one for one in trials if held and one.gain > 0 and one.total > held[0].total + SET_WIDTH]
+    return sorted(better, key=lambda one: -one.total) + held
+
+
 def not_told_apart(best: list[Trial]) -> list[Trial]:
     """The best and those whose total comes within SET_WIDTH of it."""
     return [one for one in best if best[0].total - one.total < SET_WIDTH]

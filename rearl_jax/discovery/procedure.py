@@ -11,10 +11,11 @@ from rearl_jax.discovery.decision import (
     FREEDOM_PRICE,
     LEAST_GAIN,
     LEAST_TOTAL,
+    SET_WIDTH,
     WORST_CHECK,
     Trial,
+    believed,
     not_told_apart,
-    ranked,
     trial,
 )
 from rearl_jax.discovery.families import are_kin, with_families
@@ -91,6 +92,14 @@ class Round:
         return self.held[0] if self.held else None
 
     @property
+    def is_beaten(self) -> bool:
+        """Whether something that is not believed fares better than what is added."""
+        chosen = self.chosen
+        return chosen is not None and any(
+            one.total > chosen.total + SET_WIDTH and _is_significant(one, self.firing) for one in self.trials
+        )
+
+    @property
     def alternatives(self) -> list[Trial]:
         """What cannot be told apart from it."""
         return not_told_apart(self.held)[1:] if self.held else []
@@ -161,7 +170,11 @@ class Search:
         return [one.chosen for one in self.rounds if one.chosen is not None]
 
     def is_doubtful(self, one: Trial) -> bool:
-        """Whether a named effect leaves a dependence on what it acts by, which then is another one than it says."""
+        """Whether a named effect is beaten by what is not believed, or leaves a dependence on what it acts by, which
+        then is another one than it says.
+        """
+        if any(turn.is_beaten for turn in self.rounds if turn.chosen is one):
+            return True
         curves = [other.candidate for other in self.added if other.candidate.kind == "generic"]
         return any(set(curve.variables) & set(one.candidate.variables) for curve in curves if curve != one.candidate)
 
@@ -266,8 +279,8 @@ def _round(solver: Solver, base: Fit, seen: dict[str, Score], found: Search, rep
     trials = [
         trial(solver, fit, base.world, other, other_base) for fit, other in zip(fits.values(), others, strict=True)
     ]
-    held = [one for one in ranked(trials) if _is_significant(one, firing) and _is_news(one, added)]
-    return Round(base, evidence, excess, surprise, frozenset(firing), trials, held)
+    eligible = [one for one in trials if _is_significant(one, firing) and _is_news(one, added)]
+    return Round(base, evidence, excess, surprise, frozenset(firing), trials, believed(eligible))
 
 
 def _is_significant(one: Trial, firing: Collection[str]) -> bool:

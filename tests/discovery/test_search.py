@@ -115,6 +115,24 @@ def test_no_single_driver_decides_and_others_must_agree(trial):
     assert [one.candidate.name for one in decision.not_told_apart(best)] == ["b", "e"]
 
 
+def test_what_convinces_others_far_more_is_believed_before_what_holds(trial):
+    holds, hardly = trial("holds", [0.7] * 10, [1.5] * 10), trial("hardly", [0.3] * 10, [4.0] * 10)
+    loses, close = trial("loses", [0.1] * 10, [4.0] * 10), trial("close", [0.3] * 10, [2.0] * 10)
+    assert [one.holds for one in (holds, hardly, loses, close)] == [True, False, False, False]
+    assert [one.candidate.name for one in decision.believed([holds, hardly, loses, close])] == ["hardly", "holds"]
+    assert decision.believed([hardly, loses]) == []
+
+
+@pytest.mark.parametrize(("fires", "doubtful"), [(True, True), (False, False)])
+def test_what_is_beaten_by_something_not_believed_is_doubtful(trial, solver, calibrated, fires, doubtful):
+    holds, loses = trial("holds", [0.6] * 10, [0.3] * 10), trial("loses", [0.1] * 10, [1.5] * 10)
+    assert decision.believed([holds, loses]) == [holds]
+    firing = frozenset({"holds", "loses"} if fires else {"holds"})
+    turn = Round(Fit(None, *calibrated), {}, {}, {}, firing, [holds, loses], [holds])
+    search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=[turn])
+    assert search.is_doubtful(holds) == doubtful
+
+
 def test_confusable_candidates_compete_together():
     assert families.with_families({"grade"}, {"grade", "speed_limit", "asymmetry"}) == {"grade", "speed_limit"}
     assert families.are_kin("reaction_delay", "leader_acceleration")
