@@ -77,15 +77,25 @@ def choose(
 ) -> Choice:
     """The pair with the lowest mean Hellinger distance plus mean spacing error.
 
+    Scenes in which a pair has no figure are left out for all pairs.
+
     Args:
         h: Mean over runs of every pair and scene.
         mape: The same of the spacing error.
         eval: Resamples, confidence and seed of the bootstrap over scenes.
 
+    Raises:
+        ValueError: No scene has figures of all pairs.
+
     Source: REARL (Bi et al.) does not say how its pair (30 %, 5 %) was picked; it is the one with the least sum in its
     Table 3. Percentile bootstrap: Efron & Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
     """
     total = h + mape
+    total = total[:, np.isfinite(total).all(axis=0)]
+    if not total.size:
+        raise ValueError(
+            "in every tuning scene some pair of thresholds has no figure: raise eval.n_runs, or use more data"
+        )
     score = total.mean(axis=1)
     order = np.argsort(score, kind="stable")
     best, runner_up = int(order[0]), int(order[min(1, len(order) - 1)])

@@ -50,6 +50,20 @@ def test_one_pair_is_its_own_runner_up():
     assert not choice.is_distinguishable
 
 
+def test_scenes_without_a_figure_of_some_pair_do_not_decide():
+    h = np.full((2, 12), 0.3)
+    h[1] = 0.2
+    h[0, :3] = np.nan  # where only the second pair has a figure, and a bad one
+    h[1, :3] = 9.0
+    choice = choose(h, np.zeros((2, 12)), EVAL)
+    assert choice.best == 1
+    assert choice.win_share.tolist() == [0.0, 1.0]
+    np.testing.assert_allclose(choice.score, [0.3, 0.2])
+    h[0] = np.nan
+    with pytest.raises(ValueError, match="no figure"):
+        choose(h, np.zeros((2, 12)), EVAL)
+
+
 def test_means_over_runs_go_to_their_pair_and_scene():
     pair, scene = np.repeat([0, 1], 4), np.tile([4, 9], 4)
     values = np.array([1.0, 10, 3, np.nan, 5, 20, 7, np.nan])
