@@ -15,6 +15,7 @@ def rollouts():
     return Rollouts(N_VEHICLES, SECONDS, DENSITY, chunk=8)
 
 
+@pytest.mark.thorough
 def test_counts_what_the_core_simulates(rollouts):
     run = rollouts.measure(N_SCENARIOS, 3)  # the last chunk is not full
     model = TrafficModel()

@@ -35,7 +35,7 @@ def ahead_by(n):
     return np.arange(n)[None] - np.arange(n)[:, None]
 
 
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.thorough)])
 def test_pile_ups_of_many_windows_lots_and_scenarios(dtype):
     vehicles = piled_up(0, dtype)
     x, y = np.asarray(vehicles.x), np.asarray(vehicles.y)

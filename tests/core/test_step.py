@@ -95,7 +95,7 @@ def test_recorded_scenes_reach_beyond_both_ends_of_the_road(name):
     [
         ("small", np.float64),
         ("small, short road", np.float32),
-        ("eight lanes, polite", np.float64),
+        pytest.param("eight lanes, polite", np.float64, marks=pytest.mark.thorough),
         ("one lane", np.float64),
     ],
 )
@@ -118,6 +118,7 @@ def test_tick_in_large_traffic_with_vehicles_side_by_side():
     assert_follows(after, recorded.after, np.float64)
 
 
+@pytest.mark.thorough
 def test_sorted_search_finds_whom_the_search_of_all_pairs_finds():
     """Bit for bit, but for vehicles side by side, which have a test of their own."""
     recorded, by_pairs = one_tick("small", np.float64)

@@ -242,6 +242,7 @@ def test_sizes_and_speeds_are_those_of_cars_and_trucks(recording):
 # --- the folder ---
 
 
+@pytest.mark.thorough
 def test_same_seed_gives_the_same_bytes_with_any_number_of_workers(tmp_path):
     generate(TINY, tmp_path / "one")
     calls = []

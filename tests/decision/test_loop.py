@@ -60,7 +60,9 @@ def matched(start, table, model):
     return run(start, table, model, PolicyName.matcher)
 
 
-@pytest.mark.parametrize(("cues", "h", "m"), [("never", 0.0, 0.0), ("both", 2.0, np.inf)])
+@pytest.mark.parametrize(
+    ("cues", "h", "m"), [("never", 0.0, 0.0), pytest.param("both", 2.0, np.inf, marks=pytest.mark.thorough)]
+)
 def test_traffic_that_nobody_asks_about_is_the_base_bit_for_bit(start, table, model, base, cues, h, m):
     from rearl_jax.config.decision import PolicyName
     from rearl_jax.config.detection import Cues
@@ -163,6 +165,7 @@ def test_crashed_vehicles_do_no_harm(table, model):
     np.testing.assert_array_equal(decisions.n_asked[1:], 10 - frames.crashed[:-1].sum(axis=1))
 
 
+@pytest.mark.thorough
 def test_the_two_halves_called_by_a_host_are_the_scan(start, table, model, matched):
     from rearl_jax.config.decision import MatcherConfig, PolicyName
     from rearl_jax.decision.execution import accept, no_orders

@@ -145,6 +145,7 @@ def test_one_program_serves_the_whole_grid(scenes, critical, standing):
     assert first[0].n_vehicles == found[0].n_vehicles == 6 * 4
 
 
+@pytest.mark.thorough
 def test_a_mixture_is_assessed_alike_alone_and_among_others_and_as_the_evaluation_scores(scenes, critical, standing):
     from rearl_jax.baselines.critical.mixture import Mixture, grid
     from rearl_jax.config.evaluation import EvaluationConfig, SeedScope

@@ -124,6 +124,7 @@ def test_requests_are_the_distinct_questions_and_a_second_run_sends_none(scenes,
     assert request_figures(third)["requests"] == 0
 
 
+@pytest.mark.thorough
 def test_a_server_that_fails_a_third_of_the_time_changes_nothing(scenes, task, references, tmp_path):
     """Every kind of fault, each time the first try at a chat; what arrives at the second is what a good server says."""
     kinds = [kind for kind in Fault if kind not in (Fault.never, Fault.endless)]

@@ -121,6 +121,7 @@ def test_missing_references_are_named(scenes, intervening):
         Rollouts(intervening, scenes, np.arange(2))
 
 
+@pytest.mark.thorough
 def test_thresholds_are_percentiles_of_base_where_none_is_given(scenes, intervening):
     from rearl_jax.config.detection import Cues, DetectionConfig
     from rearl_jax.evaluation.percentiles import base_values, detection_thresholds

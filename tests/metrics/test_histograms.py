@@ -130,6 +130,7 @@ def test_a_window_longer_than_the_scene_is_refused(window):
         window_counts(jnp.zeros((8, 3), jnp.int32), window)
 
 
+@pytest.mark.thorough
 def test_noise_floor_equals_a_numpy_simulation():
     p = np.array([0.02, 0.08, 0.15, 0.25, 0.25, 0.15, 0.08, 0.02])
     draws = noise_floor(jnp.asarray(p), n_draws=1500, key=jax.random.key(0))

@@ -41,7 +41,9 @@ def test_something_happens_in_the_scenes(batches, name):
     assert batch.tracks.crashed[-1].sum() >= crashed
 
 
-@pytest.mark.parametrize("name", LEAST)
+@pytest.mark.parametrize(
+    "name", ["drivers10", *(pytest.param(name, marks=pytest.mark.thorough) for name in ("stress10", "multi10"))]
+)
 def test_the_core_agrees_in_double_precision(batches, simulated, name):
     tracks = simulated(name, np.float64)
     assert tracks.x.dtype == np.float64

@@ -106,6 +106,7 @@ def test_between_action_points_the_acceleration_is_held(states):
     assert calm.mean() == pytest.approx(1 - math.exp(-DT / p["mean_time"]), abs=0.15)
 
 
+@pytest.mark.thorough
 def test_another_seed_is_other_noise_and_twice_the_deviation_twice_the_noise():
     shape = (N_CARS, len(NAMES) + 1)
     sd = np.zeros(shape[1])
