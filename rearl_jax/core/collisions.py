@@ -19,8 +19,7 @@ from rearl_jax.core.contacts import Extent, Marks, contact, extent_of, may_touch
 from rearl_jax.core.drivers import Body
 from rearl_jax.core.elementary import cosine, sine
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.neighbours import for_each_vehicle, is_large, row
-from rearl_jax.core.order import sort_along_road
+from rearl_jax.core.neighbours import for_each_vehicle, is_large, row, sort_if_large
 from rearl_jax.core.pile_ups import collide_along_road
 from rearl_jax.core.rectangles import Rectangle
 from rearl_jax.core.state import TrafficState
@@ -28,7 +27,7 @@ from rearl_jax.core.state import TrafficState
 
 def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficState:
     """State with everybody marked who touches somebody, and with the pushes of the coming tick."""
-    shape = state.x.shape
+    state, shape = sort_if_large(state), state.x.shape
     rectangles = lax.stop_gradient(
         Rectangle(
             x=state.x,
@@ -43,13 +42,11 @@ def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficStat
     )
     extent = extent_of(rectangles, model)
     marks = lax.stop_gradient((state.crashed, state.is_pushed, state.push_x, state.push_y))
-    order = state.order
     if is_large(shape[0]):
-        order = sort_along_road(rectangles.x, order)
-        marks = collide_along_road(order, extent, rectangles, marks, model)
+        marks = collide_along_road(state.order, extent, rectangles, marks, model)
     else:
         marks = _collide_in_list(extent, rectangles, marks, model)
-    return eqx.tree_at(lambda s: (s.crashed, s.is_pushed, s.push_x, s.push_y, s.order), state, (*marks, order))
+    return eqx.tree_at(lambda s: (s.crashed, s.is_pushed, s.push_x, s.push_y), state, marks)
 
 
 def _collide_in_list(extent: Extent, rectangles: Rectangle, marks: Marks, model: TrafficModel) -> Marks:

@@ -59,6 +59,10 @@ class Trial:
         """What candidates are compared by [nats]."""
         return self.gain + self.check
 
+    def beats(self, other: "Trial") -> bool:
+        """Whether it fares better than another by more than what tells candidates apart."""
+        return self.total > other.total + SET_WIDTH
+
     @property
     def holds(self) -> bool:
         """Whether it is believed as far as the drivers go."""
@@ -102,7 +106,7 @@ def believed(trials: list[Trial]) -> list[Trial]:
     freedom.
     """
     held = ranked(trials)
-    better = [one for one in trials if held and one.gain > 0 and one.total > held[0].total + SET_WIDTH]
+    better = [one for one in trials if held and one.gain > 0 and one.beats(held[0])]
     return sorted(better, key=lambda one: -one.total) + held
 
 

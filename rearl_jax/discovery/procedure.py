@@ -11,7 +11,6 @@ from rearl_jax.discovery.decision import (
     FREEDOM_PRICE,
     LEAST_GAIN,
     LEAST_TOTAL,
-    SET_WIDTH,
     WORST_CHECK,
     Trial,
     believed,
@@ -96,7 +95,7 @@ class Round:
         """Whether something that is not believed fares better than what is added."""
         chosen = self.chosen
         return chosen is not None and any(
-            one.total > chosen.total + SET_WIDTH and _is_significant(one, self.firing) for one in self.trials
+            one.beats(chosen) and _is_significant(one, self.firing) for one in self.trials
         )
 
     @property

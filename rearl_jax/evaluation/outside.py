@@ -11,13 +11,12 @@ from jaxtyping import Float, Key
 from rearl_jax.core.batch import select_scenarios
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.rollout import Frames
 from rearl_jax.core.state import TrafficState
 from rearl_jax.decision.lockstep import HostPolicy, rollout_in_lockstep
-from rearl_jax.decision.loop import Decisions, LoopOptions
+from rearl_jax.decision.loop import LoopOptions
 from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.table import ReferenceTable
-from rearl_jax.evaluation.simulators import lengths_of
+from rearl_jax.evaluation.simulators import Simulated, lengths_of
 
 BURST = 2_048
 """Scenarios in lockstep at most: all their questions of a second are asked at once."""
@@ -59,8 +58,8 @@ def simulate_outside(
     options: LoopOptions,
     *,
     n_seconds: int,
-) -> Iterator[tuple[Frames, Decisions]]:
-    """Frames and decisions, burst by burst.
+) -> Iterator[Simulated]:
+    """What was simulated and decided, burst by burst.
 
     Args:
         state: Initial states of all scenarios.
@@ -82,7 +81,7 @@ def simulate_outside(
         length, half = np.asarray(lengths_of(some, their_drivers)), -(-size // 2)
         whole = Lot(table, model, options, limits, length, start)
         policies = make_policy(_part(whole, slice(0, half))), make_policy(_part(whole, slice(half, size)))
-        yield rollout_in_lockstep(
+        frames, decisions = rollout_in_lockstep(
             some,
             their_drivers,
             keys[columns],
@@ -93,8 +92,10 @@ def simulate_outside(
             options,
             n_seconds=n_seconds,
         )
+        yield Simulated(frames, length, decisions)
 
 
 def _part(lot: Lot, part: slice) -> Lot:
+    """Some of its scenarios."""
     limits = Thresholds(lot.thresholds.hellinger[part], lot.thresholds.mape[part])
     return replace(lot, thresholds=limits, length=lot.length[:, part], first=lot.first + part.start)

@@ -6,7 +6,7 @@ from copy import copy
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, Key
+from jaxtyping import Array, Int, Key
 
 from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.baselines.weights import TrainedPolicy, load_policy
@@ -14,12 +14,10 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.core.road import traffic_model
-from rearl_jax.core.rollout import Frames
 from rearl_jax.core.state import TrafficState
 from rearl_jax.data.initial_states import measured_state
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.decision.execution import model_under_decisions
-from rearl_jax.decision.loop import Decisions
 from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.references import References
 from rearl_jax.evaluation.outside import MakePolicy, simulate_outside
@@ -31,7 +29,6 @@ from rearl_jax.evaluation.simulators import (
     beginnings,
     decision_keys,
     interventions,
-    lengths_of,
     program,
     rollout_keys,
 )
@@ -186,7 +183,7 @@ class Rollouts:
         config = self._config
         start = beginnings(config.core, config.init.speed, acts.loop.detection)
         state, drivers, keys, table = start(*self._starts(), self._references, self._traffic)
-        bursts = simulate_outside(
+        return simulate_outside(
             state,
             drivers,
             keys,
@@ -197,18 +194,6 @@ class Rollouts:
             acts.loop,
             n_seconds=self._n_seconds,
         )
-        return _with_lengths(bursts, np.asarray(lengths_of(state, drivers)))
-
-
-def _with_lengths(
-    bursts: Iterator[tuple[Frames, Decisions]], length: Float[np.ndarray, "vehicles scenarios"]
-) -> Iterator[Simulated]:
-    """Bursts, one after the other, with the lengths of their vehicles."""
-    first = 0
-    for frames, decisions in bursts:
-        end = first + frames.x.shape[-1]
-        yield Simulated(frames, length[:, first:end], decisions)
-        first = end
 
 
 def _mixtures(config: EvaluateTask, mixtures: Sequence[Mixture]) -> Sequence[tuple[float, ...]]:

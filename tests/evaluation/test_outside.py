@@ -31,10 +31,13 @@ def test_every_policy_is_told_its_own_scenarios(monkeypatch):
     lots = []
     monkeypatch.setattr(outside, "BURST", 4)
     monkeypatch.setattr(outside, "rollout_in_lockstep", lambda *_, n_seconds: (None, None))
+    monkeypatch.setattr(outside, "Simulated", lambda frames, length, decisions: length)
     bursts = outside.simulate_outside(
         *(state, drivers, keys, table, thresholds, lots.append, model, LoopOptions()), n_seconds=1
     )
-    assert len(list(bursts)) == 2
+    lengths = list(bursts)
+    assert len(lengths) == 2
+    np.testing.assert_array_equal(np.concatenate(lengths, axis=1), length)
     assert [lot.first for lot in lots] == [0, 2, 4, 6]
     assert [lot.length.shape[1] for lot in lots] == [2, 2, 2, 1]
     np.testing.assert_array_equal(np.concatenate([lot.length for lot in lots], axis=1), length)
