@@ -146,7 +146,7 @@ class Study:
             found = json.loads((self.path / "summary.json").read_text(encoding="utf-8"))
         except (FileNotFoundError, ValueError):
             return None
-        first = found[0] if isinstance(found, list) and found else found
+        first = first_part(found)
         is_same = isinstance(first, dict) and all(first.get(key) == self._provenance[key] for key in SAME)
         return found if is_same else None
 
@@ -208,6 +208,11 @@ def cell_folder(folder: Path, keys: Mapping[str, str]) -> Path:
         keys: Values of the swept keys in this job.
     """
     return folder.joinpath(*sorted(f"{key}={value}" for key, value in keys.items()))
+
+
+def first_part(summary: Any) -> Any:
+    """The first object of a `summary.json`, which may hold a list of them; each has the provenance."""
+    return summary[0] if isinstance(summary, list) and summary else summary
 
 
 def part_name(table: str, number: int) -> str:

@@ -18,7 +18,7 @@ from rearl_jax.cli.composition import as_record, check_overrides, compose_task, 
 from rearl_jax.cli.launchers import launcher_errors, settings
 from rearl_jax.cli.running import JobError, complain, is_for_user, run_task
 from rearl_jax.config._schema import finished
-from rearl_jax.results import cell_folder, config_hash
+from rearl_jax.results import cell_folder, config_hash, first_part
 from rearl_jax.tasks import Task
 
 log = logging.getLogger(__name__)
@@ -75,9 +75,8 @@ def _is_of_before(
         found = json.loads((own / "summary.json").read_text(encoding="utf-8"))
     except FileNotFoundError:
         return False
-    first = found[0] if isinstance(found, list) else found
     overrides = [*fixed, *(f"{key}={value}" for key, value in cell.items())]
-    if first["config_hash"] == config_hash(compose_task(task, overrides, config_dir)):
+    if first_part(found)["config_hash"] == config_hash(compose_task(task, overrides, config_dir)):
         return False
     log.warning("%s: what is there is of another configuration and is left out", own)
     return True

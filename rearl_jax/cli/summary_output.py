@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO
 
-from rearl_jax.results import cell_folder
+from rearl_jax.results import cell_folder, first_part
 from rearl_jax.tasks import Task
 
 
@@ -72,7 +72,7 @@ def write_object(value: Mapping[str, Any], stream: TextIO) -> None:
 def _stored(folder: Path, task: Task) -> Any:
     """The summary in a folder, if this task has written it."""
     found = _read(folder / "summary.json")
-    first = found[0] if isinstance(found, list) and found else found
+    first = first_part(found)
     return found if isinstance(first, dict) and first.get("task") == task.words else None
 
 
