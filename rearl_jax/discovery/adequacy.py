@@ -5,6 +5,8 @@ normality, Jarque & Bera, Int. Stat. Rev. 55 (1987) 163; variance that depends o
 Econometrica 47 (1979) 1287.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 
@@ -12,6 +14,7 @@ from rearl_jax.core.following import follow
 from rearl_jax.discovery.forcing import answers, parameters
 from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.procedure import Search
+from rearl_jax.discovery.refit import on_others
 from rearl_jax.discovery.residuals import Residuals, residuals_of
 from rearl_jax.discovery.solver import Solver
 from rearl_jax.discovery.verdict import Adequacy
@@ -27,10 +30,14 @@ REASONABLE = (-5.0, 3.0)
 
 
 def adequacy(solver: Solver, found: Search) -> Adequacy:
-    """Moments of the final model's innovations, and the candidate that is most surprising still."""
+    """Moments of the final model's innovations, and the candidate that is most surprising still.
+
+    Misjudged gaps and old decisions, which nothing else confirms, are asked of the other drivers as well.
+    """
     world, last = found.last.world, found.rounds[-1]
     (before,) = solver.innovations([found.first.world])
-    (left,) = residuals_of(solver, [world], [found.last])
+    everybody = residuals_of(solver, [world, *on_others(solver, found.checked, [found.last])], [found.last, found.last])
+    left = everybody[0]
     surprise = left.innovation
     weight = world.data.weight
     variance = (surprise**2 * weight).sum() / weight.sum()
@@ -44,8 +51,8 @@ def adequacy(solver: Solver, found: Search) -> Adequacy:
         kurtosis_before=kurtosis(before, weight),
         autocorrelation=float(neighbours / variance),
         unequal_noise=unequal_noise(surprise, world.data),
-        misjudgement=misjudgement(left),
-        staleness=staleness(left),
+        misjudgement=misjudgement(everybody),
+        staleness=staleness(everybody),
         remaining=(name, float(last.surprise[name])),
     )
 
@@ -72,23 +79,27 @@ def unequal_noise(surprise: Float[np.ndarray, "steps pieces"], data: Measured) -
     }
 
     relative = surprise**2 / data.driver_mean(surprise**2)[data.driver]
-    return {name: _grows_with(relative, values, data) for name, values in situations.items()}
+    return {name: _surely(_votes(relative, values, data)) for name, values in situations.items()}
 
 
-def misjudgement(left: Residuals) -> float:
+def misjudgement(parts: Sequence[Residuals]) -> float:
     """How surely what drivers do beside the model grows with what a misjudged gap would make them do.
 
     An error of the gap in proportion to it changes the acceleration by the gap times the model's answer to it. Noise of
     the acceleration does not depend on that answer, and is even damped by it: negative figures.
 
     Args:
-        left: What the final model leaves.
+        parts: What the final model leaves, of each part of the drivers.
     """
-    gap, answer = np.asarray(left.stimulus().gap), answers(left).x
-    return _energy_grows_with((answer * gap) ** 2, left)
+
+    def squares(left: Residuals) -> np.ndarray:
+        gap, answer = np.asarray(left.stimulus().gap), answers(left).x
+        return (answer * gap) ** 2
+
+    return _surely(np.concatenate([_energy_votes(squares(left), left) for left in parts]))
 
 
-def staleness(left: Residuals) -> float:
+def staleness(parts: Sequence[Residuals]) -> float:
     """How surely what drivers do beside the model grows with how much of late what the model wants has changed.
 
     Who decides now and then, and holds on to it in between, is behind by a random time; what that does is in proportion
@@ -96,36 +107,46 @@ def staleness(left: Residuals) -> float:
     noise of the acceleration does not ask what has changed.
 
     Args:
-        left: What the final model leaves.
+        parts: What the final model leaves, of each part of the drivers.
     """
-    data = left.world.data
-    wanted = np.asarray(follow(left.stimulus(), parameters(left), (), (), data.dt)[0], float).clip(*REASONABLE)
-    ago = max(1, round(OF_LATE / data.dt))
-    change = np.zeros_like(wanted)
-    change[ago:] = wanted[ago:] - wanted[:-ago]
-    return _energy_grows_with(change**2, left)
+
+    def squares(left: Residuals) -> np.ndarray:
+        data = left.world.data
+        wanted = np.asarray(follow(left.stimulus(), parameters(left), (), (), data.dt)[0], float).clip(*REASONABLE)
+        ago = max(1, round(OF_LATE / data.dt))
+        change = np.zeros_like(wanted)
+        change[ago:] = wanted[ago:] - wanted[:-ago]
+        return change**2
+
+    return _surely(np.concatenate([_energy_votes(squares(left), left) for left in parts]))
 
 
-def _energy_grows_with(square: Float[np.ndarray, "steps pieces"], left: Residuals) -> float:
-    """How surely the energy of what drivers do beside the model grows with another one; 0 where nothing counts."""
+def _energy_votes(square: Float[np.ndarray, "steps pieces"], left: Residuals) -> Float[np.ndarray, " drivers"]:
+    """How much the energy of what each driver does beside the model grows with another one; nothing where no moment
+    counts.
+    """
     data = left.world.data
     counts = data.weight > 0
     if not counts.any():
-        return 0.0
+        return np.zeros(data.n_drivers)
     usual, most = np.quantile(square[counts], [0.9, 0.98])
     stake = np.minimum(square, most) / max(float(usual), 1e-12)
     energy = left.acceleration**2
     energy = np.minimum(energy / np.maximum(data.driver_mean(energy), 1e-12)[data.driver], MOST_ENERGY)
-    return _grows_with(energy, stake, data)
+    return _votes(energy, stake, data)
 
 
-def _grows_with(
+def _votes(
     energy: Float[np.ndarray, "steps pieces"], situation: Float[np.ndarray, "steps pieces"], data: Measured
-) -> float:
-    """How surely one grows with the other [-]; drivers are compared with themselves, and each has one vote."""
+) -> Float[np.ndarray, " drivers"]:
+    """How much one grows with the other; drivers are compared with themselves, and each has one vote."""
 
     def off(values: np.ndarray) -> np.ndarray:
         return values - data.driver_mean(values)[data.driver]
 
-    votes = np.bincount(data.driver, (off(energy) * off(situation) * data.weight).sum(axis=0), data.n_drivers)
+    return np.bincount(data.driver, (off(energy) * off(situation) * data.weight).sum(axis=0), data.n_drivers)
+
+
+def _surely(votes: Float[np.ndarray, " drivers"]) -> float:
+    """How surely the votes do not cancel, in standard deviations [-]."""
     return float(votes.sum() / max(float(np.sqrt((votes**2).sum())), 1e-12))

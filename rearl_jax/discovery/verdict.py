@@ -37,9 +37,10 @@ from rearl_jax.discovery.uncertainty import interval
 MOST_KURTOSIS, CERTAIN_KURTOSIS = 0.1, 4.5
 """Excess kurtosis of the innovations beyond which something not smooth is left [-], and in standard deviations."""
 
-CERTAIN_GROWTH = 3.0
-"""Standard deviations from which noise grows with what a misjudged gap, or a decision of some time ago, would do; where
-neither is there, up to 0 of the one and 2 of the other were seen.
+CERTAIN_GROWTH = 3.5
+"""Standard deviations from which noise grows with what a misjudged gap, or a decision of some time ago, would do. On 26
+generated data sets with neither of them up to 3.3 were seen, the most where drivers change lanes as they like; on ten
+with one of them 5.3 or more with 72 drivers, 3.7 or more with 24.
 """
 
 MOST_AUTOCORRELATION = 0.1

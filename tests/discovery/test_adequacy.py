@@ -15,9 +15,9 @@ from rearl_jax.discovery.verdict import CERTAIN_GROWTH, Adequacy
 
 def growth_in(data, solver, calibrated):
     world, noise = calibrated
-    (left,) = residuals_of(solver, [world], [Fit(None, world, noise)])
-    assert np.abs(left.acceleration).max() > 0.01, "drivers did nothing beside the model"
-    return misjudgement(left), staleness(left)
+    parts = residuals_of(solver, [world], [Fit(None, world, noise)])
+    assert np.abs(parts[0].acceleration).max() > 0.01, "drivers did nothing beside the model"
+    return misjudgement(parts), staleness(parts)
 
 
 def test_noise_does_not_ask_what_the_model_wants(measured_of, solver, calibrated):
@@ -31,6 +31,16 @@ def test_old_decisions_and_misjudged_gaps_do(measured_of, name):
     assert max(growth_in(data, solver, calibrate(solver, data))) > 2.0
 
 
+def test_every_driver_has_a_vote_whichever_part_they_are_in(measured_of):
+    data = measured_of("action_points")
+    solver = Solver(Programs(layout_of(data), data.dt))
+    world, noise = calibrate(solver, data)
+    (left,) = residuals_of(solver, [world], [Fit(None, world, noise)])
+    for ask in (misjudgement, staleness):
+        assert ask([left]) != 0.0
+        assert ask([left, left]) == pytest.approx(np.sqrt(2) * ask([left]))
+
+
 LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "autocorrelation": 0.01,
         "unequal_noise": {}, "misjudgement": -1.0, "staleness": 0.5, "remaining": ("grade", 1.0)}  # fmt: skip
 
@@ -41,8 +51,8 @@ LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "au
         ({}, True),
         ({"autocorrelation": 0.3}, False),
         ({"autocorrelation": -0.3}, False),
-        ({"misjudgement": 3.5}, False),
-        ({"staleness": 3.5}, False),
+        ({"misjudgement": 3.6}, False),
+        ({"staleness": 3.6}, False),
         ({"kurtosis": 0.5}, False),
         ({"kurtosis": 0.5, "kurtosis_before": 2.0}, True),
     ],
