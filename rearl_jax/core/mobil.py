@@ -1,4 +1,4 @@
-"""Lane changing: MOBIL decisions, and the rule that breaks off a change somebody else is making too.
+"""Lane changing: MOBIL decisions.
 
 Source: Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86; highway-env 1.12.1,
 `IDMVehicle.change_lane_policy` and `IDMVehicle.mobil`. As there, and unlike in the paper: the deciding driver's
@@ -6,17 +6,14 @@ parameters stand in for everybody's, the own safety is not tested, and gains of 
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from rearl_jax.core.affected import if_any, on_affected
-from rearl_jax.core.drivers import Drivers, IDMParams
-from rearl_jax.core.idm import approach_rate, desired_spacing, free_acceleration, interaction
+from rearl_jax.core.affected import if_any
+from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.idm import approach_rate, free_acceleration, interaction
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
 from rearl_jax.core.neighbours import (
     Follower,
@@ -24,20 +21,11 @@ from rearl_jax.core.neighbours import (
     View,
     find_follower,
     find_leader,
-    for_each_vehicle,
-    row,
 )
-from rearl_jax.core.order import own_places, pick
 from rearl_jax.core.state import Controller, TrafficState
 
 LEAST_SPEED = 1.0
 """Speed [m/s] below which nobody decides to change lanes. Source: highway-env 1.12.1, `change_lane_policy`."""
-
-FEW = 64
-"""Vehicles per scenario that may be on their way to another lane for conflicts to be settled among them alone."""
-
-NOWHERE = -1_000
-"""A lane that does not exist."""
 
 REACHABLE_LANES = 2.0
 """Lateral distance, in lane widths, within which a lane can be reached. Source: highway-env 1.12.1,
@@ -71,10 +59,10 @@ class Prospects(eqx.Module):
 
 def is_due(state: TrafficState, view: View, drivers: Drivers) -> Bool[Array, "vehicles *scenarios"]:
     """Whether a driver takes a lane-change decision in this tick."""
-    return _decides(state, drivers) & (view.lane == state.target_lane) & (state.ticks_to_decision <= 0)
+    return decides(state, drivers) & (view.lane == state.target_lane) & (state.ticks_to_decision <= 0)
 
 
-def _decides(state: TrafficState, drivers: Drivers) -> Bool[Array, "vehicles *scenarios"]:
+def decides(state: TrafficState, drivers: Drivers) -> Bool[Array, "vehicles *scenarios"]:
     """Whether a vehicle changes lanes by this model."""
     return (state.controller == Controller.IDM) & ~state.crashed & drivers.mobil.changes_lanes
 
@@ -90,7 +78,7 @@ def weigh_lanes(state: TrafficState, view: View, drivers: Drivers, model: Traffi
 
     def behind_leader(lane: Array) -> Float[Array, "vehicles *scenarios"]:
         leader = find_leader(state, view, lane)
-        dv = _closing_in(view, leader)
+        dv = closing_in(view, leader)
         return free - interaction(distance=leader.distance, speed=state.speed, dv=dv, params=drivers.idm)
 
     def of_follower(lane: Array) -> Float[Array, "vehicles *scenarios"]:
@@ -190,7 +178,7 @@ def decide_lanes(
     return target_lane, countdown
 
 
-def _closing_in(rear: View | Follower, front: View | Leader) -> Float[Array, "vehicles *scenarios"]:
+def closing_in(rear: View | Follower, front: View | Leader) -> Float[Array, "vehicles *scenarios"]:
     """Approach rate of one vehicle to another [m/s]."""
     return approach_rate(
         rear.speed_x,
@@ -205,97 +193,5 @@ def _closing_in(rear: View | Follower, front: View | Leader) -> Float[Array, "ve
 def _behind(follower: Follower, spacing: Array, front: View | Leader, drivers: Drivers) -> Array:
     """A follower's acceleration [m/s^2] behind a vehicle at a spacing [m]; 0 without a follower."""
     free = free_acceleration(speed_ratio=follower.speed_ratio, params=drivers.idm)
-    dv = _closing_in(follower, front)
+    dv = closing_in(follower, front)
     return free - interaction(distance=spacing, speed=follower.speed, dv=dv, params=drivers.idm)
-
-
-def abort_conflicts(
-    decided_lane: Int[Array, "vehicles *scenarios"],
-    state: TrafficState,
-    view: View,
-    drivers: Drivers,
-    model: TrafficModel,
-) -> Int[Array, "vehicles *scenarios"]:
-    """Target lanes after changes in progress have been broken off for the sake of others.
-
-    A vehicle that is changing gives up where another vehicle, ahead within its desired spacing, is on its way into the
-    same lane. highway-env asks the vehicles one after another, so each sees the new target lanes of those before it in
-    the list and the old ones of those behind. All at once, that is a triangular system of booleans: repeating the
-    question with the answers of the round before settles it, in as many rounds as the longest chain of
-    vehicles that give way to each other.
-
-    Source: highway-env 1.12.1, `IDMVehicle.change_lane_policy`.
-    """
-    changing = _decides(state, drivers) & (view.lane != state.target_lane)
-    concerned = jnp.zeros(changing.shape[1:], bool)
-    for lane in range(model.n_lanes):
-        enters = (view.lane != lane) & ((state.target_lane == lane) | (decided_lane == lane))
-        gives_way = changing & (state.target_lane == lane)
-        concerned = concerned | ((jnp.sum(enters, axis=0) >= 2) & jnp.any(gives_way, axis=0))
-    view = eqx.tree_at(lambda v: v.nearest, view, None, is_leaf=lambda leaf: leaf is None)
-    # What drivers remember has other axes than the treated few scenarios could be picked from.
-    operands = lax.stop_gradient((decided_lane, changing, replace(state, memory=None), view, drivers.idm))
-    settle = _settle_few if state.x.shape[0] >= 2 * FEW else _settle
-    return on_affected(concerned, settle, operands, decided_lane)
-
-
-def _settle_few(
-    operands: tuple[Int[Array, "n *s"], Bool[Array, "n *s"], TrafficState, View, IDMParams],
-) -> Int[Array, "n *s"]:
-    """What `_settle` finds, of those alone who are or will be on their way to another lane, where they are few."""
-    decided_lane, _, state, view, _ = operands
-    shape = state.x.shape
-    moves = (state.target_lane != view.lane) | (decided_lane != view.lane)
-
-    def among_few() -> Int[Array, "n *s"]:
-        index = lax.broadcasted_iota(jnp.int32, shape, 0)
-        slot = jnp.where(moves, jnp.cumsum(moves, axis=0, dtype=jnp.int32) - 1, FEW)
-        nobody = jnp.full((FEW, *shape[1:]), shape[0], jnp.int32)
-        who = nobody.at[own_places(slot)].set(index, mode="drop")
-        is_there = who < shape[0]
-
-        def take(values: Array) -> Array:
-            return pick(values, jnp.minimum(who, shape[0] - 1))
-
-        decided, changing, few, seen, idm = jax.tree.map(take, operands)
-        # An empty place is on its way to where nobody else is going.
-        few = replace(few, target_lane=jnp.where(is_there, few.target_lane, NOWHERE))
-        answer = _settle((jnp.where(is_there, decided, NOWHERE), changing & is_there, few, seen, idm))
-        return decided_lane.at[own_places(who)].set(answer, mode="drop")
-
-    return lax.cond(jnp.all(jnp.sum(moves, axis=0) <= FEW), among_few, lambda: _settle(operands))
-
-
-def _settle(
-    operands: tuple[Int[Array, "n *s"], Bool[Array, "n *s"], TrafficState, View, IDMParams],
-) -> Int[Array, "n *s"]:
-    """Target lanes once every answer follows from the others."""
-    decided_lane, changing, state, view, idm = operands
-
-    def ask_everybody(answer: Int[Array, "n *s"]) -> Int[Array, "n *s"]:
-        return jnp.where(changing & _is_blocked(answer, state, view, idm), view.lane, decided_lane)
-
-    def is_unsettled(rounds: tuple[Array, Array]) -> Array:
-        return jnp.any(rounds[0] != rounds[1])
-
-    rounds = decided_lane, ask_everybody(decided_lane)
-    return lax.while_loop(is_unsettled, lambda rounds: (rounds[1], ask_everybody(rounds[1])), rounds)[1]
-
-
-def _is_blocked(
-    answer: Int[Array, "vehicles *scenarios"], state: TrafficState, view: View, idm: IDMParams
-) -> Bool[Array, "vehicles *scenarios"]:
-    """Whether somebody ahead is changing into a vehicle's target lane, if `answer` holds for those before it in the
-    list.
-    """
-    index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
-
-    def look_at(other: Int[Array, ""], blocked: Array) -> Array:
-        ahead_by = row(state.x, other) - state.x
-        dv = _closing_in(view, Leader(ahead_by, row(view.speed_x, other), row(view.speed_y, other)))
-        wanted = desired_spacing(speed=state.speed, dv=dv, params=idm)
-        its_target = jnp.where(other < index, row(answer, other), row(state.target_lane, other))
-        same_goal = (its_target == state.target_lane) & (row(view.lane, other) != state.target_lane)
-        return blocked | (same_goal & (ahead_by > 0) & (ahead_by < wanted))
-
-    return for_each_vehicle(state.x.shape[0], look_at, jnp.zeros(state.x.shape, bool))

@@ -236,9 +236,14 @@ def sort_if_large(state: TrafficState) -> TrafficState:
     return eqx.tree_at(lambda s: s.order, state, sort_along_road(state.x, state.order))
 
 
-def for_each_vehicle(n_vehicles: int, look_at: Callable[[Array, Found], Found], nothing: Found) -> Found:
-    """What every vehicle has found after looking at all vehicles in list order; straight-line code in small traffic."""
-    unroll = LARGE_TRAFFIC_BLOCK if is_large(n_vehicles) else n_vehicles
+def for_each_vehicle(n_vehicles: int | Array, look_at: Callable[[Array, Found], Found], nothing: Found) -> Found:
+    """What every vehicle has found after looking at all vehicles in list order; straight-line code in small traffic.
+
+    A number that is only known when the program runs has no derivatives backwards.
+    """
+    unroll = None
+    if isinstance(n_vehicles, int):
+        unroll = LARGE_TRAFFIC_BLOCK if is_large(n_vehicles) else n_vehicles
     return lax.fori_loop(0, n_vehicles, look_at, nothing, unroll=unroll)
 
 

@@ -1,10 +1,11 @@
 """One tick of the traffic, as the list of its stages."""
 
 from rearl_jax.core.collisions import collide
+from rearl_jax.core.conflicts import abort_conflicts
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.gap_driving import weigh_driving
 from rearl_jax.core.kinematics import control, move
-from rearl_jax.core.mobil import abort_conflicts, decide_lanes, lane_gains, weigh_lanes
+from rearl_jax.core.mobil import decide_lanes, lane_gains, weigh_lanes
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import perceive, sort_if_large
 from rearl_jax.core.state import TrafficState

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rearl_jax.core import mobil
+from rearl_jax.core import conflicts
 from rearl_jax.core.batch import ScenarioMap, chunk_for
 from rearl_jax.core.meta_actions import apply_meta_actions
 from rearl_jax.core.model import TrafficModel
@@ -151,8 +151,7 @@ def test_chunks_shrink_with_the_number_of_vehicles():
 @pytest.mark.thorough
 def test_conflicts_among_few_are_settled_as_among_all(monkeypatch):
     model = TrafficModel()
-    n_vehicles = 2 * mobil.FEW + 2
-    state, drivers = spawn(jax.random.split(jax.random.key(3), 4), model, n_vehicles=n_vehicles, density=1.0)
+    state, drivers = spawn(jax.random.split(jax.random.key(3), 4), model, n_vehicles=130, density=1.0)
 
     def drive():
         def advance(before, _):
@@ -162,7 +161,7 @@ def test_conflicts_among_few_are_settled_as_among_all(monkeypatch):
         return jax.jit(lambda: jax.lax.scan(advance, state, length=120)[1])()
 
     among_few = drive()
-    monkeypatch.setattr(mobil, "FEW", n_vehicles)
+    monkeypatch.setattr(conflicts, "is_large", lambda n_vehicles: False)
     among_all = drive()
     target, lane, _ = (np.asarray(values) for values in among_few)
     broken_off = (target != lane)[:-1] & (target == lane)[1:] & (lane[:-1] == lane[1:])

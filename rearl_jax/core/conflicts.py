@@ -1,0 +1,114 @@
+"""Giving way: a change of lanes is broken off where somebody ahead is changing into the same lane.
+
+Source: highway-env 1.12.1, `IDMVehicle.change_lane_policy`.
+"""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Int
+
+from rearl_jax.core.affected import on_affected
+from rearl_jax.core.drivers import Drivers, IDMParams
+from rearl_jax.core.few import Few, single_out
+from rearl_jax.core.idm import desired_spacing
+from rearl_jax.core.mobil import closing_in, decides
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.neighbours import Leader, View, for_each_vehicle, is_large, row
+from rearl_jax.core.state import TrafficState
+
+NOWHERE = -1_000
+"""A lane that does not exist; nobody is on the way there but who fills an empty place."""
+
+ONE_IN = 16
+"""There are places for one vehicle in so many that is on its way to another lane, and for what chance adds."""
+
+_Question = tuple[Int[Array, "n *s"], Bool[Array, "n *s"], TrafficState, View, IDMParams]
+"""Lanes as decided, who is changing lanes, and all that is known of them."""
+
+
+def abort_conflicts(
+    decided_lane: Int[Array, "vehicles *scenarios"],
+    state: TrafficState,
+    view: View,
+    drivers: Drivers,
+    model: TrafficModel,
+) -> Int[Array, "vehicles *scenarios"]:
+    """Target lanes after changes in progress have been broken off for the sake of others.
+
+    A vehicle that is changing gives up where another vehicle, ahead within its desired spacing, is on its way into the
+    same lane. highway-env asks the vehicles one after another, so each sees the new target lanes of those before it in
+    the list and the old ones of those behind. All at once, that is a triangular system of booleans: repeating the
+    question with the answers of the round before settles it, in as many rounds as the longest chain of
+    vehicles that give way to each other.
+    """
+    # What is decided has no slope; and what drivers remember has other axes than few could be picked from.
+    state, view, idm = lax.stop_gradient((replace(state, memory=None), replace(view, nearest=None), drivers.idm))
+    changing = decides(state, drivers) & (view.lane != state.target_lane)
+
+    def among_everybody() -> Int[Array, "vehicles *scenarios"]:
+        return _where_concerned((decided_lane, changing, state, view, idm), model)
+
+    def among(few: Few) -> Int[Array, "vehicles *scenarios"]:
+        own_state, own_view, own_idm = jax.tree.map(few.take, (state, view, idm))
+
+        def if_there(lane: Array) -> Array:
+            return jnp.where(few.is_there, lane, NOWHERE)
+
+        own_state = replace(own_state, target_lane=if_there(own_state.target_lane))
+        decided, changes = if_there(few.take(decided_lane)), few.take(changing) & few.is_there
+        return few.put(_where_concerned((decided, changes, own_state, own_view, own_idm), model), decided_lane)
+
+    if not is_large(state.x.shape[0]):
+        return among_everybody()
+    few = single_out((state.target_lane != view.lane) | (decided_lane != view.lane), ONE_IN)
+    return lax.cond(few.suffices, lambda: among(few), among_everybody)
+
+
+def _where_concerned(question: _Question, model: TrafficModel) -> Int[Array, "n *s"]:
+    """Target lanes, asked for in those scenarios alone where somebody may have to give way."""
+    decided_lane, changing, state, view, _ = question
+    concerned = jnp.zeros(changing.shape[1:], bool)
+    for lane in range(model.n_lanes):
+        enters = (view.lane != lane) & ((state.target_lane == lane) | (decided_lane == lane))
+        gives_way = changing & (state.target_lane == lane)
+        concerned = concerned | ((jnp.sum(enters, axis=0) >= 2) & jnp.any(gives_way, axis=0))
+    return on_affected(concerned, _settle, question, decided_lane)
+
+
+def _settle(question: _Question) -> Int[Array, "n *s"]:
+    """Target lanes once every answer follows from the others."""
+    decided_lane, changing, state, view, idm = question
+
+    def ask_everybody(answer: Int[Array, "n *s"]) -> Int[Array, "n *s"]:
+        return jnp.where(changing & _is_blocked(answer, state, view, idm), view.lane, decided_lane)
+
+    def is_unsettled(rounds: tuple[Array, Array]) -> Array:
+        return jnp.any(rounds[0] != rounds[1])
+
+    rounds = decided_lane, ask_everybody(decided_lane)
+    return lax.while_loop(is_unsettled, lambda rounds: (rounds[1], ask_everybody(rounds[1])), rounds)[1]
+
+
+def _is_blocked(
+    answer: Int[Array, "vehicles *scenarios"], state: TrafficState, view: View, idm: IDMParams
+) -> Bool[Array, "vehicles *scenarios"]:
+    """Whether somebody ahead is changing into a vehicle's target lane, if `answer` holds for those before it in the
+    list.
+    """
+    index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
+
+    def look_at(other: Int[Array, ""], blocked: Array) -> Array:
+        ahead_by = row(state.x, other) - state.x
+        dv = closing_in(view, Leader(ahead_by, row(view.speed_x, other), row(view.speed_y, other)))
+        wanted = desired_spacing(speed=state.speed, dv=dv, params=idm)
+        its_target = jnp.where(other < index, row(answer, other), row(state.target_lane, other))
+        same_goal = (its_target == state.target_lane) & (row(view.lane, other) != state.target_lane)
+        return blocked | (same_goal & (ahead_by > 0) & (ahead_by < wanted))
+
+    n_places = state.x.shape[0]
+    is_there = state.target_lane != NOWHERE  # in the first places
+    n_there = jnp.max(jnp.sum(is_there, axis=0)) if is_large(n_places) else n_places
+    return for_each_vehicle(n_there, look_at, jnp.zeros(state.x.shape, bool))
