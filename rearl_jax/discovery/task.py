@@ -206,7 +206,7 @@ def _effects(
     if amount(findings, SMOOTHING):
         return effects  # what drivers seem to do may be what the smoothing left of it: candidates, not claims
     if found.clocks is not None:
-        effects.append(differing_clocks(found.clocks))
+        effects.append(differing_clocks(found.clocks, RELIABILITY if left.is_enough else DOUBTFUL))
     deviations = known(solver, found.last.world).theta
     first = 0
     for one in found.rounds:

@@ -213,14 +213,14 @@ def found_in_columns(finding: Finding, confidence: float) -> Named:
     return Named(finding.name, "artefact", {finding.parameter: number}, (), RELIABILITY, None)
 
 
-def differing_clocks(check: ClockCheck) -> Named:
-    """Clocks that differ, as an effect of the verdict."""
+def differing_clocks(check: ClockCheck, reliability: float) -> Named:
+    """Clocks that differ, as an effect of the verdict with its stated confidence."""
     return Named(
         NAME,
         "artefact",
         {"sd": {"value": check.spread, "low": None, "high": None, "unit": "s"}},
         ("clock",),
-        RELIABILITY,
+        reliability,
         check.total,
     )
 
@@ -233,8 +233,10 @@ def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) 
     if any(kind in ("driver", "road") for kind in added):
         is_doubtful = any(search.is_doubtful(one) for one in search.added)
         return "unexplained" if is_doubtful or not adequacy.is_enough else "named"
-    if "artefact" in added or findings or search.clocks is not None:
+    if findings:
         return "artefact"
+    if "artefact" in added or search.clocks is not None:
+        return "artefact" if adequacy.is_enough else "unexplained"
     if added or search.rejected or _is_sure(search.rounds[-1]) or not adequacy.is_enough:
         return "unexplained"
     return "nothing"

@@ -7,14 +7,15 @@ import pytest
 
 from rearl_jax.discovery import clocks, decision, families
 from rearl_jax.discovery.drivers import CAR, SPREAD, following_params
+from rearl_jax.discovery.gate import Finding
 from rearl_jax.discovery.moments import N_DRIVER
 from rearl_jax.discovery.null import Null, simulate_again, summarise
 from rearl_jax.discovery.observer import Noise
-from rearl_jax.discovery.procedure import Round, Search
+from rearl_jax.discovery.procedure import ClockCheck, Round, Search
 from rearl_jax.discovery.refit import Fit
 from rearl_jax.discovery.screen import evidences, scores
 from rearl_jax.discovery.uncertainty import interval, known, price
-from rearl_jax.discovery.verdict import candidate_rows
+from rearl_jax.discovery.verdict import Adequacy, candidate_rows, verdict_of
 
 
 def test_standard_parameters_are_usual_drivers():
@@ -131,6 +132,18 @@ def test_what_is_beaten_by_something_not_believed_is_doubtful(trial, solver, cal
     turn = Round(Fit(None, *calibrated), {}, {}, {}, firing, [holds, loses], [holds])
     search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=[turn])
     assert search.is_doubtful(holds) == doubtful
+
+
+@pytest.mark.parametrize(("staleness", "expected"), [(0.0, "artefact"), (5.0, "unexplained")])
+def test_clocks_that_leave_more_than_noise_do_not_explain_it(solver, calibrated, staleness, expected):
+    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -1.0, staleness, ("grade", 1.0))
+    ends = Round(fit, {}, {}, {}, frozenset(), [], [])
+    found = Search(
+        solver.layout, Null({}, {}, 1), {}, calibrated[0].data, ClockCheck(fit, 40.0, 40.0, 0.2), rounds=[ends]
+    )
+    assert verdict_of(found, [], left) == expected
+    assert verdict_of(replace(found, clocks=None), [], left) == ("nothing" if staleness == 0.0 else "unexplained")
+    assert verdict_of(found, [Finding("position_noise", "sd", "m", 0.3, 0.01, "noisy")], left) == "artefact"
 
 
 def test_confusable_candidates_compete_together():
