@@ -81,9 +81,12 @@ def _where_concerned(question: _Question, model: TrafficModel) -> Int[Array, "n 
 def _settle(question: _Question) -> Int[Array, "n *s"]:
     """Target lanes once every answer follows from the others."""
     decided_lane, changing, state, view, idm = question
+    n_there = state.x.shape[0]
+    if is_large(n_there):
+        n_there = jnp.max(jnp.sum(state.target_lane != NOWHERE, axis=0))  # they are in the first places
 
     def ask_everybody(answer: Int[Array, "n *s"]) -> Int[Array, "n *s"]:
-        return jnp.where(changing & _is_blocked(answer, state, view, idm), view.lane, decided_lane)
+        return jnp.where(changing & _is_blocked(answer, state, view, idm, n_there), view.lane, decided_lane)
 
     def is_unsettled(rounds: tuple[Array, Array]) -> Array:
         return jnp.any(rounds[0] != rounds[1])
@@ -93,10 +96,10 @@ def _settle(question: _Question) -> Int[Array, "n *s"]:
 
 
 def _is_blocked(
-    answer: Int[Array, "vehicles *scenarios"], state: TrafficState, view: View, idm: IDMParams
+    answer: Int[Array, "vehicles *scenarios"], state: TrafficState, view: View, idm: IDMParams, n_there: int | Array
 ) -> Bool[Array, "vehicles *scenarios"]:
-    """Whether somebody ahead is changing into a vehicle's target lane, if `answer` holds for those before it in the
-    list.
+    """Whether somebody ahead, of the first `n_there` vehicles, is changing into a vehicle's target lane, if `answer`
+    holds for those before it in the list.
     """
     index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
 
@@ -108,7 +111,4 @@ def _is_blocked(
         same_goal = (its_target == state.target_lane) & (row(view.lane, other) != state.target_lane)
         return blocked | (same_goal & (ahead_by > 0) & (ahead_by < wanted))
 
-    n_places = state.x.shape[0]
-    is_there = state.target_lane != NOWHERE  # in the first places
-    n_there = jnp.max(jnp.sum(is_there, axis=0)) if is_large(n_places) else n_places
     return for_each_vehicle(n_there, look_at, jnp.zeros(state.x.shape, bool))

@@ -64,7 +64,7 @@ def single_out(is_chosen: Bool[Array, "vehicles *scenarios"], one_in: int) -> Fe
     def count(before: Array, chosen: Array) -> tuple[Array, Array]:
         return before + chosen, before
 
-    # Walking along the vehicles takes a tenth of the time of jnp.cumsum.
+    # Walking along the vehicles takes a seventh to a half of the time of jnp.cumsum.
     total, place = lax.scan(count, jnp.zeros(others, jnp.int32), is_chosen.astype(jnp.int32))
     place = jnp.where(is_chosen, place, places)
     index = lax.broadcasted_iota(jnp.int32, is_chosen.shape, 0)

@@ -5,7 +5,7 @@ normality, Jarque & Bera, Int. Stat. Rev. 55 (1987) 163; variance that depends o
 Econometrica 47 (1979) 1287.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -92,11 +92,11 @@ def misjudgement(parts: Sequence[Residuals]) -> float:
         parts: What the final model leaves, of each part of the drivers.
     """
 
-    def squares(left: Residuals) -> np.ndarray:
+    def by_misjudging(left: Residuals) -> np.ndarray:
         gap, answer = np.asarray(left.stimulus().gap), answers(left).x
         return (answer * gap) ** 2
 
-    return _surely(np.concatenate([_energy_votes(squares(left), left) for left in parts]))
+    return _energy_grows_with(by_misjudging, parts)
 
 
 def staleness(parts: Sequence[Residuals]) -> float:
@@ -110,7 +110,7 @@ def staleness(parts: Sequence[Residuals]) -> float:
         parts: What the final model leaves, of each part of the drivers.
     """
 
-    def squares(left: Residuals) -> np.ndarray:
+    def by_being_late(left: Residuals) -> np.ndarray:
         data = left.world.data
         wanted = np.asarray(follow(left.stimulus(), parameters(left), (), (), data.dt)[0], float).clip(*REASONABLE)
         ago = max(1, round(OF_LATE / data.dt))
@@ -118,7 +118,12 @@ def staleness(parts: Sequence[Residuals]) -> float:
         change[ago:] = wanted[ago:] - wanted[:-ago]
         return change**2
 
-    return _surely(np.concatenate([_energy_votes(squares(left), left) for left in parts]))
+    return _energy_grows_with(by_being_late, parts)
+
+
+def _energy_grows_with(energy: Callable[[Residuals], np.ndarray], parts: Sequence[Residuals]) -> float:
+    """How surely the energy of what drivers do beside the model grows with another one, of each part."""
+    return _surely(np.concatenate([_energy_votes(energy(left), left) for left in parts]))
 
 
 def _energy_votes(square: Float[np.ndarray, "steps pieces"], left: Residuals) -> Float[np.ndarray, " drivers"]:

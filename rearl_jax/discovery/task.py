@@ -205,8 +205,9 @@ def _effects(
     effects = [found_in_columns(finding, confidence) for finding in findings]
     if amount(findings, SMOOTHING):
         return effects  # what drivers seem to do may be what the smoothing left of it: candidates, not claims
+    usual = RELIABILITY if left.is_enough else DOUBTFUL
     if found.clocks is not None:
-        effects.append(differing_clocks(found.clocks, RELIABILITY if left.is_enough else DOUBTFUL))
+        effects.append(differing_clocks(found.clocks, usual))
     deviations = known(solver, found.last.world).theta
     first = 0
     for one in found.rounds:
@@ -215,7 +216,7 @@ def _effects(
             continue
         size = len(trial.candidate.free)
         own = deviations[first : first + size]
-        reliability = DOUBTFUL if found.is_doubtful(trial) or not left.is_enough else RELIABILITY
+        reliability = DOUBTFUL if found.is_doubtful(trial) else usual
         effects.append(
             named_trial(trial, one.trials, found.last.world.theta, own, solver.layout, confidence, reliability)
         )
