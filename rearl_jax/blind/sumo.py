@@ -35,8 +35,8 @@ LIMITED = (900.0, 1250.0)
 
 TRUTHS: dict[str, dict[str, Any]] = {
     "idm": {"kind": "control", "truths": []},
-    # SUMO's lane changing forbids passing on the right above 60 km/h, which slows followers beside slower lanes.
-    "idm_no_passing_right": {"kind": "listed", "truths": ["lane_friction"]},
+    # SUMO's lane changing forbids passing on the right above 60 km/h: who is faster falls in behind the left lane.
+    "idm_no_passing_right": {"kind": "listed", "truths": ["no_undertaking"]},
     "idm_limit": {
         "kind": "listed",
         "truths": ["speed_limit", "bend", "grade"],

@@ -82,6 +82,7 @@ def stimulus(
     (leader, second, third), follower = around.ahead, around.behind
     is_present = state.controller != Controller.ABSENT
     unseen = jnp.full_like(state.x, OUT_OF_SIGHT), jnp.zeros_like(state.x)
+    left = if_any(is_present, lambda: find_ahead(state, view, traits, view.lane - 1, 1), (nobody(traits),))[0]
     beside_speed, n_beside = if_any(is_present, lambda: look_beside(state, view, traits), unseen)
     wishes = wanted_lane != view.lane
     entrant = if_any(wishes, lambda: find_entrant(state, view, traits, wanted_lane), nobody(traits))
@@ -112,6 +113,9 @@ def stimulus(
         has_follower=flag(follower.is_there),
         follower_gap=bumper_gap(follower, traits),
         follower_speed=follower.traits.speed,
+        has_left=flag(left.is_there),
+        left_gap=bumper_gap(left, traits),
+        left_speed=left.traits.speed,
         beside_speed=beside_speed,
         n_beside=n_beside,
         time_since_change=encounter.time_since_change,

@@ -35,6 +35,7 @@ NAMED = (
     "leader_class",
     "asymmetry",
     "lane_friction",
+    "no_undertaking",
     "lane_desired_speed",
 )
 """Effects whose strengths are themselves the directions of the screen."""

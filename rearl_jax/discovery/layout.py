@@ -140,6 +140,7 @@ VARIABLES_OF: dict[str, tuple[str, ...]] = {
     "leader_class": ("leader_class",),
     "asymmetry": ("approach_rate",),
     "lane_friction": ("speed_beside",),
+    "no_undertaking": ("left_gap", "left_speed"),
     "lane_desired_speed": ("lane",),
 }
 """What each effect of `NAMED` depends on."""

@@ -16,12 +16,14 @@ from jaxtyping import Bool, Float, Int
 _OF_LEADER = ("leader_rear", "leader_centre", "leader_speed", "leader_acceleration", "time_since_change")
 _OF_SECOND = ("second_rear", "second_speed", "third_speed")
 _OF_FOLLOWER = ("follower_front", "follower_speed")
+_OF_LEFT = ("left_rear", "left_speed")
 
 _SPEED_OF = {
     "leader_rear": "leader_speed",
     "leader_centre": "leader_speed",
     "second_rear": "second_speed",
     "follower_front": "follower_speed",
+    "left_rear": "left_speed",
 }
 
 _JUMP = 6.0
@@ -44,6 +46,7 @@ class Surroundings(eqx.Module):
         has_second, second_rear, second_speed: The rear bumper as if the leader between had no length.
         has_third, third_speed: The one ahead of that.
         has_follower, follower_front, follower_speed: The vehicle behind.
+        has_left, left_rear, left_speed: The next vehicle ahead on the lane to the left.
         beside_speed, n_beside: As in `Stimulus`.
         time_since_change, gap_lost, time_gap_at_change: As in `Stimulus`.
     """
@@ -68,6 +71,9 @@ class Surroundings(eqx.Module):
     has_follower: Float[Any, "*steps pieces"]
     follower_front: Float[Any, "*steps pieces"]
     follower_speed: Float[Any, "*steps pieces"]
+    has_left: Float[Any, "*steps pieces"]
+    left_rear: Float[Any, "*steps pieces"]
+    left_speed: Float[Any, "*steps pieces"]
     beside_speed: Float[Any, "*steps pieces"]
     n_beside: Float[Any, "*steps pieces"]
     time_since_change: Float[Any, "*steps pieces"]
@@ -155,13 +161,13 @@ class Measured:
             smooth = same
             if name in _OF_SECOND:
                 smooth = same & (around.has_second[1:] == around.has_second[:-1])
-            if name in _OF_FOLLOWER:
+            if name in (*_OF_FOLLOWER, *_OF_LEFT):
                 smooth = np.ones_like(same)
-            if name in (*_OF_SECOND, *_OF_FOLLOWER):
+            if name in (*_OF_SECOND, *_OF_FOLLOWER, *_OF_LEFT):
                 smooth = smooth & (np.abs(drift) < _JUMP)
             return values + np.concatenate([np.where(smooth, half, 0.0), last])
 
-        changed = {name: middle(name) for name in (*_OF_LEADER, *_OF_SECOND, *_OF_FOLLOWER)}
+        changed = {name: middle(name) for name in (*_OF_LEADER, *_OF_SECOND, *_OF_FOLLOWER, *_OF_LEFT)}
         return dataclasses.replace(around, **changed)
 
     def select(self, pieces: np.ndarray) -> "Measured":

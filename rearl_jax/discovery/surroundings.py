@@ -19,12 +19,14 @@ class Around:
     Attributes:
         leader: Next ahead on the same lane; where the source states a leader, that one.
         follower: Next behind on the same lane.
+        left: Next ahead on the lane to the left; the same position counts as ahead.
         beside_speed: Slowest speed within BESIDE_RANGE on the lanes beside [m/s]; inf without one.
         n_beside: Number of vehicles within BESIDE_RANGE on the lanes beside.
     """
 
     leader: np.ndarray
     follower: np.ndarray
+    left: np.ndarray
     beside_speed: np.ndarray
     n_beside: np.ndarray
 
@@ -50,8 +52,10 @@ def look_around(table: pd.DataFrame, speed: np.ndarray) -> Around:
     follower = np.full(len(table), NOBODY)
     followed = ahead != NOBODY
     follower[ahead[followed]] = np.flatnonzero(followed)
-    slowest, number = _beside(street[order], position[order], speed[order], street, position, lane)
-    return Around(ahead, follower, slowest, number)
+    lines = _Lines(street, position, order)
+    left = lines.ahead_on_left(lane)
+    slowest, number = lines.beside(speed, lane)
+    return Around(ahead, follower, left, slowest, number)
 
 
 def _stated_leader(table: pd.DataFrame, stated: np.ndarray) -> np.ndarray:
@@ -66,27 +70,37 @@ def _stated_leader(table: pd.DataFrame, stated: np.ndarray) -> np.ndarray:
     return np.where(found, order[place], NOBODY)
 
 
-def _beside(
-    streets: np.ndarray,
-    positions: np.ndarray,
-    speeds: np.ndarray,
-    street: np.ndarray,
-    position: np.ndarray,
-    lane: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Slowest speed and number of vehicles beside each row; the first three arguments are sorted."""
-    slowest, number = np.full(len(street), np.inf), np.zeros(len(street))
-    # One sortable number: streets apart by more than any road is long.
-    length = positions.max() - positions.min() + 4 * BESIDE_RANGE
-    line = streets * length + (positions - positions.min())
-    for side in (-1, 1):
-        here = (street + side) * length + (position - positions.min())
-        first = np.searchsorted(line, here - BESIDE_RANGE, side="left")
-        last = np.searchsorted(line, here + BESIDE_RANGE, side="right")
-        known = (lane >= 0) & (lane + side >= 0)
-        for k in range(MOST_BESIDE):
-            row = np.minimum(first + k, len(line) - 1)
-            there = known & (first + k < last) & (streets[row] == street + side)
-            slowest = np.where(there, np.minimum(slowest, speeds[row]), slowest)
-            number += there
-    return slowest, number
+class _Lines:
+    """All lanes of all moments in one sorted row of numbers, lanes apart by more than any road is long."""
+
+    def __init__(self, street: np.ndarray, position: np.ndarray, order: np.ndarray) -> None:
+        """Rows' lanes, numbered over all moments, lanes beside each other by subsequent numbers; their order."""
+        self.street, self.position, self.order = street, position - position.min(), order
+        self.length = self.position.max() + 4 * BESIDE_RANGE
+        self.sorted = self.places(0)[order]
+
+    def places(self, side: int) -> np.ndarray:
+        """Where each row is on the lane beside, -1 the left one."""
+        return (self.street + side) * self.length + self.position
+
+    def ahead_on_left(self, lane: np.ndarray) -> np.ndarray:
+        """Row of the next vehicle ahead on the lane to the left."""
+        place = np.minimum(np.searchsorted(self.sorted, self.places(-1), side="left"), len(lane) - 1)
+        row = self.order[place]
+        is_there = (lane > 0) & (self.street[row] == self.street - 1) & (self.position[row] >= self.position)
+        return np.where(is_there, row, NOBODY)
+
+    def beside(self, speed: np.ndarray, lane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Slowest speed and number of vehicles beside each row."""
+        slowest, number = np.full(len(lane), np.inf), np.zeros(len(lane))
+        for side in (-1, 1):
+            here = self.places(side)
+            first = np.searchsorted(self.sorted, here - BESIDE_RANGE, side="left")
+            last = np.searchsorted(self.sorted, here + BESIDE_RANGE, side="right")
+            known = (lane >= 0) & (lane + side >= 0)
+            for k in range(MOST_BESIDE):
+                row = self.order[np.minimum(first + k, len(lane) - 1)]
+                there = known & (first + k < last) & (self.street[row] == self.street + side)
+                slowest = np.where(there, np.minimum(slowest, speed[row]), slowest)
+                number += there
+        return slowest, number

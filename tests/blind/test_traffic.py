@@ -208,6 +208,18 @@ def test_slower_neighbours_hold_back_and_never_push(simulated):
     assert 0.05 < np.mean(left < -0.05) < 0.8
 
 
+def test_who_is_faster_than_the_left_lane_is_held_back_and_nobody_on_it(simulated):
+    events = simulated("no_undertaking")
+    found = facts(events)
+    left = found.remainder[found.follows]
+    assert left.max() < 1e-9
+    assert 0.01 < np.mean(left < -0.05) < 0.5
+    np.testing.assert_allclose(found.remainder[found.follows & (events.lane == 0)], 0.0, atol=1e-9)
+    assert events.speed[found.follows & (found.remainder < -1e-6)].min() > 16.0
+    # Half of the rule: braking is between what the model wants and -2 m/s^2.
+    assert left.min() >= 0.5 * (-2.0 - found.plain[found.follows].max())
+
+
 def test_company_costs_acceleration_by_the_vehicle(simulated):
     found = facts(simulated("vehicles_beside"))
     counted = found.remainder[found.follows] / -0.18

@@ -26,6 +26,7 @@ def test_leaders_followers_and_neighbours_are_those_a_person_would_name():
     around = look_around(table, np.array([20.0, 21.0, 22.0, 12.0, 5.0]))
     assert around.leader.tolist() == [1, 2, NOBODY, 4, NOBODY]
     assert around.follower.tolist() == [NOBODY, 0, 1, NOBODY, 3]
+    assert around.left.tolist() == [NOBODY, NOBODY, NOBODY, 2, NOBODY]
     assert around.beside_speed.tolist() == [12.0, 12.0, 12.0, 20.0, np.inf]
     assert around.n_beside.tolist() == [1, 1, 1, 3, 0]
 

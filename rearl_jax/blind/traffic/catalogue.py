@@ -9,6 +9,7 @@ LISTED: dict[str, type[HiddenEffect]] = {
     "leader_acceleration": following.BrakeLights,
     "asymmetry": following.HardBraking,
     "lane_friction": following.SlowNeighbours,
+    "no_undertaking": following.StayingBehind,
     "speed_dependent_time_gap": headways.SpeedyDistance,
     "variance_driven_time_gap": headways.UneasyTraffic,
     "resignation": headways.Frustration,

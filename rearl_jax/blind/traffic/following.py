@@ -107,3 +107,29 @@ class SlowNeighbours(HiddenEffect):
         there = np.isfinite(offsets[np.arange(now.n), column])
         faster_by = now.speed[: now.n] - now.speed[now.index_in_recording(column)]
         return value - 0.6 * self.strength * there * np.clip(faster_by / 6.0, 0.0, 1.0)
+
+
+class StayingBehind(HiddenEffect):
+    """Above 16 m/s nobody drives past the next vehicle ahead on the lane to the left: as if it were on the own lane,
+    but with no more than 2 m/s^2 of braking. At strength 2 the rule is kept, at 1 half of it.
+    """
+
+    truths = ("no_undertaking",)
+    crawl, hardest = 16.0, 2.0  # m/s, m/s^2
+
+    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+        """Its strength."""
+        self.parameters = {"weight": 0.5 * self.strength}
+
+    def acceleration(self, value: np.ndarray, now: Moment) -> np.ndarray:
+        """Less where the one on the left is slower."""
+        own, fleet = slice(0, now.n), now.fleet
+        other = now.ahead_on_left()
+        speed, dv = now.speed[own], now.speed[own] - now.speed[other]
+        root = 2.0 * np.sqrt(fleet.max_accel * fleet.comfort_decel)
+        wanted = fleet.jam_gap + np.maximum(0.0, speed * (now.time_gap + dv / root))
+        push = fleet.max_accel * (wanted / np.maximum(now.gap_to(other), 1.0)) ** 2
+        free = fleet.max_accel * (1.0 - (speed / now.desired_speed) ** 4)
+        behind = np.maximum(free - push, -self.hardest)
+        passes = (speed > self.crawl) & (dv > 0.0) & (other != now.n)
+        return value + 0.5 * self.strength * np.where(passes, np.minimum(behind - value, 0.0), 0.0)

@@ -1,7 +1,13 @@
 """The effect library: what drivers and roads do beyond car following, shared by simulation and discovery."""
 
 from rearl_jax.core.effects.action_points import ActionPoints
-from rearl_jax.core.effects.anticipation import Asymmetry, LaneFriction, LeaderAcceleration, SeveralLeaders
+from rearl_jax.core.effects.anticipation import (
+    Asymmetry,
+    LaneFriction,
+    LeaderAcceleration,
+    NoUndertaking,
+    SeveralLeaders,
+)
 from rearl_jax.core.effects.cooperation import Cooperation
 from rearl_jax.core.effects.dependence import VARIABLES, Dependence, TimeGapDependence
 from rearl_jax.core.effects.effect import Effect, Parameter
@@ -42,6 +48,7 @@ EFFECTS: dict[str, type[Effect]] = {
         LeaderClass,
         Asymmetry,
         LaneFriction,
+        NoUndertaking,
         LaneDesiredSpeed,
         Grade,
         SpeedLimit,

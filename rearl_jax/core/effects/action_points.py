@@ -15,7 +15,7 @@ from rearl_jax.core.gap_idm import FollowingParams, free_term, gap_interaction
 SITUATION = (
     *("speed", "has_leader", "gap", "leader_speed", "leader_acceleration", "has_second", "second_gap"),
     *("second_speed", "has_third", "third_speed", "has_follower", "follower_gap", "follower_speed"),
-    *("beside_speed", "n_beside"),
+    *("has_left", "left_gap", "left_speed", "beside_speed", "n_beside"),
 )
 """What a driver has in mind between two decisions; place and time go on."""
 

@@ -1,13 +1,17 @@
-"""Effects of more than the gap and the speed of the one vehicle ahead."""
+"""Effects of more than the gap and the speed of the one vehicle ahead on the own lane."""
 
 from typing import ClassVar
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.gap_idm import FollowingParams, gap_interaction
+
+PASSING_SPEED = 60 / 3.6
+"""Speed [m/s] up to which everybody may be passed on the right, in congestion."""
 
 STRONGEST_SECOND = 9.0
 """Bound of the second leader's squared ratio of gaps [-], for moments of careless driving."""
@@ -96,3 +100,28 @@ class LaneFriction(Effect):
         """Less beside slower vehicles."""
         faster_by = jnp.maximum(seen.speed - seen.beside_speed, 0.0)
         return value - self.gain * jnp.tanh(faster_by / self.scale)
+
+
+class NoUndertaking(Effect):
+    """Who is faster than the vehicle ahead on the left lane falls in behind it, braking comfortably at most."""
+
+    weight: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "no_undertaking"
+    equation: ClassVar[str] = (
+        "I + w max(0, min(I_left, 1 + b/a) - I) / (1 + exp((v_left - v) / 0.5 m/s)) above 60 km/h, I = (s*/s)^2"
+    )
+    source: ClassVar[str] = "after Treiber & Kesting, Traffic Flow Dynamics (2013), chapter 14 (European rules)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("weight", "-", "how much the left lane counts; 1 forbids to pass it", 0.0, 0.0, 1.0, 0.5),
+    )
+
+    def interaction(
+        self, value: Float[Array, "*n"], seen: Stimulus, memory: None, params: FollowingParams
+    ) -> Float[Array, "*n"]:
+        """That with the leader on the left lane where it is the larger one."""
+        faster_by = seen.speed - seen.left_speed
+        left = gap_interaction(seen.left_gap, seen.speed, faster_by, params)
+        comfortable = jnp.minimum(left, 1 + params.comfort_decel / params.max_accel)
+        passes = jnp.where(seen.speed > PASSING_SPEED, seen.has_left, 0.0) * jax.nn.sigmoid(2.0 * faster_by)
+        return value + self.weight * passes * jnp.maximum(comfortable - value, 0.0)

@@ -9,12 +9,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rearl_jax.core.effects.anticipation import PASSING_SPEED
 from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.side_lane import SideLane
 from rearl_jax.core.effects.stimulus import Stimulus
-
-PASSING_SPEED = 60 / 3.6
-"""Speed [m/s] up to which everybody may be passed on the right, in congestion."""
 
 
 class KeepRight(Effect):

@@ -30,6 +30,7 @@ class Stimulus(eqx.Module):
         has_second, second_gap, second_speed: The leader's leader; the gap is the sum of both gaps, lengths left out.
         has_third, third_speed: The one ahead of that.
         has_follower, follower_gap, follower_speed: The vehicle behind on the lane.
+        has_left, left_gap, left_speed: The next vehicle ahead on the lane to the left.
         beside_speed: Slowest speed within BESIDE_RANGE on the lanes next to the own [m/s]; OUT_OF_SIGHT without one.
         n_beside: How many vehicles that are.
         time_since_change: Since somebody else has become the leader by a lane change [s].
@@ -60,6 +61,9 @@ class Stimulus(eqx.Module):
     has_follower: Float[Array, "*#n"]
     follower_gap: Float[Array, "*#n"]
     follower_speed: Float[Array, "*#n"]
+    has_left: Float[Array, "*#n"]
+    left_gap: Float[Array, "*#n"]
+    left_speed: Float[Array, "*#n"]
     beside_speed: Float[Array, "*#n"]
     n_beside: Float[Array, "*#n"]
     time_since_change: Float[Array, "*#n"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.core.effects.lane_changes import PASSING_SPEED
+from rearl_jax.core.effects.anticipation import PASSING_SPEED
 from rearl_jax.discovery.lane_changes.opportunities import Opportunities
 
 Column = Float[np.ndarray, " rows"]

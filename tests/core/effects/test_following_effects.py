@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.core.effects import traffic
-from tests.core.effects.traffic import DT, IS_TRUCK, KNOTS, N_CARS, N_TICKS, NAMES, ON, V0, Seen, T, idm, ratio
+from tests.core.effects.traffic import DT, IS_TRUCK, KNOTS, N_CARS, N_TICKS, NAMES, ON, V0, A, B, Seen, T, idm, ratio
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +83,15 @@ def leader_class(seen, p, past):
     return idm(seen, time_gap=T * math.exp(p["gain"] * is_behind_truck))
 
 
+def no_undertaking(seen, p, past):
+    if seen.left is None or seen.v <= 60 / 3.6:
+        return idm(seen)
+    own = ratio(seen.gap, seen.v, seen.dv) if seen.ahead else 0.0
+    faster_by = seen.v - seen.left_speed
+    left = min(ratio(seen.left_gap, seen.v, faster_by), 1 + B / A)
+    return idm(seen, behind=own + p["weight"] * sigmoid(2 * faster_by) * max(left - own, 0.0))
+
+
 def lane_desired_speed(seen, p, past):
     growth = {0: p["leftmost"], 2: p["rightmost"]}.get(int(seen.lane), 0.0)
     return idm(seen, v0=V0 * math.exp(growth))
@@ -124,6 +133,7 @@ EQUATIONS = {
     "lane_friction": lambda seen, p, past: (
         idm(seen) - p["gain"] * math.tanh(max(seen.v - seen.beside_speed, 0.0) / p["scale"])
     ),
+    "no_undertaking": no_undertaking,
     "lane_desired_speed": lane_desired_speed,
     "grade": lambda seen, p, past: idm(seen) + p["push"] * inside(seen.x, p),
     "speed_limit": speed_limit,

@@ -14,7 +14,7 @@ from rearl_jax.core.gap_idm import FollowingParams
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import make_state
 from rearl_jax.core.step import tick
-from tests.core.effects.traffic import IS_TRUCK, LENGTH, S0, A, B, T
+from tests.core.effects.traffic import IS_TRUCK, LENGTH, N_CARS, S0, A, B, T
 from tests.core.simulation import default_drivers
 
 MODEL = TrafficModel(n_lanes=3, speed_limit=None, ticks_per_second=10, collisions=False)
@@ -52,13 +52,13 @@ def two_ticks(state, drivers):
 
 def simulate(cars, name, columns):
     """States after one and two ticks in two scenarios; cars are (lane, x, speed, target), the first one decides."""
-    padded = [*cars, *((0, 20_000.0 + 500 * k, 25.0, 0) for k in range(6 - len(cars)))]
+    padded = [*cars, *((0, 20_000.0 + 500 * k, 25.0, 0) for k in range(N_CARS - len(cars)))]
     lane, x, speed, target = (np.array(column, float)[:, None] * np.ones(2) for column in zip(*padded, strict=True))
-    timer = np.zeros((6, 2))
+    timer = np.zeros((N_CARS, 2))
     timer[0] = 5.0
     state = make_state(x, lane * 4.0, speed, MODEL, target_lane=target, timer=timer, dtype=np.float64)
-    drivers = default_drivers((6, 2), length=LENGTH[:, None], gain_threshold=THRESHOLD, accel_limit=9.0)
-    body = replace(drivers.body, is_truck=jnp.asarray(np.broadcast_to(IS_TRUCK[:, None], (6, 2))))
+    drivers = default_drivers((N_CARS, 2), length=LENGTH[:, None], gain_threshold=THRESHOLD, accel_limit=9.0)
+    body = replace(drivers.body, is_truck=jnp.asarray(np.broadcast_to(IS_TRUCK[:, None], (N_CARS, 2))))
     following = FollowingParams(*(jnp.full((1, 1), value) for value in (V0, T, S0, A, B)))
     drivers = replace(drivers, body=body, following=following, effects=shared(name, columns))
     return jax.tree.map(np.asarray, two_ticks(state, drivers))

@@ -24,7 +24,7 @@ DT = 0.1
 V0, T, S0, A, B = 30.0, 1.3, 2.5, 1.4, 2.0
 
 # Lane, position [m], speed [m/s], length [m], target lane: a platoon on lane 1 that one vehicle joins from lane 0, slow
-# traffic beside, a truck.
+# traffic on both sides, a truck.
 CARS = (
     (1, 10.0, 22.0, 4.0, 1),
     (1, 34.0, 21.0, 5.0, 1),
@@ -32,6 +32,7 @@ CARS = (
     (1, 104.0, 18.0, 4.5, 1),
     (0, 86.0, 19.0, 4.5, 1),
     (2, 40.0, 12.0, 5.0, 2),
+    (0, 118.0, 15.0, 5.0, 0),
 )
 N_CARS = len(CARS)
 LENGTH = np.array([car[3] for car in CARS])
@@ -49,6 +50,7 @@ ON = {
     "leader_class": {"gain": 0.4},
     "asymmetry": {"closing": 0.15, "opening": 0.25, "scale": 3.0},
     "lane_friction": {"gain": 0.7, "scale": 4.0},
+    "no_undertaking": {"weight": 0.7},
     "lane_desired_speed": {"leftmost": 0.2, "rightmost": -0.3},
     "grade": {"push": -0.5, "start": 60.0, "end": 140.0, "edge": 6.0},
     "speed_limit": {"limit": 20.0, "start": 50.0, "end": 150.0, "edge": 6.0},
@@ -150,6 +152,11 @@ class Seen:
             self.follower_gap = x[me] - x[behind[0]] - (LENGTH[behind[0]] + LENGTH[me]) / 2
             self.follower_speed = v[behind[0]]
         beside = [v[j] for j in range(N_CARS) if abs(lane[j] - lane[me]) == 1 and abs(x[j] - x[me]) <= 40.0]
+        on_left = [j for j in range(N_CARS) if j != me and lane[me] > 0 and abs(y[j] - 4 * (lane[me] - 1)) <= 3.0]
+        self.left = min((j for j in on_left if x[j] >= x[me]), key=lambda j: x[j], default=None)
+        if self.left is not None:
+            self.left_gap = x[self.left] - x[me] - (LENGTH[self.left] + LENGTH[me]) / 2
+            self.left_speed = v[self.left]
         self.beside_speed = min(beside, default=1000.0)
 
 
