@@ -239,11 +239,8 @@ def straightened(around: Surroundings, lens: Lens) -> Surroundings:
 
 
 def straightened_start(start: Float[Array, "two pieces"], lens: Lens) -> tuple[Array, Array]:
-    """Position and speed at the first moment before the camera bent the picture. How the distortion itself is searched
-    does not look at them: the observer has forgotten them when moments begin to count.
-    """
-    x, v = lax.stop_gradient(start)
-    lens = lax.stop_gradient(lens)
+    """Position and speed at the first moment before the camera bent the picture."""
+    x, v = start
     x = x - lens.bend(x - lens.bend(x))
     return x, v / (1 + lens.slope(x))
 

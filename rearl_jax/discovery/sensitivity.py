@@ -7,6 +7,7 @@ been added, `moments.Programs.sums` carries its memory along too.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -17,6 +18,7 @@ from jaxtyping import Array, Float
 from rearl_jax.core.following import begin_effects, follow
 from rearl_jax.discovery.candidates import Knots, Layout, effects_at, lens_at
 from rearl_jax.discovery.drivers import following_params
+from rearl_jax.discovery.lens import Lens
 from rearl_jax.discovery.measured import Surroundings
 from rearl_jax.discovery.observer import Pieces, stimulus, straightened, straightened_start, synchronised
 from rearl_jax.discovery.robust import kept_share, robust_square
@@ -138,16 +140,33 @@ def look_along(
         "nuisance": jnp.zeros((n_nuisance, size, n)),
         "blocks": tuple(jnp.zeros((len(group), len(group), n)) for group in groups),
     }
-    x, v = pieces.start if lens is None else straightened_start(pieces.start, lens)
+    (x, v), d_x, d_v = pieces.start, nothing, nothing
+    if lens is not None:
+        (x, v), by_lens = _straightened_start_along(pieces.start, lens)
+        d_x, d_v = (nothing.at[lens_rows].set(by[lens_knots]) for by in by_lens)
     first = jax.tree.map(lambda values: values[0], pieces.seen)
     seen = stimulus(x, v, pieces.length, pieces.is_truck, first)
     effects = effects_at(theta, layout, knots, active)
     memory = begin_effects(effects, seen, following_params(z, pieces.is_truck), dt)
     zero = jnp.zeros_like(x)
-    carry = ((x, v, zero, zero, zero, memory), Tangents(*(nothing,) * 5), total)
+    tangents = Tangents(d_x, d_v, nothing, nothing, nothing)
+    carry = ((x, v, zero, zero, zero, memory), tangents, total)
     extra = jnp.broadcast_to(pieces.known, pieces.y.shape)
     (_, _, total), _ = lax.scan(
         step, carry, (pieces.y, pieces.weight, pieces.looks, pieces.seen, extra, jnp.moveaxis(following, 1, 0))
     )
     blocks = {f"block_{k}": block for k, block in enumerate(total["blocks"])}
     return {name: values for name, values in total.items() if name != "blocks"} | blocks
+
+
+def _straightened_start_along(
+    start: Float[Array, "two pieces"], lens: Lens
+) -> tuple[Float[Array, "two pieces"], Float[Array, "two knots pieces"]]:
+    """Position [m] and speed [m/s] at the first moment, and their derivatives by the values of the lens."""
+    values = jnp.broadcast_to(lens.values, (len(lens.values), start.shape[1]))
+
+    def begin(values: Array) -> Array:
+        return jnp.stack(straightened_start(start, replace(lens, values=values)))
+
+    unit = jnp.broadcast_to(jnp.eye(len(values))[:, :, None], (len(values), *values.shape))
+    return jax.vmap(lambda tangent: jax.jvp(begin, (values,), (tangent,)), out_axes=(None, 1))(unit)
