@@ -272,18 +272,24 @@ def _round(solver: Solver, base: Fit, seen: dict[str, Score], found: Search, rep
     known = set(evidence)
     firing = with_families(firing, known)
     tried = with_families({name for name in order[:2] if name in tried}, known) | tried
-    names = [name for name in order if name in tried]
-    fits = refit(
-        solver, base, [layout.candidates[name] for name in names], seen, lambda k, n: report("fitting candidates", k, n)
-    )
-    base = rebased(solver, base, fits)
-    report("checking on other drivers", 0, 1)
-    other_base, *others = on_others(solver, found.checked, [base, *fits.values()])
-    trials = [
-        trial(solver, fit, base.world, other, other_base) for fit, other in zip(fits.values(), others, strict=True)
-    ]
-    eligible = [one for one in trials if _is_significant(one, firing) and _is_news(one, added)]
-    return Round(base, evidence, excess, surprise, frozenset(firing), trials, believed(eligible))
+    fits: dict[str, Fit] = {}
+    while True:
+        new = [layout.candidates[name] for name in order if name in tried - fits.keys()]
+        fits |= refit(solver, base, new, seen, lambda k, n: report("fitting candidates", k, n))
+        base = rebased(solver, base, fits)
+        report("checking on other drivers", 0, 1)
+        trials = _trials(solver, base, fits, found.checked)
+        held = believed([one for one in trials if _is_significant(one, firing) and _is_news(one, added)])
+        # Nothing is added before all that it is easily taken for have been tried as well.
+        tried = with_families({one.candidate.name for one in held[:1]}, known)
+        if tried <= fits.keys():
+            return Round(base, evidence, excess, surprise, frozenset(firing), trials, held)
+
+
+def _trials(solver: Solver, base: Fit, fits: dict[str, Fit], checked: Measured) -> list[Trial]:
+    """How every candidate that was fitted fared."""
+    other_base, *others = on_others(solver, checked, [base, *fits.values()])
+    return [trial(solver, fit, base.world, other, other_base) for fit, other in zip(fits.values(), others, strict=True)]
 
 
 def _is_significant(one: Trial, firing: Collection[str]) -> bool:
