@@ -1,9 +1,11 @@
 """Clocks that differ from vehicle to vehicle: an artefact of loggers, one number per vehicle.
 
 A driver whose leader's clock is ahead by d sees the leader where it will be in d. Along a chain of vehicles the same
-offset acts once as the leader's and once, with the other sign, as the follower's: that is its signature.
+offset acts once as the leader's and once, with the other sign, as the follower's: that is its signature. What is no
+clock, a leader that looks longer than it is, shifts every pair by itself.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
@@ -20,24 +22,6 @@ MOST_LEADERS = 4
 
 VARIANCES = (0.01, 0.04, 0.1)
 """Variances of offsets [s^2] of which the best is taken."""
-
-
-@dataclass(frozen=True)
-class Clocks:
-    """Offsets of the vehicles' clocks.
-
-    Attributes:
-        evidence: For offsets, against none [nats].
-        pairs: For a shift of every driver against every leader of its own, against none [nats]; more than that for
-            offsets where it is not clocks that differ.
-        vehicle: Which vehicles.
-        offset: By how much each one's clock is ahead [s].
-    """
-
-    evidence: float
-    pairs: float
-    vehicle: Int[np.ndarray, " vehicles"]
-    offset: Float[np.ndarray, " vehicles"]
 
 
 def usual_leaders(data: Measured) -> Int[np.ndarray, "drivers leaders"]:
@@ -58,63 +42,137 @@ def following(data: Measured) -> Float[np.ndarray, "leaders steps pieces"]:
     return (data.leader[None] == leaders.T[:, None]).astype(float) * (leaders.T[:, None] >= 0)
 
 
-def clocks_of(
-    data: Measured,
-    score: Float[np.ndarray, "drivers leaders"],
-    information: Float[np.ndarray, "drivers leaders leaders"],
-) -> Clocks:
-    """Offsets and their evidence.
+@dataclass(frozen=True)
+class Estimate:
+    """Numbers that shift leaders in time.
 
-    Args:
-        data: The drivers.
-        score: Of each driver, by how much each usual leader is ahead.
-        information: The same.
+    Attributes:
+        values: [s].
+        cost: What values of that size, and freedom to choose them, cost [nats].
     """
-    leaders = usual_leaders(data)
-    own = np.zeros(data.n_drivers, int)
-    own[data.driver] = data.vehicle
-    vehicles = np.unique(np.concatenate([own, leaders[leaders >= 0]]))
-    place = {int(vehicle): k for k, vehicle in enumerate(vehicles)}
-    n = len(vehicles)
-    total, side = np.zeros((n, n)), np.zeros(n)
-    for driver, names in enumerate(leaders):
-        ahead = np.zeros((MOST_LEADERS, n))
-        for k, name in enumerate(names):
-            if name >= 0:
-                ahead[k, place[int(name)]] += 1.0
-                ahead[k, place[int(own[driver])]] -= 1.0
-        total += ahead.T @ information[driver] @ ahead
-        side += ahead.T @ score[driver]
-    best = Clocks(-np.inf, _pairs(score, information), vehicles, np.zeros(n))
-    for variance in VARIANCES:
-        inner = np.eye(n) + variance * total
-        offset = variance * np.linalg.solve(inner, side)
-        evidence = float(0.5 * side @ offset - 0.5 * np.linalg.slogdet(inner)[1])
-        if evidence > best.evidence:
-            best = replace(best, evidence=evidence, offset=offset)
-    return best
+
+    values: Float[np.ndarray, "groups numbers"]
+    cost: float
 
 
-def _pairs(score: np.ndarray, information: np.ndarray) -> float:
-    """Evidence for shifts that have nothing to do with each other [nats]."""
-    found = []
-    for variance in VARIANCES:
-        inner = np.eye(score.shape[1]) + 2 * variance * information
-        shift = 2 * variance * np.linalg.solve(inner, score[:, :, None])[:, :, 0]
-        found.append(0.5 * float((score * shift).sum()) - 0.5 * float(np.linalg.slogdet(inner)[1].sum()))
-    return max(found)
+class Shifts(ABC):
+    """An account of how leaders are shifted in time; numbers of one group have nothing to do with those of another.
+
+    Attributes:
+        data: As measured.
+        values: Nothing is shifted.
+    """
+
+    data: Measured
+    values: Float[np.ndarray, "groups numbers"]
+
+    @abstractmethod
+    def normal(
+        self, score: Float[np.ndarray, "drivers leaders"], information: Float[np.ndarray, "drivers leaders leaders"]
+    ) -> tuple[Float[np.ndarray, "groups numbers"], Float[np.ndarray, "groups numbers numbers"]]:
+        """Score and information of the numbers.
+
+        Args:
+            score: Of each driver, by how much each usual leader is ahead.
+            information: The same.
+        """
+
+    @abstractmethod
+    def corrected(self, values: Float[np.ndarray, "groups numbers"]) -> Measured:
+        """The data as if leaders had not been shifted."""
+
+    def evidence(
+        self, score: Float[np.ndarray, "drivers leaders"], information: Float[np.ndarray, "drivers leaders leaders"]
+    ) -> float:
+        """For shifts, against none, from the score where nothing is shifted [nats]; arguments as of `normal`."""
+        side, total = self.normal(score, information)
+        return max(self._fitted(self.values, side, total, variance)[1] for variance in VARIANCES)
+
+    def estimate(
+        self,
+        values: Float[np.ndarray, "groups numbers"],
+        score: Float[np.ndarray, "drivers leaders"],
+        information: Float[np.ndarray, "drivers leaders leaders"],
+    ) -> Estimate:
+        """Better numbers, from the score where some have shifted leaders already; other arguments as of `normal`."""
+        side, total = self.normal(score, information)
+        found = [self._fitted(values, side, total, variance) for variance in VARIANCES]
+        return max(found, key=lambda one: one[1])[0]
+
+    def _fitted(
+        self, values: np.ndarray, side: np.ndarray, total: np.ndarray, variance: float
+    ) -> tuple[Estimate, float]:
+        """The most likely numbers, and how likely they are, to second order."""
+        variance *= self.values_per_shift
+        inner = np.eye(values.shape[1]) + variance * total
+        step = np.linalg.solve(inner, (variance * side - values)[:, :, None])[:, :, 0]
+        better = values + step
+        cost = 0.5 * float((better**2).sum()) / variance + 0.5 * float(np.linalg.slogdet(inner)[1].sum())
+        gain = float((side * step).sum() - 0.5 * np.einsum("gi,gij,gj->", step, total, step))
+        return Estimate(better, cost), gain - cost
+
+    values_per_shift: float
+    """Variance of a number as a multiple of that of a clock [-]."""
 
 
-def corrected(data: Measured, clocks: Clocks) -> Measured:
-    """The data as if all clocks had been right."""
-    order = np.argsort(clocks.vehicle)
-    names, offsets = clocks.vehicle[order], clocks.offset[order]
+class Clocks(Shifts):
+    """Offsets of the vehicles' clocks, one group.
 
-    def offset(vehicle: np.ndarray) -> np.ndarray:
-        where = np.minimum(np.searchsorted(names, vehicle), len(names) - 1)
-        return np.where(names[where] == vehicle, offsets[where], 0.0)
+    Attributes:
+        vehicle: Which vehicles.
+    """
 
-    ahead = np.where(data.leader >= 0, offset(data.leader) - offset(data.vehicle)[None], 0.0)
+    values_per_shift = 1.0
+
+    def __init__(self, data: Measured) -> None:
+        leaders = usual_leaders(data)
+        own = np.zeros(data.n_drivers, int)
+        own[data.driver] = data.vehicle
+        self.data, self.vehicle = data, np.unique(np.concatenate([own, leaders[leaders >= 0]]))
+        self.values = np.zeros((1, len(self.vehicle)))
+        # By how much each usual leader is ahead of each driver, per offset.
+        self._ahead = np.zeros((*leaders.shape, len(self.vehicle)))
+        driver, k = np.nonzero(leaders >= 0)
+        self._ahead[driver, k, np.searchsorted(self.vehicle, leaders[driver, k])] += 1.0
+        self._ahead[driver, k, np.searchsorted(self.vehicle, own[driver])] -= 1.0
+
+    def normal(self, score: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """All drivers together."""
+        total = np.zeros((len(self.vehicle), len(self.vehicle)))
+        for ahead, own in zip(self._ahead, information, strict=True):
+            total += ahead.T @ own @ ahead
+        return np.einsum("dkn,dk->n", self._ahead, score)[None], total[None]
+
+    def corrected(self, values: np.ndarray) -> Measured:
+        """All leaders, usual or not."""
+
+        def offset(vehicle: np.ndarray) -> np.ndarray:
+            where = np.minimum(np.searchsorted(self.vehicle, vehicle), len(self.vehicle) - 1)
+            return np.where(self.vehicle[where] == vehicle, values[0, where], 0.0)
+
+        leader = self.data.leader
+        return _moved(self.data, np.where(leader >= 0, offset(leader) - offset(self.data.vehicle)[None], 0.0))
+
+
+class Pairs(Shifts):
+    """A shift of every driver against every usual leader, a group per driver."""
+
+    values_per_shift = 2.0
+
+    def __init__(self, data: Measured) -> None:
+        self.data, self.values = data, np.zeros((data.n_drivers, MOST_LEADERS))
+
+    def normal(self, score: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As they are."""
+        return score, information
+
+    def corrected(self, values: np.ndarray) -> Measured:
+        """Usual leaders."""
+        return _moved(self.data, np.einsum("ksp,pk->sp", following(self.data), values[self.data.driver]))
+
+
+def _moved(data: Measured, ahead: Float[np.ndarray, "steps pieces"]) -> Measured:
+    """Leaders where they are at the own time, which are ahead by some time [s]."""
     around = synchronised(data.around, jnp.asarray(ahead))
     moved = {name: np.asarray(getattr(around, name)) for name in ("leader_rear", "leader_speed")}
     return replace(data, around=replace(data.around, **moved))

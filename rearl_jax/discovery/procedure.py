@@ -6,23 +6,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rearl_jax.discovery.candidates import Layout
-from rearl_jax.discovery.clocks import NAME, corrected
-from rearl_jax.discovery.decision import (
-    FREEDOM_PRICE,
-    LEAST_GAIN,
-    LEAST_TOTAL,
-    WORST_CHECK,
-    Trial,
-    believed,
-    not_told_apart,
-    trial,
-)
+from rearl_jax.discovery.clock_check import ClockCheck, check_clocks, put_right
+from rearl_jax.discovery.clocks import NAME, Clocks
+from rearl_jax.discovery.decision import Trial, believed, not_told_apart, trial
 from rearl_jax.discovery.families import are_kin, with_families
 from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.noise import calibrate
 from rearl_jax.discovery.null import Null
 from rearl_jax.discovery.refit import Fit, on_others, rebased, refit
-from rearl_jax.discovery.screen import Score, clocks_in, evidences, scores
+from rearl_jax.discovery.screen import Score, clock_evidence, evidences, scores
 from rearl_jax.discovery.solver import Solver
 
 FIRING_SURPRISE = 4.5
@@ -44,16 +36,6 @@ LATER_SHARE = 0.05
 
 KIN_SHARE = 0.25
 """Least total of an effect beside one that it may be a remainder of, as a share of that one's total [-]."""
-
-CLOCK_LOOKS = 3
-"""How often clocks are looked at and put right."""
-
-CLOCK_LEAD = 0.1
-"""Evidence [nats] by which clocks must lead over a shift of every driver against every leader, of all drivers together;
-without chains of vehicles the two are one. With ten generated sets of clocks they led by 0.5 to 21; where lengths of
-leaders, distraction, misjudged gaps or SUMO's CACC look like clocks they were behind by 5 to 33; with SUMO's Krauss
-they led by 2.
-"""
 
 UNFIRED_TOTAL = 25.0
 """Total [nats] from which a candidate is believed that does not fire where others do."""
@@ -106,27 +88,6 @@ class Round:
     def alternatives(self) -> list[Trial]:
         """What cannot be told apart from it."""
         return not_told_apart(self.held)[1:] if self.held else []
-
-
-@dataclass(frozen=True)
-class ClockCheck:
-    """Clocks that differ, found in the fitted drivers and checked in the others.
-
-    Attributes:
-        base: The calibrated model on the data as they were.
-        gain, check: Evidence in both above the null's mean, less what freedom costs [nats].
-        spread: Standard deviation of the offsets [s].
-    """
-
-    base: Fit
-    gain: float
-    check: float
-    spread: float
-
-    @property
-    def total(self) -> float:
-        """What it is compared by [nats]."""
-        return self.gain + self.check
 
 
 @dataclass
@@ -207,14 +168,17 @@ def search(
     null = null_for(base)
     (seen,) = scores(solver, [world])
     found = Search(solver.layout, null, seen, checked)
-    clocks = _check_clocks(solver, base, seen, checked, null) if looks_at_clocks else None
+    clocks = None
+    if looks_at_clocks and null.surprise({NAME: clock_evidence(world, seen)})[NAME] > FIRING_SURPRISE:
+        report("comparing clocks", 0, 1)
+        clocks = check_clocks(solver, base, checked)
     while len(found.added) <= MOST_EFFECTS:
         one = _round(solver, base, seen, found, report)
         if clocks is not None and not found.rounds and (one.chosen is None or clocks.total > one.chosen.total):
             # The data are put right, and the loop begins again.
-            found.clocks, clocks = clocks, None
-            fitted, found.checked = (_with_clocks(solver, part, base) for part in (fitted, checked))
-            world, noise = calibrate(solver, fitted)
+            found.clocks, found.checked = clocks, clocks.checked
+            world, noise = calibrate(solver, clocks.fitted)
+            clocks = None
             base = Fit(None, world, noise)
         else:
             found.rounds.append(one)
@@ -225,36 +189,9 @@ def search(
     return found
 
 
-def _check_clocks(
-    solver: Solver, base: Fit, seen: dict[str, Score], checked: Measured, null: Null
-) -> ClockCheck | None:
-    """Whether the vehicles' clocks differ, by the fitted drivers and by the others; None if not."""
-    own = clocks_in(base.world, seen)
-    evidence = {NAME: own.evidence}
-    if null.surprise(evidence)[NAME] < FIRING_SURPRISE:
-        return None
-    (other,) = on_others(solver, checked, [base])
-    theirs = clocks_in(other, scores(solver, [other])[0])
-    if own.evidence + theirs.evidence < own.pairs + theirs.pairs + CLOCK_LEAD:
-        return None
-    gain = null.excess(evidence)[NAME] - FREEDOM_PRICE
-    check = null.excess({NAME: theirs.evidence})[NAME]
-    if gain < LEAST_GAIN or gain + check < LEAST_TOTAL or check < WORST_CHECK:
-        return None
-    return ClockCheck(base, gain, check, float(np.std(own.offset)))
-
-
 def in_time(solver: Solver, found: Search, data: Measured) -> Measured:
     """Drivers as the final model takes them: with their clocks put right where the fitted ones' were."""
-    return data if found.clocks is None else _with_clocks(solver, data, found.clocks.base)
-
-
-def _with_clocks(solver: Solver, data: Measured, base: Fit) -> Measured:
-    """Drivers with their clocks put right, under the calibrated model; each look begins where the last one ended."""
-    for _ in range(CLOCK_LOOKS):
-        (world,) = on_others(solver, data, [base])
-        data = corrected(data, clocks_in(world, scores(solver, [world])[0]))
-    return data
+    return data if found.clocks is None else put_right(solver, Clocks(data), found.clocks.base).data
 
 
 def _round(solver: Solver, base: Fit, seen: dict[str, Score], found: Search, report: Report) -> Round:

@@ -111,15 +111,15 @@ def _scores(
     return found
 
 
-def clocks_in(world: World, found: dict[str, Score]) -> clocks.Clocks:
-    """Offsets of the vehicles' clocks, from the scores of a world."""
+def clock_evidence(world: World, found: dict[str, Score]) -> float:
+    """Evidence [nats] for clocks that differ, from the scores of a world."""
     score = found[clocks.NAME]
-    return clocks.clocks_of(world.data, score.driver_score, score.driver_information)
+    return clocks.Clocks(world.data).evidence(score.driver_score, score.driver_information)
 
 
 def evidences(world: World, found: dict[str, Score], layout: Layout) -> dict[str, float]:
     """Evidence [nats] of every candidate; the least over leaving out one driver where it is positive."""
-    evidence = {clocks.NAME: clocks_in(world, found).evidence}
+    evidence = {clocks.NAME: clock_evidence(world, found)}
     for name, candidate in layout.candidates.items():
         score, scale = found[name], layout.scale[list(candidate.look)]
         value = float(_evidence(score.score[None], score.information[None], scale)[0])

@@ -207,7 +207,7 @@ def _effects(
         return effects  # what drivers seem to do may be what the smoothing left of it: candidates, not claims
     usual = RELIABILITY if left.is_enough else DOUBTFUL
     if found.clocks is not None:
-        effects.append(differing_clocks(found.clocks, usual))
+        effects.append(differing_clocks(found.clocks, RELIABILITY if left.is_of_clocks else DOUBTFUL))
     deviations = known(solver, found.last.world).theta
     first = 0
     for one in found.rounds:

@@ -2,9 +2,10 @@
 
 from dataclasses import replace
 
+from rearl_jax.discovery.clock_check import ClockCheck
 from rearl_jax.discovery.confirmation import clocks_confirmed, confirmed
 from rearl_jax.discovery.null import Null
-from rearl_jax.discovery.procedure import ClockCheck, Round, Search
+from rearl_jax.discovery.procedure import Round, Search
 from rearl_jax.discovery.refit import Fit
 from rearl_jax.discovery.solver import copied
 
@@ -40,8 +41,9 @@ def test_an_addition_that_does_nothing_is_left_alone(solver, calibrated):
 
 
 def test_clocks_that_make_simulations_worse_are_not_believed(solver, calibrated):
-    found = replace(search_with(solver, calibrated, 0.0), clocks=ClockCheck(Fit(None, *calibrated), 9.0, 9.0, 0.3))
     data = calibrated[0].data
+    check = ClockCheck(Fit(None, *calibrated), 9.0, 9.0, 0.3, data, data)
+    found = replace(search_with(solver, calibrated, 0.0), clocks=check)
     late = replace(data, around=replace(data.around, leader_rear=data.around.leader_rear + 8.0))
     assert not clocks_confirmed(solver, replace(found, checked=late), data, 0)
     assert clocks_confirmed(solver, found, data, 0)  # no worse

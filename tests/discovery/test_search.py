@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from rearl_jax.discovery import clocks, decision, families
+from rearl_jax.discovery.clock_check import ClockCheck
 from rearl_jax.discovery.drivers import CAR, SPREAD, following_params
 from rearl_jax.discovery.gate import Finding
 from rearl_jax.discovery.moments import N_DRIVER
 from rearl_jax.discovery.null import Null, simulate_again, summarise
 from rearl_jax.discovery.observer import Noise
-from rearl_jax.discovery.procedure import ClockCheck, Round, Search
+from rearl_jax.discovery.procedure import Round, Search
 from rearl_jax.discovery.refit import Fit
 from rearl_jax.discovery.screen import evidences, scores
 from rearl_jax.discovery.uncertainty import interval, known, price
@@ -138,9 +139,9 @@ def test_what_is_beaten_by_something_not_believed_is_doubtful(trial, solver, cal
 def test_clocks_that_leave_more_than_noise_do_not_explain_it(solver, calibrated, staleness, expected):
     fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -1.0, staleness, ("grade", 1.0))
     ends = Round(fit, {}, {}, {}, frozenset(), [], [])
-    found = Search(
-        solver.layout, Null({}, {}, 1), {}, calibrated[0].data, ClockCheck(fit, 40.0, 40.0, 0.2), rounds=[ends]
-    )
+    data = calibrated[0].data
+    check = ClockCheck(fit, 40.0, 40.0, 0.2, data, data)
+    found = Search(solver.layout, Null({}, {}, 1), {}, data, check, rounds=[ends])
     assert verdict_of(found, [], left) == expected
     assert verdict_of(replace(found, clocks=None), [], left) == ("nothing" if staleness == 0.0 else "unexplained")
     assert verdict_of(found, [Finding("position_noise", "sd", "m", 0.3, 0.01, "noisy")], left) == "artefact"
@@ -187,17 +188,19 @@ def test_clocks_are_told_from_shifts_that_are_no_clocks(measured_of):
             if name >= 0:
                 information[driver, k, k] = 400.0
                 truth[driver, k] = offset[name] - offset[own[driver]]
-    found = clocks.clocks_of(data, information.diagonal(axis1=1, axis2=2) * truth, information)
-    assert found.evidence > max(found.pairs, 10.0)
-    away = dict(zip(found.vehicle.tolist(), found.offset, strict=True))
+    score = information.diagonal(axis1=1, axis2=2) * truth
+    by_clock, by_pair = clocks.Clocks(data), clocks.Pairs(data)
+    assert by_clock.evidence(score, information) > max(by_pair.evidence(score, information), 10.0)
+    found = by_clock.estimate(by_clock.values, score, information).values
+    away = dict(zip(by_clock.vehicle.tolist(), found[0], strict=True))
     pairs = [(own[driver], name) for driver, names in enumerate(leaders) for name in names if name >= 0]
     expected, seen = ([known[name] - known[driver] for driver, name in pairs] for known in (offset, away))
     np.testing.assert_allclose(seen, expected, atol=0.1)
     shuffled = rng.permutation(truth.ravel()).reshape(truth.shape) * (information.diagonal(axis1=1, axis2=2) > 0)
-    other = clocks.clocks_of(data, information.diagonal(axis1=1, axis2=2) * shuffled, information)
-    assert other.evidence < other.pairs
+    score = information.diagonal(axis1=1, axis2=2) * shuffled
+    assert by_clock.evidence(score, information) < by_pair.evidence(score, information)
     # Putting the data right moves leaders by what their clocks were ahead.
-    moved = clocks.corrected(data, found)
+    moved = by_clock.corrected(found)
     step, piece = np.argwhere(data.leader >= 0)[0]
     shift = away[int(data.leader[step, piece])] - away[int(data.vehicle[piece])]
     change = moved.around.leader_rear[step, piece] - data.around.leader_rear[step, piece]
