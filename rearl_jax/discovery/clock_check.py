@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rearl_jax.discovery.clocks import NAME, Clocks, Estimate, Pairs, Shifts
-from rearl_jax.discovery.decision import FREEDOM_PRICE, LEAST_GAIN, LEAST_TOTAL, WORST_CHECK
+from rearl_jax.discovery.decision import FREEDOM_PRICE, LEAST_GAIN, LEAST_TOTAL, MOST_FROM_ONE, WORST_CHECK
 from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.refit import Fit, on_others
 from rearl_jax.discovery.screen import scores
@@ -86,13 +86,14 @@ def check_clocks(solver: Solver, base: Fit, checked: Measured) -> ClockCheck | N
 def put_right(solver: Solver, shifts: Shifts, base: Fit) -> PutRight:
     """The data as an account of shifts puts them right, under the calibrated model; of all looks the best one."""
     (world,) = on_others(solver, shifts.data, [base])
-    before, values, best = world.penalised().sum(), shifts.values, None
+    before, values, best = world.penalised(), shifts.values, None
     for _ in range(LOOKS):
         seen = scores(solver, [world])[0][NAME]
         estimate = shifts.estimate(values, seen.driver_score, seen.driver_information)
         values, data = estimate.values, shifts.corrected(estimate.values)
         (world,) = on_others(solver, data, [base])
-        found = PutRight(data, estimate, float(world.penalised().sum() - before - estimate.cost))
+        gained = np.clip(world.penalised() - before, -MOST_FROM_ONE, MOST_FROM_ONE).sum()
+        found = PutRight(data, estimate, float(gained - estimate.cost))
         best = found if best is None or found.gain > best.gain else best
     assert best is not None
     return best

@@ -17,7 +17,7 @@ FAMILIES = (
         "time_gap_dependence.vehicles_beside",
     ),
     ("rear_pressure", "dependence.follower_gap", "time_gap_dependence.follower_gap"),
-    ("leader_class", "dependence.leader_length", "time_gap_dependence.leader_length"),
+    ("leader_class", "dependence.leader_length", "time_gap_dependence.leader_length", "clock_offset"),
     ("dependence.lateral_offset", "time_gap_dependence.lateral_offset"),
     ("lane_desired_speed", "dependence.lane"),
     ("asymmetry", "dependence.approach_rate"),

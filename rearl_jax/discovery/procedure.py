@@ -61,6 +61,7 @@ class Round:
         firing: Candidates that fire, with their families.
         trials: All that were fitted.
         held: Those that are believed, the best first.
+        clock_surprise: As `surprise`, of clocks that differ.
     """
 
     base: Fit
@@ -70,6 +71,7 @@ class Round:
     firing: frozenset[str]
     trials: list[Trial]
     held: list[Trial]
+    clock_surprise: float = 0.0
 
     @property
     def chosen(self) -> Trial | None:
@@ -198,17 +200,18 @@ def _round(solver: Solver, base: Fit, seen: dict[str, Score], found: Search, rep
     """The next turn from a model and its scores."""
     layout, null, added = solver.layout, found.null, found.added
     report(f"looking for effects, round {len(added) + 1}", 0, 1)
-    left = layout.candidates.keys() - base.world.active
-    evidence = {name: value for name, value in evidences(base.world, seen, layout).items() if name in left}
-    excess, surprise = null.excess(evidence), null.surprise(evidence)
-    firing = {name for name in evidence if surprise[name] > FIRING_SURPRISE}
-    if len(added) == MOST_EFFECTS or not firing:
-        return Round(base, evidence, excess, surprise, frozenset(firing), [], [])
+    evidence = {
+        name: value for name, value in evidences(base.world, seen, layout).items() if name not in base.world.active
+    }
+    fires = {name for name, surprise in null.surprise(evidence).items() if surprise > FIRING_SURPRISE}
+    clock_surprise = null.surprise({NAME: evidence.pop(NAME)})[NAME]
+    excess, surprise, known = null.excess(evidence), null.surprise(evidence), set(evidence)
+    if len(added) == MOST_EFFECTS or not fires:
+        return Round(base, evidence, excess, surprise, frozenset(fires & known), [], [], clock_surprise)
     order = sorted(evidence, key=lambda name: -excess[name])
+    firing = with_families(fires, known) & known
     tried = {name for name in order[:FITTED] if excess[name] > WORTH_FITTING}
-    known = set(evidence)
-    firing = with_families(firing, known)
-    tried = with_families({name for name in order[:2] if name in tried}, known) | tried
+    tried |= with_families({name for name in order[:2] if name in tried} | fires & {NAME}, known) & known
     fits: dict[str, Fit] = {}
     while True:
         new = [layout.candidates[name] for name in order if name in tried - fits.keys()]
@@ -220,7 +223,7 @@ def _round(solver: Solver, base: Fit, seen: dict[str, Score], found: Search, rep
         # Nothing is added before all that it is easily taken for have been tried as well.
         tried = with_families({one.candidate.name for one in held[:1]}, known)
         if tried <= fits.keys():
-            return Round(base, evidence, excess, surprise, frozenset(firing), trials, held)
+            return Round(base, evidence, excess, surprise, frozenset(firing), trials, held, clock_surprise)
 
 
 def _trials(solver: Solver, base: Fit, fits: dict[str, Fit], checked: Measured) -> list[Trial]:

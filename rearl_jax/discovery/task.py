@@ -47,6 +47,7 @@ from rearl_jax.discovery.verdict import (
     candidate_rows,
     differing_clocks,
     found_in_columns,
+    leaves_shifts,
     named_trial,
     unseen,
     verdict_of,
@@ -205,7 +206,7 @@ def _effects(
     effects = [found_in_columns(finding, confidence) for finding in findings]
     if amount(findings, SMOOTHING):
         return effects  # what drivers seem to do may be what the smoothing left of it: candidates, not claims
-    usual = RELIABILITY if left.is_enough else DOUBTFUL
+    usual = RELIABILITY if left.is_enough and not leaves_shifts(found) else DOUBTFUL
     if found.clocks is not None:
         effects.append(differing_clocks(found.clocks, RELIABILITY if left.is_of_clocks else DOUBTFUL))
     deviations = known(solver, found.last.world).theta

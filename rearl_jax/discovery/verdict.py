@@ -249,7 +249,7 @@ def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) 
     if amount(findings, SMOOTHING):
         return "artefact"
     if any(kind in ("driver", "road") for kind in added):
-        is_doubtful = any(search.is_doubtful(one) for one in search.added)
+        is_doubtful = any(search.is_doubtful(one) for one in search.added) or leaves_shifts(search)
         return "unexplained" if is_doubtful or not adequacy.is_enough else "named"
     if findings:
         return "artefact"
@@ -259,9 +259,14 @@ def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) 
         return "artefact" if adequacy.is_enough else "unexplained"
     if search.clocks is not None:
         return "artefact"
-    if added or search.rejected or _is_sure(search.rounds[-1]) or not adequacy.is_enough:
+    if added or search.rejected or _is_sure(search.rounds[-1]) or leaves_shifts(search) or not adequacy.is_enough:
         return "unexplained"
     return "nothing"
+
+
+def leaves_shifts(search: Search) -> bool:
+    """Whether something is left that shifts pairs of vehicles in time, and is neither clocks nor what was added."""
+    return search.clocks is None and search.rounds[-1].clock_surprise > SURE_SURPRISE
 
 
 def _is_sure(last: Round) -> bool:

@@ -147,6 +147,29 @@ def test_clocks_that_leave_more_than_noise_do_not_explain_it(solver, calibrated,
     assert verdict_of(found, [Finding("position_noise", "sd", "m", 0.3, 0.01, "noisy")], left) == "artefact"
 
 
+def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, calibrated):
+    fit, data = Fit(None, *calibrated), calibrated[0].data
+    ends = Round(fit, {}, {}, {}, frozenset(), [], [])
+    found = Search(solver.layout, Null({}, {}, 1), {}, data, ClockCheck(fit, 9.0, 9.0, 0.2, data, data), rounds=[ends])
+    rough = Adequacy(0.3, 0.02, 0.3, 0.0, {}, -4.0, -1.0, ("grade", 1.0))
+    assert not rough.is_enough
+    assert verdict_of(found, [], rough) == "artefact"
+    assert verdict_of(found, [], replace(rough, staleness=2.4)) == "unexplained"
+    assert verdict_of(found, [], replace(rough, autocorrelation=0.3)) == "unexplained"
+
+
+@pytest.mark.parametrize(("surprise", "expected"), [(2.0, "named"), (12.0, "unexplained")])
+def test_what_leaves_shifts_between_pairs_is_not_named(trial, solver, calibrated, surprise, expected):
+    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -4.0, -1.0, ("grade", 1.0))
+    holds = replace(trial("holds", [0.6] * 10, [0.3] * 10), candidate=solver.layout.candidates["several_leaders"])
+    first = Round(fit, {}, {}, {}, frozenset(), [holds], [holds], 12.0)
+    found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
+    found.rounds = [first, replace(first, trials=[], held=[], clock_surprise=surprise)]
+    assert verdict_of(found, [], left) == expected
+    found.rounds = [replace(first, trials=[], held=[], clock_surprise=surprise)]
+    assert verdict_of(found, [], left) == {"named": "nothing"}.get(expected, expected)
+
+
 def test_confusable_candidates_compete_together():
     assert families.with_families({"grade"}, {"grade", "speed_limit", "asymmetry"}) == {"grade", "speed_limit"}
     assert families.are_kin("reaction_delay", "leader_acceleration")
