@@ -16,7 +16,7 @@ from rearl_jax.data.records import SPEED_LIMITS
 from rearl_jax.data.unit_checks import LANE_WIDTH
 
 _NEEDED = ("frameRate", "upperLaneMarkings", "lowerLaneMarkings")
-_FASTEST = 1000.0  # frames per second, beyond every camera that watches roads
+_SLOWEST, _FASTEST = 0.1, 1000.0  # frames per second, beyond every camera that watches roads
 
 _TRACKS_META = {
     "id": pa.int64(),
@@ -74,7 +74,7 @@ def read_recording_meta(path: Path) -> RecordingMeta:
         return lines
 
     frame_rate = numbers("frameRate", 1)[0]
-    if not 0.0 < frame_rate <= _FASTEST:
+    if not _SLOWEST <= frame_rate <= _FASTEST:
         text = f"{frame_rate:g} is no number of frames per second"
         raise BadRecordingError(str(path), text, "correct it", "frameRate", 1)
     limit = numbers("speedLimit", 1)[0] if "speedLimit" in columns and rows["speedLimit"][0].as_py() else -1.0

@@ -98,6 +98,8 @@ def split_tracks(table: pd.DataFrame, starts: np.ndarray) -> pd.DataFrame:
         table: Rows sorted by (track_id, frame).
         starts: Mask of the rows before which a track ends.
     """
+    if table.empty:
+        return table
     old = table["track_id"].to_numpy()
     n_cuts = np.cumsum(starts)
     first = np.concatenate([[0], np.flatnonzero(old[1:] != old[:-1]) + 1])

@@ -132,9 +132,12 @@ def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
     lengths = pairs["leader_length_m"].to_numpy(np.float64)
     lengths = lengths[~np.isnan(lengths)]
     low, high = MEDIAN_SIZE["length", "car"]
+    if not lengths.size:
+        return
     # There are always cars among leaders; in feet all of them would be taken for trucks.
-    if lengths.size and not (lengths.min() <= high and low <= np.median(lengths) < np.inf):
-        text = f"lengths from {lengths.min():.2f} m on, {np.median(lengths):.2f} m in the median, are not those of cars"
+    middle = np.quantile(lengths, 0.5, method="lower")  # of two middle ones no mean, which huge ones overflow
+    if not (lengths.min() <= high and low <= middle < np.inf):
+        text = f"lengths from {lengths.min():.2f} m on, {middle:.2f} m in the median, are not those of cars"
         raise BadRecordingError(info.file, text, "convert the lengths to m", "leader_length_m")
 
 

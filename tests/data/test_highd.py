@@ -167,6 +167,7 @@ CONTRADICTIONS = {
     "column": ("tracks", lambda t: t.drop(columns="laneId"), "column is missing", "laneId", None),
     "marking": ("recordingMeta", _set(0, upperLaneMarkings="8.0"), "'8.0'", "upperLaneMarkings", 1),
     "frame rate": ("recordingMeta", _set(0, frameRate="x"), "'x'", "frameRate", 1),
+    "slow frame rate": ("recordingMeta", _set(0, frameRate=1e-310), "no number of frames per second", "frameRate", 1),
     "no frame rate": ("recordingMeta", lambda t: t.drop(columns="frameRate"), "missing", "frameRate", None),
 }  # fmt: skip
 

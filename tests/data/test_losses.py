@@ -60,3 +60,8 @@ def test_pieces_below_one_second_go_and_are_counted(vehicle_rows):
     table, dropped = validate(short_but_whole, info, DataConfig(on_bad=OnBad.drop_row))
     assert dropped == {}
     assert (table["track_id"] == 2).sum() == 5
+
+
+def test_an_empty_table_stays_empty():
+    table = pd.DataFrame({"track_id": [], "frame": [], "leader_id": []})
+    assert split_tracks(table, np.zeros(0, dtype=bool)).empty

@@ -301,6 +301,12 @@ def test_a_vehicle_of_several_lengths_stops(tmp_path):
         _read_pairs(tmp_path, pairs, DROP_ROW)
 
 
+def test_huge_lengths_stop_as_lengths(tmp_path):
+    # So large that the sum of two of them is infinite.
+    with pytest.raises(BadRecordingError, match="are not those of cars"):
+        _read_pairs(tmp_path, _pairs().assign(leader_length_m=1.2e308))
+
+
 def test_a_folder_without_the_one_file_stops(tmp_path):
     with pytest.raises(FileNotFoundError, match="0 Parquet files"):
         find_pairs(tmp_path)
