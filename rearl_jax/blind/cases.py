@@ -34,6 +34,7 @@ CONFUSABLE = (
     ("speed_dependent_time_gap", "resignation"),
     ("several_leaders", "leader_acceleration"),
     ("leader_class", "leader_length"),
+    ("lane_friction", "no_undertaking"),
 )
 """Effects that look alike; a data set holds one of the two."""
 

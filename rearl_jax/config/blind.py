@@ -18,7 +18,7 @@ class StudySize(Enum):
 class BlindConfig:
     """Data sets whose hidden effects discovery has to find"""
 
-    size: StudySize = key(StudySize.small, "data sets of a study; small: one per question, medium: 137, full: 772")
+    size: StudySize = key(StudySize.small, "data sets of a study; small: one per question, medium: 141, full: 802")
     seed: int | None = key(
         None, "master seed of all data sets; null: drawn when the study begins, after the code's hash is written down"
     )
