@@ -37,7 +37,7 @@ def layout_of(data: Measured) -> Layout:
     builder = _Builder()
     for name in NAMED:
         builder.effect(name)
-    for name in (*PLACED, "bend"):
+    for name in PLACED:
         builder.parameters(name)
     builder.curve("position", POSITION_KNOTS, 0.3)
     builder.curve("desired_speed", POSITION_KNOTS, 0.25)

@@ -140,15 +140,3 @@ def smoothed_acceleration(
         ahead += MEASURED[:, None] * known[t] / gain[4]
         out[t] = before[t] + steady.covariance[t % stride][2] @ ahead
     return np.where(ended, 0.0, out)
-
-
-def smoothing_error(noise: Noise, dt: float, stride: int) -> float:
-    """Standard deviation of the smoothed acceleration around the true one where something new is measured [m/s^2], if
-    the noise is as assumed; other arguments as of `smoothed_acceleration`.
-    """
-    steady = steady_state(noise, dt, stride)
-    period = np.linalg.matrix_power(steady.step, stride - 1) @ steady.corrected
-    information = np.outer(MEASURED, MEASURED) / steady.gain[4]
-    ahead = np.linalg.solve(np.eye(16) - np.kron(period.T, period.T), information.ravel()).reshape(4, 4)
-    left = steady.covariance[0] - steady.covariance[0] @ ahead @ steady.covariance[0]
-    return float(np.sqrt(max(left[2, 2], 0.0)))

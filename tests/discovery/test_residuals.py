@@ -19,12 +19,12 @@ from rearl_jax.discovery.maps import curve_of
 from rearl_jax.discovery.measured import is_new
 from rearl_jax.discovery.moments import Programs
 from rearl_jax.discovery.null import driver_noise
-from rearl_jax.discovery.observer import CLOSED_LOOP, DAMPING, PULL, Noise, pieces_of
+from rearl_jax.discovery.observer import CLOSED_LOOP, DAMPING, MEASURED, PULL, Noise, pieces_of, steady_state
 from rearl_jax.discovery.presentation import residual_table
 from rearl_jax.discovery.reactions import reactions
 from rearl_jax.discovery.reading import measure
 from rearl_jax.discovery.refit import Fit
-from rearl_jax.discovery.residuals import residuals_of, smoothed_acceleration, smoothing_error
+from rearl_jax.discovery.residuals import residuals_of, smoothed_acceleration
 from rearl_jax.discovery.shapes import shape_of, shape_words
 from rearl_jax.discovery.smoothing import thinned
 from rearl_jax.discovery.solver import Solver, new_world, replace_gain
@@ -108,6 +108,16 @@ def test_nothing_that_drivers_react_to_knows_their_future(planted):
         # The step that ends with the first moved moment has been predicted before it.
         assert np.abs(one.values - other.values)[:cut].max() < 0.05 + 0.02 * np.abs(one.values).max(), one.name
     assert np.abs(left.v - moved.v)[cut + 2 :].max() > 1.0
+
+
+def smoothing_error(noise: Noise, dt: float, stride: int) -> float:
+    """Standard deviation of the smoothed acceleration around the true one where something new is measured [m/s^2]."""
+    steady = steady_state(noise, dt, stride)
+    period = np.linalg.matrix_power(steady.step, stride - 1) @ steady.corrected
+    information = np.outer(MEASURED, MEASURED) / steady.gain[4]
+    ahead = np.linalg.solve(np.eye(16) - np.kron(period.T, period.T), information.ravel()).reshape(4, 4)
+    left = steady.covariance[0] - steady.covariance[0] @ ahead @ steady.covariance[0]
+    return float(np.sqrt(max(left[2, 2], 0.0)))
 
 
 @pytest.mark.parametrize("stride", [1, 7])
