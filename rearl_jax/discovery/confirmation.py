@@ -48,6 +48,17 @@ def clocks_confirmed(solver: Solver, found: Search, checked: Measured, seed: int
     return _share_worse(before, after, seed) < 0.5
 
 
+def lens_confirmed(solver: Solver, found: Search, seed: int) -> bool:
+    """Whether the closed-loop gap error of the checked drivers is more likely smaller than larger with the camera's
+    distortion, which takes other irregularities in as well.
+    """
+    for turn in found.rounds:
+        if turn.chosen is not None and turn.chosen.candidate.name == "lens":
+            before, after = gap_errors(solver, found.checked, [turn.base, turn.chosen.fit])
+            return _share_worse(before, after, seed) < 0.5
+    return True
+
+
 def _share_worse(before: Float[np.ndarray, " drivers"], after: Float[np.ndarray, " drivers"], seed: int) -> float:
     """Share of resamples of drivers in which the squared error is larger after than before [-]."""
     worse = after**2 - before**2

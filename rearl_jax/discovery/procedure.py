@@ -104,6 +104,7 @@ class Search:
         clocks: Differences between clocks, where the data were corrected for them.
         rounds: One per effect that was added, and the last one, which added none.
         rejected: What had been added, and made the simulation of other drivers worse.
+        excluded: Candidates, or clocks, that are not looked for.
     """
 
     layout: Layout
@@ -113,6 +114,7 @@ class Search:
     clocks: ClockCheck | None = None
     rounds: list[Round] = field(default_factory=list)
     rejected: list[Trial] = field(default_factory=list)
+    excluded: frozenset[str] = frozenset()
 
     @property
     def before(self) -> Fit:
@@ -152,7 +154,7 @@ def search(
     null_for: Callable[[Fit], Null],
     report: Report,
     *,
-    looks_at_clocks: bool = True,
+    excluded: frozenset[str] = frozenset(),
 ) -> Search:
     """The loop: until nothing more fires, or nothing that fires is believed.
 
@@ -162,16 +164,16 @@ def search(
         checked: Other drivers, for the check.
         null_for: The null of the calibrated model.
         report: Called with what is being done, and how far it is.
-        looks_at_clocks: Whether vehicles' clocks may differ.
+        excluded: Candidates, or clocks, that are not looked for.
     """
     report("calibrating drivers", 0, 1)
     world, noise = calibrate(solver, fitted)
     base = Fit(None, world, noise)
     null = null_for(base)
     (seen,) = scores(solver, [world])
-    found = Search(solver.layout, null, seen, checked)
+    found = Search(solver.layout, null, seen, checked, excluded=excluded)
     clocks = None
-    if looks_at_clocks and null.surprise({NAME: clock_evidence(world, seen)})[NAME] > FIRING_SURPRISE:
+    if NAME not in excluded and null.surprise({NAME: clock_evidence(world, seen)})[NAME] > FIRING_SURPRISE:
         report("comparing clocks", 0, 1)
         clocks = check_clocks(solver, base, checked)
     while len(found.added) <= MOST_EFFECTS:
@@ -200,9 +202,8 @@ def _round(solver: Solver, base: Fit, seen: dict[str, Score], found: Search, rep
     """The next turn from a model and its scores."""
     layout, null, added = solver.layout, found.null, found.added
     report(f"looking for effects, round {len(added) + 1}", 0, 1)
-    evidence = {
-        name: value for name, value in evidences(base.world, seen, layout).items() if name not in base.world.active
-    }
+    left = {NAME, *layout.candidates} - {*base.world.active, *found.excluded - {NAME}}
+    evidence = {name: value for name, value in evidences(base.world, seen, layout).items() if name in left}
     fires = {name for name, surprise in null.surprise(evidence).items() if surprise > FIRING_SURPRISE}
     clock_surprise = null.surprise({NAME: evidence.pop(NAME)})[NAME]
     excess, surprise, known = null.excess(evidence), null.surprise(evidence), set(evidence)

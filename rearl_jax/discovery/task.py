@@ -22,7 +22,8 @@ from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery import tables, terminal
 from rearl_jax.discovery.adequacy import adequacy
-from rearl_jax.discovery.confirmation import clocks_confirmed, confirmed
+from rearl_jax.discovery.clocks import NAME
+from rearl_jax.discovery.confirmation import clocks_confirmed, confirmed, lens_confirmed
 from rearl_jax.discovery.errors import model_errors
 from rearl_jax.discovery.gate import SMOOTHING, Finding, amount
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
@@ -148,7 +149,10 @@ def _search(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, ba
     found = search(solver, parts.fitted, parts.checked, null_for, report)
     if not clocks_confirmed(solver, found, parts.checked, options.seed):
         log.info("clocks put right make simulations of other drivers worse: left as they are")
-        found = search(solver, parts.fitted, parts.checked, null_for, report, looks_at_clocks=False)
+        found = search(solver, parts.fitted, parts.checked, null_for, report, excluded=frozenset({NAME}))
+    if not lens_confirmed(solver, found, options.seed):
+        log.info("a camera's distortion makes simulations of other drivers worse: left as it is")
+        found = search(solver, parts.fitted, parts.checked, null_for, report, excluded=found.excluded | {"lens"})
     report("reporting", 0, 1)
     return confirmed(solver, found, options.seed)
 
