@@ -59,10 +59,12 @@ class Shifts(ABC):
     """An account of how leaders are shifted in time; numbers of one group have nothing to do with those of another.
 
     Attributes:
+        values_per_shift: Variance of a number as a multiple of that of a clock [-].
         data: As measured.
         values: Nothing is shifted.
     """
 
+    values_per_shift: float
     data: Measured
     values: Float[np.ndarray, "groups numbers"]
 
@@ -110,9 +112,6 @@ class Shifts(ABC):
         cost = 0.5 * float((better**2).sum()) / variance + 0.5 * float(np.linalg.slogdet(inner)[1].sum())
         gain = float((side * step).sum() - 0.5 * np.einsum("gi,gij,gj->", step, total, step))
         return Estimate(better, cost), gain - cost
-
-    values_per_shift: float
-    """Variance of a number as a multiple of that of a clock [-]."""
 
 
 class Clocks(Shifts):
