@@ -102,11 +102,9 @@ class SlowNeighbours(HiddenEffect):
     def acceleration(self, value: np.ndarray, now: Moment) -> np.ndarray:
         """Less where the neighbour is slower."""
         offsets = now.offsets_beside()
-        offsets = np.where((offsets > -8.0) & (offsets < 45.0), offsets, np.inf)
-        column = np.argmin(offsets, axis=1)
-        there = np.isfinite(offsets[np.arange(now.n), column])
-        faster_by = now.speed[: now.n] - now.speed[now.index_in_recording(column)]
-        return value - 0.6 * self.strength * there * np.clip(faster_by / 6.0, 0.0, 1.0)
+        other = now.nearest(np.where((offsets > -8.0) & (offsets < 45.0), offsets, np.inf))
+        faster_by = now.speed[: now.n] - now.speed[other]
+        return value - 0.6 * self.strength * (other != now.n) * np.clip(faster_by / 6.0, 0.0, 1.0)
 
 
 class StayingBehind(HiddenEffect):
@@ -126,10 +124,8 @@ class StayingBehind(HiddenEffect):
         own, fleet = slice(0, now.n), now.fleet
         other = now.ahead_on_left()
         speed, dv = now.speed[own], now.speed[own] - now.speed[other]
-        root = 2.0 * np.sqrt(fleet.max_accel * fleet.comfort_decel)
-        wanted = fleet.jam_gap + np.maximum(0.0, speed * (now.time_gap + dv / root))
-        push = fleet.max_accel * (wanted / np.maximum(now.gap_to(other), 1.0)) ** 2
-        free = fleet.max_accel * (1.0 - (speed / now.desired_speed) ** 4)
-        behind = np.maximum(free - push, -self.hardest)
+        interaction = desired_over_actual(now, now.gap_to(other), dv) ** 2
+        wanted = fleet.max_accel * (1.0 - (speed / now.desired_speed) ** 4 - interaction)
+        behind = np.maximum(wanted, -self.hardest)
         passes = (speed > self.crawl) & (dv > 0.0) & (other != now.n)
         return value + 0.5 * self.strength * np.where(passes, np.minimum(behind - value, 0.0), 0.0)

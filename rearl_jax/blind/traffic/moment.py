@@ -88,10 +88,10 @@ class Moment:
         """Index of the next vehicle ahead on the lane to the left, n for nobody; as old as `offsets_beside`."""
         offsets, lanes = self.offsets_beside(), self.lane.reshape(self._shape)
         is_left = np.repeat(lanes, self._shape[1], axis=0) < self.lane[:, None]
-        offsets = np.where(is_left & (offsets >= 0.0), offsets, np.inf)
-        column = np.argmin(offsets, axis=1)
-        return np.where(np.isfinite(offsets[np.arange(self.n), column]), self.index_in_recording(column), self.n)
+        return self.nearest(np.where(is_left & (offsets >= 0.0), offsets, np.inf))
 
-    def index_in_recording(self, column: np.ndarray) -> np.ndarray:
-        """Index of the vehicle that a column of `offsets_beside` stands for."""
-        return self.fleet.recording * self._shape[1] + column
+    def nearest(self, offsets: np.ndarray) -> np.ndarray:
+        """Index of the vehicle with the smallest of offsets as of `offsets_beside`, n where all are infinite."""
+        column = np.argmin(offsets, axis=1)
+        is_there = np.isfinite(offsets[np.arange(self.n), column])
+        return np.where(is_there, self.fleet.recording * self._shape[1] + column, self.n)
