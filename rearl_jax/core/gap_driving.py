@@ -12,12 +12,13 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from rearl_jax.core.affected import if_any
 from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.driving import Driving
 from rearl_jax.core.encounter import Encounter, first_encounter, meet
 from rearl_jax.core.following import begin_effects, present_params, respond, take_in
 from rearl_jax.core.gap_idm import FollowingParams, free_term
-from rearl_jax.core.gap_lanes import Gains, Outlook, compare_lanes, wished_side
+from rearl_jax.core.gap_lanes import Outlook, compare_lanes, wished_side
 from rearl_jax.core.lane_search import bumper_gap, find_ahead
-from rearl_jax.core.mobil import Prospects
+from rearl_jax.core.mobil import decide_lanes, is_due
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import View, sort_if_large
 from rearl_jax.core.neighbours import perceive as view_of
@@ -64,10 +65,8 @@ def begin_driving(state: TrafficState, drivers: Drivers, model: TrafficModel) ->
     return replace(state, memory=DriverMemory(jnp.int32(0), encounter, held, jnp.zeros_like(state.target_lane)))
 
 
-def weigh_driving(
-    state: TrafficState, view: View, drivers: Drivers, model: TrafficModel
-) -> tuple[TrafficState, Prospects, Gains]:
-    """The state with what drivers now remember, their accelerations on the lanes in reach, and what changes gain.
+def weigh_gaps(state: TrafficState, view: View, drivers: Drivers, model: TrafficModel) -> Driving:
+    """What drivers want behind their leaders, and on which lane.
 
     On the own lane and on the one it is changing to, a driver accelerates as the effects say; the latter is seen as it
     is, without delay or error. Lanes are compared by car following alone, with the driver's present desired speed and
@@ -100,16 +99,23 @@ def weigh_driving(
     nothing = jnp.zeros_like(state.x)
     own = jnp.maximum(respond(perceived, present, effects, held), at_rest_after)
     target = jnp.maximum(if_any(is_changing, on_target_lane, nothing), at_rest_after)
-    gains, wishes = (nothing, nothing), memory.wished_side
-    prospects = Prospects(own, target, *(nothing,) * 6)
+    left = right = nothing
+    target_lane, wishes = state.target_lane, memory.wished_side
     if model.lane_changes:
         traits = eqx.tree_at(lambda t: t.free, traits, free_term(traits.speed, present.desired_speed))
         outlook = Outlook(traits, leader, seen, present, held)
         prospects, gains = compare_lanes(state, view, outlook, drivers, model)
-        prospects = replace(prospects, own=own, target=target)
+        left, right = prospects.left, prospects.right
+        due = is_due(state, view, drivers)
+        target_lane = decide_lanes(state, view, due, prospects, gains, drivers, model)
         wishes = wished_side(state, view, prospects, gains, drivers, model, before=wishes)
+
+    def on_lane(lane: Int[Array, "vehicles *scenarios"]) -> Float[Array, "vehicles *scenarios"]:
+        beside = jnp.where(lane < view.lane, left, right)
+        return jnp.where(lane == state.target_lane, target, beside)
+
     memory = DriverMemory(memory.n_ticks + 1, encounter, held, wishes)
-    return replace(state, memory=memory), prospects, gains
+    return Driving(replace(state, memory=memory), own, target_lane, on_lane)
 
 
 def _own_params(state: TrafficState, drivers: Drivers, model: TrafficModel) -> FollowingParams:

@@ -100,7 +100,7 @@ def compare_lanes(
         leaders.append(outlook.behind(leader))
         followers.append(outlook.behind_me(follower))
     own = outlook.behind(outlook.leader)
-    prospects = Prospects(own, own, *leaders, *followers, *(side.gain_of_others for side in sides))
+    prospects = Prospects(own, *leaders, *followers, *(side.gain_of_others for side in sides))
     gains = list(lane_gains(prospects, drivers, model))
     for number, side in enumerate(sides):
         for effect, memory in zip(drivers.effects, outlook.held, strict=True):

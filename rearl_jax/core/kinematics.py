@@ -17,7 +17,6 @@ from rearl_jax.core.affected import if_any
 from rearl_jax.core.double_double import arctangent, rounded
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.elementary import arcsine, cosine, sine
-from rearl_jax.core.mobil import Prospects
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import View, not_zero
 from rearl_jax.core.state import Controller, TrafficState
@@ -95,7 +94,8 @@ def control(
     state: TrafficState,
     view: View,
     target_lane: Int[Array, "vehicles *scenarios"],
-    prospects: Prospects,
+    own: Float[Array, "vehicles *scenarios"],
+    on_target: Float[Array, "vehicles *scenarios"],
     drivers: Drivers,
     model: TrafficModel,
 ) -> Command:
@@ -103,11 +103,18 @@ def control(
 
     A vehicle that is changing lanes minds the leaders of both lanes.
 
+    Args:
+        state: The traffic.
+        view: What can be seen of it.
+        target_lane: Lanes the vehicles are steered to.
+        own: Accelerations that car following asks for on the own lane [m/s^2].
+        on_target: The same on the target lane, where it is another one [m/s^2].
+        drivers: Parameters of all vehicles.
+        model: The road and its clock.
+
     Source: highway-env 1.12.1, `IDMVehicle.act`, `ControlledVehicle.act`, `Vehicle.clip_actions`.
     """
-    towards = jnp.where(target_lane < view.lane, prospects.left, prospects.right)
-    towards = jnp.where(target_lane == state.target_lane, prospects.target, towards)
-    following = jnp.where(target_lane == view.lane, prospects.own, jnp.minimum(prospects.own, towards))
+    following = jnp.where(target_lane == view.lane, own, jnp.minimum(own, on_target))
     following = jnp.clip(following, -drivers.idm.accel_limit, drivers.idm.accel_limit)
     tracking = (1 / SPEED_TIME) * (state.desired_speed - state.speed)
     if model.meta_follows:

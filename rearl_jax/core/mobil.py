@@ -18,6 +18,7 @@ from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
 from rearl_jax.core.neighbours import (
     Follower,
     Leader,
+    Traffic,
     View,
     find_follower,
     find_leader,
@@ -38,7 +39,6 @@ class Prospects(eqx.Module):
 
     Attributes:
         own: Own acceleration behind the leader on the own lane.
-        target: Own acceleration behind the leader on the target lane.
         left: Own acceleration behind the leader on the left lane.
         right: Own acceleration behind the leader on the right lane.
         left_follower: Acceleration of the new follower after a change to the left.
@@ -48,7 +48,6 @@ class Prospects(eqx.Module):
     """
 
     own: Float[Array, "vehicles *scenarios"]
-    target: Float[Array, "vehicles *scenarios"]
     left: Float[Array, "vehicles *scenarios"]
     right: Float[Array, "vehicles *scenarios"]
     left_follower: Float[Array, "vehicles *scenarios"]
@@ -62,58 +61,70 @@ def is_due(state: TrafficState, view: View, drivers: Drivers) -> Bool[Array, "ve
     return decides(state, drivers) & (view.lane == state.target_lane) & (state.ticks_to_decision <= 0)
 
 
+def restart_countdown(state: TrafficState, view: View, drivers: Drivers) -> Int[Array, "vehicles *scenarios"]:
+    """Ticks to the next decision, counted from now for those who take one in this tick."""
+    return jnp.where(is_due(state, view, drivers), drivers.mobil.decision_period, state.ticks_to_decision)
+
+
 def decides(state: TrafficState, drivers: Drivers) -> Bool[Array, "vehicles *scenarios"]:
     """Whether a vehicle changes lanes by this model."""
     return (state.controller == Controller.IDM) & ~state.crashed & drivers.mobil.changes_lanes
 
 
-def weigh_lanes(state: TrafficState, view: View, drivers: Drivers, model: TrafficModel) -> Prospects:
+def weigh_lanes(
+    state: TrafficState,
+    view: View,
+    free: Float[Array, "vehicles *scenarios"],
+    own: Float[Array, "vehicles *scenarios"],
+    due: Bool[Array, "vehicles *scenarios"],
+    drivers: Drivers,
+    model: TrafficModel,
+    among: Traffic | None = None,
+) -> Prospects:
     """The driver's own acceleration on each lane, and what a change would do to the followers.
 
     Each search is a program of its own (`if_any`): one pass over the vehicles. Left to the compiler, all searches
     would be woven together and every pair of vehicles kept in memory, three times slower.
+
+    Args:
+        state: The vehicles whose drivers weigh the lanes.
+        view: What can be seen of them.
+        free: Their acceleration on a free road [m/s^2].
+        own: Their acceleration on their own lane [m/s^2].
+        due: Whose decision is due; only theirs counts.
+        drivers: Their parameters.
+        model: The road.
+        among: The traffic they are part of, which is large; None for themselves.
     """
     left_lane, right_lane, nothing = view.lane - 1, view.lane + 1, jnp.zeros_like(state.x)
-    free = free_acceleration(speed_ratio=view.speed_ratio, params=drivers.idm)
 
     def behind_leader(lane: Array) -> Float[Array, "vehicles *scenarios"]:
-        leader = find_leader(state, view, lane)
-        dv = closing_in(view, leader)
-        return free - interaction(distance=leader.distance, speed=state.speed, dv=dv, params=drivers.idm)
+        return follow(free, state, view, find_leader(state, view, lane, among), drivers)
 
     def of_follower(lane: Array) -> Float[Array, "vehicles *scenarios"]:
-        follower = find_follower(state, view, lane)
+        follower = find_follower(state, view, lane, among)
         return _behind(follower, follower.distance, view, drivers)
 
     def gain_of_follower(lane: Array) -> Float[Array, "vehicles *scenarios"]:
-        leader = find_leader(state, view, lane)
-        follower = find_follower(state, view, lane)
+        leader = find_leader(state, view, lane, among)
+        follower = find_follower(state, view, lane, among)
         alone = _behind(follower, follower.distance + leader.distance, leader, drivers)
         return _behind(follower, follower.distance, view, drivers) - alone
 
-    def where_needed(is_needed: Array, look: Callable[[Array], Array], lane: Array) -> Array:
-        return if_any(is_needed, lambda: look(lane), nothing)
+    def where_due(look: Callable[[Array], Array], lane: Array) -> Array:
+        return if_any(due, lambda: look(lane), nothing)
 
-    follows = state.controller == Controller.IDM
-    if model.meta_follows:
-        follows = state.controller != Controller.ABSENT
-    own = where_needed(follows, behind_leader, view.lane)
-    target = where_needed(follows & (view.lane != state.target_lane), behind_leader, state.target_lane)
-    if not model.lane_changes:
-        return Prospects(own, target, *(nothing,) * 6)
-    due = is_due(state, view, drivers)
     left_others = right_others = nothing
     if model.cooperative:
-        freed = where_needed(due, gain_of_follower, view.lane)
-        left_others = where_needed(due, gain_of_follower, left_lane) - freed
-        right_others = where_needed(due, gain_of_follower, right_lane) - freed
+        freed = where_due(gain_of_follower, view.lane)
+        left_others = where_due(gain_of_follower, left_lane) - freed
+        right_others = where_due(gain_of_follower, right_lane) - freed
     return Prospects(
         own=own,
-        target=target,
-        left=where_needed(due, behind_leader, left_lane),
-        right=where_needed(due, behind_leader, right_lane),
-        left_follower=where_needed(due, of_follower, left_lane),
-        right_follower=where_needed(due, of_follower, right_lane),
+        left=where_due(behind_leader, left_lane),
+        right=where_due(behind_leader, right_lane),
+        left_follower=where_due(of_follower, left_lane),
+        right_follower=where_due(of_follower, right_lane),
         left_others=left_others,
         right_others=right_others,
     )
@@ -155,17 +166,17 @@ def is_unsafe(follower: Float[Array, "vehicles *scenarios"], drivers: Drivers) -
 def decide_lanes(
     state: TrafficState,
     view: View,
+    due: Bool[Array, "vehicles *scenarios"],
     prospects: Prospects,
     gains: tuple[Float[Array, "vehicles *scenarios"], Float[Array, "vehicles *scenarios"]],
     drivers: Drivers,
     model: TrafficModel,
-) -> tuple[Int[Array, "vehicles *scenarios"], Int[Array, "vehicles *scenarios"]]:
-    """Target lanes and decision countdowns after every driver whose decision is due has taken it.
+) -> Int[Array, "vehicles *scenarios"]:
+    """Target lanes after every driver whose decision is due has taken it.
 
     The left lane is looked at first, then the right one; where both are accepted the right one wins. No decision
     depends on another's target lane, so all are taken at once.
     """
-    due = is_due(state, view, drivers)
     willing = due & is_moving(state)
     target_lane = state.target_lane
     followers = prospects.left_follower, prospects.right_follower
@@ -174,8 +185,15 @@ def decide_lanes(
         accepted = ~is_unsafe(follower, drivers) & ~(gain < drivers.mobil.gain_threshold)
         accepted = accepted & willing & is_reachable(state, candidate, model)
         target_lane = jnp.where(accepted, candidate, target_lane)
-    countdown = jnp.where(due, drivers.mobil.decision_period, state.ticks_to_decision)
-    return target_lane, countdown
+    return target_lane
+
+
+def follow(
+    free: Float[Array, "vehicles *scenarios"], state: TrafficState, view: View, leader: Leader, drivers: Drivers
+) -> Float[Array, "vehicles *scenarios"]:
+    """Acceleration of each vehicle behind a leader [m/s^2], given that on a free road."""
+    dv = closing_in(view, leader)
+    return free - interaction(distance=leader.distance, speed=state.speed, dv=dv, params=drivers.idm)
 
 
 def closing_in(rear: View | Follower, front: View | Leader) -> Float[Array, "vehicles *scenarios"]:

@@ -6,7 +6,7 @@ code over the scenarios. In large traffic the vehicles are sorted along the road
 """
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -57,6 +57,13 @@ class View(eqx.Module):
     speed_ratio: Float[Array, "vehicles *scenarios"]
     on_lanes: Int[Array, "vehicles *scenarios"]
     nearest: NearestOnLanes | None
+
+
+class Traffic(NamedTuple):
+    """All vehicles and what can be seen of them, where only some of them look."""
+
+    state: TrafficState
+    view: View
 
 
 class Leader(eqx.Module):
@@ -157,21 +164,26 @@ def perceive(state: TrafficState, model: TrafficModel) -> View:
     )
 
 
-def find_leader(state: TrafficState, view: View, lane: Int[Array, "vehicles *scenarios"]) -> Leader:
+def find_leader(
+    state: TrafficState, view: View, lane: Int[Array, "vehicles *scenarios"], among: Traffic | None = None
+) -> Leader:
     """The nearest vehicle ahead of each vehicle on a lane of its choice.
 
     The same position counts as ahead; of several equally near vehicles the last in the list is taken.
 
     Args:
-        state: The traffic.
-        view: What can be seen of it.
-        lane: The lane each vehicle looks at; -1 and n_lanes are empty.
+        state: The vehicles that look.
+        view: What can be seen of them.
+        lane: The lane each of them looks at; -1 and n_lanes are empty.
+        among: The traffic they look at, which is large; None for themselves.
 
     Source: highway-env 1.12.1, `Road.neighbour_vehicles`.
     """
     if view.nearest is not None:
+        traffic = among or Traffic(state, view)
         index = view.nearest.ahead_on(lane)
-        seen = Leader(pick(state.x, index) - state.x, pick(view.speed_x, index), pick(view.speed_y, index))
+        speeds = (pick(values, index) for values in (traffic.view.speed_x, traffic.view.speed_y))
+        seen = Leader(pick(traffic.state.x, index) - state.x, *speeds)
         return _replace_where(index != NOBODY, seen, _nobody_ahead(state))
     bit = lane_bit(lane)
     own_index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
@@ -185,20 +197,21 @@ def find_leader(state: TrafficState, view: View, lane: Int[Array, "vehicles *sce
     return for_each_vehicle(state.x.shape[0], look_at, _nobody_ahead(state))
 
 
-def find_follower(state: TrafficState, view: View, lane: Int[Array, "vehicles *scenarios"]) -> Follower:
+def find_follower(
+    state: TrafficState, view: View, lane: Int[Array, "vehicles *scenarios"], among: Traffic | None = None
+) -> Follower:
     """The nearest vehicle behind each vehicle on a lane of its choice; of equally near ones the first in the list.
 
-    Args:
-        state: The traffic.
-        view: What can be seen of it.
-        lane: The lane each vehicle looks at; -1 and n_lanes are empty.
+    Arguments as of `find_leader`.
 
     Source: highway-env 1.12.1, `Road.neighbour_vehicles`.
     """
-    seen = (state.speed, view.cos_heading, view.sin_heading, view.speed_ratio)
+    traffic = among or Traffic(state, view)
+    its = traffic.view
+    seen = (traffic.state.speed, its.cos_heading, its.sin_heading, its.speed_ratio)
     if view.nearest is not None:
         index = view.nearest.behind_on(lane)
-        behind_by = state.x - pick(state.x, index)
+        behind_by = state.x - pick(traffic.state.x, index)
         new = Follower(behind_by, *(pick(values, index) for values in seen))
         return _replace_where(index != NOBODY, new, _nobody_behind(state))
     bit = lane_bit(lane)

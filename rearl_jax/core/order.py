@@ -9,6 +9,7 @@ where vehicles abreast, at exactly the same x, get the answers that highway-env 
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -92,6 +93,7 @@ class NearestOnLanes(eqx.Module):
         first_row: First row of the first of those abreast of each vehicle, mostly its own.
         first: Index of that one.
         first_on: Lanes it is on, as bits.
+        who: Index of each vehicle that looks; None where all do.
         n_lanes: Number of lanes.
         lane_bit: The bit of a lane.
     """
@@ -102,6 +104,7 @@ class NearestOnLanes(eqx.Module):
     first_row: Int[Array, "vehicles *scenarios"]
     first: Int[Array, "vehicles *scenarios"]
     first_on: Int[Array, "vehicles *scenarios"]
+    who: Int[Array, "vehicles *scenarios"] | None
     n_lanes: int = eqx.field(static=True)
     lane_bit: Callable[[Array], Array] = eqx.field(static=True)
 
@@ -113,12 +116,21 @@ class NearestOnLanes(eqx.Module):
         Args:
             lane: The lanes; those that do not exist are empty.
         """
-        index = lax.broadcasted_iota(jnp.int32, lane.shape, 0)
+        index = lax.broadcasted_iota(jnp.int32, lane.shape, 0) if self.who is None else self.who
         is_first_on = (self.first_on & self.lane_bit(lane)) != 0
         nearest = jnp.where(is_first_on, self.first, self._at(self.ahead, self.first_row, lane))
         # A vehicle that finds itself is the first of those abreast that are on the lane: the next one is later.
         nearest = jnp.where(nearest == index, self._at(self.ahead, self.row, lane), nearest)
         return self._found(nearest, lane)
+
+    def seen_by(self, who: Int[Array, "places *scenarios"]) -> "NearestOnLanes":
+        """The same for some vehicles, who alone may then ask whom they find ahead or behind.
+
+        Args:
+            who: Their indices.
+        """
+        row, first_row, first, first_on = (pick(v, who) for v in (self.row, self.first_row, self.first, self.first_on))
+        return replace(self, row=row, first_row=first_row, first=first, first_on=first_on, who=who)
 
     def after(
         self, index: Int[Array, "vehicles *scenarios"], lane: Int[Array, "vehicles *scenarios"]
@@ -173,6 +185,7 @@ def walk_along_road(
         first_row=pick(row, first_place),
         first=pick(order, first_place),
         first_on=pick(bits, first_place),
+        who=None,
         n_lanes=model.n_lanes,
         lane_bit=lane_bit,
     )

@@ -3,9 +3,10 @@
 from rearl_jax.core.collisions import collide
 from rearl_jax.core.conflicts import abort_conflicts
 from rearl_jax.core.drivers import Drivers
-from rearl_jax.core.gap_driving import weigh_driving
+from rearl_jax.core.gap_driving import weigh_gaps
+from rearl_jax.core.idm_driving import weigh_idm
 from rearl_jax.core.kinematics import control, move
-from rearl_jax.core.mobil import decide_lanes, lane_gains, weigh_lanes
+from rearl_jax.core.mobil import restart_countdown
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import perceive, sort_if_large
 from rearl_jax.core.state import TrafficState
@@ -22,16 +23,13 @@ def tick(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficS
     """
     state = sort_if_large(state)
     view = perceive(state, model)
-    if drivers.following is None:
-        prospects = weigh_lanes(state, view, drivers, model)
-        gains = lane_gains(prospects, drivers, model)
-    else:
-        state, prospects, gains = weigh_driving(state, view, drivers, model)
-    target_lane, countdown = state.target_lane, state.ticks_to_decision
+    weigh = weigh_idm if drivers.following is None else weigh_gaps
+    state, own, target_lane, on_lane = weigh(state, view, drivers, model)
+    countdown = state.ticks_to_decision
     if model.lane_changes:
-        target_lane, countdown = decide_lanes(state, view, prospects, gains, drivers, model)
+        countdown = restart_countdown(state, view, drivers)
         target_lane = abort_conflicts(target_lane, state, view, drivers, model)
-    command = control(state, view, target_lane, prospects, drivers, model)
+    command = control(state, view, target_lane, own, on_lane(target_lane), drivers, model)
     state = move(state, target_lane, countdown, command, drivers, model)
     if model.collisions:
         state = collide(state, drivers.body, model)

@@ -1,0 +1,83 @@
+"""Traffic whose drivers are those of highway-env: IDM on the lane, MOBIL for the lanes beside."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from rearl_jax.core.affected import if_any
+from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.driving import Driving
+from rearl_jax.core.few import single_out
+from rearl_jax.core.idm import free_acceleration
+from rearl_jax.core.mobil import decide_lanes, follow, is_due, lane_gains, weigh_lanes
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.neighbours import Traffic, View, find_leader
+from rearl_jax.core.state import Controller, TrafficState
+
+ONE_IN = 12
+"""There are places for one vehicle in so many whose decision is due, and for what chance adds; one in 16 mostly is."""
+
+_Question = tuple[TrafficState, View, Float[Array, "n *s"], Float[Array, "n *s"], Drivers]
+"""Who is asked, what can be seen of them, their accelerations on a free road and on their own lane [m/s^2], their
+parameters.
+"""
+
+
+def weigh_idm(state: TrafficState, view: View, drivers: Drivers, model: TrafficModel) -> Driving:
+    """What drivers want behind their leaders, and on which lane."""
+    follows = state.controller == Controller.IDM
+    if model.meta_follows:
+        follows = state.controller != Controller.ABSENT
+    free = free_acceleration(speed_ratio=view.speed_ratio, params=drivers.idm)
+
+    def accelerate(lane: Array, looks: Array) -> Float[Array, "vehicles *scenarios"]:
+        def look() -> Float[Array, "vehicles *scenarios"]:
+            return follow(free, state, view, find_leader(state, view, lane), drivers)
+
+        return if_any(looks, look, jnp.zeros_like(state.x))
+
+    def on_lane(lane: Array) -> Float[Array, "vehicles *scenarios"]:
+        return accelerate(lane, follows & (lane != view.lane))
+
+    own = accelerate(view.lane, follows)
+    target_lane = state.target_lane
+    if model.lane_changes:
+        target_lane = _choose_lanes(state, view, free, own, drivers, model)
+    return Driving(state, own, target_lane, on_lane)
+
+
+def _choose_lanes(
+    state: TrafficState, view: View, free: Array, own: Array, drivers: Drivers, model: TrafficModel
+) -> Int[Array, "vehicles *scenarios"]:
+    """Target lanes. In large traffic only drivers whose decision is due look around, as many at a time as have places.
+
+    Nobody's decision depends on another's, so it does not matter who is asked together.
+    """
+    due = is_due(state, view, drivers)
+    if view.nearest is None:
+        return _chosen((state, view, free, own, drivers), due, model)
+    # What is decided has no slope; and what drivers remember has other axes than few could be picked from.
+    everybody = lax.stop_gradient((replace(state, memory=None), replace(view, nearest=None), free, own, drivers))
+    nearest, traffic = view.nearest, Traffic(*everybody[:2])
+
+    def ask_some(work: tuple[Array, Array]) -> tuple[Array, Array]:
+        waiting, target_lane = work
+        few = single_out(waiting, ONE_IN)
+        state, view, *others = jax.tree.map(few.take, everybody)
+        question = state, replace(view, nearest=nearest.seen_by(few.index)), *others
+        target_lane = few.put(_chosen(question, few.is_there, model, traffic), target_lane)
+        return few.put(~few.is_there, waiting), target_lane
+
+    return lax.while_loop(lambda work: jnp.any(work[0]), ask_some, (due, state.target_lane))[1]
+
+
+def _chosen(
+    question: _Question, due: Bool[Array, "n *s"], model: TrafficModel, among: Traffic | None = None
+) -> Int[Array, "n *s"]:
+    """Target lanes of those who are asked, all of the traffic or some `among` it."""
+    state, view, free, own, drivers = question
+    prospects = weigh_lanes(state, view, free, own, due, drivers, model, among)
+    return decide_lanes(state, view, due, prospects, lane_gains(prospects, drivers, model), drivers, model)

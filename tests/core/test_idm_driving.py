@@ -1,0 +1,51 @@
+"""Large traffic asks about lanes only those whose decision is due."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rearl_jax.core import idm_driving
+from rearl_jax.core.few import places_for
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.neighbours import LARGEST_SMALL_TRAFFIC
+from rearl_jax.core.spawn import spawn
+from rearl_jax.core.step import tick
+
+N_VEHICLES = 60
+MODEL = TrafficModel()
+
+
+def test_where_more_are_due_than_have_places_all_decide(monkeypatch):
+    state, drivers = spawn(jax.random.split(jax.random.key(5), 6), MODEL, n_vehicles=N_VEHICLES, density=1.5)
+    state = replace(state, ticks_to_decision=jnp.zeros_like(state.ticks_to_decision))
+
+    def decided():
+        after = jax.jit(lambda state: tick(state, drivers, MODEL))(state)
+        return np.asarray(after.target_lane), np.asarray(after.x), np.asarray(after.ticks_to_decision)
+
+    places = places_for(N_VEHICLES, idm_driving.ONE_IN)
+    assert LARGEST_SMALL_TRAFFIC < N_VEHICLES and places < N_VEHICLES / 3
+    some_at_a_time = decided()
+    monkeypatch.setattr(idm_driving, "ONE_IN", 1)
+    all_at_once = decided()
+    changes = some_at_a_time[0] != np.asarray(state.target_lane)
+    assert changes[:places].any() and changes[2 * places :].any()
+    for some, every in zip(some_at_a_time, all_at_once, strict=True):
+        np.testing.assert_array_equal(some, every)
+
+
+def test_large_traffic_has_slopes_where_lanes_are_changed():
+    state, drivers = spawn(jax.random.split(jax.random.key(5), 2), MODEL, n_vehicles=30, density=1.5)
+
+    def mean_position(time_gap):
+        after = state
+        slower = replace(drivers, idm=replace(drivers.idm, time_gap=jnp.broadcast_to(time_gap, (1, 1))))
+        for _ in range(3):
+            after = tick(after, slower, MODEL)
+        return after.x.mean(), after.target_lane
+
+    slope, target_lane = jax.jit(jax.grad(mean_position, has_aux=True))(jnp.asarray(1.5, state.x.dtype))
+    assert (np.asarray(target_lane) != np.asarray(state.target_lane)).any()
+    assert np.isfinite(slope) and slope < 0
