@@ -26,12 +26,14 @@ def test_where_more_are_due_than_have_places_all_decide(monkeypatch):
         return np.asarray(after.target_lane), np.asarray(after.x), np.asarray(after.ticks_to_decision)
 
     places = places_for(N_VEHICLES, idm_driving.ONE_IN)
-    assert LARGEST_SMALL_TRAFFIC < N_VEHICLES and places < N_VEHICLES / 3
+    assert LARGEST_SMALL_TRAFFIC < N_VEHICLES
+    assert places < N_VEHICLES / 3
     some_at_a_time = decided()
     monkeypatch.setattr(idm_driving, "ONE_IN", 1)
     all_at_once = decided()
     changes = some_at_a_time[0] != np.asarray(state.target_lane)
-    assert changes[:places].any() and changes[2 * places :].any()
+    assert changes[:places].any()
+    assert changes[2 * places :].any()
     for some, every in zip(some_at_a_time, all_at_once, strict=True):
         np.testing.assert_array_equal(some, every)
 
@@ -48,4 +50,5 @@ def test_large_traffic_has_slopes_where_lanes_are_changed():
 
     slope, target_lane = jax.jit(jax.grad(mean_position, has_aux=True))(jnp.asarray(1.5, state.x.dtype))
     assert (np.asarray(target_lane) != np.asarray(state.target_lane)).any()
-    assert np.isfinite(slope) and slope < 0
+    assert np.isfinite(slope)
+    assert slope < 0
