@@ -27,7 +27,9 @@ _PATIENCE = 60.0
 _AT_ONCE = 500
 """Requests looked up in one statement."""
 
-_FIELDS = ("text", "thinking", "finish", "prompt_tokens", "cached_tokens", "answer_tokens")
+_TEXTS = ("text", "thinking", "finish")
+_COUNTS = ("prompt_tokens", "cached_tokens", "answer_tokens")
+_FIELDS = (*_TEXTS, *_COUNTS)
 
 _TABLE = """
 CREATE TABLE IF NOT EXISTS answers (
@@ -92,9 +94,10 @@ class Answers:
                     f"SELECT digest, {', '.join(_FIELDS)} FROM answers WHERE digest IN ({marks})", part
                 )
                 for digest, *values in rows:
+                    _check(values)
                     kept = dict(zip(_FIELDS, values, strict=True))
                     found[digest] = Reply(cause=Cause.answered, from_cache=True, **kept)
-        except sqlite3.Error as error:
+        except (sqlite3.Error, ValueError) as error:
             raise ValueError(self._complaint(error)) from None
         return found
 
@@ -178,6 +181,17 @@ class Answers:
 
     def _complaint(self, error: Exception) -> str:
         return f"{self._path} is no readable file of answers ({error}): remove it, or name another one with llm.cache"
+
+
+def _check(values: Iterable[object]) -> None:
+    """Whether kept values are of their columns' types: SQLite takes and gives any.
+
+    Raises:
+        ValueError: A text is no text, or a count of tokens no whole number.
+    """
+    for name, value in zip(_FIELDS, values, strict=True):
+        if not isinstance(value, str if name in _TEXTS else int | None):
+            raise ValueError(f"{name} is {value!r}")
 
 
 def _uri(path: Path, read_only: bool) -> str:

@@ -122,6 +122,21 @@ def test_damage_found_later_is_one_sentence(tmp_path, replay):
     assert len(stub.chats) == 200
 
 
+@pytest.mark.parametrize(
+    ("column", "value"), [("finish", "X'FF'"), ("answer_tokens", "'many'"), ("answer_tokens", 1.5)]
+)
+def test_damage_that_only_changes_a_type_is_one_sentence(tmp_path, column, value):
+    """SQLite itself does not mind."""
+    path = tmp_path / "a.sqlite"
+    fill(path, 1)
+    database = sqlite3.connect(path)
+    database.execute(f"UPDATE answers SET {column} = {value}")
+    database.commit()
+    database.close()
+    with pytest.raises(ValueError, match=rf"no readable file of answers \({column} is .*llm\.cache"):
+        Answers(path, read_only=True).find([f"{0:064x}"])
+
+
 def test_a_place_that_cannot_be_written_is_one_sentence(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ValueError, match=r"answers cannot be kept at .*llm\.cache"):
