@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
+from itertools import takewhile
 
 import numpy as np
 
@@ -138,13 +139,21 @@ class Search:
         return [one.chosen for one in self.rounds if one.chosen is not None]
 
     def is_doubtful(self, one: Trial) -> bool:
-        """Whether a named effect is beaten by what is not believed, or leaves a dependence on what it acts by, which
-        then is another one than it says.
+        """Whether a named effect is beaten by what is not believed, comes after a free curve, whose remainder it may
+        be, or leaves a dependence on what it acts by, which then is another one than it says.
         """
         if any(turn.is_beaten for turn in self.rounds if turn.chosen is one):
             return True
-        curves = [other.candidate for other in self.added if other.candidate.kind == "generic"]
+        earlier = takewhile(lambda other: other is not one, self.added)
+        if not is_free(one) and any(is_free(other) for other in earlier):
+            return True
+        curves = [other.candidate for other in self.added if is_free(other)]
         return any(set(curve.variables) & set(one.candidate.variables) for curve in curves if curve != one.candidate)
+
+
+def is_free(one: Trial) -> bool:
+    """Whether it is a free curve, which approximates whatever there is, and fits what any other form has left."""
+    return one.candidate.kind == "generic"
 
 
 def search(
@@ -248,9 +257,7 @@ def _is_news(one: Trial, added: list[Trial]) -> bool:
         return False
 
     def may_be_remainder(other: Trial) -> bool:
-        # A free curve approximates whatever it is, and fits what any other form has left.
-        is_free = "generic" in (one.candidate.kind, other.candidate.kind)
-        return is_free or are_kin(one.candidate.name, other.candidate.name)
+        return is_free(one) or is_free(other) or are_kin(one.candidate.name, other.candidate.name)
 
     return all(one.total > KIN_SHARE * other.total for other in added if may_be_remainder(other))
 

@@ -97,8 +97,8 @@ def trial(calibrated):
     """A trial with given gains."""
     from rearl_jax.discovery.candidates import Candidate
 
-    def make(name, fitted, checked, price=2.0):
-        candidate, fit = Candidate(name, "driver", (0,), (0,), ("speed",)), Fit(None, *calibrated)
+    def make(name, fitted, checked, price=2.0, kind="driver", variable="speed"):
+        candidate, fit = Candidate(name, kind, (0,), (0,), (variable,)), Fit(None, *calibrated)
         return decision.Trial(candidate, fit, np.asarray(fitted, float), np.asarray(checked, float), price)
 
     return make
@@ -133,6 +133,16 @@ def test_what_is_beaten_by_something_not_believed_is_doubtful(trial, solver, cal
     turn = Round(Fit(None, *calibrated), {}, {}, {}, firing, [holds, loses], [holds])
     search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=[turn])
     assert search.is_doubtful(holds) == doubtful
+
+
+@pytest.mark.parametrize(("kinds", "doubtful"), [(("driver", "generic"), False), (("generic", "driver"), True)])
+def test_a_name_after_a_free_curve_is_doubtful(trial, solver, calibrated, kinds, doubtful):
+    """What the curve left may be of what the curve itself stands for."""
+    added = {kind: trial(kind, [0.6] * 10, [0.3] * 10, kind=kind, variable=kind) for kind in kinds}
+    turns = [Round(Fit(None, *calibrated), {}, {}, {}, frozenset({kind}), [one], [one]) for kind, one in added.items()]
+    search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=turns)
+    assert search.is_doubtful(added["driver"]) == doubtful
+    assert not search.is_doubtful(added["generic"])
 
 
 @pytest.mark.parametrize(("staleness", "expected"), [(0.0, "artefact"), (5.0, "unexplained")])
