@@ -29,9 +29,6 @@ WORTH_FITTING = 2.0
 FITTED = 5
 """How many of the first are fitted."""
 
-LATER_TOTAL = 12.0
-"""Least total [nats] of an effect beside another one."""
-
 LATER_SHARE = 0.05
 """Least total of a later effect, as a share of the largest total before it [-]: no form fits without a remainder."""
 
@@ -253,7 +250,7 @@ def _is_significant(one: Trial, firing: Collection[str]) -> bool:
 
 def _is_news(one: Trial, added: list[Trial]) -> bool:
     """Whether an effect is more than what another form of an earlier one would have taken in."""
-    if added and one.total < max(LATER_TOTAL, LATER_SHARE * max(other.total for other in added)):
+    if added and one.total < LATER_SHARE * max(other.total for other in added):
         return False
 
     def may_be_remainder(other: Trial) -> bool:

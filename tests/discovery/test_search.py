@@ -111,6 +111,8 @@ def test_no_single_driver_decides_and_others_must_agree(trial):
     assert broad.holds
     assert not trial("c", [2.0] * 10, [-1.0] * 10).holds
     assert not trial("d", [0.3] * 10, [5.0] * 10).holds
+    assert not trial("little in all", [1.0] * 10, [0.7] * 10).holds
+    assert trial("a little more", [1.0] * 10, [0.9] * 10).holds
     close = trial("e", [1.9] * 10, [2.0] * 10)
     best = decision.ranked([trial("f", [0.1] * 10, [0.1] * 10), close, broad])
     assert [one.candidate.name for one in best] == ["b", "e"]
@@ -127,7 +129,7 @@ def test_what_convinces_others_far_more_is_believed_before_what_holds(trial):
 
 @pytest.mark.parametrize(("fires", "doubtful"), [(True, True), (False, False)])
 def test_what_is_beaten_by_something_not_believed_is_doubtful(trial, solver, calibrated, fires, doubtful):
-    holds, loses = trial("holds", [0.6] * 10, [0.3] * 10), trial("loses", [0.1] * 10, [1.5] * 10)
+    holds, loses = trial("holds", [0.6] * 10, [1.3] * 10), trial("loses", [0.1] * 10, [2.5] * 10)
     assert decision.believed([holds, loses]) == [holds]
     firing = frozenset({"holds", "loses"} if fires else {"holds"})
     turn = Round(Fit(None, *calibrated), {}, {}, {}, firing, [holds, loses], [holds])
