@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from rearl_jax.data.problems import BadRecordingError, require_columns
@@ -53,10 +54,24 @@ def read_columns(
         if found.count(name) > 1:
             raise BadRecordingError(str(path), "the column is there twice", "remove one of them", name)
     with _readable(path):
-        filters = None if only is None else [(only[0], "=", only[1])]
-        table = pq.read_table(path, columns=list(names), filters=filters)
+        table = _table(path, names, only)
         columns = {name: _cast(table[name], name, path, is_text=name in texts) for name in names}
         return pa.table(columns).to_pandas()
+
+
+def _table(path: Path, names: Sequence[str], only: tuple[str, str | int] | None) -> pa.Table:
+    """The named columns, unchanged.
+
+    The rows are chosen here, batch by batch: pyarrow's own filters ask for the columns' statistics, and where those are
+    damaged it waits for them for ever.
+    """
+    wanted = None if only is None else pc.field(only[0]) == only[1]
+    columns = list(dict.fromkeys([*names, *([] if only is None else only[:1])]))
+    with pq.ParquetFile(path) as file:
+        schema = pa.schema([file.schema_arrow.field(name) for name in columns])
+        batches = file.iter_batches(columns=columns)
+        kept = batches if wanted is None else (batch.filter(wanted) for batch in batches)
+        return pa.Table.from_batches(kept, schema)
 
 
 def _cast(column: pa.ChunkedArray, name: str, path: Path, *, is_text: bool) -> pa.ChunkedArray:

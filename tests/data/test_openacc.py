@@ -1,5 +1,6 @@
 """OpenACC platoons: positions rebuilt from speeds and gaps, holes, negative gaps, missing vehicles."""
 
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -146,6 +147,27 @@ def test_small_negative_speeds_are_standing_still(tmp_path):
     (recording,) = _read(tmp_path, rows)
     assert recording.table["speed"].min() == 0.0
     assert "1 negative speeds set to 0" in recording.info.notes[-1]
+
+
+def test_damaged_statistics_do_not_hold_the_reading_up(tmp_path):
+    (sound,) = _read(tmp_path, _platoon())
+    path = find_platoons(tmp_path)
+    content = path.read_bytes()
+    # The footer says that the texts of the first column are float32, so that its statistics cannot be understood.
+    spoiled = content.replace(b"\x15\x0c\x19", b"\x15\x08\x19", 1)
+    assert spoiled != content
+    path.write_bytes(spoiled)
+    found = []
+    reading = threading.Thread(target=lambda: found.append(read_platoon(path, *_only(path), STOP)), daemon=True)
+    reading.start()
+    reading.join(timeout=60)
+    assert len(found) == 1
+    pd.testing.assert_frame_equal(found[0].table, sound.table)
+
+
+def _only(path: Path):
+    ((name, platoon),) = platoon_recordings(path).items()
+    return name, platoon
 
 
 def test_files_are_recordings(tmp_path):
