@@ -5,12 +5,16 @@ python -m tests.fuzz highd --first 1684 --inputs 1
 """
 
 import argparse
+import faulthandler
 import json
+import os
 import sys
 import tempfile
+import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from random import Random
 
@@ -35,6 +39,29 @@ def target(name: str, folder: Path) -> Callable[[Random], Result]:
     return Reader(name, folder / "recording").try_one if name in FORMATS else PARSERS[name](folder)
 
 
+@contextmanager
+def ended_in_time(what: str, limit: float = 120.0) -> Iterator[None]:
+    """Ends the process with the stacks of its threads where the block hangs; compiled code hears no exception.
+
+    Args:
+        what: What is tried, for the message.
+        limit: How long it may take [s].
+    """
+
+    def give_up() -> None:
+        print(f"{what} has not ended after {limit:g} s", file=sys.stderr, flush=True)
+        faulthandler.dump_traceback(sys.__stderr__)
+        os._exit(2)
+
+    watch = threading.Timer(limit, give_up)
+    watch.daemon = True
+    watch.start()
+    try:
+        yield
+    finally:
+        watch.cancel()
+
+
 def tried(name: str, inputs: range, seed: int) -> tuple[Counter[str], Counter[str], dict[str, tuple[int, str]], float]:
     """Outcomes, what went wrong, the first input of each of those, the longest time of an input [s]."""
     counts, wrong, first, longest = Counter[str](), Counter[str](), dict[str, tuple[int, str]](), 0.0
@@ -43,7 +70,8 @@ def tried(name: str, inputs: range, seed: int) -> tuple[Counter[str], Counter[st
         try_one = target(name, Path(folder))
         for number in inputs:
             start = time.perf_counter()
-            outcome, said = try_one(Random(f"{name} {seed} {number}"))
+            with ended_in_time(f"{name}: input {number} of seed {seed}"):
+                outcome, said = try_one(Random(f"{name} {seed} {number}"))
             longest = max(longest, time.perf_counter() - start)
             counts[outcome.value] += 1
             if outcome in BAD:

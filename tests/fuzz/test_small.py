@@ -1,5 +1,7 @@
 """A few fuzzed inputs through every reader and parser; `python -m tests.fuzz` tries very many."""
 
+import subprocess
+import sys
 from collections import Counter
 from random import Random
 
@@ -82,3 +84,12 @@ def test_counts_are_printed(monkeypatch, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert [line.split("  ")[0] for line in lines] == ["target reply", "target mixture"]
     assert all("inputs 50" in line and "crashed 0  silent 0" in line for line in lines)
+
+
+def test_an_input_that_hangs_is_named():
+    code = "import time; from tests.fuzz.__main__ import ended_in_time\n"
+    code += "with ended_in_time('reply: input 7 of seed 0', limit=0.2): time.sleep(60)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=50)
+    assert done.returncode == 2
+    assert "reply: input 7 of seed 0 has not ended after 0.2 s" in done.stderr
+    assert "time.sleep" in done.stderr or "<string>" in done.stderr  # where it hangs
