@@ -67,11 +67,16 @@ def _table(path: Path, names: Sequence[str], only: tuple[str, str | int] | None)
     """
     wanted = None if only is None else pc.field(only[0]) == only[1]
     columns = list(dict.fromkeys([*names, *([] if only is None else only[:1])]))
+    kept, n_read = [], 0
     with pq.ParquetFile(path) as file:
         schema = pa.schema([file.schema_arrow.field(name) for name in columns])
-        batches = file.iter_batches(columns=columns)
-        kept = batches if wanted is None else (batch.filter(wanted) for batch in batches)
-        return pa.Table.from_batches(kept, schema)
+        for batch in file.iter_batches(columns=columns):
+            batch.validate(full=True)  # a damaged text is no UTF-8; pandas would notice where it is used
+            n_read += batch.num_rows
+            kept.append(batch if wanted is None else batch.filter(wanted))
+        if n_read != file.metadata.num_rows:
+            raise pa.ArrowInvalid(f"{n_read} of its {file.metadata.num_rows} rows")
+    return pa.Table.from_batches(kept, schema)
 
 
 def _cast(column: pa.ChunkedArray, name: str, path: Path, *, is_text: bool) -> pa.ChunkedArray:

@@ -112,7 +112,7 @@ def test_gradients_of_a_rollout_are_finite_and_right():
     model = replace(MODEL, lane_changes=False, collisions=False)
 
     def loss(gain):
-        changed = replace(drivers, effects=(EFFECTS["grade"](gain, jnp.asarray(0.0), jnp.asarray(1e4)),))
+        changed = replace(drivers, effects=(EFFECTS["grade"](gain, *map(jnp.asarray, (0.0, 1e4, 20.0))),))
         return jnp.sum(rollout(begin_driving(state, changed, model), changed, model, n_seconds=3)[1].x) / 100
 
     value, slope = jax.jit(jax.value_and_grad(loss))(jnp.asarray(0.1))

@@ -252,12 +252,13 @@ def test_memory_does_not_grow_with_the_number_of_recordings(highd_files, tmp_pat
         for part in ("tracks", "tracksMeta", "recordingMeta"):
             (tmp_path / f"{number:02d}_{part}.csv").hardlink_to(tmp_path / f"01_{part}.csv")
     program = (
-        "import resource, sys\n"
+        "import sys\n"
+        "from rearl_jax.bench.measurement import peak_memory_bytes\n"
         "from rearl_jax.config.data import DataConfig, DataFormat\n"
         "from rearl_jax.data.recordings import iterate_recordings\n"
         "data = DataConfig(DataFormat.highd, sys.argv[1], recordings=sys.argv[2])\n"
         "rows = sum(len(recording.table) for recording in iterate_recordings(data))\n"
-        "print(rows, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)\n"
+        "print(rows, peak_memory_bytes() / 2**20)\n"
     )
 
     def read(pattern: str) -> tuple[int, float]:

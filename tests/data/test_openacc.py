@@ -165,6 +165,23 @@ def test_damaged_statistics_do_not_hold_the_reading_up(tmp_path):
     pd.testing.assert_frame_equal(found[0].table, sound.table)
 
 
+@pytest.mark.parametrize(
+    ("sound", "damaged", "says"),
+    [
+        (b"run_1", b"\xf2un_1", "UTF8"),
+        (b"\x16\x52\x19", b"\x16\x54\x19", "41 of its 42 rows"),  # the number of rows in the footer
+    ],
+)
+def test_damage_inside_is_named(tmp_path, sound, damaged, says):
+    _read(tmp_path, _platoon().iloc[:41])
+    path = find_platoons(tmp_path)
+    content = path.read_bytes()
+    assert sound in content
+    path.write_bytes(content.replace(sound, damaged))
+    with pytest.raises(BadRecordingError, match=f"platoons.parquet: not a readable Parquet file .*{says}"):
+        platoon_recordings(path)
+
+
 def _only(path: Path):
     ((name, platoon),) = platoon_recordings(path).items()
     return name, platoon
