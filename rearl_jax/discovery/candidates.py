@@ -115,6 +115,10 @@ class Knots(eqx.Module):
     centre: dict[str, Float[Any, " curve_knots"]]
 
 
+Numbers = dict[str, Float[Array, "knots *#n"]]
+"""What was added, under the names of `Layout.places`."""
+
+
 @dataclass(frozen=True)
 class Layout:
     """Where everything is in theta.
@@ -143,22 +147,33 @@ class Layout:
         """Length of theta."""
         return len(self.reference)
 
+    def by_name(self, theta: Float[Array, "parameters *n"]) -> Numbers:
+        """The numbers in theta under the names of `places`."""
+        return {name: theta[place[0] : place[-1] + 1] for name, place in self.places.items()}
 
-def effects_at(
-    theta: Float[Array, "parameters *#n"], layout: Layout, knots: Knots, active: Sequence[str] | None = None
-) -> tuple[Effect, ...]:
-    """Effects and curves with the numbers in theta.
+    def at(self, numbers: Numbers, places: Sequence[int]) -> list[Float[Array, "some *n"]]:
+        """The numbers at places of theta, in their order: runs of neighbours under one name in one piece."""
+        home = {place: (name, k) for name, own in self.places.items() for k, place in enumerate(own)}
+        runs: list[tuple[str, int, int]] = []
+        for name, k in (home[place] for place in places):
+            if runs and runs[-1][0] == name and runs[-1][2] == k:
+                runs[-1] = (name, runs[-1][1], k + 1)
+            else:
+                runs.append((name, k, k + 1))
+        return [numbers[name][first:end] for name, first, end in runs]
+
+
+def effects_at(numbers: Numbers, knots: Knots, active: Sequence[str] | None = None) -> tuple[Effect, ...]:
+    """Effects and curves with these numbers.
 
     Args:
-        theta: The numbers.
-        layout: Where they are.
+        numbers: Of `Layout.by_name`.
         knots: Of the curves.
         active: Names of the candidates that are built; None for all, and for everything the screen looks along.
     """
 
     def rows(name: str) -> Float[Array, "knots *#n"]:
-        first, last = layout.places[name][0], layout.places[name][-1]
-        return theta[first : last + 1]
+        return numbers[name]
 
     def named(name: str) -> Effect:
         return EFFECTS[name](*(rows(f"{name}.{parameter.name}")[0] for parameter in EFFECTS[name].parameters))
@@ -195,7 +210,6 @@ def effects_at(
     return tuple(effects)
 
 
-def lens_at(theta: Float[Array, "parameters *#n"], layout: Layout, knots: Knots) -> Lens:
-    """The camera's distortion with the numbers in theta."""
-    first, last = layout.places["lens"][0], layout.places["lens"][-1]
-    return Lens(theta[first : last + 1], jnp.asarray(knots.lens))
+def lens_at(numbers: Numbers, knots: Knots) -> Lens:
+    """The camera's distortion with these numbers, those of `Layout.by_name`."""
+    return Lens(numbers["lens"], jnp.asarray(knots.lens))

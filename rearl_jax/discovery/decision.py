@@ -37,6 +37,7 @@ class Trial:
         fitted: Gain of each driver where it was fitted [nats].
         checked: Gain of each other driver, all of whom found their own parameters anew [nats].
         price: Paid for its freedom [nats].
+        luck: What all drivers together gain where nothing is missing [nats].
     """
 
     candidate: Candidate
@@ -44,6 +45,7 @@ class Trial:
     fitted: Float[np.ndarray, " drivers"]
     checked: Float[np.ndarray, " others"]
     price: float
+    luck: float = 0.0
 
     @property
     def gain(self) -> float:
@@ -58,7 +60,7 @@ class Trial:
     @property
     def total(self) -> float:
         """What candidates are compared by [nats]."""
-        return self.gain + self.check
+        return self.gain + self.check - self.luck
 
     def beats(self, other: "Trial") -> bool:
         """Whether it fares better than another by more than what tells candidates apart."""
@@ -70,7 +72,7 @@ class Trial:
         return self.gain > LEAST_GAIN and self.total > LEAST_TOTAL and self.check > WORST_CHECK
 
 
-def trial(solver: Solver, fit: Fit, base: World, other: World, other_base: World) -> Trial:
+def trial(solver: Solver, fit: Fit, base: World, other: World, other_base: World, luck: float) -> Trial:
     """How a fitted candidate fared against the model without it.
 
     Args:
@@ -79,6 +81,7 @@ def trial(solver: Solver, fit: Fit, base: World, other: World, other_base: World
         base: Without it, the same drivers.
         other: With it, other drivers.
         other_base: Without it, other drivers.
+        luck: Evidence for it where nothing is missing [nats].
     """
     candidate = fit.candidate
     assert candidate is not None
@@ -91,6 +94,7 @@ def trial(solver: Solver, fit: Fit, base: World, other: World, other_base: World
         fit.world.penalised() - base.penalised(),
         other.penalised() - other_base.penalised(),
         cost,
+        luck,
     )
 
 

@@ -168,7 +168,7 @@ def added_acceleration(solver: Solver, left: Residuals) -> Float[np.ndarray, "st
     data, layout = left.world.data, solver.layout
     params = following_params(jnp.asarray(left.world.z[data.driver].T), data.is_truck.astype(float))
     theta = jnp.repeat(jnp.asarray(left.world.theta)[:, None], len(data.driver), axis=1)
-    effects = effects_at(theta, layout, jax.tree.map(jnp.asarray, layout.knots), left.world.active)
+    effects = effects_at(layout.by_name(theta), jax.tree.map(jnp.asarray, layout.knots), left.world.active)
 
     def step(memory: tuple, now: Stimulus) -> tuple[tuple, Array]:
         with_it, memory = follow(now, params, effects, memory, data.dt)

@@ -190,3 +190,17 @@ class Measured:
             noise=self.noise,
             jumps=self.jumps,
         )
+
+    def beside(self, other: "Measured") -> "Measured":
+        """These drivers and others of the same recordings, whose numbers follow."""
+
+        def both(name: str) -> np.ndarray:
+            return np.concatenate([getattr(self, name), getattr(other, name)], axis=-1)
+
+        along = ("y", "weight", "smooth", "smooth_speed", "length", "is_truck", "vehicle", "leader", "recording")
+        return dataclasses.replace(
+            self,
+            around=jax.tree.map(lambda *values: np.concatenate(values, axis=-1), self.around, other.around),
+            driver=np.concatenate([self.driver, self.n_drivers + other.driver]),
+            **{name: both(name) for name in along},
+        )

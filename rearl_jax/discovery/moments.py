@@ -105,14 +105,15 @@ class Programs:
                 a["z"], a["theta"], a["pieces"], self.layout, knots, places, groups, n_kept, a["following"], self.dt
             )
 
-        return self._program(("look", places, groups, n_kept), run, WIDEST // 4)
+        return self._program(("look", places, groups, n_kept), run, WIDEST // 2)
 
     def _surprise(
         self, z: Array, theta: Array, knots: Knots, pieces: Pieces, active: tuple[str, ...]
     ) -> Float[Array, "steps pieces"]:
         knots = _squeezed(knots)
-        effects = effects_at(theta, self.layout, knots, active)
-        lens = lens_at(theta, self.layout, knots) if "lens" in active else None
+        numbers = self.layout.by_name(theta)
+        effects = effects_at(numbers, knots, active)
+        lens = lens_at(numbers, knots) if "lens" in active else None
         return innovations(pieces, following_params(z, pieces.is_truck), effects, lens, self.dt)
 
     def _program(self, key: tuple, run: Callable[[dict], object], widest: int) -> Callable[[dict], Any]:

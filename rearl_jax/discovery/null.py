@@ -32,6 +32,10 @@ class Null:
         """Evidence above the null's mean [nats]."""
         return {name: value - max(self.mean[name], LEAST_MEAN) for name, value in evidence.items()}
 
+    def luck(self, name: str) -> float:
+        """Evidence for a candidate that is to be had where nothing is missing [nats]."""
+        return max(self.mean[name], 0.0)
+
     def surprise(self, evidence: dict[str, float]) -> dict[str, float]:
         """Evidence above the null's mean in standard deviations of the null [-]."""
         excess = self.excess(evidence)

@@ -14,9 +14,9 @@ from rearl_jax.discovery.families import are_kin, with_families
 from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.noise import calibrate
 from rearl_jax.discovery.null import Null
-from rearl_jax.discovery.refit import Fit, on_others, rebased, refit
+from rearl_jax.discovery.refit import Fit, on_others, rebased, refit, with_others
 from rearl_jax.discovery.screen import Score, clock_evidence, evidences, scores
-from rearl_jax.discovery.solver import Solver
+from rearl_jax.discovery.solver import Solver, World
 
 FIRING_SURPRISE = 4.5
 """A candidate fires where its evidence lies this many standard deviations above that of the null, each of them at least
@@ -175,15 +175,16 @@ def search(
     report("calibrating drivers", 0, 1)
     world, noise = calibrate(solver, fitted)
     base = Fit(None, world, noise)
-    null = null_for(base)
-    (seen,) = scores(solver, [world])
+    everybody = with_others(solver, base, checked)
+    null = null_for(everybody)
+    (seen,) = scores(solver, [everybody.world])
     found = Search(solver.layout, null, seen, checked, excluded=excluded)
     clocks = None
-    if NAME not in excluded and null.surprise({NAME: clock_evidence(world, seen)})[NAME] > FIRING_SURPRISE:
+    if NAME not in excluded and null.surprise({NAME: clock_evidence(everybody.world, seen)})[NAME] > FIRING_SURPRISE:
         report("comparing clocks", 0, 1)
         clocks = check_clocks(solver, base, checked)
     while len(found.added) <= MOST_EFFECTS:
-        one = _round(solver, base, seen, found, report)
+        one = _round(solver, base, everybody.world, seen, found, report)
         if clocks is not None and not found.rounds and (one.chosen is None or clocks.total > one.chosen.total):
             # The data are put right, and the loop begins again.
             found.clocks, found.checked = clocks, clocks.checked
@@ -195,7 +196,8 @@ def search(
             if one.chosen is None:
                 break
             base = one.chosen.fit
-        (seen,) = scores(solver, [base.world])
+        everybody = with_others(solver, base, found.checked)
+        (seen,) = scores(solver, [everybody.world])
     return found
 
 
@@ -204,12 +206,12 @@ def in_time(solver: Solver, found: Search, data: Measured) -> Measured:
     return data if found.clocks is None else put_right(solver, Clocks(data), found.clocks.base).data
 
 
-def _round(solver: Solver, base: Fit, seen: dict[str, Score], found: Search, report: Report) -> Round:
+def _round(solver: Solver, base: Fit, everybody: World, seen: dict[str, Score], found: Search, report: Report) -> Round:
     """The next turn from a model and its scores."""
     layout, null, added = solver.layout, found.null, found.added
     report(f"looking for effects, round {len(added) + 1}", 0, 1)
     left = {NAME, *layout.candidates} - {*base.world.active, *found.excluded - {NAME}}
-    evidence = {name: value for name, value in evidences(base.world, seen, layout).items() if name in left}
+    evidence = {name: value for name, value in evidences(everybody, seen, layout).items() if name in left}
     fires = {name for name, surprise in null.surprise(evidence).items() if surprise > FIRING_SURPRISE}
     clock_surprise = null.surprise({NAME: evidence.pop(NAME)})[NAME]
     excess, surprise, known = null.excess(evidence), null.surprise(evidence), set(evidence)
@@ -225,7 +227,7 @@ def _round(solver: Solver, base: Fit, seen: dict[str, Score], found: Search, rep
         fits |= refit(solver, base, new, seen, lambda k, n: report("fitting candidates", k, n))
         base = rebased(solver, base, fits)
         report("checking on other drivers", 0, 1)
-        trials = _trials(solver, base, fits, found.checked)
+        trials = _trials(solver, base, fits, found)
         held = believed([one for one in trials if _is_significant(one, firing) and _is_news(one, added)])
         # Nothing is added before all that it is easily taken for have been tried as well.
         tried = with_families({one.candidate.name for one in held[:1]}, known)
@@ -233,10 +235,13 @@ def _round(solver: Solver, base: Fit, seen: dict[str, Score], found: Search, rep
             return Round(base, evidence, excess, surprise, frozenset(firing), trials, held, clock_surprise)
 
 
-def _trials(solver: Solver, base: Fit, fits: dict[str, Fit], checked: Measured) -> list[Trial]:
+def _trials(solver: Solver, base: Fit, fits: dict[str, Fit], found: Search) -> list[Trial]:
     """How every candidate that was fitted fared."""
-    other_base, *others = on_others(solver, checked, [base, *fits.values()])
-    return [trial(solver, fit, base.world, other, other_base) for fit, other in zip(fits.values(), others, strict=True)]
+    other_base, *others = on_others(solver, found.checked, [base, *fits.values()])
+    return [
+        trial(solver, fit, base.world, other, other_base, found.null.luck(name))
+        for (name, fit), other in zip(fits.items(), others, strict=True)
+    ]
 
 
 def _is_significant(one: Trial, firing: Collection[str]) -> bool:

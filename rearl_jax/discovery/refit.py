@@ -200,3 +200,19 @@ def on_others(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[World
         solver.solve([world], iterations=15, tolerance=0.1)
         worlds.append(world)
     return worlds
+
+
+def with_others(solver: Solver, fit: Fit, data: Measured) -> Fit:
+    """The fitted drivers and others together, everything found anew from what was fitted.
+
+    What few drivers show at times, such as what follows a cut-in, needs all of them to be seen.
+    """
+    world = fit.world
+    both = new_world(world.data.beside(data), solver.layout, fit.noise.gain(data.dt, data.stride))
+    both.mean, both.theta, both.active = world.mean.copy(), world.theta, world.active
+    both.z = np.concatenate([world.z, both.mean[both.truck[world.data.n_drivers :]]])
+    solver.solve([both], iterations=15, tolerance=0.3)
+    noise, _ = best_noise(solver, both, noises(fit.noise, ACCELERATIONS))
+    both = with_gain(both, noise.gain(data.dt, data.stride))
+    solver.solve([both], iterations=15, tolerance=0.05)
+    return replace(fit, world=both, noise=noise)

@@ -90,7 +90,7 @@ def _residuals(solver: Solver, world: World, noise: Noise) -> Residuals:
     gain, seen = noise.gain(data.dt, data.stride), data.halfway()
     expected = data.y.astype(np.float32).astype(float) - innovation
     if "lens" in world.active:
-        lens = lens_at(jnp.asarray(world.theta)[:, None, None], solver.layout, solver.layout.knots)
+        lens = lens_at(solver.layout.by_name(jnp.asarray(world.theta)[:, None, None]), solver.layout.knots)
         expected = expected - np.asarray(lens.bend(jnp.asarray(expected)))
         seen = straightened(seen, lens)
     corrected = expected + gain[0] * innovation * data.looks()[:, None]

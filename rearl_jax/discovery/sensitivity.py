@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from rearl_jax.core.affected import if_any
 from rearl_jax.core.following import begin_effects, follow
 from rearl_jax.discovery.candidates import Knots, Layout, effects_at, lens_at
 from rearl_jax.discovery.drivers import following_params
@@ -69,9 +70,9 @@ def look_along(
     """
     pieces = jax.tree.map(jnp.asarray, pieces)
     n_own, n = z.shape
-    chosen = jnp.asarray(places, int)
+    numbers = layout.by_name(theta)
     bends = active is None or "lens" in active
-    lens, first_lens = lens_at(theta, layout, knots) if bends else None, layout.places["lens"][0]
+    lens, first_lens = lens_at(numbers, knots) if bends else None, layout.places["lens"][0]
     n_clocks = following.shape[0]
     size, n_nuisance = n_own + len(places) + n_clocks, n_own + n_kept
     lens_rows = jnp.asarray([n_own + k for k, place in enumerate(places) if place in layout.places["lens"]], int)
@@ -79,10 +80,10 @@ def look_along(
 
     def wanted(point: tuple, memory: tuple, now: Surroundings) -> tuple[Array, tuple]:
         x, v, own, added, shift = point
-        around = now if lens is None else straightened(now, lens_at(added, layout, knots))
+        around = now if lens is None else straightened(now, lens_at(added, knots))
         around = synchronised(around, shift) if n_clocks else around
         seen = stimulus(x, v, pieces.length, pieces.is_truck, around)
-        effects = effects_at(added, layout, knots, active)
+        effects = effects_at(added, knots, active)
         acceleration, memory = follow(seen, following_params(own, pieces.is_truck), effects, memory, dt)
         return jnp.sum(acceleration), (acceleration, memory)
 
@@ -119,10 +120,13 @@ def look_along(
         )
         later = v + last * (dt / 2)
         halfway = (x + v * (dt / 2) + last * (dt * dt / 8), jnp.maximum(later, 0.0))
-        by, (acceleration, memory) = answer((*halfway, z, theta, jnp.zeros_like(x)), memory, around)
-        forcing = jnp.concatenate([by[2], by[3][chosen], by[4][None] * follows])
-        d_wanted = by[0][None] * (d.x + d.v * (dt / 2) + d.last * (dt * dt / 8))
-        d_wanted = d_wanted + jnp.where(later > 0, by[1], 0.0)[None] * (d.v + d.last * (dt / 2)) + forcing
+        by, (acceleration, memory) = answer((*halfway, z, numbers, jnp.zeros_like(x)), memory, around)
+        # Behind a branch, or it is worked out again for every direction that it is multiplied with.
+        is_vehicle, nothing = pieces.length > 0, jnp.zeros_like(x)
+        by_x, by_v = if_any(is_vehicle, lambda: (by[0], jnp.where(later > 0, by[1], 0.0)), (nothing, nothing))
+        forcing = jnp.concatenate([by[2], *layout.at(by[3], places), by[4][None] * follows])
+        d_wanted = by_x[None] * (d.x + d.v * (dt / 2) + d.last * (dt * dt / 8))
+        d_wanted = d_wanted + by_v[None] * (d.v + d.last * (dt / 2)) + forcing
         acceleration, d_acceleration = acceleration + o + extra, d_wanted + d.o
         free = v + acceleration * dt
         faster, d_faster = jnp.maximum(free, 0.0), jnp.where((free > 0)[None], d.v + d_acceleration * dt, 0.0)
@@ -146,7 +150,7 @@ def look_along(
         d_x, d_v = (nothing.at[lens_rows].set(by[lens_knots]) for by in by_lens)
     first = jax.tree.map(lambda values: values[0], pieces.seen)
     seen = stimulus(x, v, pieces.length, pieces.is_truck, first)
-    effects = effects_at(theta, layout, knots, active)
+    effects = effects_at(numbers, knots, active)
     memory = begin_effects(effects, seen, following_params(z, pieces.is_truck), dt)
     zero = jnp.zeros_like(x)
     tangents = Tangents(d_x, d_v, nothing, nothing, nothing)

@@ -106,6 +106,20 @@ def test_parts_share_no_driver(tables_of):
     assert min(len(one) for one in vehicles) >= 3
 
 
+def test_parts_side_by_side_are_the_whole(tables_of):
+    whole = reading.measure(tables_of())
+    mixed = np.random.default_rng(0).permutation(whole.driver.max() + 1)[whole.driver]
+    first, second = (np.flatnonzero(mixed % 3 == part) for part in (0, 1))
+    both, expected = whole.select(first).beside(whole.select(second)), whole.select(np.concatenate([first, second]))
+    assert both.n_drivers == expected.n_drivers > whole.select(first).n_drivers > 5
+    for name in ("y", "weight", "smooth", "smooth_speed", "length", "is_truck", "vehicle", "leader", "recording"):
+        np.testing.assert_array_equal(getattr(both, name), getattr(expected, name))
+    np.testing.assert_array_equal(both.around.leader_rear, expected.around.leader_rear)
+    # Numbered in their order within each part, and nobody twice.
+    assert len(set(zip(both.driver, expected.driver, strict=True))) == both.n_drivers
+    assert both.driver.max() + 1 == both.n_drivers
+
+
 def test_the_rightmost_lane_is_that_of_the_direction(tables_of):
     (table, dt), *_ = tables_of()
     wider = table.assign(direction=np.int8(2), lane=table["lane"] + 1, track_id=table["track_id"] + 100)

@@ -10,11 +10,12 @@ from rearl_jax.discovery.clock_check import ClockCheck
 from rearl_jax.discovery.drivers import CAR, SPREAD, following_params
 from rearl_jax.discovery.gate import Finding
 from rearl_jax.discovery.moments import N_DRIVER
+from rearl_jax.discovery.noise import calibrate
 from rearl_jax.discovery.null import Null, simulate_again, summarise
 from rearl_jax.discovery.observer import Noise
 from rearl_jax.discovery.procedure import Round, Search
-from rearl_jax.discovery.refit import Fit
-from rearl_jax.discovery.screen import evidences, scores
+from rearl_jax.discovery.refit import Fit, with_others
+from rearl_jax.discovery.screen import Score, evidences, scores
 from rearl_jax.discovery.uncertainty import interval, known, price
 from rearl_jax.discovery.verdict import Adequacy, candidate_rows, verdict_of
 
@@ -79,6 +80,22 @@ def test_candidates_on_top_of_what_was_added_are_scored_without_it(solver, calib
     assert found[name].information[0, 0] < 1 / solver.layout.scale[list(solver.layout.candidates[name].look)][0] ** 2
 
 
+def test_the_screen_sees_with_everybody_what_the_fitted_alone_hardly_show(solver, calibrated):
+    """A small effect in drives of all, one half of whom is fitted."""
+    world, noise = calibrated
+    layout, name = solver.layout, "leader_acceleration"
+    theta = layout.reference.copy()
+    theta[layout.places[f"{name}.gain"][0]] = 0.3
+    planted = simulate_again(solver, replace(world, theta=theta, active=(name,)), noise, np.random.default_rng(1))
+    data = replace(world.data, y=planted.pieces.y)
+    halves = [data.select(np.flatnonzero(data.driver % 2 == half)) for half in (0, 1)]
+    alone = Fit(None, *calibrate(solver, halves[0]))
+    both = with_others(solver, alone, halves[1])
+    assert both.world.data.n_drivers == len(both.world.z) == data.n_drivers
+    evidence = [evidences(one.world, scores(solver, [one.world])[0], layout)[name] for one in (alone, both)]
+    assert evidence[1] > 1.5 * evidence[0] > 0
+
+
 def test_null_counts_nats_above_what_nothing_gives():
     null = summarise([{"a": -1.0, "b": 4.0}, {"a": 1.0, "b": 8.0}])
     assert null.mean == {"a": 0.0, "b": 6.0}
@@ -97,9 +114,9 @@ def trial(calibrated):
     """A trial with given gains."""
     from rearl_jax.discovery.candidates import Candidate
 
-    def make(name, fitted, checked, price=2.0, kind="driver", variable="speed"):
+    def make(name, fitted, checked, price=2.0, kind="driver", variable="speed", luck=0.0):
         candidate, fit = Candidate(name, kind, (0,), (0,), (variable,)), Fit(None, *calibrated)
-        return decision.Trial(candidate, fit, np.asarray(fitted, float), np.asarray(checked, float), price)
+        return decision.Trial(candidate, fit, np.asarray(fitted, float), np.asarray(checked, float), price, luck)
 
     return make
 
@@ -117,6 +134,28 @@ def test_no_single_driver_decides_and_others_must_agree(trial):
     best = decision.ranked([trial("f", [0.1] * 10, [0.1] * 10), close, broad])
     assert [one.candidate.name for one in best] == ["b", "e"]
     assert [one.candidate.name for one in decision.not_told_apart(best)] == ["b", "e"]
+
+
+def test_what_is_to_be_had_where_nothing_is_missing_does_not_count(trial):
+    sound, lucky = (trial(name, [1.5] * 10, [1.0] * 10, luck=luck) for name, luck in (("a", 0.0), ("b", 8.0)))
+    assert (sound.gain, sound.check) == (lucky.gain, lucky.check)
+    assert sound.total - lucky.total == 8.0
+    assert sound.holds
+    assert not lucky.holds
+    assert Null({"a": 8.0, "b": -1.0}, {}, 30).luck("a") == 8.0
+    assert Null({"a": 8.0, "b": -1.0}, {}, 30).luck("b") == 0.0
+
+
+@pytest.mark.parametrize(("delay", "counts"), [(0.4, False), (-0.4, False), (0.6, True)])
+def test_a_delay_of_less_than_half_a_moment_is_no_evidence(solver, calibrated, delay, counts):
+    """As a share of a moment; from so many drivers that the score is sure of it."""
+    world, _ = calibrated
+    found = scores(solver, [world])[0]
+    information = np.full((60, 1, 1), 1e4)
+    shift = delay * world.data.dt
+    sure = Score(60 * shift * information[0, 0], 60 * information[0], shift * information[:, 0], information)
+    value = evidences(world, found | {"reaction_delay": sure}, solver.layout)["reaction_delay"]
+    assert (value > 100) if counts else (value <= 0)
 
 
 def test_what_convinces_others_far_more_is_believed_before_what_holds(trial):
