@@ -19,6 +19,9 @@ CERTAINTY = 0.95
 
 DRAWS = 1000
 
+ROUNDING = 1e-9
+"""Change of the squared error that is of the arithmetic, as a share of it [-]."""
+
 
 def confirmed(solver: Solver, found: Search, seed: int) -> Search:
     """The search, without additions with which the closed-loop gap error of the checked drivers is larger.
@@ -63,4 +66,4 @@ def _share_worse(before: Float[np.ndarray, " drivers"], after: Float[np.ndarray,
     """Share of resamples of drivers in which the squared error is larger after than before [-]."""
     worse = after**2 - before**2
     drawn = np.random.default_rng(seed).integers(0, len(worse), (DRAWS, len(worse)))
-    return float((worse[drawn].mean(axis=1) > 0).mean())
+    return float((worse[drawn].mean(axis=1) > ROUNDING * (before**2).mean()).mean())
