@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.errors import gap_errors
 from rearl_jax.discovery.measured import Measured
-from rearl_jax.discovery.procedure import Search
+from rearl_jax.discovery.procedure import Search, is_free
 from rearl_jax.discovery.solver import Solver
 
 CERTAINTY = 0.95
@@ -26,6 +26,9 @@ ROUNDING = 1e-9
 def confirmed(solver: Solver, found: Search, seed: int) -> Search:
     """The search, without additions with which the closed-loop gap error of the checked drivers is larger.
 
+    All of them go where it surely is. Free curves that were added later, which fit what the form of the earlier
+    additions has left, go from the last one on where it is more likely larger than smaller.
+
     Args:
         solver: Simulates.
         found: What was found.
@@ -33,10 +36,16 @@ def confirmed(solver: Solver, found: Search, seed: int) -> Search:
     """
     if not found.added:
         return found
-    before, after = gap_errors(solver, found.checked, [found.first, found.last])
-    if _share_worse(before, after, seed) < CERTAINTY:
+    errors = gap_errors(solver, found.checked, [found.first, *(one.fit for one in found.added)])
+    kept = len(found.added)
+    while kept > 1 and is_free(found.added[kept - 1]) and _share_worse(errors[kept - 1], errors[kept], seed) > 0.5:
+        kept -= 1
+    if _share_worse(errors[0], errors[kept], seed) >= CERTAINTY:
+        kept = 0
+    if kept == len(found.added):
         return found
-    return replace(found, rounds=[replace(found.rounds[0], held=[])], rejected=found.added)
+    rounds = [*found.rounds[:kept], replace(found.rounds[kept], held=[])]
+    return replace(found, rounds=rounds, rejected=found.added[kept:])
 
 
 def clocks_confirmed(solver: Solver, found: Search, checked: Measured, seed: int) -> bool:

@@ -144,7 +144,7 @@ class Search:
         earlier = takewhile(lambda other: other is not one, self.added)
         if not is_free(one) and any(is_free(other) for other in earlier):
             return True
-        curves = [other.candidate for other in self.added if is_free(other)]
+        curves = [other.candidate for other in (*self.added, *self.rejected) if is_free(other)]
         return any(set(curve.variables) & set(one.candidate.variables) for curve in curves if curve != one.candidate)
 
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from rearl_jax.discovery.clock_check import ClockCheck
 from rearl_jax.discovery.confirmation import clocks_confirmed, confirmed, lens_confirmed
@@ -14,23 +15,27 @@ from rearl_jax.discovery.solver import copied
 
 def search_with(solver, calibrated, delay):
     """A search that has added a reaction delay, right or wrong."""
-    return search_that_added(solver, calibrated, "reaction_delay", [delay])
+    return search_that_added(solver, calibrated, ("reaction_delay", [delay]))
 
 
-def search_that_added(solver, calibrated, name, values):
-    """A search that has added a candidate with some numbers."""
+def search_that_added(solver, calibrated, *added):
+    """A search that has added candidates with some numbers, one after the other."""
     from rearl_jax.discovery.decision import Trial
 
     world, noise = calibrated
-    candidate = solver.layout.candidates[name]
-    theta = world.theta.copy()
-    theta[list(candidate.free)] = values
-    changed = copied(world, theta=theta, active=(name,))
-    solver.sums([changed])
+    rounds, fit = [], Fit(None, world, noise)
     gains = world.penalised() * 0.0 + 10.0
-    trial = Trial(candidate, Fit(candidate, changed, noise), gains, gains, 0.0)
-    base = Round(Fit(None, world, noise), {}, {}, {}, frozenset(), [trial], [trial])
-    return Search(solver.layout, Null({}, {}, 1), {}, world.data, None, [base, replace(base, base=trial.fit, held=[])])
+    for name, values in added:
+        candidate = solver.layout.candidates[name]
+        theta = fit.world.theta.copy()
+        theta[list(candidate.free)] = values
+        changed = copied(world, theta=theta, active=(*fit.world.active, name))
+        solver.sums([changed])
+        trial = Trial(candidate, Fit(candidate, changed, noise), gains, gains, 0.0)
+        rounds.append(Round(fit, {}, {}, {}, frozenset(), [trial], [trial]))
+        fit = trial.fit
+    rounds.append(Round(fit, {}, {}, {}, frozenset(), [], []))
+    return Search(solver.layout, Null({}, {}, 1), {}, world.data, None, rounds)
 
 
 def test_an_addition_that_makes_simulations_worse_is_taken_back(solver, calibrated):
@@ -47,11 +52,23 @@ def test_an_addition_that_does_nothing_is_left_alone(solver, calibrated):
     assert confirmed(solver, found, 0) is found
 
 
+@pytest.mark.parametrize(
+    ("later", "size", "kept"), [("dependence.speed", 1.0, 1), ("dependence.speed", 0.0, 2), ("leader_class", 1.0, 0)]
+)
+def test_a_later_curve_that_makes_simulations_worse_goes_alone(solver, calibrated, later, size, kept):
+    values = size * np.cos(2 * np.arange(len(solver.layout.candidates[later].free)))
+    found = search_that_added(solver, calibrated, ("reaction_delay", [0.0]), (later, values))
+    left = confirmed(solver, found, 0)
+    assert left.added == found.added[:kept]
+    assert left.rejected == found.added[kept:]
+    assert left.last.world is [found.first.world, *(one.fit.world for one in found.added)][kept]
+
+
 def test_a_distortion_that_makes_simulations_worse_is_not_believed(solver, calibrated):
     assert lens_confirmed(solver, search_with(solver, calibrated, 1.2), 0)  # there is none
     wave = np.cos(np.arange(len(solver.layout.candidates["lens"].free)))
-    assert lens_confirmed(solver, search_that_added(solver, calibrated, "lens", 0.0 * wave), 0)  # no worse
-    assert not lens_confirmed(solver, search_that_added(solver, calibrated, "lens", 12.0 * wave), 0)
+    assert lens_confirmed(solver, search_that_added(solver, calibrated, ("lens", 0.0 * wave)), 0)  # no worse
+    assert not lens_confirmed(solver, search_that_added(solver, calibrated, ("lens", 12.0 * wave)), 0)
 
 
 def test_clocks_that_make_simulations_worse_are_not_believed(solver, calibrated):

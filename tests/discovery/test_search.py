@@ -186,6 +186,15 @@ def test_a_name_after_a_free_curve_is_doubtful(trial, solver, calibrated, kinds,
     assert not search.is_doubtful(added["generic"])
 
 
+@pytest.mark.parametrize(("variable", "doubtful"), [("speed", True), ("gap", False)])
+def test_a_curve_that_was_taken_back_leaves_its_dependence(trial, solver, calibrated, variable, doubtful):
+    named = trial("named", [0.6] * 10, [0.3] * 10, variable="speed")
+    curve = trial("curve", [0.6] * 10, [0.3] * 10, kind="generic", variable=variable)
+    turn = Round(Fit(None, *calibrated), {}, {}, {}, frozenset({"named"}), [named], [named])
+    search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=[turn], rejected=[curve])
+    assert search.is_doubtful(named) == doubtful
+
+
 @pytest.mark.parametrize(("staleness", "expected"), [(0.0, "artefact"), (5.0, "unexplained")])
 def test_clocks_that_leave_more_than_noise_do_not_explain_it(solver, calibrated, staleness, expected):
     fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -1.0, staleness, ("grade", 1.0))
