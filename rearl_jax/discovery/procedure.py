@@ -232,6 +232,7 @@ def _round(solver: Solver, base: Fit, everybody: World, seen: dict[str, Score], 
         # Nothing is added before all that it is easily taken for have been tried as well.
         tried = with_families({one.candidate.name for one in held[:1]}, known)
         if tried <= fits.keys():
+            surprise |= {one.candidate.name: 0.0 for one in trials if _is_of_numerics(one)}
             return Round(base, evidence, excess, surprise, frozenset(firing), trials, held, clock_surprise)
 
 
@@ -246,11 +247,15 @@ def _trials(solver: Solver, base: Fit, fits: dict[str, Fit], found: Search) -> l
 
 def _is_significant(one: Trial, firing: Collection[str]) -> bool:
     """Whether a candidate fires, or is so much better in full than at a glance that it needs not."""
-    if one.candidate.name == "reaction_delay":
-        (place,) = one.candidate.free
-        if abs(one.fit.world.theta[place]) < one.fit.world.data.dt:
-            return False  # less than a moment: of the numerics, not of the driver
-    return one.candidate.name in firing or one.total > UNFIRED_TOTAL
+    return not _is_of_numerics(one) and (one.candidate.name in firing or one.total > UNFIRED_TOTAL)
+
+
+def _is_of_numerics(one: Trial) -> bool:
+    """Whether it is a reaction delay of less than a moment, which is not of the driver."""
+    if one.candidate.name != "reaction_delay":
+        return False
+    (place,) = one.candidate.free
+    return bool(abs(one.fit.world.theta[place]) < one.fit.world.data.dt)
 
 
 def _is_news(one: Trial, added: list[Trial]) -> bool:

@@ -22,9 +22,6 @@ from rearl_jax.discovery.solver import CLASSES, Solver, World
 PRIOR_WIDTHS = (0.35, 1.0, 2.0)
 """Widths of the prior, as multiples of the usual one, of which the best is taken [-]."""
 
-OF_NUMERICS = 0.5
-"""Reaction delay below which it is of the numerics, not of the driver, as a share of a moment [-]."""
-
 
 @dataclass(frozen=True)
 class Score:
@@ -130,8 +127,6 @@ def evidences(world: World, found: dict[str, Score], layout: Layout) -> dict[str
             without = score.score - score.driver_score
             rest = score.information - score.driver_information
             value = float(min(value, _evidence(without, rest, scale).min()))
-        if name == "reaction_delay" and abs(score.fitted()[0]) < OF_NUMERICS * world.data.dt:
-            value = min(value, 0.0)
         evidence[name] = value
     return evidence
 

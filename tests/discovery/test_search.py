@@ -15,7 +15,8 @@ from rearl_jax.discovery.null import Null, simulate_again, summarise
 from rearl_jax.discovery.observer import Noise
 from rearl_jax.discovery.procedure import Round, Search
 from rearl_jax.discovery.refit import Fit, with_others
-from rearl_jax.discovery.screen import Score, evidences, scores
+from rearl_jax.discovery.screen import evidences, scores
+from rearl_jax.discovery.solver import copied
 from rearl_jax.discovery.uncertainty import interval, known, price
 from rearl_jax.discovery.verdict import Adequacy, candidate_rows, verdict_of
 
@@ -146,18 +147,6 @@ def test_what_is_to_be_had_where_nothing_is_missing_does_not_count(trial):
     assert Null({"a": 8.0, "b": -1.0}, {}, 30).luck("b") == 0.0
 
 
-@pytest.mark.parametrize(("delay", "counts"), [(0.4, False), (-0.4, False), (0.6, True)])
-def test_a_delay_of_less_than_half_a_moment_is_no_evidence(solver, calibrated, delay, counts):
-    """As a share of a moment; from so many drivers that the score is sure of it."""
-    world, _ = calibrated
-    found = scores(solver, [world])[0]
-    information = np.full((60, 1, 1), 1e4)
-    shift = delay * world.data.dt
-    sure = Score(60 * shift * information[0, 0], 60 * information[0], shift * information[:, 0], information)
-    value = evidences(world, found | {"reaction_delay": sure}, solver.layout)["reaction_delay"]
-    assert (value > 100) if counts else (value <= 0)
-
-
 def test_what_convinces_others_far_more_is_believed_before_what_holds(trial):
     holds, hardly = trial("holds", [0.7] * 10, [1.5] * 10), trial("hardly", [0.3] * 10, [4.0] * 10)
     loses, close = trial("loses", [0.1] * 10, [4.0] * 10), trial("close", [0.3] * 10, [2.0] * 10)
@@ -174,6 +163,17 @@ def test_what_is_beaten_by_something_not_believed_is_doubtful(trial, solver, cal
     turn = Round(Fit(None, *calibrated), {}, {}, {}, firing, [holds, loses], [holds])
     search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=[turn])
     assert search.is_doubtful(holds) == doubtful
+
+
+@pytest.mark.parametrize(("moments", "counts"), [(0.5, False), (-0.5, False), (3.0, True)])
+def test_a_delay_of_less_than_a_moment_is_of_the_numerics(trial, calibrated, moments, counts):
+    holds, delay = trial("holds", [0.6] * 10, [1.3] * 10), trial("reaction_delay", [0.1] * 10, [2.5] * 10)
+    world, noise = calibrated
+    theta = world.theta.copy()
+    theta[list(delay.candidate.free)] = moments * world.data.dt
+    delay = replace(delay, fit=Fit(delay.candidate, copied(world, theta=theta), noise))
+    firing = frozenset({"holds", "reaction_delay"})
+    assert Round(Fit(None, world, noise), {}, {}, {}, firing, [holds, delay], [holds]).is_beaten == counts
 
 
 @pytest.mark.parametrize(("kinds", "doubtful"), [(("driver", "generic"), False), (("generic", "driver"), True)])
