@@ -26,8 +26,8 @@ ROUNDING = 1e-9
 def confirmed(solver: Solver, found: Search, seed: int) -> Search:
     """The search, without additions with which the closed-loop gap error of the checked drivers is larger.
 
-    All of them go where it surely is. Free curves that were added later, which fit what the form of the earlier
-    additions has left, go from the last one on where it is more likely larger than smaller.
+    They go from the last one on: free curves that were added later, which fit what the form of the earlier additions
+    has left, where they more likely make it larger than smaller; then all as long as it surely is larger than before.
 
     Args:
         solver: Simulates.
@@ -40,8 +40,8 @@ def confirmed(solver: Solver, found: Search, seed: int) -> Search:
     kept = len(found.added)
     while kept > 1 and is_free(found.added[kept - 1]) and _share_worse(errors[kept - 1], errors[kept], seed) > 0.5:
         kept -= 1
-    if _share_worse(errors[0], errors[kept], seed) >= CERTAINTY:
-        kept = 0
+    while kept and _share_worse(errors[0], errors[kept], seed) >= CERTAINTY:
+        kept -= 1
     if kept == len(found.added):
         return found
     rounds = [*found.rounds[:kept], replace(found.rounds[kept], held=[])]

@@ -140,11 +140,17 @@ class Search:
         """What was added, in order."""
         return [one.chosen for one in self.rounds if one.chosen is not None]
 
+    @property
+    def is_contradicted(self) -> bool:
+        """Whether an effect or artefact that the drivers' moments ask for makes their simulation worse."""
+        return any(not is_free(one) for one in self.rejected)
+
     def is_doubtful(self, one: Trial) -> bool:
-        """Whether a named effect is beaten by what is not believed, comes after a free curve, whose remainder it may
-        be, or leaves a dependence on what it acts by, which then is another one than it says.
+        """Whether a named effect is beaten by what is not believed, comes before what simulations contradict or after a
+        free curve, whose remainder it may be, or leaves a dependence on what it acts by, which then is another one than
+        it says.
         """
-        if any(turn.is_beaten for turn in self.rounds if turn.chosen is one):
+        if self.is_contradicted or any(turn.is_beaten for turn in self.rounds if turn.chosen is one):
             return True
         earlier = takewhile(lambda other: other is not one, self.added)
         if not is_free(one) and any(is_free(other) for other in earlier):

@@ -256,7 +256,7 @@ def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) 
     if search.clocks is not None and not adequacy.is_of_clocks:
         return "unexplained"
     if "artefact" in added:
-        return "artefact" if adequacy.is_enough else "unexplained"
+        return "artefact" if adequacy.is_enough and not search.is_contradicted else "unexplained"
     if search.clocks is not None:
         return "artefact"
     if added or search.rejected or _is_sure(search.rounds[-1]) or leaves_shifts(search) or not adequacy.is_enough:

@@ -53,11 +53,17 @@ def test_an_addition_that_does_nothing_is_left_alone(solver, calibrated):
 
 
 @pytest.mark.parametrize(
-    ("later", "size", "kept"), [("dependence.speed", 1.0, 1), ("dependence.speed", 0.0, 2), ("leader_class", 1.0, 0)]
+    ("delay", "later", "size", "kept"),
+    [
+        (0.0, "dependence.speed", 1.0, 1),
+        (0.0, "dependence.speed", 0.0, 2),
+        (0.0, "leader_class", 1.0, 1),
+        (1.2, "leader_class", 0.0, 0),
+    ],
 )
-def test_a_later_curve_that_makes_simulations_worse_goes_alone(solver, calibrated, later, size, kept):
+def test_a_later_addition_that_makes_simulations_worse_goes_alone(solver, calibrated, delay, later, size, kept):
     values = size * np.cos(2 * np.arange(len(solver.layout.candidates[later].free)))
-    found = search_that_added(solver, calibrated, ("reaction_delay", [0.0]), (later, values))
+    found = search_that_added(solver, calibrated, ("reaction_delay", [delay]), (later, values))
     left = confirmed(solver, found, 0)
     assert left.added == found.added[:kept]
     assert left.rejected == found.added[kept:]

@@ -186,12 +186,16 @@ def test_a_name_after_a_free_curve_is_doubtful(trial, solver, calibrated, kinds,
     assert not search.is_doubtful(added["generic"])
 
 
-@pytest.mark.parametrize(("variable", "doubtful"), [("speed", True), ("gap", False)])
-def test_a_curve_that_was_taken_back_leaves_its_dependence(trial, solver, calibrated, variable, doubtful):
+@pytest.mark.parametrize(
+    ("kind", "variable", "doubtful"), [("generic", "speed", True), ("generic", "gap", False), ("driver", "gap", True)]
+)
+def test_a_curve_that_was_taken_back_leaves_its_dependence_and_an_effect_a_contradiction(
+    trial, solver, calibrated, kind, variable, doubtful
+):
     named = trial("named", [0.6] * 10, [0.3] * 10, variable="speed")
-    curve = trial("curve", [0.6] * 10, [0.3] * 10, kind="generic", variable=variable)
+    back = trial("back", [0.6] * 10, [0.3] * 10, kind=kind, variable=variable)
     turn = Round(Fit(None, *calibrated), {}, {}, {}, frozenset({"named"}), [named], [named])
-    search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=[turn], rejected=[curve])
+    search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=[turn], rejected=[back])
     assert search.is_doubtful(named) == doubtful
 
 
