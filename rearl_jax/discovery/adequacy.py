@@ -13,10 +13,11 @@ from jaxtyping import Float
 from rearl_jax.core.following import follow
 from rearl_jax.discovery.forcing import answers, parameters
 from rearl_jax.discovery.measured import Measured
+from rearl_jax.discovery.null import noise_alone
 from rearl_jax.discovery.procedure import Search
-from rearl_jax.discovery.refit import on_others
+from rearl_jax.discovery.refit import Fit, on_others
 from rearl_jax.discovery.residuals import Residuals, residuals_of
-from rearl_jax.discovery.solver import Solver
+from rearl_jax.discovery.solver import Solver, World
 from rearl_jax.discovery.verdict import Adequacy
 
 MOST_ENERGY = 9.0
@@ -29,14 +30,28 @@ REASONABLE = (-5.0, 3.0)
 """What a driver may want [m/s^2]; beyond it, a leader is measured too close."""
 
 
-def adequacy(solver: Solver, found: Search) -> Adequacy:
+REPLICATES = 8
+"""Times the drives are made again, to see what noise alone leaves: its mean is known to 0.35 standard deviations."""
+
+Parts = Sequence[Residuals]
+"""What the final model leaves, of each part of the drivers."""
+
+
+def adequacy(solver: Solver, found: Search, seed: int) -> Adequacy:
     """Moments of the final model's innovations, and the candidate that is most surprising still.
 
     Misjudged gaps and old decisions, which nothing else confirms, are asked of the other drivers as well.
+
+    Args:
+        solver: Has fitted the model.
+        found: What was added.
+        seed: Of the drives that are made again.
     """
     world, last = found.last.world, found.rounds[-1]
     (before,) = solver.innovations([found.first.world])
-    everybody = residuals_of(solver, [world, *on_others(solver, found.checked, [found.last])], [found.last, found.last])
+    worlds = [world, *on_others(solver, found.checked, [found.last])]
+    everybody = residuals_of(solver, worlds, [found.last, found.last])
+    chance = by_noise_alone(solver, worlds, found.last, seed)
     left = everybody[0]
     surprise = left.innovation
     weight = world.data.weight
@@ -51,10 +66,26 @@ def adequacy(solver: Solver, found: Search) -> Adequacy:
         kurtosis_before=kurtosis(before, weight),
         autocorrelation=float(neighbours / variance),
         unequal_noise=unequal_noise(surprise, world.data),
-        misjudgement=misjudgement(everybody),
-        staleness=staleness(everybody),
+        misjudgement=misjudgement(everybody, chance),
+        staleness=staleness(everybody, chance),
         remaining=(name, float(last.surprise[name])),
     )
+
+
+def by_noise_alone(solver: Solver, worlds: Sequence[World], fit: Fit, seed: int) -> list[Parts]:
+    """What the final model leaves of drives that it and noise have made, nothing else: a list of parts per replicate.
+
+    Args:
+        solver: Simulates and fits.
+        worlds: The parts of the drivers under the final model.
+        fit: The final model, for its noise.
+        seed: Of the drives.
+    """
+    parts = [
+        [one for group in noise_alone(solver, world, fit.noise, REPLICATES, seed + part) for one in group]
+        for part, world in enumerate(worlds)
+    ]
+    return [residuals_of(solver, again, [fit] * len(again)) for again in zip(*parts, strict=True)]
 
 
 def kurtosis(surprise: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarray, "steps pieces"]) -> float:
@@ -82,32 +113,34 @@ def unequal_noise(surprise: Float[np.ndarray, "steps pieces"], data: Measured) -
     return {name: _surely(_votes(relative, values, data)) for name, values in situations.items()}
 
 
-def misjudgement(parts: Sequence[Residuals]) -> float:
+def misjudgement(parts: Parts, chance: Sequence[Parts]) -> float:
     """How surely what drivers do beside the model grows with what a misjudged gap would make them do.
 
     An error of the gap in proportion to it changes the acceleration by the gap times the model's answer to it. Noise of
     the acceleration does not depend on that answer, and is even damped by it: negative figures.
 
     Args:
-        parts: What the final model leaves, of each part of the drivers.
+        parts: What the final model leaves.
+        chance: The same of drives that it and noise alone have made.
     """
 
     def by_misjudging(left: Residuals) -> np.ndarray:
         gap, answer = np.asarray(left.stimulus().gap), answers(left).x
         return (answer * gap) ** 2
 
-    return _energy_grows_with(by_misjudging, parts)
+    return _beyond_chance(by_misjudging, parts, chance)
 
 
-def staleness(parts: Sequence[Residuals]) -> float:
+def staleness(parts: Parts, chance: Sequence[Parts]) -> float:
     """How surely what drivers do beside the model grows with how much of late what the model wants has changed.
 
     Who decides now and then, and holds on to it in between, is behind by a random time; what that does is in proportion
-    to the change. Behind by always the same time he has a delay, which leaves nothing of the kind once it is known, and
-    noise of the acceleration does not ask what has changed.
+    to the change. Behind by always the same time he has a delay, which leaves nothing of the kind once it is known.
+    Noise changes what the model wants too, by the speed it leaves: the calmer the leaders, the more of it by chance.
 
     Args:
-        parts: What the final model leaves, of each part of the drivers.
+        parts: What the final model leaves.
+        chance: The same of drives that it and noise alone have made.
     """
 
     def by_being_late(left: Residuals) -> np.ndarray:
@@ -118,12 +151,23 @@ def staleness(parts: Sequence[Residuals]) -> float:
         change[ago:] = wanted[ago:] - wanted[:-ago]
         return change**2
 
-    return _energy_grows_with(by_being_late, parts)
+    return _beyond_chance(by_being_late, parts, chance)
 
 
-def _energy_grows_with(energy: Callable[[Residuals], np.ndarray], parts: Sequence[Residuals]) -> float:
-    """How surely the energy of what drivers do beside the model grows with another one, of each part."""
-    return _surely(np.concatenate([_energy_votes(energy(left), left) for left in parts]))
+Energy = Callable[[Residuals], np.ndarray]
+"""What might make drivers do something beside the model, squared."""
+
+
+def _beyond_chance(energy: Energy, parts: Parts, chance: Sequence[Parts]) -> float:
+    """How surely what drivers do beside the model grows with an energy, and beyond what noise alone leaves of that.
+
+    Where noise leaves negative figures, zero is what has to be passed: a delay, known or not, leaves more than noise.
+    """
+
+    def grows(these: Parts) -> float:
+        return _surely(np.concatenate([_energy_votes(energy(left), left) for left in these]))
+
+    return grows(parts) - max(float(np.mean([grows(these) for these in chance])), 0.0)
 
 
 def _energy_votes(square: Float[np.ndarray, "steps pieces"], left: Residuals) -> Float[np.ndarray, " drivers"]:

@@ -1,6 +1,6 @@
 """What evidence looks like where nothing is missing: drives simulated from the calibrated model, measured again."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,12 +92,31 @@ def simulate_again(solver: Solver, world: World, noise: Noise, rng: np.random.Ge
     driven = data.y - behind_noisy_drive(solver, world, noise, rng)
     y = driven + position_errors(noise, driven.shape, data.dt, rng)
     frequency = cut_off(data.noise, data.dt)
-    first = np.empty((2, y.shape[1]))
+    x, v = np.empty_like(y), np.empty_like(y)
     for piece in range(y.shape[1]):
-        x, v, _ = smoothed(y[:, piece], data.dt, frequency)
-        first[:, piece] = x[0], v[0]
-    pieces = replace(world.pieces, y=y, start=first)
-    return copied(world, pieces=pieces)
+        x[:, piece], v[:, piece], _ = smoothed(y[:, piece], data.dt, frequency)
+    pieces = replace(world.pieces, y=y, start=np.stack([x[0], v[0]]))
+    return copied(world, data=replace(data, y=y, smooth=x, smooth_speed=v), pieces=pieces)
+
+
+def noise_alone(solver: Solver, world: World, noise: Noise, replicates: int, seed: int) -> Iterator[list[World]]:
+    """Worlds with other drives in which nothing is missing, calibrated anew, as many at once as are worth it.
+
+    Args:
+        solver: Simulates and fits.
+        world: Calibrated, with what has been added so far.
+        noise: As calibrated.
+        replicates: How many times the drives are made again.
+        seed: Of the random numbers.
+    """
+    group = max(1, AT_ONCE // max(1, len(world.data.driver)))
+    for first in range(0, replicates, group):
+        worlds = [
+            simulate_again(solver, world, noise, np.random.default_rng([seed, replicate]))
+            for replicate in range(first, min(first + group, replicates))
+        ]
+        solver.solve(worlds, iterations=12, tolerance=0.1)
+        yield worlds
 
 
 def null_of(
@@ -119,13 +138,7 @@ def null_of(
         progress: Called with the replicates done and wanted.
     """
     found: list[dict[str, float]] = []
-    group = max(1, AT_ONCE // max(1, len(world.data.driver)))
-    for first in range(0, replicates, group):
-        worlds = [
-            simulate_again(solver, world, noise, np.random.default_rng([seed, replicate]))
-            for replicate in range(first, min(first + group, replicates))
-        ]
-        solver.solve(worlds, iterations=12, tolerance=0.1)
+    for worlds in noise_alone(solver, world, noise, replicates, seed):
         seen = scores(solver, worlds)
         found += [evidences(one, score, solver.layout) for one, score in zip(worlds, seen, strict=True)]
         if progress is not None:

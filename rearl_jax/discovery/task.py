@@ -162,7 +162,7 @@ def _verdict(
 ) -> dict[str, Any]:
     """The verdict, with the tables and the model; the page too where it is wanted."""
     options = config.discover
-    left = adequacy(solver, found)
+    left = adequacy(solver, found, options.seed)
     reported = in_time(solver, found, parts.reported)
     errors = model_errors(solver, parts.reported, {"before": found.before}, options.seed)
     if found.added or found.clocks is not None:

@@ -1,9 +1,11 @@
 """Whether what drivers do beside the model is noise, or an answer to what the model wants."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from rearl_jax.discovery.adequacy import misjudgement, staleness
+from rearl_jax.discovery.adequacy import by_noise_alone, misjudgement, staleness
 from rearl_jax.discovery.layout import layout_of
 from rearl_jax.discovery.moments import Programs
 from rearl_jax.discovery.noise import calibrate
@@ -15,9 +17,10 @@ from rearl_jax.discovery.verdict import CERTAIN_GROWTH, Adequacy
 
 def growth_in(data, solver, calibrated):
     world, noise = calibrated
-    parts = residuals_of(solver, [world], [Fit(None, world, noise)])
+    fit = Fit(None, world, noise)
+    parts, chance = residuals_of(solver, [world], [fit]), by_noise_alone(solver, [world], fit, 7)
     assert np.abs(parts[0].acceleration).max() > 0.01, "drivers did nothing beside the model"
-    return misjudgement(parts), staleness(parts)
+    return misjudgement(parts, chance), staleness(parts, chance)
 
 
 def test_noise_does_not_ask_what_the_model_wants(measured_of, solver, calibrated):
@@ -35,10 +38,24 @@ def test_every_driver_has_a_vote_whichever_part_they_are_in(measured_of):
     data = measured_of("action_points")
     solver = Solver(Programs(layout_of(data), data.dt))
     world, noise = calibrate(solver, data)
-    (left,) = residuals_of(solver, [world], [Fit(None, world, noise)])
+    fit = Fit(None, world, noise)
+    (left,) = residuals_of(solver, [world], [fit])
+    chance = [again for (again,) in by_noise_alone(solver, [world], fit, 7)]
     for ask in (misjudgement, staleness):
-        assert ask([left]) != 0.0
-        assert ask([left, left]) == pytest.approx(np.sqrt(2) * ask([left]))
+        alone = ask([left], [[again] for again in chance])
+        assert alone != 0.0
+        assert ask([left, left], [[again, again] for again in chance]) == pytest.approx(np.sqrt(2) * alone)
+
+
+def test_what_noise_leaves_by_chance_counts_for_nothing(solver, calibrated):
+    """Noise is damped where drivers answer to the gap, so alone it does not leave figures about zero."""
+    world, noise = calibrated
+    fit = Fit(None, world, noise)
+    (left,), chance = residuals_of(solver, [world], [fit]), by_noise_alone(solver, [world], fit, 7)
+    silent = [[replace(left, acceleration=np.zeros_like(left.acceleration))]]
+    by_chance = [misjudgement(again, silent) for again in chance]
+    assert np.mean(by_chance) < -3 * np.std(by_chance) / np.sqrt(len(by_chance))
+    assert abs(misjudgement([left], chance)) < abs(misjudgement([left], silent))
 
 
 LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "autocorrelation": 0.01,
