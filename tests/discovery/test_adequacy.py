@@ -9,9 +9,10 @@ from rearl_jax.discovery.adequacy import by_noise_alone, misjudgement, staleness
 from rearl_jax.discovery.layout import layout_of
 from rearl_jax.discovery.moments import Programs
 from rearl_jax.discovery.noise import calibrate
+from rearl_jax.discovery.null import noise_alone
 from rearl_jax.discovery.refit import Fit
 from rearl_jax.discovery.residuals import residuals_of
-from rearl_jax.discovery.solver import Solver
+from rearl_jax.discovery.solver import Solver, with_gain
 from rearl_jax.discovery.verdict import CERTAIN_GROWTH, Adequacy
 
 
@@ -47,15 +48,19 @@ def test_every_driver_has_a_vote_whichever_part_they_are_in(measured_of):
         assert ask([left, left], [[again, again] for again in chance]) == pytest.approx(np.sqrt(2) * alone)
 
 
-def test_what_noise_leaves_by_chance_counts_for_nothing(solver, calibrated):
-    """Noise is damped where drivers answer to the gap, so alone it does not leave figures about zero."""
+def test_restless_drivers_are_not_taken_for_late_ones(solver, calibrated):
+    """The speed that noise leaves changes what drivers want, just where the noise has been large."""
     world, noise = calibrated
-    fit = Fit(None, world, noise)
-    (left,), chance = residuals_of(solver, [world], [fit]), by_noise_alone(solver, [world], fit, 7)
+    restless = replace(noise, acceleration=1.0)
+    (again,) = next(noise_alone(solver, world, restless, 1, 3))
+    again = with_gain(again, restless.gain(again.data.dt, again.data.stride))
+    solver.solve([again])
+    fit = Fit(None, again, restless)
+    (left,), chance = residuals_of(solver, [again], [fit]), by_noise_alone(solver, [again], fit, 7)
     silent = [[replace(left, acceleration=np.zeros_like(left.acceleration))]]
-    by_chance = [misjudgement(again, silent) for again in chance]
-    assert np.mean(by_chance) < -3 * np.std(by_chance) / np.sqrt(len(by_chance))
-    assert abs(misjudgement([left], chance)) < abs(misjudgement([left], silent))
+    by_chance = [staleness(parts, silent) for parts in chance]
+    assert np.mean(by_chance) > 3 * np.std(by_chance) / np.sqrt(len(by_chance))
+    assert abs(staleness([left], chance)) < staleness([left], silent)
 
 
 LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "autocorrelation": 0.01,
