@@ -55,6 +55,12 @@ def _log_width(world: World) -> float:
     return float(np.linalg.slogdet(own)[1].sum())
 
 
+def is_exact(solver: Solver, data: Measured) -> bool:
+    """Whether drivers do nothing beside the model, as nobody but a simulation does."""
+    _, noise = calibrate(solver, data)
+    return noise.acceleration <= ACCELERATIONS[0]
+
+
 def noises(like: Noise, accelerations: Sequence[float]) -> list[Noise]:
     """Noises of drivers, with the measurement's as it is."""
     return [replace(like, acceleration=sd, time=time) for sd in accelerations for time in TIMES]

@@ -8,10 +8,17 @@ import numpy as np
 from rearl_jax.config import DiscoverConfig
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.discovery.gate import Finding, amount, gate
+from rearl_jax.discovery.layout import layout_of
 from rearl_jax.discovery.measured import Measured
+from rearl_jax.discovery.moments import Programs
+from rearl_jax.discovery.noise import is_exact
 from rearl_jax.discovery.reading import measure, one_frame_rate
-from rearl_jax.discovery.smoothing import thinned
-from rearl_jax.discovery.smoothness import smoothness
+from rearl_jax.discovery.smoothing import Thinned, thinned
+from rearl_jax.discovery.smoothness import Smoothness, smoothness
+from rearl_jax.discovery.solver import Solver
+
+ENOUGH = 36
+"""Drivers who are asked whether they do anything beside the model."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +55,15 @@ def measured_drivers(recordings: Sequence[Recording], options: DiscoverConfig) -
     one_frame_rate(recordings)
     tables = [thinned(recording) for recording in recordings]
     smooth = smoothness(tables)
+    findings, data = _measured(tables, smooth, options)
+    if smooth.drives and _are_exact(data):
+        # A simulation without noise is as smooth by itself as a kernel would have made it.
+        findings, data = _measured(tables, Smoothness(), options)
+    return findings, data
+
+
+def _measured(tables: Sequence[Thinned], smooth: Smoothness, options: DiscoverConfig) -> tuple[list[Finding], Measured]:
+    """Findings and drivers, taken for smoothed or not."""
     findings = gate(tables, smooth.drives)
     data = measure(tables, amount(findings, "position_lag"), smooth)
     if data.n_drivers > options.max_drivers:
@@ -55,3 +71,9 @@ def measured_drivers(recordings: Sequence[Recording], options: DiscoverConfig) -
         kept = rng.choice(data.n_drivers, options.max_drivers, replace=False)
         data = data.select(np.flatnonzero(np.isin(data.driver, kept)))
     return findings, data
+
+
+def _are_exact(data: Measured) -> bool:
+    """Whether some of the drivers, which are enough to see it, do nothing beside the model."""
+    some = data.select(np.flatnonzero(data.driver < ENOUGH))
+    return is_exact(Solver(Programs(layout_of(some), some.dt)), some)

@@ -6,11 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.config import DiscoverConfig
 from rearl_jax.core.order import NOBODY
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery import reading, smoothing
+from rearl_jax.discovery.parts import measured_drivers
 from rearl_jax.discovery.procedure import split_drivers
-from rearl_jax.discovery.smoothness import Smoothness
+from rearl_jax.discovery.smoothness import Smoothness, smoothness
 from rearl_jax.discovery.surroundings import look_around
 
 
@@ -206,3 +208,13 @@ def test_nothing_counts_where_the_driver_or_the_leader_has_jumped(tables_of):
     np.testing.assert_array_equal(
         jumped.weight[data.around.time < 19.0], data.weight[data.around.time < 19.0], "before the jump all is as it was"
     )
+
+
+def test_a_simulation_without_noise_is_not_taken_for_smoothed(recordings_of):
+    exact = recordings_of(driver_noise=0.0, position_noise=0.0)
+    assert smoothness([smoothing.thinned(recording) for recording in exact]).drives > 0.4
+    findings, data = measured_drivers(exact, DiscoverConfig())
+    assert (findings, data.stride) == ([], 1)
+    findings, data = measured_drivers(recordings_of("smoothing"), DiscoverConfig())
+    assert [finding.name for finding in findings] == ["smoothing"]
+    assert data.stride > 1
