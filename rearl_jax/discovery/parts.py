@@ -12,7 +12,7 @@ from rearl_jax.discovery.layout import layout_of
 from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.moments import Programs
 from rearl_jax.discovery.noise import is_exact
-from rearl_jax.discovery.reading import measure, one_frame_rate
+from rearl_jax.discovery.reading import EXACT_NOISE, LEAST_NOISE, measure, one_frame_rate
 from rearl_jax.discovery.smoothing import Thinned, thinned
 from rearl_jax.discovery.smoothness import Smoothness, smoothness
 from rearl_jax.discovery.solver import Solver
@@ -56,16 +56,18 @@ def measured_drivers(recordings: Sequence[Recording], options: DiscoverConfig) -
     tables = [thinned(recording) for recording in recordings]
     smooth = smoothness(tables)
     findings, data = _measured(tables, smooth, options)
-    if smooth.drives and _are_exact(data):
+    if data.noise < EXACT_NOISE and _are_exact(data):
         # A simulation without noise is as smooth by itself as a kernel would have made it.
-        findings, data = _measured(tables, Smoothness(), options)
+        findings, data = _measured(tables, Smoothness(), options, EXACT_NOISE)
     return findings, data
 
 
-def _measured(tables: Sequence[Thinned], smooth: Smoothness, options: DiscoverConfig) -> tuple[list[Finding], Measured]:
+def _measured(
+    tables: Sequence[Thinned], smooth: Smoothness, options: DiscoverConfig, least_noise: float = LEAST_NOISE
+) -> tuple[list[Finding], Measured]:
     """Findings and drivers, taken for smoothed or not."""
     findings = gate(tables, smooth.drives)
-    data = measure(tables, amount(findings, "position_lag"), smooth)
+    data = measure(tables, amount(findings, "position_lag"), smooth, least_noise)
     if data.n_drivers > options.max_drivers:
         rng = np.random.default_rng(options.seed)
         kept = rng.choice(data.n_drivers, options.max_drivers, replace=False)

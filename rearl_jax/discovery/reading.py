@@ -31,10 +31,10 @@ BEFORE_JUMP = 0.5
 LEAST_USED = 4.0
 """Least time that must be left for a driver to be used [s]."""
 
-LEAST_NOISE = 0.05
-"""Least standard deviation of positions [m]. Better ones get noise added up to it: closer than that, it is only the
-steps in time that are compared, of the model and of whoever made the data. Exact drives of IDM itself were called
-`unexplained` with 0.02 m.
+LEAST_NOISE, EXACT_NOISE = 0.02, 0.05
+"""Least standard deviation of positions [m], of measured ones and of a simulation without noise. Better ones get noise
+added up to it: closer than that, it is only the steps in time that are compared, of the model and of whoever made the
+data. Exact drives of IDM itself were called `unexplained` with 0.02 m.
 """
 
 APART = 2.0
@@ -70,13 +70,19 @@ def one_frame_rate(recordings: Sequence[Recording]) -> None:
         )
 
 
-def measure(tables: Sequence[Thinned], position_lag: float = 0.0, smooth: Smoothness = UNSMOOTHED) -> Measured:
+def measure(
+    tables: Sequence[Thinned],
+    position_lag: float = 0.0,
+    smooth: Smoothness = UNSMOOTHED,
+    least_noise: float = LEAST_NOISE,
+) -> Measured:
     """All drivers of the recordings who follow somebody long enough.
 
     Args:
         tables: Of the recordings, with the same time between moments.
         position_lag: By how much positions are late [s]; lanes and places in them are put to the same clock.
         smooth: What positions and their errors have been smoothed with.
+        least_noise: Standard deviation that the noise of unsmoothed positions is brought up to [m].
 
     Raises:
         ValueError: Nobody follows anybody long enough.
@@ -87,7 +93,7 @@ def measure(tables: Sequence[Thinned], position_lag: float = 0.0, smooth: Smooth
     if smooth.drives:
         noise, added = max(found, SMOOTHED_NOISE), 0.0
     else:
-        noise = max(found, smooth.size, LEAST_NOISE)
+        noise = max(found, smooth.size, least_noise)
         added = float(np.sqrt(noise**2 - max(found, smooth.size) ** 2))
     stride, edge = max(1, round(APART * smooth.drives / dt)), round(EDGE * smooth.drives / dt)
     most = max((part.longest for part in rows), default=0)
