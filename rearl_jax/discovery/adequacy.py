@@ -69,6 +69,7 @@ def adequacy(solver: Solver, found: Search, seed: int) -> Adequacy:
         misjudgement=misjudgement(everybody, chance),
         staleness=staleness(everybody, chance),
         remaining=(name, float(last.surprise[name])),
+        driver_minutes=sum(one.data.seconds for one in worlds) / 60,
     )
 
 

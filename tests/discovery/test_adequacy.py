@@ -64,7 +64,8 @@ def test_restless_drivers_are_not_taken_for_late_ones(solver, calibrated):
 
 
 LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "autocorrelation": 0.01,
-        "unequal_noise": {}, "misjudgement": -1.0, "staleness": 0.5, "remaining": ("grade", 1.0)}  # fmt: skip
+        "unequal_noise": {}, "misjudgement": -1.0, "staleness": 0.5, "remaining": ("grade", 1.0),
+        "driver_minutes": 70.0}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -75,6 +76,8 @@ LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "au
         ({"autocorrelation": -0.3}, False),
         ({"misjudgement": 3.6}, False),
         ({"staleness": 3.6}, False),
+        ({"staleness": 5.2, "driver_minutes": 700.0}, True),
+        ({"staleness": 9.0, "driver_minutes": 700.0}, False),
         ({"kurtosis": 0.5}, False),
         ({"kurtosis": 0.5, "kurtosis_before": 2.0}, True),
     ],

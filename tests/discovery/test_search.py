@@ -201,7 +201,7 @@ def test_a_curve_that_was_taken_back_leaves_its_dependence_and_an_effect_a_contr
 
 @pytest.mark.parametrize(("staleness", "expected"), [(0.0, "artefact"), (5.0, "unexplained")])
 def test_clocks_that_leave_more_than_noise_do_not_explain_it(solver, calibrated, staleness, expected):
-    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -1.0, staleness, ("grade", 1.0))
+    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -1.0, staleness, ("grade", 1.0), 70.0)
     ends = Round(fit, {}, {}, {}, frozenset(), [], [])
     data = calibrated[0].data
     check = ClockCheck(fit, 40.0, 40.0, 0.2, data, data)
@@ -215,7 +215,7 @@ def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, c
     fit, data = Fit(None, *calibrated), calibrated[0].data
     ends = Round(fit, {}, {}, {}, frozenset(), [], [])
     found = Search(solver.layout, Null({}, {}, 1), {}, data, ClockCheck(fit, 9.0, 9.0, 0.2, data, data), rounds=[ends])
-    rough = Adequacy(0.3, 0.02, 0.3, 0.0, {}, -4.0, -1.0, ("grade", 1.0))
+    rough = Adequacy(0.3, 0.02, 0.3, 0.0, {}, -4.0, -1.0, ("grade", 1.0), 70.0)
     assert not rough.is_enough
     assert verdict_of(found, [], rough) == "artefact"
     assert verdict_of(found, [], replace(rough, staleness=2.4)) == "unexplained"
@@ -224,7 +224,7 @@ def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, c
 
 @pytest.mark.parametrize(("surprise", "expected"), [(2.0, "named"), (12.0, "unexplained")])
 def test_what_leaves_shifts_between_pairs_is_not_named(trial, solver, calibrated, surprise, expected):
-    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -4.0, -1.0, ("grade", 1.0))
+    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -4.0, -1.0, ("grade", 1.0), 70.0)
     holds = replace(trial("holds", [0.6] * 10, [0.3] * 10), candidate=solver.layout.candidates["several_leaders"])
     first = Round(fit, {}, {}, {}, frozenset(), [holds], [holds], 12.0)
     found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
