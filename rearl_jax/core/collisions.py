@@ -20,6 +20,7 @@ from rearl_jax.core.drivers import Body
 from rearl_jax.core.elementary import cosine, sine
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import for_each_vehicle, is_large, row, sort_if_large
+from rearl_jax.core.order import pick
 from rearl_jax.core.pile_ups import collide_along_road
 from rearl_jax.core.rectangles import Rectangle
 from rearl_jax.core.state import TrafficState
@@ -28,25 +29,22 @@ from rearl_jax.core.state import TrafficState
 def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficState:
     """State with everybody marked who touches somebody, and with the pushes of the coming tick."""
     state, shape = sort_if_large(state), state.x.shape
-    rectangles = lax.stop_gradient(
-        Rectangle(
-            x=state.x,
-            y=state.y,
-            cos=cosine(state.heading),
-            sin=sine(state.heading),
-            speed=state.speed,
-            half_length=jnp.broadcast_to(body.length / 2, shape),
-            half_width=jnp.broadcast_to(body.width / 2, shape),
-            collides=jnp.broadcast_to(body.collides, shape),
-        )
-    )
-    extent = extent_of(rectangles, model)
     marks = lax.stop_gradient((state.crashed, state.is_pushed, state.push_x, state.push_y))
+    placed = lax.stop_gradient((state.x, state.y, state.heading, state.speed, body))
     if is_large(shape[0]):
-        marks = collide_along_road(state.order, extent, rectangles, marks, model)
+        by_place = _rectangles(*jax.tree.map(lambda values: pick(values, state.order), placed))
+        marks = collide_along_road(state.order, by_place, marks, model)
     else:
-        marks = _collide_in_list(extent, rectangles, marks, model)
+        rectangles = jax.tree.map(lambda values: jnp.broadcast_to(values, shape), _rectangles(*placed))
+        marks = _collide_in_list(extent_of(rectangles, model), rectangles, marks, model)
     return eqx.tree_at(lambda s: (s.crashed, s.is_pushed, s.push_x, s.push_y), state, marks)
+
+
+def _rectangles(x: Array, y: Array, heading: Array, speed: Array, body: Body) -> Rectangle:
+    """Vehicles as the collision test sees them."""
+    nothing = jnp.zeros_like(heading)
+    cos, sin = if_any(body.collides, lambda: (cosine(heading), sine(heading)), (nothing, nothing))
+    return Rectangle(x, y, cos, sin, speed, body.length / 2, body.width / 2, body.collides)
 
 
 def _collide_in_list(extent: Extent, rectangles: Rectangle, marks: Marks, model: TrafficModel) -> Marks:

@@ -39,7 +39,7 @@ def extent_of(all_: Rectangle, model: TrafficModel) -> Extent:
         reach_y=all_.half_length * sin + all_.half_width * cos + ROUNDING_MARGIN,
         moved_x=moved * all_.cos,
         moved_y=moved * all_.sin,
-        collides=all_.collides,
+        collides=jnp.broadcast_to(all_.collides, all_.x.shape),
     )
 
 
@@ -67,11 +67,14 @@ def contact(
         is_pair: Which of the pairs are looked at.
         model: The tick.
     """
+
+    def test() -> tuple[Array, Array, Array, Array]:
+        touches, will_touch, shift_x, shift_y = separate(one, other, model)
+        diagonals = jnp.hypot(one.half_length, one.half_width) + jnp.hypot(other.half_length, other.half_width)
+        is_near = jnp.hypot(other.x - one.x, other.y - one.y) <= diagonals + one.speed * model.tick
+        is_tested = is_pair & is_near & (one.collides | other.collides)
+        return touches & is_tested, will_touch & is_tested, shift_x, shift_y
+
     nowhere, nothing = jnp.zeros(other.x.shape, bool), jnp.zeros_like(other.x)
-    apart = nowhere, nowhere, nothing, nothing
     # Behind a branch it is a program of its own, which rounds to the last place alike wherever it is asked.
-    touches, will_touch, shift_x, shift_y = if_any(is_pair, lambda: separate(one, other, model), apart)
-    diagonals = jnp.hypot(one.half_length, one.half_width) + jnp.hypot(other.half_length, other.half_width)
-    is_near = jnp.hypot(other.x - one.x, other.y - one.y) <= diagonals + one.speed * model.tick
-    is_tested = is_pair & is_near & (one.collides | other.collides)
-    return touches & is_tested, will_touch & is_tested, shift_x, shift_y
+    return if_any(is_pair, test, (nowhere, nowhere, nothing, nothing))

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Int
 
-from rearl_jax.core.order import own_places, pick
+from rearl_jax.core.order import own_places, pick, running_count
 
 
 def places_for(n_vehicles: int, one_in: int) -> int:
@@ -61,13 +61,10 @@ def single_out(is_chosen: Bool[Array, "vehicles *scenarios"], one_in: int) -> Fe
     n_vehicles, others = is_chosen.shape[0], is_chosen.shape[1:]
     places = places_for(n_vehicles, one_in)
 
-    def count(before: Array, chosen: Array) -> tuple[Array, Array]:
-        return before + chosen, before
-
-    # Walking along the vehicles takes a seventh to a half of the time of jnp.cumsum.
-    total, place = lax.scan(count, jnp.zeros(others, jnp.int32), is_chosen.astype(jnp.int32))
-    place = jnp.where(is_chosen, place, places)
+    before = running_count(is_chosen)
+    suffices = jnp.all(before[-1] + is_chosen[-1].astype(jnp.int32) <= places)
+    place = jnp.where(is_chosen, before, places)
     index = lax.broadcasted_iota(jnp.int32, is_chosen.shape, 0)
     nobody = jnp.full((places, *others), n_vehicles, jnp.int32)
     who = nobody.at[own_places(place)].set(index, mode="drop")
-    return Few(who, jnp.all(total <= places), n_vehicles)
+    return Few(who, suffices, n_vehicles)

@@ -20,6 +20,12 @@ from rearl_jax.core.state import Controller, TrafficState
 ONE_IN = 12
 """There are places for one vehicle in so many whose decision is due, and for what chance adds; one in 16 mostly is."""
 
+ONE_IN_CHANGES = 16
+"""There are places for one vehicle in so many that is on its way to another lane, and for what chance adds."""
+
+_Followers = tuple[TrafficState, View, Float[Array, "n *s"], Drivers]
+"""Who follows, what can be seen of them, their accelerations on a free road [m/s^2], their parameters."""
+
 _Question = tuple[TrafficState, View, Float[Array, "n *s"], Float[Array, "n *s"], Drivers]
 """Who is asked, what can be seen of them, their accelerations on a free road and on their own lane [m/s^2], their
 parameters.
@@ -33,20 +39,43 @@ def weigh_idm(state: TrafficState, view: View, drivers: Drivers, model: TrafficM
         follows = state.controller != Controller.ABSENT
     free = free_acceleration(speed_ratio=view.speed_ratio, params=drivers.idm)
 
-    def accelerate(lane: Array, looks: Array) -> Float[Array, "vehicles *scenarios"]:
-        def look() -> Float[Array, "vehicles *scenarios"]:
-            return follow(free, state, view, find_leader(state, view, lane), drivers)
+    everybody = state, view, free, drivers
+    own = if_any(follows, lambda: _behind_leader(everybody, view.lane), jnp.zeros_like(state.x))
 
-        return if_any(looks, look, jnp.zeros_like(state.x))
+    def on_lane(lane: Int[Array, "vehicles *scenarios"]) -> Float[Array, "vehicles *scenarios"]:
+        return _behind_other_leader(everybody, lane, follows & (lane != view.lane))
 
-    def on_lane(lane: Array) -> Float[Array, "vehicles *scenarios"]:
-        return accelerate(lane, follows & (lane != view.lane))
-
-    own = accelerate(view.lane, follows)
     target_lane = state.target_lane
     if model.lane_changes:
         target_lane = _choose_lanes(state, view, free, own, drivers, model)
     return Driving(state, own, target_lane, on_lane)
+
+
+def _behind_leader(followers: _Followers, lane: Array, among: Traffic | None = None) -> Float[Array, "n *s"]:
+    """Acceleration behind the leader on a lane [m/s^2]."""
+    state, view, free, drivers = followers
+    return follow(free, state, view, find_leader(state, view, lane, among), drivers)
+
+
+def _behind_other_leader(everybody: _Followers, lane: Array, looks: Bool[Array, "n *s"]) -> Float[Array, "n *s"]:
+    """Acceleration of those who look at another lane [m/s^2], who are few in large traffic; 0 for all others."""
+    nothing = jnp.zeros_like(everybody[0].x)
+
+    def of_all() -> Float[Array, "n *s"]:
+        return if_any(looks, lambda: _behind_leader(everybody, lane), nothing)
+
+    state, view, *others = everybody
+    if view.nearest is None:
+        return of_all()
+    few, nearest = single_out(looks, ONE_IN_CHANGES), view.nearest
+    alone = replace(state, memory=None), replace(view, nearest=None)
+
+    def of_few() -> Float[Array, "n *s"]:
+        state, view, *rest = jax.tree.map(few.take, (*alone, *others))
+        view = replace(view, nearest=nearest.seen_by(few.index))
+        return few.put(_behind_leader((state, view, *rest), few.take(lane), Traffic(*alone)), nothing)
+
+    return lax.cond(few.suffices, of_few, of_all)
 
 
 def _choose_lanes(

@@ -14,7 +14,7 @@ from dataclasses import replace
 import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.core.model import TrafficModel
 
@@ -67,7 +67,7 @@ def pick(values: Array, index: Int[Array, "places *scenarios"]) -> Array:
     if values.shape[0] == 1:
         return values
     each = jnp.broadcast_to(values, (values.shape[0], *index.shape[1:]))
-    return jnp.take_along_axis(each, jnp.maximum(index, 0), axis=0)
+    return jnp.take_along_axis(each, jnp.maximum(index, 0), axis=0, mode="promise_in_bounds")
 
 
 def own_places(index: Int[Array, "places *scenarios"]) -> tuple[Array, ...]:
@@ -197,10 +197,8 @@ def _walk(
 ) -> tuple[Int[Array, "vehicles *#scenarios"], Int[Array, "rows *scenarios"], Int[Array, "rows *scenarios"]]:
     """First row of each place, and by row the vehicle last met on the lane, walking against the order and along it.
 
-    A plain walk takes n steps of one place each. Here the order is cut into stretches of about sqrt(n) places, which
-    are walked side by side: step k comes to the k-th place of every stretch. Whom a stretch has met last on each lane
-    is then handed on from stretch to stretch, and counts wherever nobody has been met on the own one yet. That makes
-    about 2 sqrt(n) steps, with vector code over many places in each.
+    Stretches of the order are walked side by side (`by_step`). Whom a stretch has met last on each lane is then handed
+    on from stretch to stretch, and counts wherever nobody has been met on the own one yet.
 
     Rows are numbered by step, in each step by stretch, and there by lane.
 
@@ -209,18 +207,12 @@ def _walk(
         bits: Lanes they are on.
         lane_bits: The bit of every lane.
     """
-    n_vehicles, others = order.shape[0], order.shape[1:]
-    length = math.isqrt(n_vehicles - 1) + 1
-    n_stretches = -(-n_vehicles // length)
-    spare = [(0, n_stretches * length - n_vehicles)] + [(0, 0)] * len(others)
-
-    def by_step(values: Array) -> Array:
-        """`[length, stretches, 1, *scenarios]`; the last stretch is filled up with zeros, which are on no lane."""
-        return jnp.pad(values, spare).reshape(n_stretches, length, 1, *others).swapaxes(0, 1)
-
     n_lanes = len(lane_bits)
+    others = order.shape[1:]
     lane_bits = lane_bits.reshape(1, n_lanes, *(1,) * len(others))
-    vehicles = by_step(order), by_step(bits)
+    # The last stretch is filled up with vehicles that are on no lane.
+    vehicles = by_step(order)[:, :, None], by_step(bits)[:, :, None]
+    length, n_stretches = vehicles[0].shape[:2]
 
     def met_on_the_way(reverse: bool) -> Array:
         """By row, who has been met last on the lane before coming to the place."""
@@ -240,6 +232,36 @@ def _walk(
     place = lax.broadcasted_iota(jnp.int32, order.shape, 0)
     row = (place % length * n_stretches + place // length) * n_lanes
     return row, met_on_the_way(reverse=True), met_on_the_way(reverse=False)
+
+
+def by_step(values: Array) -> Array:
+    """`[length, stretches, *scenarios]`: a row of vehicles cut into stretches that can be walked side by side.
+
+    A plain walk takes n steps of one place each. With stretches of about sqrt(n) places, step k comes to the k-th place
+    of every stretch, and another walk of as many steps goes from stretch to stretch: about 2 sqrt(n) steps, with
+    vector code over many places in each. The last stretch is filled up with zeros.
+
+    Args:
+        values: `[vehicles, *scenarios]`.
+    """
+    n_vehicles, others = values.shape[0], values.shape[1:]
+    length = math.isqrt(n_vehicles - 1) + 1
+    n_stretches = -(-n_vehicles // length)
+    filled = jnp.pad(values, [(0, n_stretches * length - n_vehicles)] + [(0, 0)] * len(others))
+    return filled.reshape(n_stretches, length, *others).swapaxes(0, 1)
+
+
+def running_count(is_counted: Bool[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
+    """How many are counted before each vehicle of a scenario. Several times as fast as jnp.cumsum."""
+
+    def count(before: Array, counted: Array) -> tuple[Array, Array]:
+        return before + counted, before
+
+    steps = by_step(is_counted.astype(jnp.int32))
+    in_stretch, before = lax.scan(count, jnp.zeros_like(steps[0]), steps)
+    _, before_stretch = lax.scan(count, jnp.zeros_like(in_stretch[0]), in_stretch)
+    total = (before + before_stretch[None]).swapaxes(0, 1)
+    return total.reshape(-1, *is_counted.shape[1:])[: is_counted.shape[0]]
 
 
 def _first_of_level(x: Float[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:

@@ -21,7 +21,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
 from rearl_jax.core.affected import if_any
-from rearl_jax.core.contacts import Extent, Marks, contact, may_touch
+from rearl_jax.core.contacts import Extent, Marks, contact, extent_of, may_touch
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.order import NOBODY, pick
 from rearl_jax.core.rectangles import Rectangle
@@ -42,7 +42,7 @@ FOLLOWED = 64
 class _Found(NamedTuple):
     """Crash marks and pushes so far, and of all that push a vehicle the one with the highest index, NOBODY for none.
 
-    All scenarios are in a row.
+    All vehicles of all scenarios are in a row, by their indices.
     """
 
     crashed: Bool[Array, " all"]
@@ -51,10 +51,27 @@ class _Found(NamedTuple):
     push_y: Float[Array, " all"]
 
 
+class _Road(NamedTuple):
+    """Who stands where, all places of all scenarios in a row.
+
+    Attributes:
+        rectangles: The vehicles by place; sizes may be one for all.
+        vehicle: Where each stands among all vehicles.
+        n_scenarios: Number of scenarios, which is how far the next place of the same one is away.
+    """
+
+    rectangles: Rectangle
+    vehicle: Int[Array, " all"]
+    n_scenarios: int
+
+    def at(self, place: Int[Array, " places"]) -> Rectangle:
+        """The vehicles at some places."""
+        return jax.tree.map(lambda values: pick(values, place), self.rectangles)
+
+
 def collide_along_road(
     order: Int[Array, "vehicles *scenarios"],
-    extent: Extent,
-    rectangles: Rectangle,
+    by_place: Rectangle,
     marks: Marks,
     model: TrafficModel,
 ) -> Marks:
@@ -62,30 +79,41 @@ def collide_along_road(
 
     Args:
         order: Vehicle indices by rising x.
-        extent: Bounding boxes, by vehicle index.
-        rectangles: The vehicles, by vehicle index.
-        marks: Of the tick so far.
+        by_place: The vehicles in this order.
+        marks: Of the tick so far, by vehicle index.
         model: The tick.
     """
-    by_place = jax.tree.map(lambda values: pick(values, order), extent)
-    reach = by_place.reach_x + jnp.abs(by_place.moved_x) + jnp.abs(by_place.moved_y)
-    farthest = by_place.x + reach + jnp.max(reach, axis=0, keepdims=True)
+    extent = extent_of(by_place, model)
+    reach = extent.reach_x + jnp.abs(extent.moved_x) + jnp.abs(extent.moved_y)
+    farthest = extent.x + reach + jnp.max(reach, axis=0, keepdims=True)
     nobody = jnp.zeros(order.shape, jnp.uint32), jnp.zeros(order.shape, bool)
-    is_near = by_place.x[1:] <= farthest[:-1]
-    close, goes_on = if_any(is_near, lambda: _look_ahead(by_place, farthest), nobody)
+    is_near = extent.x[1:] <= farthest[:-1]
+    close, goes_on = if_any(is_near, lambda: _look_ahead(extent, farthest), nobody)
 
     n_scenarios = order.size // order.shape[0]
     scenario = lax.broadcasted_iota(jnp.int32, (1, n_scenarios), 1)
-    road = _Road(order.reshape(-1, n_scenarios) * n_scenarios + scenario, jax.tree.map(jnp.ravel, rectangles))
+    vehicle = order.reshape(-1, n_scenarios) * n_scenarios + scenario
+    road = _Road(jax.tree.map(functools.partial(_in_a_row, order.shape), by_place), vehicle.ravel(), n_scenarios)
     crashed, is_pushed, push_x, push_y = marks
     found = _Found(crashed.ravel(), jnp.full(order.size, NOBODY, jnp.int32), push_x.ravel(), push_y.ravel())
+
     numbers = _together(close.reshape(-1, n_scenarios))
     places = TOGETHER * n_scenarios * lax.broadcasted_iota(jnp.int32, numbers.shape, 0) + scenario
     pairs = _Pairs(numbers.ravel(), places.ravel(), jnp.int32(1))
     found = _test_pairs(pairs, order.size // TESTED + 1, road, found, model)
-    found = _look_further(goes_on, by_place, farthest, road, found, model)
+    found = lax.cond(
+        jnp.any(goes_on),
+        lambda found: _look_further(goes_on, extent, farthest, road, found, model),
+        lambda found: found,
+        found,
+    )
     found = jax.tree.map(lambda values: values.reshape(order.shape), found)
     return found.crashed, is_pushed | (found.partner != NOBODY), found.push_x, found.push_y
+
+
+def _in_a_row(shape: tuple[int, ...], values: Array) -> Array:
+    """All scenarios' values in a row; what is one for all stays so."""
+    return values.ravel() if values.size == 1 else jnp.broadcast_to(values, shape).ravel()
 
 
 def _look_ahead(
@@ -119,24 +147,12 @@ def _together(close: UInt32[Array, "vehicles scenarios"]) -> UInt32[Array, "numb
     return functools.reduce(jnp.bitwise_or, (close[:, k] << jnp.uint32(k * WINDOW) for k in range(TOGETHER)))
 
 
-class _Road(NamedTuple):
-    """Who stands where, and the vehicles, all scenarios in a row.
-
-    Attributes:
-        vehicle: By place, where the vehicle stands among all.
-        rectangles: The vehicles.
-    """
-
-    vehicle: Int[Array, "vehicles scenarios"]
-    rectangles: Rectangle
-
-
 class _Pairs(NamedTuple):
     """Pairs of vehicles that may touch.
 
     Attributes:
         close: The pairs as bits: WINDOW for the places ahead of one place, the next WINDOW for the place after it.
-        place: Of each number the first place, counted through all scenarios as in `_Road`.
+        place: Of each number the first place.
         first: Places ahead of the lowest of WINDOW bits.
     """
 
@@ -155,23 +171,33 @@ def _test_pairs(pairs: _Pairs, n_tested: int, road: _Road, found: _Found, model:
         found: So far.
         model: The tick.
     """
-    count = lax.population_count(pairs.close).astype(jnp.int32)
+    listed = _list(pairs.close != 0)
+    close = pairs.close.at[listed].get(mode="fill", fill_value=0)
+    count = lax.population_count(close).astype(jnp.int32)
     end = jnp.cumsum(count, dtype=jnp.int32)
-    vehicle, n_scenarios = road.vehicle.ravel(), road.vehicle.shape[1]
+    # A lot may reach beyond the last of them, where nothing begins.
+    begin, close, place = (jnp.pad(values, (0, n_tested)) for values in (end - count, close, pick(pairs.place, listed)))
 
-    def test_some(work: tuple[Array, _Found]) -> tuple[Array, _Found]:
-        tested, found = work
-        pair = tested + lax.iota(jnp.int32, n_tested)
-        number = _listed(end, pair)
-        bit = _set_bit(pairs.close[number], pair - end[number] + count[number])
-        rear = pairs.place[number] + bit // WINDOW * n_scenarios
-        front = jnp.minimum(rear + (pairs.first + bit % WINDOW) * n_scenarios, vehicle.size - 1)
-        one, other = vehicle[jnp.minimum(rear, vehicle.size - 1)], vehicle[front]
-        is_pair = pair < end[-1]
-        found = _test(jnp.minimum(one, other), jnp.maximum(one, other), is_pair, road.rectangles, found, model)
-        return tested + n_tested, found
+    def test_some(work: tuple[Array, Array, _Found]) -> tuple[Array, Array, _Found]:
+        tested, entry, found = work
+        is_pair = lax.iota(jnp.int32, n_tested) < end[-1] - tested
 
-    return lax.while_loop(lambda work: work[0] < end[-1], test_some, (jnp.int32(0), found))[1]
+        def tell_places() -> tuple[Array, Array, Array]:
+            begins = lax.dynamic_slice_in_dim(begin, entry, n_tested) - tested
+            is_first = jnp.zeros(n_tested, jnp.int32).at[jnp.where(begins > 0, begins, n_tested)].set(1, mode="drop")
+            number = entry + jnp.cumsum(is_first, dtype=jnp.int32)
+            bit = _set_bit(close[number], tested + lax.iota(jnp.int32, n_tested) - begin[number])
+            rear = place[number] + bit // WINDOW * road.n_scenarios
+            return number, rear, rear + (pairs.first + bit % WINDOW) * road.n_scenarios
+
+        nothing = jnp.zeros(n_tested, jnp.int32)
+        number, rear, front = if_any(is_pair, tell_places, (nothing, nothing, nothing))
+        done = tested + n_tested
+        found = _test(rear, front, is_pair, road, found, model)
+        return done, number[-1] + (end[number[-1]] == done).astype(jnp.int32), found
+
+    start = jnp.int32(0), jnp.int32(0), found
+    return lax.while_loop(lambda work: work[0] < end[-1], test_some, start)[2]
 
 
 def _look_further(
@@ -192,39 +218,40 @@ def _look_further(
         found: So far.
         model: The tick.
     """
-    n_followed = goes_on.size // FOLLOWED + 1
+    n_places, n_followed = goes_on.size, goes_on.size // FOLLOWED + 1
     goes_on, by_place, farthest = jax.tree.map(jnp.ravel, (goes_on, by_place, farthest))
-    window, n_scenarios = lax.iota(jnp.int32, WINDOW), road.vehicle.shape[1]
+    window = lax.iota(jnp.int32, WINDOW)
     bit = (jnp.uint32(1) << window.astype(jnp.uint32))[None]
-    end = jnp.cumsum(goes_on, dtype=jnp.int32)
+    n_listed = jnp.sum(goes_on, dtype=jnp.int32)
+    listed = jnp.pad(_list(goes_on), (0, n_followed))
 
     def follow_some(work: tuple[Array, _Found]) -> tuple[Array, _Found]:
         followed, found = work
-        number = followed + lax.iota(jnp.int32, n_followed)
-        place = _listed(end, number)
+        place = jnp.minimum(lax.dynamic_slice_in_dim(listed, followed, n_followed), n_places - 1)
         rear, their_farthest = jax.tree.map(lambda values: values[place][:, None], (by_place, farthest))
 
         def look_on(work: tuple[Array, Array, _Found]) -> tuple[Array, Array, _Found]:
             first, goes_on, found = work
-            ahead = place[:, None] + (first + window)[None] * n_scenarios
-            is_there = (ahead < end.size) & goes_on[:, None]
-            other = jax.tree.map(lambda values: values[jnp.minimum(ahead, end.size - 1)], by_place)
+            ahead = place[:, None] + (first + window)[None] * road.n_scenarios
+            is_there = (ahead < n_places) & goes_on[:, None]
+            other = jax.tree.map(lambda values: values[jnp.minimum(ahead, n_places - 1)], by_place)
             bits = jnp.where(may_touch(rear, other) & is_there, bit, jnp.uint32(0))
             pairs = _Pairs(jnp.sum(bits, axis=1, dtype=jnp.uint32), place, first)
             goes_on = (is_there & (other.x <= their_farthest))[:, -1]
             return first + WINDOW, goes_on, _test_pairs(pairs, n_followed // 2 + 1, road, found, model)
 
-        start = jnp.int32(1 + WINDOW), number < end[-1], found
+        start = jnp.int32(1 + WINDOW), lax.iota(jnp.int32, n_followed) < n_listed - followed, found
         found = lax.while_loop(lambda work: jnp.any(work[1]), look_on, start)[2]
         return followed + n_followed, found
 
-    return lax.while_loop(lambda work: work[0] < end[-1], follow_some, (jnp.int32(0), found))[1]
+    return lax.while_loop(lambda work: work[0] < n_listed, follow_some, (jnp.int32(0), found))[1]
 
 
-def _listed(end: Int[Array, " listed"], number: Int[Array, " wanted"]) -> Int[Array, " wanted"]:
-    """Under which entry of a list each number falls; `end` is the number after the last of each entry."""
-    entry = jnp.searchsorted(end, number, side="right", method="scan_unrolled")
-    return jnp.minimum(entry, end.size - 1)
+def _list(is_listed: Bool[Array, " all"]) -> Int[Array, " all"]:
+    """Where those listed are, in order; after the last of them a number that is nowhere."""
+    n_all = is_listed.size
+    place = jnp.where(is_listed, jnp.cumsum(is_listed, dtype=jnp.int32) - 1, n_all)
+    return jnp.full(n_all, n_all, jnp.int32).at[place].set(lax.iota(jnp.int32, n_all), mode="drop")
 
 
 def _set_bit(bits: UInt32[Array, " pairs"], number: Int[Array, " pairs"]) -> Int[Array, " pairs"]:
@@ -242,28 +269,33 @@ def _set_bit(bits: UInt32[Array, " pairs"], number: Int[Array, " pairs"]) -> Int
 
 
 def _test(
-    low: Int[Array, " pairs"],
-    high: Int[Array, " pairs"],
+    rear: Int[Array, " pairs"],
+    front: Int[Array, " pairs"],
     is_pair: Bool[Array, " pairs"],
-    rectangles: Rectangle,
+    road: _Road,
     found: _Found,
     model: TrafficModel,
 ) -> _Found:
-    """What is found after some pairs; `low` comes before `high` in the list of vehicles.
+    """What is found after some pairs, whose places are given.
 
     Of all that push a vehicle, the one with the highest index is the last to do so in highway-env, and counts: pairs
     may come in any sequence here, so each push is written only where nobody with a higher index has pushed so far.
     """
-    one, other = (jax.tree.map(lambda values, who=who: values[who], rectangles) for who in (low, high))
+    rear, front = jnp.minimum(rear, road.vehicle.size - 1), jnp.minimum(front, road.vehicle.size - 1)
+    of_rear, of_front = road.vehicle[rear], road.vehicle[front]
+    is_rear_first = of_rear < of_front
+    one, other = road.at(jnp.where(is_rear_first, rear, front)), road.at(jnp.where(is_rear_first, front, rear))
+    low, high = jnp.minimum(of_rear, of_front), jnp.maximum(of_rear, of_front)
     touches, will_touch, shift_x, shift_y = contact(one, other, is_pair, model)
 
-    who, pusher = jnp.concatenate([low, high]), jnp.concatenate([high, low])
-    touches, will_touch = jnp.tile(touches, 2), jnp.tile(will_touch, 2)
-    crashed = found.crashed.at[who].max(touches)
-    partner = found.partner.at[who].max(jnp.where(will_touch, pusher, NOBODY))
-    written = jnp.where(will_touch & (partner[who] == pusher), who, partner.shape[0])
+    crashed = found.crashed.at[low].max(touches).at[high].max(touches)
+    partner = found.partner.at[low].max(jnp.where(will_touch, high, NOBODY))
+    partner = partner.at[high].max(jnp.where(will_touch, low, NOBODY))
+    n_all = partner.shape[0]
+    written_low = jnp.where(will_touch & (partner[low] == high), low, n_all)
+    written_high = jnp.where(will_touch & (partner[high] == low), high, n_all)
     push_x, push_y = (
-        push.at[written].set(jnp.concatenate([shift / 2, -shift / 2]), mode="drop")
+        push.at[written_low].set(shift / 2, mode="drop").at[written_high].set(-shift / 2, mode="drop")
         for push, shift in ((found.push_x, shift_x), (found.push_y, shift_y))
     )
     return _Found(crashed, partner, push_x, push_y)

@@ -7,6 +7,7 @@ import pytest
 
 from rearl_jax.core import collisions, pile_ups
 from rearl_jax.core.contacts import extent_of
+from rearl_jax.core.order import pick
 from rearl_jax.core.rectangles import Rectangle
 from tests.core.simulation import MODEL
 
@@ -54,8 +55,9 @@ def test_pile_ups_of_many_windows_lots_and_scenarios(dtype):
     nobody, nothing = jnp.zeros(x.shape, bool), jnp.zeros(x.shape, dtype)
     marks, extent = (nobody, nobody, nothing, nothing), extent_of(vehicles, MODEL)
     expected = jax.jit(collisions._collide_in_list, static_argnums=3)(extent, vehicles, marks, MODEL)
-    program = jax.jit(pile_ups.collide_along_road, static_argnums=4)
-    found = program(jnp.asarray(order, jnp.int32), extent, vehicles, marks, MODEL)
+    program = jax.jit(pile_ups.collide_along_road, static_argnums=3)
+    order = jnp.asarray(order, jnp.int32)
+    found = program(order, jax.tree.map(lambda values: pick(values, order), vehicles), marks, MODEL)
     assert int(expected[0].sum()) > 100
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one, other)
