@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Int
 
 from rearl_jax.core.affected import on_affected
 from rearl_jax.core.drivers import Drivers, IDMParams
-from rearl_jax.core.few import Few, single_out
+from rearl_jax.core.few import ONE_IN_CHANGES_LANES, Few, single_out
 from rearl_jax.core.idm import desired_spacing
 from rearl_jax.core.mobil import closing_in, decides
 from rearl_jax.core.model import TrafficModel
@@ -21,9 +21,6 @@ from rearl_jax.core.state import TrafficState
 
 NOWHERE = -1_000
 """A lane that does not exist; nobody is on the way there but who fills an empty place."""
-
-ONE_IN = 16
-"""There are places for one vehicle in so many that is on its way to another lane, and for what chance adds."""
 
 _Question = tuple[Int[Array, "n *s"], Bool[Array, "n *s"], TrafficState, View, IDMParams]
 """Lanes as decided, who is changing lanes, and all that is known of them."""
@@ -63,7 +60,7 @@ def abort_conflicts(
 
     if not is_large(state.x.shape[0]):
         return among_everybody()
-    few = single_out((state.target_lane != view.lane) | (decided_lane != view.lane), ONE_IN)
+    few = single_out((state.target_lane != view.lane) | (decided_lane != view.lane), ONE_IN_CHANGES_LANES)
     return lax.cond(few.suffices, lambda: among(few), among_everybody)
 
 

@@ -13,6 +13,9 @@ from jaxtyping import Array, Bool, Int
 
 from rearl_jax.core.order import own_places, pick, running_count
 
+ONE_IN_CHANGES_LANES = 16
+"""There are places for one vehicle in so many that is on its way to another lane, and for what chance adds."""
+
 
 def places_for(n_vehicles: int, one_in: int) -> int:
     """Places for one vehicle in so many, and for what chance adds."""

@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 from rearl_jax.core.affected import if_any
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.driving import Driving
-from rearl_jax.core.few import single_out
+from rearl_jax.core.few import ONE_IN_CHANGES_LANES, Few, single_out
 from rearl_jax.core.idm import free_acceleration
 from rearl_jax.core.mobil import decide_lanes, follow, is_due, lane_gains, weigh_lanes
 from rearl_jax.core.model import TrafficModel
@@ -19,9 +19,6 @@ from rearl_jax.core.state import Controller, TrafficState
 
 ONE_IN = 12
 """There are places for one vehicle in so many whose decision is due, and for what chance adds; one in 16 mostly is."""
-
-ONE_IN_CHANGES = 16
-"""There are places for one vehicle in so many that is on its way to another lane, and for what chance adds."""
 
 _Followers = tuple[TrafficState, View, Float[Array, "n *s"], Drivers]
 """Who follows, what can be seen of them, their accelerations on a free road [m/s^2], their parameters."""
@@ -64,16 +61,16 @@ def _behind_other_leader(everybody: _Followers, lane: Array, looks: Bool[Array, 
     def of_all() -> Float[Array, "n *s"]:
         return if_any(looks, lambda: _behind_leader(everybody, lane), nothing)
 
-    state, view, *others = everybody
+    state, view, free, drivers = everybody
     if view.nearest is None:
         return of_all()
-    few, nearest = single_out(looks, ONE_IN_CHANGES), view.nearest
-    alone = replace(state, memory=None), replace(view, nearest=None)
+    few = single_out(looks, ONE_IN_CHANGES_LANES)
 
     def of_few() -> Float[Array, "n *s"]:
-        state, view, *rest = jax.tree.map(few.take, (*alone, *others))
-        view = replace(view, nearest=nearest.seen_by(few.index))
-        return few.put(_behind_leader((state, view, *rest), few.take(lane), Traffic(*alone)), nothing)
+        own_state, own_view, traffic = _as_seen_by(few, state, view)
+        own_free, own_drivers = jax.tree.map(few.take, (free, drivers))
+        followers = own_state, own_view, own_free, own_drivers
+        return few.put(_behind_leader(followers, few.take(lane), traffic), nothing)
 
     return lax.cond(few.suffices, of_few, of_all)
 
@@ -88,19 +85,27 @@ def _choose_lanes(
     due = is_due(state, view, drivers)
     if view.nearest is None:
         return _chosen((state, view, free, own, drivers), due, model)
-    # What is decided has no slope; and what drivers remember has other axes than few could be picked from.
-    everybody = lax.stop_gradient((replace(state, memory=None), replace(view, nearest=None), free, own, drivers))
-    nearest, traffic = view.nearest, Traffic(*everybody[:2])
+    # What is decided has no slope.
+    state, view, free, own, drivers = lax.stop_gradient((state, view, free, own, drivers))
 
     def ask_some(work: tuple[Array, Array]) -> tuple[Array, Array]:
         waiting, target_lane = work
         few = single_out(waiting, ONE_IN)
-        state, view, *others = jax.tree.map(few.take, everybody)
-        question = state, replace(view, nearest=nearest.seen_by(few.index)), *others
+        own_state, own_view, traffic = _as_seen_by(few, state, view)
+        question = own_state, own_view, *jax.tree.map(few.take, (free, own, drivers))
         target_lane = few.put(_chosen(question, few.is_there, model, traffic), target_lane)
         return few.put(~few.is_there, waiting), target_lane
 
     return lax.while_loop(lambda work: jnp.any(work[0]), ask_some, (due, state.target_lane))[1]
+
+
+def _as_seen_by(few: Few, state: TrafficState, view: View) -> tuple[TrafficState, View, Traffic]:
+    """Some vehicles of large traffic, what can be seen of them, and the traffic they look at."""
+    assert view.nearest is not None  # large traffic is walked along
+    # What drivers remember has other axes than few could be picked from.
+    traffic = Traffic(replace(state, memory=None), replace(view, nearest=None))
+    own_state, own_view = jax.tree.map(few.take, tuple(traffic))
+    return own_state, replace(own_view, nearest=view.nearest.seen_by(few.index)), traffic
 
 
 def _chosen(

@@ -172,11 +172,11 @@ def _test_pairs(pairs: _Pairs, n_tested: int, road: _Road, found: _Found, model:
         model: The tick.
     """
     listed = _list(pairs.close != 0)
-    close = pairs.close.at[listed].get(mode="fill", fill_value=0)
+    close, place = (values.at[listed].get(mode="fill", fill_value=0) for values in (pairs.close, pairs.place))
     count = lax.population_count(close).astype(jnp.int32)
     end = jnp.cumsum(count, dtype=jnp.int32)
     # A lot may reach beyond the last of them, where nothing begins.
-    begin, close, place = (jnp.pad(values, (0, n_tested)) for values in (end - count, close, pick(pairs.place, listed)))
+    begin, close, place = (jnp.pad(values, (0, n_tested)) for values in (end - count, close, place))
 
     def test_some(work: tuple[Array, Array, _Found]) -> tuple[Array, Array, _Found]:
         tested, entry, found = work
