@@ -19,7 +19,7 @@ from rearl_jax.core.contacts import Extent, Marks, contact, extent_of, may_touch
 from rearl_jax.core.drivers import Body
 from rearl_jax.core.elementary import cosine, sine
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.neighbours import for_each_vehicle, is_large, row, sort_if_large
+from rearl_jax.core.neighbours import for_each_vehicle, is_large, row
 from rearl_jax.core.order import pick
 from rearl_jax.core.pile_ups import collide_along_road
 from rearl_jax.core.rectangles import Rectangle
@@ -27,8 +27,14 @@ from rearl_jax.core.state import TrafficState
 
 
 def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficState:
-    """State with everybody marked who touches somebody, and with the pushes of the coming tick."""
-    state, shape = sort_if_large(state), state.x.shape
+    """State with everybody marked who touches somebody, and with the pushes of the coming tick.
+
+    Args:
+        state: The traffic; its order along the road is up to date.
+        body: Sizes of the vehicles.
+        model: The tick.
+    """
+    shape = state.x.shape
     marks = lax.stop_gradient((state.crashed, state.is_pushed, state.push_x, state.push_y))
     placed = lax.stop_gradient((state.x, state.y, state.heading, state.speed, body))
     if is_large(shape[0]):

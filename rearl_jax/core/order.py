@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from rearl_jax.core.affected import if_any
 from rearl_jax.core.model import TrafficModel
 
 _Sorted = tuple[Array, Array]
@@ -150,8 +151,7 @@ class NearestOnLanes(eqx.Module):
     def _found(self, index: Array, lane: Array) -> Array:
         """The index, where the lane exists."""
         exists = (lane >= 0) & (lane < self.n_lanes)
-        # Without the barrier XLA would look it up anew for every value that is picked by it.
-        return lax.optimization_barrier(jnp.where(exists, index, NOBODY))
+        return jnp.where(exists, index, NOBODY)
 
     def _at(self, rows: Array, row: Array, lane: Array) -> Array:
         return pick(rows, row + jnp.clip(lane, 0, self.n_lanes - 1))
@@ -173,34 +173,40 @@ def walk_along_road(
         lane_bit: The bit of a lane.
         model: The road.
     """
-    bits = pick(on_lanes, order)
-    row, ahead, behind = _walk(order, bits, lane_bit(jnp.arange(model.n_lanes, dtype=jnp.int32)))
-    first = _first_of_level(pick(x, order))
-    place = inverse(order)
-    first_place = pick(first, place)
-    nearest = NearestOnLanes(
+    n_lanes, place = model.n_lanes, inverse(order)
+    ahead, behind = _walk(order, pick(on_lanes, order), lane_bit(jnp.arange(n_lanes, dtype=jnp.int32)))
+    along = pick(x, order)
+    is_level = jnp.pad(along[1:] == along[:-1], [(1, 0)] + [(0, 0)] * (along.ndim - 1))
+
+    def look_abreast() -> tuple[Array, Array, Array]:
+        first_place = pick(_first_of_level(is_level), place)
+        first = pick(order, first_place)
+        return first_place, first, pick(on_lanes, first)
+
+    index = lax.broadcasted_iota(jnp.int32, order.shape, 0)
+    first_place, first, first_on = if_any(is_level, look_abreast, (place, index, on_lanes))
+    return NearestOnLanes(
         ahead=ahead,
         behind=behind,
-        row=pick(row, place),
-        first_row=pick(row, first_place),
-        first=pick(order, first_place),
-        first_on=pick(bits, first_place),
+        row=_row_of(place) * n_lanes,
+        first_row=_row_of(first_place) * n_lanes,
+        first=first,
+        first_on=first_on,
         who=None,
-        n_lanes=model.n_lanes,
+        n_lanes=n_lanes,
         lane_bit=lane_bit,
     )
-    return lax.optimization_barrier(nearest)
 
 
 def _walk(
     order: Int[Array, "vehicles *scenarios"], bits: Int[Array, "vehicles *scenarios"], lane_bits: Int[Array, " lanes"]
-) -> tuple[Int[Array, "vehicles *#scenarios"], Int[Array, "rows *scenarios"], Int[Array, "rows *scenarios"]]:
-    """First row of each place, and by row the vehicle last met on the lane, walking against the order and along it.
+) -> tuple[Int[Array, "rows *scenarios"], Int[Array, "rows *scenarios"]]:
+    """By row the vehicle last met on the lane, walking against the order and along it.
 
     Stretches of the order are walked side by side (`by_step`). Whom a stretch has met last on each lane is then handed
     on from stretch to stretch, and counts wherever nobody has been met on the own one yet.
 
-    Rows are numbered by step, in each step by stretch, and there by lane.
+    Rows are numbered by step, in each step by stretch (`_row_of`), and there by lane.
 
     Args:
         order: Vehicle indices by place.
@@ -229,9 +235,19 @@ def _walk(
         _, before = lax.scan(go_on, nobody[0], last, reverse=reverse)
         return jnp.where(met == NOBODY, before[None], met).reshape(-1, *others)
 
-    place = lax.broadcasted_iota(jnp.int32, order.shape, 0)
-    row = (place % length * n_stretches + place // length) * n_lanes
-    return row, met_on_the_way(reverse=True), met_on_the_way(reverse=False)
+    return met_on_the_way(reverse=True), met_on_the_way(reverse=False)
+
+
+def _row_of(place: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
+    """Where a place of the order comes among the rows of `by_step`, flattened."""
+    length, n_stretches = _stretches(place.shape[0])
+    return place % length * n_stretches + place // length
+
+
+def _stretches(n_vehicles: int) -> tuple[int, int]:
+    """Places of a stretch, and stretches of the order."""
+    length = math.isqrt(n_vehicles - 1) + 1
+    return length, -(-n_vehicles // length)
 
 
 def by_step(values: Array) -> Array:
@@ -245,8 +261,7 @@ def by_step(values: Array) -> Array:
         values: `[vehicles, *scenarios]`.
     """
     n_vehicles, others = values.shape[0], values.shape[1:]
-    length = math.isqrt(n_vehicles - 1) + 1
-    n_stretches = -(-n_vehicles // length)
+    length, n_stretches = _stretches(n_vehicles)
     filled = jnp.pad(values, [(0, n_stretches * length - n_vehicles)] + [(0, 0)] * len(others))
     return filled.reshape(n_stretches, length, *others).swapaxes(0, 1)
 
@@ -264,14 +279,13 @@ def running_count(is_counted: Bool[Array, "vehicles *scenarios"]) -> Int[Array, 
     return total.reshape(-1, *is_counted.shape[1:])[: is_counted.shape[0]]
 
 
-def _first_of_level(x: Float[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
-    """By place, the first place with the same x; x rises.
+def _first_of_level(is_level: Bool[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
+    """By place, the first place with the same x, given which have that of the place before.
 
     Everybody points at the place before if that is level, and then at whatever the place pointed at points at: twice as
     far back each time, until all point at one that begins a level.
     """
-    place = lax.broadcasted_iota(jnp.int32, x.shape, 0)
-    is_level = (place > 0) & (x == jnp.roll(x, 1, axis=0))
+    place = lax.broadcasted_iota(jnp.int32, is_level.shape, 0)
 
     def point_further(work: tuple[Array, Array]) -> tuple[Array, Array]:
         first = pick(work[0], work[0])

@@ -8,8 +8,9 @@ from jaxtyping import Array, Bool, Float, Int
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.meta_actions import apply_meta_actions
 from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.neighbours import sort_if_large
 from rearl_jax.core.state import TrafficState, nearest_lane
-from rearl_jax.core.step import tick
+from rearl_jax.core.step import tick_in_order
 
 
 class Frames(eqx.Module):
@@ -49,7 +50,8 @@ def observe(state: TrafficState, model: TrafficModel) -> Frames:
 
 def simulate_second(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
     """State one decision second later."""
-    return lax.fori_loop(0, model.ticks_per_second, lambda _, before: tick(before, drivers, model), state)
+    state = sort_if_large(state)
+    return lax.fori_loop(0, model.ticks_per_second, lambda _, before: tick_in_order(before, drivers, model), state)
 
 
 def rollout(

@@ -21,7 +21,11 @@ def tick(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficS
     Source: highway-env 1.12.1, `Road.act` followed by `Road.step`; its order of vehicles matters only to who gives way
     and to who pushes whom, and both are reproduced.
     """
-    state = sort_if_large(state)
+    return tick_in_order(sort_if_large(state), drivers, model)
+
+
+def tick_in_order(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
+    """The same from a state whose order along the road is up to date, as it is in every state that comes out."""
     view = perceive(state, model)
     weigh = weigh_idm if drivers.following is None else weigh_gaps
     state, own, target_lane, on_lane = weigh(state, view, drivers, model)
@@ -30,7 +34,7 @@ def tick(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficS
         countdown = restart_countdown(state, view, drivers)
         target_lane = abort_conflicts(target_lane, state, view, drivers, model)
     command = control(state, view, target_lane, own, on_lane(target_lane), drivers, model)
-    state = move(state, target_lane, countdown, command, drivers, model)
+    state = sort_if_large(move(state, target_lane, countdown, command, drivers, model))
     if model.collisions:
         state = collide(state, drivers.body, model)
     return state
