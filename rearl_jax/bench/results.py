@@ -21,7 +21,7 @@ MEANINGS = {
     "{peer}_substeps_per_s_n{N}": "the same per elapsed second",
     "ratio_to_{peer}_n{N}": "our speed by the peer's per CPU-second, median of repetitions; also _min, _max",
     "ratio_to_c_all_threads_n{N}": "the same per elapsed second, both programs on all cores; likewise ratio_to_gpu",
-    "cost_ratio_n{B}_to_n{A}": "our CPU time per vehicle step at the most by that at the fewest vehicles",
+    "cost_ratio_n{B}_to_n{A}": "our CPU time per vehicle step at the most vehicles by that at each fewer number",
     "compile_s_n{N}": "elapsed time of the first call less that of the second [s], without cache",
     "scenarios_n{N}": "scenarios of one measurement of ours",
     "chunk_n{N}": "scenarios a core takes at a time",
@@ -161,12 +161,10 @@ class BenchResults:
         ratios = [getattr(mine, speed) / getattr(theirs, speed) for mine, theirs in pairs]
         return spread_of(ratios)
 
-    def cost_growth(self) -> float | None:
-        """Our CPU time per vehicle step at the largest by that at the smallest number of vehicles."""
-        small, large = self.find(OURS, self.numbers[0]), self.find(OURS, self.numbers[-1])
-        if small is None or large is None or small is large:
-            return None
-        return small.substeps_per_cpu_s / large.substeps_per_cpu_s
+    def cost_growth(self) -> dict[int, float]:
+        """Our CPU time per vehicle step at the largest number of vehicles by that at every smaller one, medians."""
+        costs = {n: 1 / ours.substeps_per_cpu_s for n in self.numbers if (ours := self.find(OURS, n)) is not None}
+        return {n: costs[max(costs)] / cost for n, cost in costs.items() if n < max(costs)}
 
     def limit_ns(self, n_vehicles: int) -> tuple[float, float] | None:
         """Least time of a vehicle step on one core, by memory and by arithmetic [ns]; None where it is not known."""
@@ -208,8 +206,7 @@ class BenchResults:
         figures: dict = {**self.machine, "load_average": self.load_average}
         for n_vehicles in self.numbers:
             figures |= self._figures_of(n_vehicles)
-        if len(self.numbers) > 1:
-            figures[f"cost_ratio_n{self.numbers[-1]}_to_n{self.numbers[0]}"] = self.cost_growth()
+        figures |= {f"cost_ratio_n{self.numbers[-1]}_to_n{few}": growth for few, growth in self.cost_growth().items()}
         if self.memory is not None:
             figures[f"peak_memory_gib_{self.memory_label()}"] = self.peak_memory_gib()
             figures[f"memory_run_s_{self.memory_label()}"] = self.memory.wall_s

@@ -106,9 +106,9 @@ def _notes(results: BenchResults) -> list[str]:
         f"compile time by N: {compiled} s; scenarios a core takes at a time: {chunks}",
     ]
     growth, peak = results.cost_growth(), results.peak_memory_gib()
-    if growth is not None:
-        few, many = results.numbers[0], results.numbers[-1]
-        lines.append(f"a vehicle step at N = {many} costs {growth:.2f} times that at N = {few}")
+    if growth:
+        times = ", ".join(f"{few}: {ratio:.2f}" for few, ratio in growth.items())
+        lines.append(f"a vehicle step at N = {results.numbers[-1]} costs, times that at N = {times}")
     lines += _limit_lines(results)
     if results.memory is not None and peak is not None:
         run = results.memory

@@ -75,7 +75,7 @@ def test_medians_and_traffic(results):
     assert ours.crashed_share == pytest.approx(5 / 100)
     assert results.find("c", 10).lane_changes_per_vehicle_min is None
     assert results.find("c", 10).crashed_share is None
-    assert results.cost_growth() == 3
+    assert results.cost_growth() == {10: 3}
     assert results.peak_memory_gib() == 0.75
 
 
@@ -123,7 +123,7 @@ def test_terminal_shows_speeds_ratios_and_what_is_absent(results, capsys):
     assert "1,000" in row
     assert "absent: libsumo (not installed); pip install it" in said
     assert "100,000 rollouts of 61 s: 0.75 GiB, 9.0 s" in said
-    assert "costs 3.00 times that at N = 10" in said
+    assert "a vehicle step at N = 200 costs, times that at N = 10: 3.00" in said
     assert "one thread: 10.0 GB/s, 100 GFLOP/s" in said.replace("1 thread", "one thread")
     assert "its state once through memory 10.0 ns, its least arithmetic at peak 6.0 ns" in said
     assert re.search(r"200 +2\.00 +2\.00 +1\.00 .* ok", said)
