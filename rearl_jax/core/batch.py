@@ -7,6 +7,7 @@ from typing import Any, Generic, TypeVar
 
 import jax
 import numpy as np
+from jax.extend.core import jaxpr_as_fun
 from jax.sharding import Mesh, PartitionSpec
 
 _LINE = 16
@@ -50,15 +51,27 @@ class ScenarioMap(Generic[Arguments, Result]):
         self._devices = jax.local_devices()
         self._chunk = chunk
         mesh = Mesh(np.array(self._devices), ("scenarios",))
-        self._run = jax.jit(
-            lambda arguments: jax.shard_map(
-                function,
+
+        def run(arguments: Arguments) -> Result:
+            # Traced once: the numbers of axes of the results have to be known to say that the last is divided.
+            part = jax.tree.map(self._part_of, arguments)
+            traced, results = jax.make_jaxpr(function, return_shape=True)(part)
+            flat, structure = jaxpr_as_fun(traced), jax.tree.structure(results)
+            return jax.shard_map(
+                lambda arguments: jax.tree.unflatten(structure, flat(*jax.tree.leaves(arguments))),
                 mesh=mesh,
-                in_specs=(jax.tree.map(_split, arguments),),
-                out_specs=jax.tree.map(_split, jax.eval_shape(function, arguments)),
+                in_specs=(jax.tree.map(lambda leaf: _last_axis(leaf, divided=leaf.shape[-1] > 1), arguments),),
+                out_specs=jax.tree.map(lambda leaf: _last_axis(leaf, divided=True), results),
                 check_vma=False,
             )(arguments)
-        )
+
+        self._run = jax.jit(run)
+
+    def _part_of(self, leaf: jax.Array) -> jax.ShapeDtypeStruct:
+        """What a device gets of an argument."""
+        *others, n_scenarios = leaf.shape
+        width = n_scenarios if n_scenarios == 1 else n_scenarios // len(self._devices)
+        return jax.ShapeDtypeStruct((*others, width), leaf.dtype)
 
     def chunks(self, arguments: Arguments) -> Iterator[Result]:
         """Results chunk by chunk, in order, as NumPy arrays; only one chunk's result is held at a time.
@@ -108,6 +121,6 @@ def select_scenarios(values: Values, columns: np.ndarray | slice, n_scenarios: i
     return jax.tree.map(chosen, values)
 
 
-def _split(leaf: jax.Array | jax.ShapeDtypeStruct) -> PartitionSpec:
-    """Partition along the last axis; what is the same for all goes to all devices."""
-    return PartitionSpec(*(None,) * (leaf.ndim - 1), "scenarios" if leaf.shape[-1] > 1 else None)
+def _last_axis(leaf: jax.Array | jax.ShapeDtypeStruct, *, divided: bool) -> PartitionSpec:
+    """Partition along the last axis, or, of what is the same for all, everything to every device."""
+    return PartitionSpec(*(None,) * (leaf.ndim - 1), "scenarios" if divided else None)
