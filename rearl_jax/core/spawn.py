@@ -22,8 +22,8 @@ EXPONENT_RANGE = (3.5, 4.5)
 """Range of the IDM exponent. Source: highway-env 1.12.1, `IDMVehicle.randomize_behavior`."""
 
 _LEAST_DRAWN = 16
-"""Numbers drawn at once at least; the first are the same however many are drawn. Shorter loops XLA unrolls, and takes five
-times as long to compile.
+"""Numbers drawn at once at least; the first are the same however many are drawn. Shorter loops XLA unrolls, and takes
+five times as long to compile.
 """
 
 
