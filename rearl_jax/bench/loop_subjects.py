@@ -32,7 +32,6 @@ from rearl_jax.config.decision import ExecConfig, MatcherConfig, MatchSpace, Pol
 from rearl_jax.config.detection import Cues
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.neighbours import sort_if_large
 from rearl_jax.core.rollout import Frames, observe, rollout, simulate_second
 from rearl_jax.core.spawn import spawn
 from rearl_jax.core.state import TrafficState
@@ -123,7 +122,6 @@ class Scenes:
         batch = self.draw_recorded(keys, n_seconds)
 
         def second(traffic: Traffic, state: TrafficState) -> tuple[Traffic, tuple[TrafficState, Situation]]:
-            state = sort_if_large(state)
             traffic = dataclasses.replace(traffic, state=state)
             traffic, situation = look(traffic, batch.drivers, batch.table, batch.thresholds, LOOP_MODEL, ALWAYS)
             return traffic, (state, situation)

@@ -163,8 +163,12 @@ class BenchResults:
 
     def cost_growth(self) -> dict[int, float]:
         """Our CPU time per vehicle step at the largest number of vehicles by that at every smaller one, medians."""
-        costs = {n: 1 / ours.substeps_per_cpu_s for n in self.numbers if (ours := self.find(OURS, n)) is not None}
-        return {n: costs[max(costs)] / cost for n, cost in costs.items() if n < max(costs)}
+        *fewer, most = self.numbers
+        largest = self.find(OURS, most)
+        if largest is None:
+            return {}
+        ours = {few: series for few in fewer if (series := self.find(OURS, few)) is not None}
+        return {few: series.substeps_per_cpu_s / largest.substeps_per_cpu_s for few, series in ours.items()}
 
     def limit_ns(self, n_vehicles: int) -> tuple[float, float] | None:
         """Least time of a vehicle step on one core, by memory and by arithmetic [ns]; None where it is not known."""
