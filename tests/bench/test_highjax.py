@@ -2,12 +2,21 @@
 
 from importlib.util import find_spec
 
+import jax
 import pytest
 
 from rearl_jax.bench.highjax import LARGEST_BATCH, HighJaxRoads
 
 
+@pytest.fixture
+def as_outside_of_tests():
+    """HighJax mixes types and numbers of axes, which is an error in tests alone."""
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        yield
+
+
 @pytest.mark.skipif(find_spec("highjax") is None, reason="highjax is not installed")
+@pytest.mark.usefixtures("as_outside_of_tests")
 def test_scenes_follow_from_the_seed_and_end_with_a_whole_second():
     roads = HighJaxRoads(24, 3, 2.0, cpu_s=1000.0)
     batch = roads.facts["unit"]
