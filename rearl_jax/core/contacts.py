@@ -1,4 +1,4 @@
-"""The tests of contact: the cheap one, by upright bounding boxes, and the full one."""
+"""The tests of contact: the cheap one, by upright boxes that are large enough, and the full one."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -6,40 +6,48 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from rearl_jax.core.affected import if_any
+from rearl_jax.core.drivers import Body
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rectangles import Rectangle, separate
+from rearl_jax.core.state import TrafficState
 
 ROUNDING_MARGIN = 1e-3
 """Slack [m] of the cheap test, far above any rounding error of a distance between vehicles that touch."""
 
-Marks = tuple[Array, Array, Array, Array]
-"""Who has crashed, who is pushed, and the pushes in x and y [m]."""
-
 
 class Extent(eqx.Module):
-    """Upright bounding box of a vehicle: centre, half sizes, and sqrt(2) times its displacement in a tick, all in m."""
+    """An upright box that holds the vehicle, and how far it moves in a tick, all in m.
+
+    Attributes:
+        x: Centre along the road.
+        y: Centre across the road.
+        reach_x: Half the length of the box, and what a tick may add to it beyond `moved`.
+        reach_y: The same across the road.
+        moved: sqrt(2) times the way of a tick, as if along the road.
+    """
 
     x: Float[Array, "vehicles *scenarios"]
     y: Float[Array, "vehicles *scenarios"]
     reach_x: Float[Array, "vehicles *scenarios"]
     reach_y: Float[Array, "vehicles *scenarios"]
-    moved_x: Float[Array, "vehicles *scenarios"]
-    moved_y: Float[Array, "vehicles *scenarios"]
-    collides: Bool[Array, "vehicles *scenarios"]
+    moved: Float[Array, "vehicles *scenarios"]
 
 
-def extent_of(all_: Rectangle, model: TrafficModel) -> Extent:
-    """Bounding boxes of all vehicles."""
-    cos, sin = jnp.abs(all_.cos), jnp.abs(all_.sin)
-    moved = all_.speed * (float(np.sqrt(2)) * model.tick)
+def extent_of(state: TrafficState, body: Body, model: TrafficModel) -> Extent:
+    """Boxes of all vehicles.
+
+    No sine is needed for a box that is large enough: |sin h| <= min(|h|, 1), and 1 - cos h <= min(h^2 / 2, 2).
+    """
+    size = jnp.abs(state.heading)
+    sine, missing_cosine = jnp.minimum(size, 1.0), jnp.minimum(size * size / 2, 2.0)
+    moved = state.speed * (float(np.sqrt(2)) * model.tick)
+    aside = jnp.abs(moved) * (sine + missing_cosine) + ROUNDING_MARGIN
     return Extent(
-        x=all_.x,
-        y=all_.y,
-        reach_x=all_.half_length * cos + all_.half_width * sin + ROUNDING_MARGIN,
-        reach_y=all_.half_length * sin + all_.half_width * cos + ROUNDING_MARGIN,
-        moved_x=moved * all_.cos,
-        moved_y=moved * all_.sin,
-        collides=jnp.broadcast_to(all_.collides, all_.x.shape),
+        x=state.x,
+        y=state.y,
+        reach_x=body.length / 2 + body.width / 2 * sine + aside,
+        reach_y=body.length / 2 * sine + body.width / 2 + aside,
+        moved=moved,
     )
 
 
@@ -48,21 +56,22 @@ def may_touch(one: Extent, other: Extent) -> Array:
 
     A necessary condition. Rectangles a distance D apart have a gap of at least D / sqrt(2) along one of their edge
     normals, and the full test lengthens intervals by no more than the relative displacement r of one tick. So they
-    cannot touch where their upright bounding boxes are more than sqrt(2) |r| apart in x or in y.
+    cannot touch where upright boxes that hold them are more than sqrt(2) |r| apart in x or in y. |r| is at most the
+    difference of the ways, as if both were along the road, and what the boxes have been enlarged by for their headings.
     """
-    moved_apart = jnp.abs(other.moved_x - one.moved_x) + jnp.abs(other.moved_y - one.moved_y)
+    moved_apart = jnp.abs(other.moved - one.moved)
     near_x = jnp.abs(other.x - one.x) <= other.reach_x + one.reach_x + moved_apart
     near_y = jnp.abs(other.y - one.y) <= other.reach_y + one.reach_y + moved_apart
-    return near_x & near_y & (other.collides | one.collides)
+    return near_x & near_y
 
 
 def contact(
-    one: Rectangle, other: Rectangle, is_pair: Bool[Array, "#rows *#scenarios"], model: TrafficModel
+    one: Rectangle, other: Rectangle, is_pair: Bool[Array, " pairs"], model: TrafficModel
 ) -> tuple[Array, Array, Array, Array]:
     """Whether vehicles touch, whether they will within a tick, and the shift of `one` that prevents it (x, y) [m].
 
     Args:
-        one: Vehicles of lower list index, of one or all rows.
+        one: Vehicles of lower list index.
         other: Those they are held against.
         is_pair: Which of the pairs are looked at.
         model: The tick.

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Int
 
-from rearl_jax.core.order import own_places, pick, running_count
+from rearl_jax.core import bits
+from rearl_jax.core.order import in_a_row, pick
 
 ONE_IN_CHANGES_LANES = 16
 """There are places for one vehicle in so many that is on its way to another lane, and for what chance adds."""
@@ -51,7 +52,8 @@ class Few(eqx.Module):
 
     def put(self, values: Array, otherwise: Array) -> Array:
         """Their values among those of all vehicles."""
-        return otherwise.at[own_places(self.who)].set(values, mode="drop")
+        place = jnp.where(self.is_there, in_a_row(self.who), otherwise.size)
+        return otherwise.ravel().at[place].set(values, mode="drop").reshape(otherwise.shape)
 
 
 def single_out(is_chosen: Bool[Array, "vehicles *scenarios"], one_in: int) -> Few:
@@ -62,12 +64,22 @@ def single_out(is_chosen: Bool[Array, "vehicles *scenarios"], one_in: int) -> Fe
         one_in: There are places for one vehicle in so many, and for what chance adds.
     """
     n_vehicles, others = is_chosen.shape[0], is_chosen.shape[1:]
-    places = places_for(n_vehicles, one_in)
+    places, n_numbers = places_for(n_vehicles, one_in), -(-n_vehicles // bits.BITS)
+    filled = jnp.pad(is_chosen, [(0, n_numbers * bits.BITS - n_vehicles)] + [(0, 0)] * len(others))
+    numbers = bits.pack(filled.reshape(n_numbers, bits.BITS, *others).swapaxes(0, 1))
+    counts = bits.count(numbers)
+    rank = jnp.broadcast_to(lax.iota(jnp.int32, places).reshape(places, *(1,) * len(others)), (places, *others))
 
-    before = running_count(is_chosen)
-    suffices = jnp.all(before[-1] + is_chosen[-1].astype(jnp.int32) <= places)
-    place = jnp.where(is_chosen, before, places)
-    index = lax.broadcasted_iota(jnp.int32, is_chosen.shape, 0)
-    nobody = jnp.full((places, *others), n_vehicles, jnp.int32)
-    who = nobody.at[own_places(place)].set(index, mode="drop")
-    return Few(who, suffices, n_vehicles)
+    def look_into(number: Array, found: tuple[Array, ...]) -> tuple[Array, ...]:
+        begin, members, first, rank_in_number = found
+        its, n_its = numbers[number][None], counts[number][None]
+        is_in = (rank >= begin) & (rank < begin + n_its)
+        new = its, number * bits.BITS, rank - begin
+        old = members, first, rank_in_number
+        return begin + n_its, *(jnp.where(is_in, a, b) for a, b in zip(new, old, strict=True))
+
+    nothing = jnp.zeros_like(rank)
+    start = jnp.zeros((1, *others), jnp.int32), nothing.astype(jnp.uint32), nothing, nothing
+    total, members, first, rank_in_number = lax.fori_loop(0, n_numbers, look_into, start, unroll=min(n_numbers, 8))
+    who = jnp.where(rank < total, first + bits.position(members, rank_in_number), n_vehicles)
+    return Few(who, jnp.all(total <= places), n_vehicles)

@@ -1,6 +1,7 @@
 """Traffic whose drivers are those of highway-env: IDM on the lane, MOBIL for the lanes beside."""
 
 from dataclasses import replace
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -10,15 +11,19 @@ from jaxtyping import Array, Bool, Float, Int
 from rearl_jax.core.affected import if_any
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.driving import Driving
-from rearl_jax.core.few import ONE_IN_CHANGES_LANES, Few, single_out
 from rearl_jax.core.idm import free_acceleration
+from rearl_jax.core.lots import Lot, in_lots, list_vehicles, put, take
 from rearl_jax.core.mobil import decide_lanes, follow, is_due, lane_gains, weigh_lanes
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import Traffic, View, find_leader
 from rearl_jax.core.state import Controller, TrafficState
 
-ONE_IN = 12
-"""There are places for one vehicle in so many whose decision is due, and for what chance adds; one in 16 mostly is."""
+ONE_IN_ASKED = 12
+"""One vehicle in so many has a place in a lot of those who look at lanes beside: one in 16 decides in a tick, and no
+more are on their way to another lane.
+"""
+
+Values = TypeVar("Values")
 
 _Followers = tuple[TrafficState, View, Float[Array, "n *s"], Drivers]
 """Who follows, what can be seen of them, their accelerations on a free road [m/s^2], their parameters."""
@@ -64,15 +69,16 @@ def _behind_other_leader(everybody: _Followers, lane: Array, looks: Bool[Array, 
     state, view, free, drivers = everybody
     if view.nearest is None:
         return of_all()
-    few = single_out(looks, ONE_IN_CHANGES_LANES)
+    listed = list_vehicles(looks)
+    lot = listed.lot(0, _size_of_lot(state))
 
-    def of_few() -> Float[Array, "n *s"]:
-        own_state, own_view, traffic = _as_seen_by(few, state, view)
-        own_free, own_drivers = jax.tree.map(few.take, (free, drivers))
+    def of_lot() -> Float[Array, "n *s"]:
+        own_state, own_view, traffic = _as_seen_by(lot, state, view)
+        own_free, own_drivers, own_lane = _taken(lot, (free, drivers, lane), state)
         followers = own_state, own_view, own_free, own_drivers
-        return few.put(_behind_leader(followers, few.take(lane), traffic), nothing)
+        return put(_behind_leader(followers, own_lane, traffic), lot, nothing)
 
-    return lax.cond(few.suffices, of_few, of_all)
+    return lax.cond(listed.count <= _size_of_lot(state), of_lot, of_all)
 
 
 def _choose_lanes(
@@ -88,24 +94,30 @@ def _choose_lanes(
     # What is decided has no slope.
     state, view, free, own, drivers = lax.stop_gradient((state, view, free, own, drivers))
 
-    def ask_some(work: tuple[Array, Array]) -> tuple[Array, Array]:
-        waiting, target_lane = work
-        few = single_out(waiting, ONE_IN)
-        own_state, own_view, traffic = _as_seen_by(few, state, view)
-        question = own_state, own_view, *jax.tree.map(few.take, (free, own, drivers))
-        target_lane = few.put(_chosen(question, few.is_there, model, traffic), target_lane)
-        return few.put(~few.is_there, waiting), target_lane
+    def ask(lot: Lot, target_lane: Array) -> Array:
+        own_state, own_view, traffic = _as_seen_by(lot, state, view)
+        question = own_state, own_view, *_taken(lot, (free, own, drivers), state)
+        return put(_chosen(question, lot.is_there, model, traffic), lot, target_lane)
 
-    return lax.while_loop(lambda work: jnp.any(work[0]), ask_some, (due, state.target_lane))[1]
+    return in_lots(list_vehicles(due), _size_of_lot(state), ask, state.target_lane)
 
 
-def _as_seen_by(few: Few, state: TrafficState, view: View) -> tuple[TrafficState, View, Traffic]:
+def _size_of_lot(state: TrafficState) -> int:
+    return state.x.size // ONE_IN_ASKED + 2
+
+
+def _taken(lot: Lot, values: Values, state: TrafficState) -> Values:
+    """A lot's own of all vehicles' values."""
+    return jax.tree.map(lambda leaf: take(leaf, lot.place, state.x.shape), values)
+
+
+def _as_seen_by(lot: Lot, state: TrafficState, view: View) -> tuple[TrafficState, View, Traffic]:
     """Some vehicles of large traffic, what can be seen of them, and the traffic they look at."""
     assert view.nearest is not None  # large traffic is walked along
-    # What drivers remember has other axes than few could be picked from.
+    # What drivers remember has other axes than a lot could be taken from.
     traffic = Traffic(replace(state, memory=None), replace(view, nearest=None))
-    own_state, own_view = jax.tree.map(few.take, tuple(traffic))
-    return own_state, replace(own_view, nearest=view.nearest.seen_by(few.index)), traffic
+    own = _taken(lot, traffic, state)
+    return own.state, replace(own.view, nearest=view.nearest.seen_by(lot.place)), traffic
 
 
 def _chosen(

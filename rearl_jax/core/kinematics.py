@@ -1,12 +1,15 @@
 """Moving vehicles: the lateral controller, the speed controllers and the kinematic bicycle.
 
 The steering angle delta of highway-env never appears: its slip angle beta = arctan(tan(delta) / 2) is all that moves
-the vehicle, and where the controller sets delta = arctan(2 tan(arcsin u)) the slip angle is arcsin u itself, cut at the
-value that belongs to the largest steering angle. Only in float64 is the long way round taken, for the sake of its
+the vehicle, and where the controller sets delta = arctan(2 tan(arcsin u)) the sine of the slip angle is u itself, cut
+at the value that belongs to the largest steering angle. So in float32 the direction of motion follows from that of the
+heading, which others see as well, by products alone. In float64 the long way round is taken, for the sake of its
 rounding.
 
 Source: highway-env 1.12.1, `vehicle/controller.py` (ControlledVehicle) and `vehicle/kinematics.py` (Vehicle.step).
 """
+
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -43,8 +46,8 @@ MAX_HEADING = np.pi / 4
 MAX_STEERING = np.pi / 3
 """Largest steering angle [rad]. Source: highway-env 1.12.1, `ControlledVehicle.MAX_STEERING_ANGLE`."""
 
-MAX_SLIP = float(np.arctan(np.tan(MAX_STEERING) / 2))
-"""Slip angle at the largest steering angle [rad]."""
+MAX_SINE_OF_SLIP = float(np.sin(np.arctan(np.tan(MAX_STEERING) / 2)))
+"""Sine of the slip angle at the largest steering angle [-]."""
 
 
 class Command(eqx.Module):
@@ -52,11 +55,20 @@ class Command(eqx.Module):
 
     Attributes:
         acceleration: Along the heading [m/s^2].
-        slip: Slip angle beta between heading and motion [rad].
+        sine_of_slip: Sine of the slip angle beta between heading and motion that steering asks for [-]; what the
+            largest steering angle makes of it is up to `course`.
     """
 
     acceleration: Float[Array, "vehicles *scenarios"]
-    slip: Float[Array, "vehicles *scenarios"]
+    sine_of_slip: Float[Array, "vehicles *scenarios"]
+
+
+class Course(NamedTuple):
+    """Where a vehicle moves: cosine and sine of the direction of its motion, and the sine of its slip angle [-]."""
+
+    cos: Float[Array, "vehicles *scenarios"]
+    sin: Float[Array, "vehicles *scenarios"]
+    sine_of_slip: Float[Array, "vehicles *scenarios"]
 
 
 def wrap_to_pi(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
@@ -65,18 +77,31 @@ def wrap_to_pi(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return (turned - 2 * np.pi * jnp.floor(turned / (2 * np.pi))) - np.pi
 
 
-def slip_angle(sine_of_slip: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Slip angle [rad] of a wanted sine, within what the largest steering angle allows."""
+def course(state: TrafficState, view: View, sine_of_slip: Float[Array, "vehicles *scenarios"]) -> Course:
+    """Direction of motion at a wanted sine of the slip angle, within what the largest steering angle allows."""
     if sine_of_slip.dtype == jnp.float64:
-        steering = arctangent(2 * jnp.tan(arcsine(sine_of_slip)))
-        return arctangent(jnp.tan(jnp.clip(steering, -MAX_STEERING, MAX_STEERING)) / 2)
-    return jnp.clip(arcsine(sine_of_slip), -MAX_SLIP, MAX_SLIP)
+        nowhere = Course(*(jnp.zeros_like(sine_of_slip),) * 3)
+        return if_any(state.speed != 0, lambda: _course_by_angles(state.heading, sine_of_slip), nowhere)
+    sin_slip = jnp.clip(sine_of_slip, -MAX_SINE_OF_SLIP, MAX_SINE_OF_SLIP)
+    cos_slip = jnp.sqrt(1 - sin_slip * sin_slip)
+    return Course(
+        cos=view.cos_heading * cos_slip - view.sin_heading * sin_slip,
+        sin=view.sin_heading * cos_slip + view.cos_heading * sin_slip,
+        sine_of_slip=sin_slip,
+    )
+
+
+def _course_by_angles(heading: Float[Array, "*n"], sine_of_slip: Float[Array, "*n"]) -> Course:
+    """The same by way of the steering angle, rounded as in highway-env."""
+    steering = arctangent(2 * jnp.tan(arcsine(sine_of_slip)))
+    slip = arctangent(jnp.tan(jnp.clip(steering, -MAX_STEERING, MAX_STEERING)) / 2)
+    return Course(cosine(heading + slip), sine(heading + slip), sine(slip))
 
 
 def steer(
     state: TrafficState, target_lane: Int[Array, "vehicles *scenarios"], drivers: Drivers, model: TrafficModel
 ) -> Float[Array, "vehicles *scenarios"]:
-    """Slip angle [rad] that brings a vehicle to the centre of its target lane.
+    """Sine of the slip angle [-] that brings a vehicle to the centre of its target lane.
 
     A cascade: lateral offset -> lateral speed -> heading -> turn rate -> slip angle.
 
@@ -87,7 +112,7 @@ def steer(
     lateral_speed = -(1 / LATERAL_TIME) * offset
     heading = jnp.clip(arcsine(lateral_speed / speed), -MAX_HEADING, MAX_HEADING)
     turn_rate = (1 / HEADING_TIME) * wrap_to_pi(heading - state.heading)
-    return slip_angle(drivers.body.length / 2 / speed * turn_rate)
+    return drivers.body.length / 2 / speed * turn_rate
 
 
 def control(
@@ -148,6 +173,7 @@ def add_compensated(
 
 def move(
     state: TrafficState,
+    view: View,
     target_lane: Int[Array, "vehicles *scenarios"],
     countdown: Int[Array, "vehicles *scenarios"],
     command: Command,
@@ -160,14 +186,11 @@ def move(
 
     Source: highway-env 1.12.1, `Vehicle.step`; bicycle: Polack et al., IEEE IV 2017.
     """
-    dt, direction = model.tick, state.heading + command.slip
-    is_moving = state.speed != 0
-    zeros = jnp.zeros_like(state.x)
-    step_x = if_any(is_moving, lambda: rounded(state.speed * cosine(direction) * dt), zeros)
-    step_y = if_any(is_moving, lambda: rounded(state.speed * sine(direction) * dt), zeros)
-    x, x_lost = add_compensated(state.x, step_x, state.x_lost)
-    y, y_lost = add_compensated(state.y, step_y, state.y_lost)
-    turn_rate = state.speed * sine(command.slip) / (drivers.body.length / 2)
+    dt = model.tick
+    motion = course(state, view, command.sine_of_slip)
+    x, x_lost = add_compensated(state.x, rounded(state.speed * motion.cos * dt), state.x_lost)
+    y, y_lost = add_compensated(state.y, rounded(state.speed * motion.sin * dt), state.y_lost)
+    turn_rate = state.speed * motion.sine_of_slip / (drivers.body.length / 2)
     return TrafficState(
         x=x + jnp.where(state.is_pushed, state.push_x, 0.0),
         y=y + jnp.where(state.is_pushed, state.push_y, 0.0),

@@ -10,7 +10,8 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.core.effects.stimulus import BESIDE_RANGE, OUT_OF_SIGHT
-from rearl_jax.core.neighbours import View, for_each_vehicle, lane_bit, row
+from rearl_jax.core.nearest import lane_bit
+from rearl_jax.core.neighbours import View, for_each_vehicle, row
 from rearl_jax.core.order import NOBODY, pick
 from rearl_jax.core.state import TrafficState
 

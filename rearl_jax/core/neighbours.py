@@ -2,7 +2,8 @@
 
 In small traffic every driver looks at all other vehicles one after another and keeps the nearest ("running minimum").
 That costs n_vehicles^2 comparisons, but only comparisons and selections, which a compiler turns into straight vector
-code over the scenarios. In large traffic the vehicles are sorted along the road (`rearl_jax.core.order`).
+code over the scenarios. In large traffic the vehicles are sorted along the road (`rearl_jax.core.order`), and who is
+next on every lane is read off that order (`rearl_jax.core.nearest`).
 """
 
 from collections.abc import Callable
@@ -17,11 +18,11 @@ from jaxtyping import Array, Float, Int
 from rearl_jax.core.double_double import rounded
 from rearl_jax.core.elementary import cosine, sine
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
-from rearl_jax.core.order import NOBODY, NearestOnLanes, pick, sort_along_road, walk_along_road
+from rearl_jax.core.nearest import NearestOnLanes, lane_bit, walk_along_road
+from rearl_jax.core.order import NOBODY, sort_along_road
 from rearl_jax.core.state import TrafficState, nearest_lane
 
 Found = TypeVar("Found")
-Lane = TypeVar("Lane", int, Array)
 
 LANE_MARGIN = 1.0
 """A vehicle counts as being on a lane up to this distance [m] beyond the lane's edge.
@@ -116,11 +117,6 @@ def not_zero(value: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return jnp.where(jnp.abs(value) > 0.01, value, jnp.where(value >= 0, 0.01, -0.01))
 
 
-def lane_bit(lane: Lane) -> Lane:
-    """The bit that stands for a lane; lane -1, left of the road, has one too, which no vehicle ever sets."""
-    return 1 << (lane + 1)
-
-
 def lanes_under(state: TrafficState, model: TrafficModel) -> Int[Array, "vehicles *scenarios"]:
     """The lanes each vehicle is on, as bits.
 
@@ -151,7 +147,7 @@ def perceive(state: TrafficState, model: TrafficModel) -> View:
     on_lanes = lanes_under(state, model)
     nearest = None
     if is_large(state.x.shape[0]):
-        nearest = walk_along_road(state.order, state.x, on_lanes, lane_bit, model)
+        nearest = walk_along_road(state.order, state.x, on_lanes, model.n_lanes)
     return View(
         lane=nearest_lane(state.y, model),
         cos_heading=cos_heading,
@@ -180,10 +176,9 @@ def find_leader(
     Source: highway-env 1.12.1, `Road.neighbour_vehicles`.
     """
     if view.nearest is not None:
-        traffic = among or Traffic(state, view)
-        index = view.nearest.ahead_on(lane)
-        speeds = (pick(values, index) for values in (traffic.view.speed_x, traffic.view.speed_y))
-        seen = Leader(pick(traffic.state.x, index) - state.x, *speeds)
+        its, index = among or Traffic(state, view), view.nearest.ahead_on(lane)
+        x, *speeds = (view.nearest.pick(values, index) for values in (its.state.x, its.view.speed_x, its.view.speed_y))
+        seen = Leader(x - state.x, *speeds)
         return _replace_where(index != NOBODY, seen, _nobody_ahead(state))
     bit = lane_bit(lane)
     own_index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
@@ -211,8 +206,8 @@ def find_follower(
     seen = (traffic.state.speed, its.cos_heading, its.sin_heading, its.speed_ratio)
     if view.nearest is not None:
         index = view.nearest.behind_on(lane)
-        behind_by = state.x - pick(traffic.state.x, index)
-        new = Follower(behind_by, *(pick(values, index) for values in seen))
+        x, *others = (view.nearest.pick(values, index) for values in (traffic.state.x, *seen))
+        new = Follower(state.x - x, *others)
         return _replace_where(index != NOBODY, new, _nobody_behind(state))
     bit = lane_bit(lane)
 

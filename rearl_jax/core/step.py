@@ -34,7 +34,7 @@ def tick_in_order(state: TrafficState, drivers: Drivers, model: TrafficModel) ->
         countdown = restart_countdown(state, view, drivers)
         target_lane = abort_conflicts(target_lane, state, view, drivers, model)
     command = control(state, view, target_lane, own, on_lane(target_lane), drivers, model)
-    state = sort_if_large(move(state, target_lane, countdown, command, drivers, model))
+    state = sort_if_large(move(state, view, target_lane, countdown, command, drivers, model))
     if model.collisions:
         state = collide(state, drivers.body, model)
     return state

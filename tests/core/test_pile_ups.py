@@ -1,34 +1,31 @@
 """Contacts in large traffic: what the sorted road finds is what holding everybody against everybody finds."""
 
+from dataclasses import replace
+from unittest import mock
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rearl_jax.core import collisions, pile_ups
-from rearl_jax.core.contacts import extent_of
-from rearl_jax.core.order import pick
-from rearl_jax.core.rectangles import Rectangle
+from rearl_jax.core import collisions, pairs, pile_ups
+from rearl_jax.core.drivers import Body
+from rearl_jax.core.state import make_state
 from tests.core.simulation import MODEL
 
 N_VEHICLES, N_SCENARIOS = 61, 19
 
 
 def piled_up(seed, dtype):
-    """Slow vehicles on 12 m of a road of four lanes: each is inside many others."""
+    """Slow vehicles on 12 m of a road of four lanes: each is inside many others; one in ten does not look."""
     rng = np.random.default_rng(seed)
     shape = (N_VEHICLES, N_SCENARIOS)
-    heading = rng.normal(0.0, 0.3, shape)
-    return Rectangle(
-        x=jnp.asarray(rng.uniform(0.0, 12.0, shape), dtype),
-        y=jnp.asarray(4.0 * rng.integers(0, 4, shape) + rng.normal(0.0, 0.5, shape), dtype),
-        cos=jnp.asarray(np.cos(heading), dtype),
-        sin=jnp.asarray(np.sin(heading), dtype),
-        speed=jnp.asarray(rng.uniform(0.0, 10.0, shape), dtype),
-        half_length=jnp.full(shape, 2.5, dtype),
-        half_width=jnp.full(shape, 1.0, dtype),
-        collides=jnp.asarray(rng.uniform(size=shape) < 0.9),
-    )
+    x, y = rng.uniform(0.0, 12.0, shape), 4.0 * rng.integers(0, 4, shape) + rng.normal(0.0, 0.5, shape)
+    heading, speed = rng.normal(0.0, 0.3, shape), rng.uniform(0.0, 10.0, shape)
+    state = make_state(x, y, speed, MODEL, heading=heading, dtype=dtype)
+    order = jnp.asarray(np.argsort(np.asarray(state.x), axis=0), jnp.int32)
+    length, width = (jnp.full((1, 1), size, dtype) for size in (5.0, 2.0))
+    return replace(state, order=order), Body(length, width, jnp.asarray(rng.uniform(size=shape) < 0.9))
 
 
 def ahead_by(n):
@@ -38,26 +35,43 @@ def ahead_by(n):
 
 @pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.thorough)])
 def test_pile_ups_of_many_windows_lots_and_scenarios(dtype):
-    vehicles = piled_up(0, dtype)
-    x, y = np.asarray(vehicles.x), np.asarray(vehicles.y)
-    order = np.argsort(x, axis=0)
+    state, body = piled_up(0, dtype)
+    x, y = np.asarray(state.x), np.asarray(state.y)
     touching = np.triu(np.ones((N_VEHICLES, N_VEHICLES), bool), 1)[..., None]
     for values, reach in ((x, 4.0), (y, 1.5)):
-        along = np.take_along_axis(values, order, axis=0)
+        along = np.take_along_axis(values, np.asarray(state.order), axis=0)
         touching = touching & (np.abs(along[None] - along[:, None]) < reach)
     behind, ahead, _ = np.nonzero(touching)
     assert (ahead - behind > 2 * pile_ups.WINDOW).sum() > 20
-    assert touching.sum() > 10 * (x.size // pile_ups.TESTED + 1)
+    assert touching.sum() > 10 * (x.size // pairs.TESTED + 1)
     beyond = np.any(touching & (ahead_by(N_VEHICLES) > pile_ups.WINDOW)[..., None], axis=1)
     assert beyond.sum() > 3 * (x.size // pile_ups.FOLLOWED + 1)
-    assert N_VEHICLES % pile_ups.TOGETHER
 
-    nobody, nothing = jnp.zeros(x.shape, bool), jnp.zeros(x.shape, dtype)
-    marks, extent = (nobody, nobody, nothing, nothing), extent_of(vehicles, MODEL)
-    expected = jax.jit(collisions._collide_in_list, static_argnums=3)(extent, vehicles, marks, MODEL)
-    program = jax.jit(pile_ups.collide_along_road, static_argnums=3)
-    order = jnp.asarray(order, jnp.int32)
-    found = program(order, jax.tree.map(lambda values: pick(values, order), vehicles), marks, MODEL)
-    assert int(expected[0].sum()) > 100
-    for one, other in zip(found, expected, strict=True):
-        np.testing.assert_array_equal(one, other)
+    def collided(state):
+        return collisions.collide(state, body, MODEL)
+
+    found = jax.jit(collided)(state)
+    with mock.patch.object(collisions, "is_large", return_value=False):
+        expected = jax.jit(lambda state: collided(state))(state)
+    assert int(expected.crashed.sum()) > 100
+    for name in ("crashed", "is_pushed", "push_x", "push_y"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+
+
+def test_boxes_hold_the_vehicles():
+    """The cheap test passes whatever the full test finds, at any heading."""
+    rng = np.random.default_rng(1)
+    n_found = 0
+    for _ in range(20):
+        x, y = rng.uniform(0.0, 7.0, (2, 500)), rng.uniform(0.0, 6.0, (2, 500))
+        heading, speed = rng.uniform(-4.0, 4.0, (2, 500)), rng.uniform(-30.0, 30.0, (2, 500))
+        state = make_state(x, y, speed, MODEL, heading=heading, dtype=np.float32)
+        body = Body(*(jnp.full((1, 1), size, np.float32) for size in (5.0, 2.0)), jnp.ones((1, 1), bool))
+        marked = np.asarray(collisions.collide(state, body, MODEL).is_pushed)
+        extent = collisions.extent_of(state, body, MODEL)
+        with mock.patch.object(collisions, "_close_in_list", lambda extent: jnp.ones(extent.x.shape, jnp.uint32)):
+            expected = np.asarray(collisions.collide(state, body, MODEL).is_pushed)
+        assert extent.x.shape == marked.shape
+        np.testing.assert_array_equal(marked, expected)
+        n_found += marked[0].sum()
+    assert 2000 < n_found < 9000

@@ -1,0 +1,34 @@
+"""Sets as bits of 32-bit numbers: who is in them, and who of them is the n-th."""
+
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Int, UInt32
+
+BITS = 32
+"""Members of a set that make one number."""
+
+
+def pack(members: Bool[Array, "bits *numbers"]) -> UInt32[Array, "*numbers"]:
+    """Numbers of which the first axis are the bits, at most BITS of them and the lowest first."""
+    numbers = jnp.zeros(members.shape[1:], jnp.uint32)
+    for bit in range(members.shape[0]):
+        numbers = numbers | (members[bit].astype(jnp.uint32) << bit)
+    return numbers
+
+
+def count(numbers: UInt32[Array, "*numbers"]) -> Int[Array, "*numbers"]:
+    """How many bits are set."""
+    return lax.population_count(numbers).astype(jnp.int32)
+
+
+def position(numbers: UInt32[Array, "*numbers"], rank: Int[Array, "*numbers"]) -> Int[Array, "*numbers"]:
+    """Position of the set bit that has so many set bits below it, by halving the range it may be in."""
+    found = jnp.zeros_like(rank)
+    width = BITS // 2
+    while width:
+        n_low = count((numbers >> found.astype(jnp.uint32)) & jnp.uint32((1 << width) - 1))
+        is_above = rank >= n_low
+        rank = rank - jnp.where(is_above, n_low, 0)
+        found = found + jnp.where(is_above, width, 0)
+        width //= 2
+    return found

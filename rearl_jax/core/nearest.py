@@ -1,0 +1,276 @@
+"""Who is next on every lane, ahead and behind, in large traffic.
+
+The order along the road is walked once from the head of the traffic to its tail, remembering the last vehicle met on
+each lane: that is the leader on this lane for whoever comes next. Walking back gives the followers.
+
+What is remembered of all lanes fits into one 32-bit number, or few: each lane has a field of it, which holds the index
+of a vehicle and a flag that says whether there is one. So a step of the walk is one operation for all lanes, and whom a
+vehicle finds on a lane of its choice is read off its own number without looking anything up.
+"""
+
+import dataclasses
+import math
+from dataclasses import replace
+from typing import TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int, UInt32
+
+from rearl_jax.core.affected import if_any
+from rearl_jax.core.order import NOBODY, in_a_row, pick
+
+Words = tuple[UInt32[Array, "..."], ...]
+"""The fields of all lanes, as many to a number as have room."""
+
+Lane = TypeVar("Lane", int, Array)
+
+
+def lane_bit(lane: Lane) -> Lane:
+    """The bit that stands for a lane; lane -1, left of the road, has one too, which no vehicle ever sets."""
+    return 1 << (lane + 1)
+
+
+@dataclasses.dataclass(frozen=True)
+class Fields:
+    """How the lanes' fields lie in 32-bit numbers.
+
+    Attributes:
+        n_vehicles: Vehicles of a scenario.
+        n_lanes: Lanes of the road.
+    """
+
+    n_vehicles: int
+    n_lanes: int
+
+    @property
+    def flag(self) -> int:
+        """The highest bit of a field, set where there is a vehicle."""
+        return 1 << (self.n_vehicles - 1).bit_length()
+
+    @property
+    def width(self) -> int:
+        """Bits of a field."""
+        return self.flag.bit_length()
+
+    @property
+    def lanes_by_word(self) -> tuple[range, ...]:
+        """The lanes of each number."""
+        n_each = 32 // self.width
+        return tuple(range(first, min(first + n_each, self.n_lanes)) for first in range(0, self.n_lanes, n_each))
+
+    def repeated(self, value: int, lanes: range) -> UInt32[Array, ""]:
+        """The same in every field of a number."""
+        return jnp.uint32(sum(value << (self.width * place) for place in range(len(lanes))))
+
+    def found(self, field: UInt32[Array, "*n"]) -> Int[Array, "*n"]:
+        """The vehicle in a field, NOBODY for none."""
+        return jnp.where(field >= self.flag, field.astype(jnp.int32) - self.flag, NOBODY)
+
+    def on(self, words: Words, lane: Int[Array, "*n"]) -> UInt32[Array, "*n"]:
+        """The field of a lane of each vehicle's choice; empty for lanes that do not exist."""
+        chosen = jnp.zeros(lane.shape, jnp.uint32)
+        for word, lanes in zip(words, self.lanes_by_word, strict=True):
+            is_here = (lane >= lanes.start) & (lane < lanes.stop)
+            shift = jnp.where(is_here, lane - lanes.start, 0).astype(jnp.uint32) * self.width
+            chosen = jnp.where(is_here, (word >> shift) & jnp.uint32((1 << self.width) - 1), chosen)
+        return chosen
+
+    def of(self, index: Int[Array, "*n"], on_lanes: Int[Array, "*n"]) -> tuple[UInt32[Array, "*n"], ...]:
+        """Vehicles in the fields of the lanes they are on.
+
+        Args:
+            index: The vehicles.
+            on_lanes: Their lanes as bits, see `lane_bit`.
+        """
+        field, nobody = index.astype(jnp.uint32) | jnp.uint32(self.flag), jnp.zeros(index.shape, jnp.uint32)
+        words = []
+        for lanes in self.lanes_by_word:
+            word = nobody
+            for place, lane in enumerate(lanes):
+                word = word | jnp.where((on_lanes & lane_bit(lane)) != 0, field << (self.width * place), nobody)
+            words.append(word)
+        return tuple(words)
+
+    def first_of(self, nearer: Words, farther: Words) -> Words:
+        """Of each field the nearer vehicle where there is one, else the farther."""
+        return tuple(
+            near | (far & ~(((near & self.repeated(self.flag, lanes)) >> (self.width - 1)) * ((1 << self.width) - 1)))
+            for near, far, lanes in zip(nearer, farther, self.lanes_by_word, strict=True)
+        )
+
+
+class NearestOnLanes(eqx.Module):
+    """The nearest vehicle ahead and behind on every lane, as each vehicle sees it.
+
+    Vehicles abreast, which have exactly the same x, count as ahead of each other and never as behind. In the order they
+    stand by falling index, so the answers for all of them begin at the first: it may be the vehicle ahead itself, being
+    the last in the list, and only those before it are behind.
+
+    Attributes:
+        ahead: Who is next ahead on each lane.
+        behind: Who is next behind on each lane.
+        later: Who comes next on each lane in the order, which is not the one ahead of vehicles abreast.
+        scenario: Scenario of each vehicle.
+        n_scenarios: Number of scenarios.
+        fields: How the lanes' fields lie.
+    """
+
+    ahead: Words
+    behind: Words
+    later: Words
+    scenario: Int[Array, "#vehicles *scenarios"]
+    n_scenarios: int = eqx.field(static=True)
+    fields: Fields = eqx.field(static=True)
+
+    def ahead_on(self, lane: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
+        """The vehicle next ahead on a lane of each vehicle's choice; NOBODY for none, and on lanes that do not exist.
+
+        The same x counts as ahead; of equally near vehicles the last in the list is meant.
+        """
+        return self.fields.found(self.fields.on(self.ahead, lane))
+
+    def behind_on(self, lane: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
+        """The vehicle next behind on a lane of each vehicle's choice; of equally near ones the first in the list."""
+        return self.fields.found(self.fields.on(self.behind, lane))
+
+    def after(
+        self, index: Int[Array, "vehicles *scenarios"], lane: Int[Array, "vehicles *scenarios"]
+    ) -> Int[Array, "vehicles *scenarios"]:
+        """The next on a lane later in the order than a given vehicle; NOBODY for none.
+
+        Args:
+            index: The vehicles; means nothing for NOBODY.
+            lane: The lanes.
+        """
+        later = tuple(self.pick(word, index) for word in self.later)
+        return self.fields.found(self.fields.on(later, lane))
+
+    def pick(self, values: Array, index: Int[Array, "vehicles *scenarios"]) -> Array:
+        """All vehicles' values at the given indices, each within the scenario of the vehicle that asks.
+
+        Args:
+            values: Of all vehicles of all scenarios.
+            index: The vehicles; of NOBODY the values mean nothing.
+        """
+        place = jnp.maximum(index, 0) * self.n_scenarios + self.scenario
+        return values.ravel().at[place].get(mode="promise_in_bounds")
+
+    def seen_by(self, place: Int[Array, " lot"]) -> "NearestOnLanes":
+        """The same for some vehicles of whichever scenarios, who alone may then ask.
+
+        Args:
+            place: Where they are among all vehicles of all scenarios in a row.
+        """
+        ahead, behind = (tuple(word.ravel()[place] for word in words) for words in (self.ahead, self.behind))
+        return replace(self, ahead=ahead, behind=behind, scenario=place % self.n_scenarios)
+
+
+def walk_along_road(
+    order: Int[Array, "vehicles *scenarios"],
+    x: Float[Array, "vehicles *scenarios"],
+    on_lanes: Int[Array, "vehicles *scenarios"],
+    n_lanes: int,
+) -> NearestOnLanes:
+    """Everybody's nearest vehicles on every lane.
+
+    Args:
+        order: Vehicle indices as `order.sort_along_road` leaves them.
+        x: Positions [m].
+        on_lanes: Lanes each vehicle is on, as bits.
+        n_lanes: Lanes of the road.
+    """
+    fields, n_scenarios = Fields(order.shape[0], n_lanes), math.prod(order.shape[1:])
+    step = _by_step(in_a_row(order), filling=order.size)
+    on = on_lanes.ravel().at[step].get(mode="fill", fill_value=0)
+    own = fields.of(step // n_scenarios, on)
+    later, earlier = (_by_vehicle(_met(own, fields, reverse), step, order.shape) for reverse in (True, False))
+    along = pick(x, order)
+    is_level = jnp.pad(along[1:] == along[:-1], [(1, 0)] + [(0, 0)] * (along.ndim - 1))
+
+    def look_abreast() -> tuple[Words, Words]:
+        first_by_place = pick(order, _first_of_level(is_level))
+        first = jnp.zeros(order.size, jnp.int32).at[in_a_row(order)].set(first_by_place).reshape(order.shape)
+        index = lax.broadcasted_iota(jnp.int32, order.shape, 0)
+        from_first = fields.first_of(
+            fields.of(first, pick(on_lanes, first)), tuple(pick(word, first) for word in later)
+        )
+        return _but_oneself(index, from_first, later, fields), tuple(pick(word, first) for word in earlier)
+
+    ahead, behind = if_any(is_level, look_abreast, (later, earlier))
+    scenario = lax.iota(jnp.int32, n_scenarios).reshape(1, *order.shape[1:])
+    return NearestOnLanes(ahead, behind, later, scenario, n_scenarios, fields)
+
+
+def _met(own: Words, fields: Fields, reverse: bool) -> Words:
+    """Who has been met last on each lane before coming to a place, walking along the order or, reversed, against it.
+
+    Stretches of the order are walked side by side (`_by_step`). Whom a stretch has met last on each lane is then handed
+    on from stretch to stretch, and counts wherever nobody has been met on the own one yet.
+    """
+
+    def pass_by(met: Words, vehicle: Words) -> tuple[Words, Words]:
+        return fields.first_of(vehicle, met), met
+
+    nobody = jax.tree.map(lambda word: jnp.zeros_like(word[0]), own)
+    last, met = lax.scan(pass_by, nobody, own, reverse=reverse)
+    nobody = jax.tree.map(lambda word: jnp.zeros_like(word[0]), last)
+    _, before = lax.scan(pass_by, nobody, last, reverse=reverse)
+    return fields.first_of(met, jax.tree.map(lambda word: word[None], before))
+
+
+def _by_step(values: Int[Array, "vehicles *scenarios"], filling: int) -> Int[Array, "length stretches *scenarios"]:
+    """A row of vehicles cut into stretches that can be walked side by side.
+
+    A plain walk takes n steps of one place each. With stretches of about sqrt(n) places, step k comes to the k-th place
+    of every stretch, and another walk of as many steps goes from stretch to stretch: about 2 sqrt(n) steps, with
+    vector code over many places in each.
+
+    Args:
+        values: By place.
+        filling: What the last stretch is filled up with.
+    """
+    n_vehicles, others = values.shape[0], values.shape[1:]
+    length = math.isqrt(n_vehicles - 1) + 1
+    n_stretches = -(-n_vehicles // length)
+    missing = [(0, n_stretches * length - n_vehicles)] + [(0, 0)] * len(others)
+    filled = jnp.pad(values, missing, constant_values=filling)
+    return filled.reshape(n_stretches, length, *others).swapaxes(0, 1)
+
+
+def _by_vehicle(words: Words, step: Int[Array, "length stretches *scenarios"], shape: tuple[int, ...]) -> Words:
+    """What has been found by step, by vehicle."""
+    nobody = jnp.zeros(math.prod(shape), jnp.uint32)
+    place = step.ravel()
+    return tuple(nobody.at[place].set(word.ravel(), mode="drop").reshape(shape) for word in words)
+
+
+def _first_of_level(is_level: Bool[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
+    """By place, the first place with the same x, given which have that of the place before.
+
+    Everybody points at the place before if that is level, and then at whatever the place pointed at points at: twice as
+    far back each time, until all point at one that begins a level.
+    """
+    place = lax.broadcasted_iota(jnp.int32, is_level.shape, 0)
+
+    def point_further(work: tuple[Array, Array]) -> tuple[Array, Array]:
+        first = pick(work[0], work[0])
+        return first, pick(is_level, first)
+
+    start = place - is_level.astype(jnp.int32), is_level & jnp.roll(is_level, 1, axis=0)
+    return lax.while_loop(lambda work: jnp.any(work[1]), point_further, start)[0]
+
+
+def _but_oneself(index: Int[Array, "vehicles *scenarios"], found: Words, later: Words, fields: Fields) -> Words:
+    """Who has been found on each lane; for vehicles that have found themselves the next one later in the order."""
+    chosen = []
+    for word, after, lanes in zip(found, later, fields.lanes_by_word, strict=True):
+        for place in range(len(lanes)):
+            field = jnp.uint32(((1 << fields.width) - 1) << (fields.width * place))
+            oneself = (index.astype(jnp.uint32) | fields.flag) << (fields.width * place)
+            # A difference, as jaxlib 0.10.2 miscompiles the chain of (word & ~field) | (after & field) for AVX-512.
+            word = jnp.where((word & field) == oneself, word + ((after & field) - oneself), word)
+        chosen.append(word)
+    return tuple(chosen)
