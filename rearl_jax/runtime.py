@@ -22,7 +22,7 @@ def start(x64: bool = False, cpu_devices: int | None = None) -> None:
     """Configure JAX for a task; the first call must come before the first computation.
 
     A later call may only change the precision. What the user chose by environment (JAX_COMPILATION_CACHE_DIR,
-    JAX_ENABLE_COMPILATION_CACHE, JAX_PERSISTENT_CACHE_*, JAX_NUM_CPU_DEVICES, XLA_FLAGS) is left as it is.
+    JAX_ENABLE_COMPILATION_CACHE, JAX_PERSISTENT_CACHE_*, JAX_NUM_CPU_DEVICES, PJRT_NPROC, XLA_FLAGS) is left as it is.
 
     Args:
         x64: Whether arrays without a stated type are float64 and int64.
@@ -97,9 +97,17 @@ def _set_compiler_flags(x64: bool) -> None:
 
 
 def _set_cpu_devices(count: int) -> None:
+    """Devices, and no more threads than devices.
+
+    With threads to spare XLA shares out every vector operation of a device among them, and they spend more time waiting
+    for each other than working. Measured on 2 cores with one device, 10 vehicles, 1,200 scenarios: 52 ns of CPU time
+    and 28 ns of elapsed time for a vehicle step with two threads, 27 and 26 ns with one.
+    """
     chosen = "JAX_NUM_CPU_DEVICES" in os.environ
     if chosen or "xla_force_host_platform_device_count" in os.environ.get("XLA_FLAGS", ""):
         return
+    if count < available_cores():
+        os.environ.setdefault("PJRT_NPROC", str(count))
     try:
         jax.config.update("jax_num_cpu_devices", count)
     except RuntimeError as error:

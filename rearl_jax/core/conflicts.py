@@ -16,6 +16,7 @@ from rearl_jax.core.few import ONE_IN_CHANGES_LANES, Few, single_out
 from rearl_jax.core.idm import desired_spacing
 from rearl_jax.core.mobil import closing_in, decides
 from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.nearest import lane_bit
 from rearl_jax.core.neighbours import Leader, View, for_each_vehicle, is_large, row
 from rearl_jax.core.state import TrafficState
 
@@ -65,14 +66,25 @@ def abort_conflicts(
 
 
 def _where_concerned(question: _Question, model: TrafficModel) -> Int[Array, "n *s"]:
-    """Target lanes, asked for in those scenarios alone where somebody may have to give way."""
+    """Target lanes, asked for in those scenarios alone where somebody may have to give way: two are on the way into a
+    lane, and one of them would break it off.
+    """
     decided_lane, changing, state, view, _ = question
-    concerned = jnp.zeros(changing.shape[1:], bool)
-    for lane in range(model.n_lanes):
-        enters = (view.lane != lane) & ((state.target_lane == lane) | (decided_lane == lane))
-        gives_way = changing & (state.target_lane == lane)
-        concerned = concerned | ((jnp.sum(enters, axis=0) >= 2) & jnp.any(gives_way, axis=0))
-    return on_affected(concerned, _settle, question, decided_lane)
+
+    def bit_of(lane: Array, is_meant: Array) -> Array:
+        return jnp.where(is_meant, lane_bit(jnp.maximum(lane, -1)), 0)
+
+    enters = bit_of(state.target_lane, state.target_lane != view.lane) | bit_of(decided_lane, decided_lane != view.lane)
+    gives_way = bit_of(state.target_lane, changing)
+
+    def look_at(other: Int[Array, ""], found: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        once, twice, given = found
+        entered = row(enters, other)
+        return once | entered, twice | (once & entered), given | row(gives_way, other)
+
+    nobody = jnp.zeros((1, *changing.shape[1:]), jnp.int32)
+    _, twice, given = for_each_vehicle(changing.shape[0], look_at, (nobody, nobody, nobody))
+    return on_affected(((twice & given) != 0)[0], _settle, question, decided_lane)
 
 
 def _settle(question: _Question) -> Int[Array, "n *s"]:

@@ -76,7 +76,7 @@ def _behind_other_leader(everybody: _Followers, lane: Array, looks: Bool[Array, 
         own_state, own_view, traffic = _as_seen_by(lot, state, view)
         own_free, own_drivers, own_lane = _taken(lot, (free, drivers, lane), state)
         followers = own_state, own_view, own_free, own_drivers
-        return put(_behind_leader(followers, own_lane, traffic), lot, nothing)
+        return put(_behind_leader(followers, own_lane, traffic), lot.place, lot.is_there, nothing)
 
     return lax.cond(listed.count <= _size_of_lot(state), of_lot, of_all)
 
@@ -97,7 +97,7 @@ def _choose_lanes(
     def ask(lot: Lot, target_lane: Array) -> Array:
         own_state, own_view, traffic = _as_seen_by(lot, state, view)
         question = own_state, own_view, *_taken(lot, (free, own, drivers), state)
-        return put(_chosen(question, lot.is_there, model, traffic), lot, target_lane)
+        return put(_chosen(question, lot.is_there, model, traffic), lot.place, lot.is_there, target_lane)
 
     return in_lots(list_vehicles(due), _size_of_lot(state), ask, state.target_lane)
 

@@ -22,7 +22,7 @@ class Lot(NamedTuple):
     """Some members of a list.
 
     Attributes:
-        number: The number of each; anywhere for places left empty.
+        number: The number of each; that of the last of the list for places left empty.
         bit: Its bit of the number.
         is_there: Which places are not empty.
         n_numbers: How many numbers there are.
@@ -57,12 +57,12 @@ class Listed(NamedTuple):
 
     def lot(self, first: Int[Array, ""] | int, size: int) -> Lot:
         """So many of the list from one of them on."""
-        rank = first + lax.iota(jnp.int32, size)
-        number = jnp.searchsorted(self.end, rank, side="right", method="scan_unrolled").astype(jnp.int32)
-        number = jnp.minimum(number, len(self.end) - 1)
+        wanted = first + lax.iota(jnp.int32, size)
+        rank = jnp.minimum(wanted, self.count - 1)
+        number = jnp.searchsorted(self.end, rank, side="right", method="scan").astype(jnp.int32)
         members = self.numbers[number]
         bit = bits.position(members, rank - (self.end[number] - bits.count(members)))
-        return Lot(number, bit, rank < self.count, len(self.end))
+        return Lot(number, bit, wanted < self.count, len(self.end))
 
 
 def list_bits(numbers: UInt32[Array, " numbers"]) -> Listed:
@@ -102,8 +102,15 @@ def take(values: Array, place: Int[Array, " lot"], shape: tuple[int, ...]) -> Ar
     return jnp.broadcast_to(values, shape).ravel().at[place].get(mode="promise_in_bounds")
 
 
-def put(values: Array, lot: Lot, otherwise: Array) -> Array:
-    """A lot's values among those of all vehicles."""
+def put(values: Array, place: Int[Array, " lot"], is_there: Bool[Array, " lot"], otherwise: Array) -> Array:
+    """A lot's values among those of all vehicles.
+
+    Args:
+        values: Of the lot.
+        place: Of the lot.
+        is_there: Which of its places are not empty.
+        otherwise: Of all vehicles.
+    """
     in_a_row = otherwise.ravel()
-    place = jnp.where(lot.is_there, lot.place, in_a_row.size)
+    place = jnp.where(is_there, place, in_a_row.size)
     return in_a_row.at[place].set(values, mode="drop", unique_indices=True).reshape(otherwise.shape)

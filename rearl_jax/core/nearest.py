@@ -17,9 +17,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int, UInt32
+from jaxtyping import Array, Float, Int, UInt32
 
-from rearl_jax.core.affected import if_any
+from rearl_jax.core.lots import Lot, in_lots, list_vehicles, put, take
 from rearl_jax.core.order import NOBODY, in_a_row, pick
 
 Words = tuple[UInt32[Array, "..."], ...]
@@ -187,19 +187,7 @@ def walk_along_road(
     on = on_lanes.ravel().at[step].get(mode="fill", fill_value=0)
     own = fields.of(step // n_scenarios, on)
     later, earlier = (_by_vehicle(_met(own, fields, reverse), step, order.shape) for reverse in (True, False))
-    along = pick(x, order)
-    is_level = jnp.pad(along[1:] == along[:-1], [(1, 0)] + [(0, 0)] * (along.ndim - 1))
-
-    def look_abreast() -> tuple[Words, Words]:
-        first_by_place = pick(order, _first_of_level(is_level))
-        first = jnp.zeros(order.size, jnp.int32).at[in_a_row(order)].set(first_by_place).reshape(order.shape)
-        index = lax.broadcasted_iota(jnp.int32, order.shape, 0)
-        from_first = fields.first_of(
-            fields.of(first, pick(on_lanes, first)), tuple(pick(word, first) for word in later)
-        )
-        return _but_oneself(index, from_first, later, fields), tuple(pick(word, first) for word in earlier)
-
-    ahead, behind = if_any(is_level, look_abreast, (later, earlier))
+    ahead, behind = _look_abreast(order, x, on_lanes, later, earlier, fields)
     scenario = lax.iota(jnp.int32, n_scenarios).reshape(1, *order.shape[1:])
     return NearestOnLanes(ahead, behind, later, scenario, n_scenarios, fields)
 
@@ -247,20 +235,38 @@ def _by_vehicle(words: Words, step: Int[Array, "length stretches *scenarios"], s
     return tuple(nobody.at[place].set(word.ravel(), mode="drop").reshape(shape) for word in words)
 
 
-def _first_of_level(is_level: Bool[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
-    """By place, the first place with the same x, given which have that of the place before.
+def _look_abreast(
+    order: Int[Array, "vehicles *scenarios"],
+    x: Float[Array, "vehicles *scenarios"],
+    on_lanes: Int[Array, "vehicles *scenarios"],
+    later: Words,
+    earlier: Words,
+    fields: Fields,
+) -> tuple[Words, Words]:
+    """Who is ahead and behind: those later and earlier in the order, but for vehicles abreast, of which there are few.
 
-    Everybody points at the place before if that is level, and then at whatever the place pointed at points at: twice as
-    far back each time, until all point at one that begins a level.
+    Arguments as of `walk_along_road`, and who comes later and earlier.
     """
-    place = lax.broadcasted_iota(jnp.int32, is_level.shape, 0)
+    along, shape, n_scenarios = pick(x, order), order.shape, math.prod(order.shape[1:])
+    is_level = jnp.pad(along[1:] == along[:-1], [(1, 0)] + [(0, 0)] * (along.ndim - 1))
+    is_level_in_a_row, vehicle = is_level.ravel(), in_a_row(order).ravel()
 
-    def point_further(work: tuple[Array, Array]) -> tuple[Array, Array]:
-        first = pick(work[0], work[0])
-        return first, pick(is_level, first)
+    def look(lot: Lot, found: tuple[Words, Words]) -> tuple[Words, Words]:
+        def step_back(place: Array) -> Array:
+            return place - n_scenarios * is_level_in_a_row[place].astype(jnp.int32)
 
-    start = place - is_level.astype(jnp.int32), is_level & jnp.roll(is_level, 1, axis=0)
-    return lax.while_loop(lambda work: jnp.any(work[1]), point_further, start)[0]
+        first_place = lax.while_loop(lambda place: jnp.any(is_level_in_a_row[place]), step_back, lot.place)
+        oneself, first = vehicle[lot.place], vehicle[first_place]
+
+        def seen_by(who: Array, words: Words) -> Words:
+            return tuple(take(word, who, shape) for word in words)
+
+        ahead = fields.first_of(fields.of(first // n_scenarios, take(on_lanes, first, shape)), seen_by(first, later))
+        ahead = _but_oneself(oneself // n_scenarios, ahead, seen_by(oneself, later), fields)
+        new = ahead, seen_by(first, earlier)
+        return jax.tree.map(lambda values, word: put(values, oneself, lot.is_there, word), new, found)
+
+    return in_lots(list_vehicles(is_level), order.size // 256 + 2, look, (later, earlier))
 
 
 def _but_oneself(index: Int[Array, "vehicles *scenarios"], found: Words, later: Words, fields: Fields) -> Words:

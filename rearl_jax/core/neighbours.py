@@ -29,7 +29,7 @@ LANE_MARGIN = 1.0
 
 Source: highway-env 1.12.1, `Road.neighbour_vehicles(margin=1)`."""
 
-LARGEST_SMALL_TRAFFIC = 24
+LARGEST_SMALL_TRAFFIC = 18
 """Most vehicles for which everybody looks at everybody."""
 
 LARGE_TRAFFIC_BLOCK = 8

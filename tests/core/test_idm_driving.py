@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from rearl_jax.core import idm_driving
-from rearl_jax.core.few import places_for
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import LARGEST_SMALL_TRAFFIC
 from rearl_jax.core.spawn import spawn
@@ -25,15 +24,14 @@ def test_where_more_are_due_than_have_places_all_decide(monkeypatch):
         after = jax.jit(lambda state: tick(state, drivers, MODEL))(state)
         return np.asarray(after.target_lane), np.asarray(after.x), np.asarray(after.ticks_to_decision)
 
-    places = places_for(N_VEHICLES, idm_driving.ONE_IN)
     assert LARGEST_SMALL_TRAFFIC < N_VEHICLES
-    assert places < N_VEHICLES / 3
+    assert idm_driving.ONE_IN_ASKED > 3
     some_at_a_time = decided()
-    monkeypatch.setattr(idm_driving, "ONE_IN", 1)
+    monkeypatch.setattr(idm_driving, "ONE_IN_ASKED", 1)
     all_at_once = decided()
     changes = some_at_a_time[0] != np.asarray(state.target_lane)
-    assert changes[:places].any()
-    assert changes[2 * places :].any()
+    assert changes[: N_VEHICLES // 3].any()
+    assert changes[-N_VEHICLES // 3 :].any()
     for some, every in zip(some_at_a_time, all_at_once, strict=True):
         np.testing.assert_array_equal(some, every)
 

@@ -21,7 +21,7 @@ def test_everybody_listed_is_treated_once(shape, share):
 
     def count(is_listed):
         def treat(lot, times):
-            return put(take(times, lot.place, shape) + 1, lot, times)
+            return put(take(times, lot.place, shape) + 1, lot.place, lot.is_there, times)
 
         return in_lots(list_vehicles(is_listed), 4, treat, jnp.zeros(shape, jnp.int32))
 
