@@ -59,7 +59,9 @@ class Listed(NamedTuple):
         """So many of the list from one of them on."""
         wanted = first + lax.iota(jnp.int32, size)
         rank = jnp.minimum(wanted, self.count - 1)
-        number = jnp.searchsorted(self.end, rank, side="right", method="scan").astype(jnp.int32)
+        # How many numbers end before: counted where they end, and summed up along the lot.
+        ended = jnp.zeros(size, jnp.int32).at[jnp.maximum(self.end - first, 0)].add(1, mode="drop")
+        number = jnp.minimum(jnp.cumsum(ended), len(self.end) - 1)
         members = self.numbers[number]
         bit = bits.position(members, rank - (self.end[number] - bits.count(members)))
         return Lot(number, bit, wanted < self.count, len(self.end))

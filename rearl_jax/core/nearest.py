@@ -9,6 +9,7 @@ vehicle finds on a lane of its choice is read off its own number without looking
 """
 
 import dataclasses
+import functools
 import math
 from dataclasses import replace
 from typing import TypeVar
@@ -19,6 +20,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int, UInt32
 
+from rearl_jax.core.affected import if_any
 from rearl_jax.core.lots import Lot, in_lots, list_vehicles, put, take
 from rearl_jax.core.order import NOBODY, in_a_row, pick
 
@@ -196,7 +198,7 @@ def _met(own: Words, fields: Fields, reverse: bool) -> Words:
     """Who has been met last on each lane before coming to a place, walking along the order or, reversed, against it.
 
     Stretches of the order are walked side by side (`_by_step`). Whom a stretch has met last on each lane is then handed
-    on from stretch to stretch, and counts wherever nobody has been met on the own one yet.
+    on to the stretches that come after it, and counts wherever nobody has been met on the own one yet.
     """
 
     def pass_by(met: Words, vehicle: Words) -> tuple[Words, Words]:
@@ -204,24 +206,42 @@ def _met(own: Words, fields: Fields, reverse: bool) -> Words:
 
     nobody = jax.tree.map(lambda word: jnp.zeros_like(word[0]), own)
     last, met = lax.scan(pass_by, nobody, own, reverse=reverse)
-    nobody = jax.tree.map(lambda word: jnp.zeros_like(word[0]), last)
-    _, before = lax.scan(pass_by, nobody, last, reverse=reverse)
+    nobody = jax.tree.map(jnp.zeros_like, last)
+    somebody = functools.reduce(jnp.bitwise_or, last) != 0
+    before = if_any(somebody, lambda: _handed_on(last, fields, reverse), nobody)
     return fields.first_of(met, jax.tree.map(lambda word: word[None], before))
+
+
+def _handed_on(last: Words, fields: Fields, reverse: bool) -> Words:
+    """Who has been met last on each lane on all stretches before each, given who has on each.
+
+    Every stretch knows of the one before it, then both of the two before them, and so on: twice as far each time.
+    """
+    n_stretches = last[0].shape[0]
+
+    def moved_on(words: Words, by: int) -> Words:
+        ends = (0, by) if reverse else (by, 0)
+        kept = slice(by, None) if reverse else slice(0, n_stretches)
+        return jax.tree.map(lambda word: jnp.pad(word, [ends] + [(0, 0)] * (word.ndim - 1))[kept], words)
+
+    known, reach = moved_on(last, 1), 1
+    while reach < n_stretches - 1:
+        known, reach = fields.first_of(known, moved_on(known, reach)), 2 * reach
+    return known
 
 
 def _by_step(values: Int[Array, "vehicles *scenarios"], filling: int) -> Int[Array, "length stretches *scenarios"]:
     """A row of vehicles cut into stretches that can be walked side by side.
 
-    A plain walk takes n steps of one place each. With stretches of about sqrt(n) places, step k comes to the k-th place
-    of every stretch, and another walk of as many steps goes from stretch to stretch: about 2 sqrt(n) steps, with
-    vector code over many places in each.
+    A plain walk takes n steps of one place each. With stretches of about sqrt(n) / 2 places, step k comes to the k-th
+    place of every stretch: few steps, with vector code over many places in each.
 
     Args:
         values: By place.
         filling: What the last stretch is filled up with.
     """
     n_vehicles, others = values.shape[0], values.shape[1:]
-    length = math.isqrt(n_vehicles - 1) + 1
+    length = math.isqrt(n_vehicles - 1) // 2 + 1
     n_stretches = -(-n_vehicles // length)
     missing = [(0, n_stretches * length - n_vehicles)] + [(0, 0)] * len(others)
     filled = jnp.pad(values, missing, constant_values=filling)

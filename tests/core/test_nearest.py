@@ -26,7 +26,7 @@ def traffic(n_vehicles, n_lanes, seed):
 
 
 def plain(x, on, lane):
-    """Leaders and followers as highway-env finds them: the same x is ahead; of equals the last, and behind the first."""
+    """Leaders and followers as highway-env finds them: the same x is ahead; of equals the last, behind the first."""
     ahead, behind = np.full(x.shape, NOBODY), np.full(x.shape, NOBODY)
     for scenario in range(x.shape[1]):
         along = x[:, scenario]
