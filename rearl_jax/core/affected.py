@@ -1,6 +1,6 @@
 """Work done only where it is needed: skipped where nobody does, or done on the few scenarios it concerns.
 
-A conflict between two lane changes or a contact concerns a handful of a thousand scenarios per tick. They are copied
+A conflict between two lane changes concerns a handful of a thousand scenarios per tick. They are copied
 into a small batch, treated there in full, and copied back; repeated until none is left, so the result does not depend
 on how many there were.
 """

@@ -16,7 +16,7 @@ from jax import lax
 from jaxtyping import Array, UInt32
 
 from rearl_jax.core.affected import if_any
-from rearl_jax.core.contacts import Extent, extent_of, may_touch
+from rearl_jax.core.contacts import Extent, close_to_next, extent_of
 from rearl_jax.core.drivers import Body
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import is_large
@@ -53,10 +53,6 @@ def _close_in_list(extent: Extent) -> UInt32[Array, "vehicles *scenarios"]:
 
     The list is a circle here, so every pair is looked at.
     """
-    n_vehicles, n_next = extent.x.shape[0], extent.x.shape[0] // 2
-    cycle = jax.tree.map(lambda values: jnp.concatenate([values, values[:n_next]]), extent)
-    close = jnp.zeros(extent.x.shape, jnp.uint32)
-    for places in range(n_next):
-        other = jax.tree.map(lambda values, k=places + 1: values[k : k + n_vehicles], cycle)
-        close = close | jnp.where(may_touch(extent, other), jnp.uint32(1 << places), jnp.uint32(0))
-    return close
+    n_next = extent.x.shape[0] // 2
+    following = jax.tree.map(lambda values: jnp.concatenate([values[1:], values[:n_next]]), extent)
+    return close_to_next(extent, following, n_next)

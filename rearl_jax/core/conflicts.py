@@ -15,7 +15,6 @@ from rearl_jax.core.drivers import Drivers, IDMParams
 from rearl_jax.core.few import ONE_IN_CHANGES_LANES, Few, single_out
 from rearl_jax.core.idm import desired_spacing
 from rearl_jax.core.mobil import closing_in, decides
-from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.nearest import lane_bit
 from rearl_jax.core.neighbours import Leader, View, for_each_vehicle, is_large, row
 from rearl_jax.core.state import TrafficState
@@ -32,7 +31,6 @@ def abort_conflicts(
     state: TrafficState,
     view: View,
     drivers: Drivers,
-    model: TrafficModel,
 ) -> Int[Array, "vehicles *scenarios"]:
     """Target lanes after changes in progress have been broken off for the sake of others.
 
@@ -47,7 +45,7 @@ def abort_conflicts(
     changing = decides(state, drivers) & (view.lane != state.target_lane)
 
     def among_everybody() -> Int[Array, "vehicles *scenarios"]:
-        return _where_concerned((decided_lane, changing, state, view, idm), model)
+        return _where_concerned((decided_lane, changing, state, view, idm))
 
     def among(few: Few) -> Int[Array, "vehicles *scenarios"]:
         own_state, own_view, own_idm = jax.tree.map(few.take, (state, view, idm))
@@ -57,7 +55,7 @@ def abort_conflicts(
 
         own_state = replace(own_state, target_lane=if_there(own_state.target_lane))
         decided, changes = if_there(few.take(decided_lane)), few.take(changing) & few.is_there
-        return few.put(_where_concerned((decided, changes, own_state, own_view, own_idm), model), decided_lane)
+        return few.put(_where_concerned((decided, changes, own_state, own_view, own_idm)), decided_lane)
 
     if not is_large(state.x.shape[0]):
         return among_everybody()
@@ -65,7 +63,7 @@ def abort_conflicts(
     return lax.cond(few.suffices, lambda: among(few), among_everybody)
 
 
-def _where_concerned(question: _Question, model: TrafficModel) -> Int[Array, "n *s"]:
+def _where_concerned(question: _Question) -> Int[Array, "n *s"]:
     """Target lanes, asked for in those scenarios alone where somebody may have to give way: two are on the way into a
     lane, and one of them would break it off.
     """

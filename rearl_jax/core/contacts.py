@@ -1,9 +1,10 @@
 """The tests of contact: the cheap one, by upright boxes that are large enough, and the full one."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, UInt32
 
 from rearl_jax.core.affected import if_any
 from rearl_jax.core.drivers import Body
@@ -63,6 +64,22 @@ def may_touch(one: Extent, other: Extent) -> Array:
     near_x = jnp.abs(other.x - one.x) <= other.reach_x + one.reach_x + moved_apart
     near_y = jnp.abs(other.y - one.y) <= other.reach_y + one.reach_y + moved_apart
     return near_x & near_y
+
+
+def close_to_next(all_: Extent, following: Extent, n_next: int) -> UInt32[Array, "places *scenarios"]:
+    """Which of the next places each vehicle may touch somebody in, as bits, the next one lowest.
+
+    Args:
+        all_: The vehicles by place.
+        following: Those after the first place, by place, with as many beyond the last as are looked at.
+        n_next: Places that are looked at.
+    """
+    n_places = all_.x.shape[0]
+    close = jnp.zeros(all_.x.shape, jnp.uint32)
+    for places in range(n_next):
+        other = jax.tree.map(lambda values, k=places: values[k : k + n_places], following)
+        close = close | jnp.where(may_touch(all_, other), jnp.uint32(1 << places), jnp.uint32(0))
+    return close
 
 
 def contact(

@@ -12,6 +12,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Int
 
 from rearl_jax.core import bits
+from rearl_jax.core.lots import put
 from rearl_jax.core.order import in_a_row, pick
 
 ONE_IN_CHANGES_LANES = 16
@@ -52,8 +53,8 @@ class Few(eqx.Module):
 
     def put(self, values: Array, otherwise: Array) -> Array:
         """Their values among those of all vehicles."""
-        place = jnp.where(self.is_there, in_a_row(self.who), otherwise.size)
-        return otherwise.ravel().at[place].set(values, mode="drop").reshape(otherwise.shape)
+        place, is_there = in_a_row(self.who), self.is_there
+        return put(values.ravel(), place.ravel(), is_there.ravel(), otherwise)
 
 
 def single_out(is_chosen: Bool[Array, "vehicles *scenarios"], one_in: int) -> Few:

@@ -114,5 +114,6 @@ def put(values: Array, place: Int[Array, " lot"], is_there: Bool[Array, " lot"],
         otherwise: Of all vehicles.
     """
     in_a_row = otherwise.ravel()
-    place = jnp.where(is_there, place, in_a_row.size)
+    # Each empty place has one of its own beyond the end, so that no two are the same.
+    place = jnp.where(is_there, place, in_a_row.size + lax.iota(jnp.int32, place.size))
     return in_a_row.at[place].set(values, mode="drop", unique_indices=True).reshape(otherwise.shape)

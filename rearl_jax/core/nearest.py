@@ -63,9 +63,9 @@ class Fields:
         n_each = 32 // self.width
         return tuple(range(first, min(first + n_each, self.n_lanes)) for first in range(0, self.n_lanes, n_each))
 
-    def repeated(self, value: int, lanes: range) -> UInt32[Array, ""]:
-        """The same in every field of a number."""
-        return jnp.uint32(sum(value << (self.width * place) for place in range(len(lanes))))
+    def flags(self, lanes: range) -> UInt32[Array, ""]:
+        """The flags of all fields of a number."""
+        return jnp.uint32(sum(self.flag << (self.width * place) for place in range(len(lanes))))
 
     def found(self, field: UInt32[Array, "*n"]) -> Int[Array, "*n"]:
         """The vehicle in a field, NOBODY for none."""
@@ -99,7 +99,7 @@ class Fields:
     def first_of(self, nearer: Words, farther: Words) -> Words:
         """Of each field the nearer vehicle where there is one, else the farther."""
         return tuple(
-            near | (far & ~(((near & self.repeated(self.flag, lanes)) >> (self.width - 1)) * ((1 << self.width) - 1)))
+            near | (far & ~(((near & self.flags(lanes)) >> (self.width - 1)) * ((1 << self.width) - 1)))
             for near, far, lanes in zip(nearer, farther, self.lanes_by_word, strict=True)
         )
 
@@ -166,7 +166,7 @@ class NearestOnLanes(eqx.Module):
         Args:
             place: Where they are among all vehicles of all scenarios in a row.
         """
-        ahead, behind = (tuple(word.ravel()[place] for word in words) for words in (self.ahead, self.behind))
+        ahead, behind = (_taken(words, place) for words in (self.ahead, self.behind))
         return replace(self, ahead=ahead, behind=behind, scenario=place % self.n_scenarios)
 
 
@@ -255,6 +255,11 @@ def _by_vehicle(words: Words, step: Int[Array, "length stretches *scenarios"], s
     return tuple(nobody.at[place].set(word.ravel(), mode="drop").reshape(shape) for word in words)
 
 
+def _taken(words: Words, place: Int[Array, " lot"]) -> Words:
+    """What some vehicles of whichever scenarios have found, given where they are among all in a row."""
+    return tuple(take(word, place, word.shape) for word in words)
+
+
 def _look_abreast(
     order: Int[Array, "vehicles *scenarios"],
     x: Float[Array, "vehicles *scenarios"],
@@ -271,19 +276,16 @@ def _look_abreast(
     is_level = jnp.pad(along[1:] == along[:-1], [(1, 0)] + [(0, 0)] * (along.ndim - 1))
     is_level_in_a_row, vehicle = is_level.ravel(), in_a_row(order).ravel()
 
-    def look(lot: Lot, found: tuple[Words, Words]) -> tuple[Words, Words]:
-        def step_back(place: Array) -> Array:
-            return place - n_scenarios * is_level_in_a_row[place].astype(jnp.int32)
+    def step_back(place: Array) -> Array:
+        return place - n_scenarios * is_level_in_a_row[place].astype(jnp.int32)
 
+    def look(lot: Lot, found: tuple[Words, Words]) -> tuple[Words, Words]:
         first_place = lax.while_loop(lambda place: jnp.any(is_level_in_a_row[place]), step_back, lot.place)
         oneself, first = vehicle[lot.place], vehicle[first_place]
 
-        def seen_by(who: Array, words: Words) -> Words:
-            return tuple(take(word, who, shape) for word in words)
-
-        ahead = fields.first_of(fields.of(first // n_scenarios, take(on_lanes, first, shape)), seen_by(first, later))
-        ahead = _but_oneself(oneself // n_scenarios, ahead, seen_by(oneself, later), fields)
-        new = ahead, seen_by(first, earlier)
+        ahead = fields.first_of(fields.of(first // n_scenarios, take(on_lanes, first, shape)), _taken(later, first))
+        ahead = _but_oneself(oneself // n_scenarios, ahead, _taken(later, oneself), fields)
+        new = ahead, _taken(earlier, first)
         return jax.tree.map(lambda values, word: put(values, oneself, lot.is_there, word), new, found)
 
     return in_lots(list_vehicles(is_level), order.size // 256 + 2, look, (later, earlier))

@@ -14,11 +14,11 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, UInt32
 
 from rearl_jax.core.affected import if_any
-from rearl_jax.core.contacts import Extent, may_touch
+from rearl_jax.core.contacts import Extent, close_to_next, may_touch
 from rearl_jax.core.drivers import Body
 from rearl_jax.core.lots import Lot, in_lots, list_vehicles
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.order import pick
+from rearl_jax.core.order import in_a_row, pick
 from rearl_jax.core.pairs import Found, Road, settle_ahead, settle_close
 from rearl_jax.core.state import TrafficState
 
@@ -39,15 +39,13 @@ def settle_along_road(extent: Extent, state: TrafficState, body: Body, found: Fo
         found: So far.
         model: The tick.
     """
-    order, n_scenarios = state.order, state.x.size // state.x.shape[0]
+    order = state.order
     by_place = jax.tree.map(lambda values: pick(values, order), extent)
     reach = by_place.reach_x + jnp.abs(by_place.moved)
     farthest = by_place.x + reach + _largest(reach)
     nobody = jnp.zeros(order.shape, jnp.uint32), jnp.zeros(order.shape, bool)
     close, goes_on = if_any(body.collides, lambda: _look_ahead(by_place, farthest), nobody)
-    scenario = lax.broadcasted_iota(jnp.int32, (1, n_scenarios), 1)
-    vehicle = order.reshape(-1, n_scenarios) * n_scenarios + scenario
-    road = Road(state, body, vehicle.ravel())
+    road = Road(state, body, in_a_row(order).ravel())
     found = settle_close(close, road, found, model)
     return lax.cond(
         jnp.any(goes_on),
@@ -73,19 +71,15 @@ def _look_ahead(
         by_place: Everybody.
         farthest: Position beyond which nobody can be touched [m].
     """
-    n_vehicles, *others = by_place.x.shape
+    others = by_place.x.shape[1:]
 
     def from_next(values: Array, beyond: float = 0) -> Array:
         return jnp.pad(values[1:], [(0, WINDOW)] + [(0, 0)] * len(others), constant_values=beyond)
 
     # Beyond the last vehicle somebody is infinitely far away.
     ahead = replace(jax.tree.map(from_next, by_place), x=from_next(by_place.x, jnp.inf))
-    close = jnp.zeros(by_place.x.shape, jnp.uint32)
-    for places in range(WINDOW):
-        other = jax.tree.map(lambda values, k=places: values[k : k + n_vehicles], ahead)
-        close = close | jnp.where(may_touch(by_place, other), jnp.uint32(1 << places), jnp.uint32(0))
     # Positions rise: where the last of a window is out of reach, so are all beyond it.
-    return close, ahead.x[WINDOW - 1 :] <= farthest
+    return close_to_next(by_place, ahead, WINDOW), ahead.x[WINDOW - 1 :] <= farthest
 
 
 def _look_further(

@@ -32,7 +32,7 @@ def tick_in_order(state: TrafficState, drivers: Drivers, model: TrafficModel) ->
     countdown = state.ticks_to_decision
     if model.lane_changes:
         countdown = restart_countdown(state, view, drivers)
-        target_lane = abort_conflicts(target_lane, state, view, drivers, model)
+        target_lane = abort_conflicts(target_lane, state, view, drivers)
     command = control(state, view, target_lane, own, on_lane(target_lane), drivers, model)
     state = sort_if_large(move(state, view, target_lane, countdown, command, drivers, model))
     if model.collisions:

@@ -10,12 +10,12 @@ from rearl_jax.core.affected import if_any
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.idm import approach_rate, free_acceleration, interaction
 from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.nearest import lane_bit
 from rearl_jax.core.neighbours import (
     View,
     find_follower,
     find_leader,
     for_each_vehicle,
-    lane_bit,
     lanes_under,
     perceive,
     row,
