@@ -91,7 +91,7 @@ def in_lots(listed: Listed, size: int, treat: Callable[[Lot, Work], Work], work:
     return lax.while_loop(is_unfinished, treat_next, (jnp.int32(0), work))[1]
 
 
-def take(values: Array, place: Int[Array, " lot"], shape: tuple[int, ...]) -> Array:
+def take(values: Array, place: Int[Array, "*lot"], shape: tuple[int, ...]) -> Array:
     """A lot's own of all vehicles' values; what is one for all stays so.
 
     Args:
@@ -100,7 +100,7 @@ def take(values: Array, place: Int[Array, " lot"], shape: tuple[int, ...]) -> Ar
         shape: Of arrays in which no axis is one for all.
     """
     if values.size == 1:
-        return values.reshape(1)
+        return values.reshape((1,) * place.ndim)
     return jnp.broadcast_to(values, shape).ravel().at[place].get(mode="promise_in_bounds")
 
 

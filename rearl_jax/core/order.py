@@ -6,6 +6,7 @@ the last tick, which has changed little. Who is next on every lane is read off i
 
 import math
 
+import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
@@ -24,34 +25,51 @@ def sort_along_road(
 
     Odd-even transposition sort from any permutation: neighbours that stand in the wrong order are exchanged, all pairs
     that begin at even places at once, then all that begin at odd places, until no scenario has such a pair. A vehicle
-    moves two places at most in such a double pass, and hardly any needs to move more in a tick.
+    moves two places at most in such a double pass, and hardly any needs to move more in a tick. Even and odd places
+    are kept apart, so that a pair is the same row of both and nothing has to be woven together in between.
     """
-    n_vehicles = x.shape[0]
 
-    def is_wrong(low: _Sorted, high: _Sorted) -> Array:
-        return (low[0] > high[0]) | ((low[0] == high[0]) & (low[1] < high[1]))
+    def is_unsorted(places: tuple[_Sorted, _Sorted]) -> Array:
+        return jnp.any(_is_wrong(*places))  # pairs that begin at odd places have just been put right
 
-    def exchange(first: int, values: _Sorted) -> _Sorted:
-        # The pairs are (first, first + 1), (first + 2, first + 3), ...; who has no partner at the ends stays.
-        last = first + (n_vehicles - first) // 2 * 2
-        lows = values[0][first:last:2], values[1][first:last:2]
-        highs = values[0][first + 1 : last : 2], values[1][first + 1 : last : 2]
-        swap = is_wrong(lows, highs)
+    def passes(places: tuple[_Sorted, _Sorted]) -> tuple[_Sorted, _Sorted]:
+        return _exchange_from_odd_places(*_exchange(*places))
 
-        def exchanged(array: Array, low: Array, high: Array) -> Array:
-            pairs = jnp.stack([jnp.where(swap, high, low), jnp.where(swap, low, high)], axis=1)
-            middle = pairs.reshape(last - first, *array.shape[1:])
-            return jnp.concatenate([array[:first], middle, array[last:]])
+    by_place = pick(x, order), order
+    if x.shape[0] % 2:
+        # Somebody beyond all others, who stays the last, makes pairs of all.
+        by_place = _followed_by(by_place[0], jnp.inf), _followed_by(order, NOBODY)
+    even, odd = (jax.tree.map(lambda values, k=k: values[k::2], by_place) for k in (0, 1))
+    even, odd = lax.while_loop(is_unsorted, passes, _exchange_from_odd_places(even, odd))
+    sorted_ = jnp.stack([even[1], odd[1]], axis=1)
+    return sorted_.reshape(-1, *order.shape[1:])[: order.shape[0]]
 
-        return exchanged(values[0], lows[0], highs[0]), exchanged(values[1], lows[1], highs[1])
 
-    def is_unsorted(values: _Sorted) -> Array:
-        return jnp.any(is_wrong((values[0][:-1], values[1][:-1]), (values[0][1:], values[1][1:])))
+def _followed_by(values: Array, last: float) -> Array:
+    """Values of all vehicles and of one more in every scenario."""
+    return jnp.pad(values, [(0, 1)] + [(0, 0)] * (values.ndim - 1), constant_values=last)
 
-    def passes(values: _Sorted) -> _Sorted:
-        return exchange(1, exchange(0, values))
 
-    return lax.while_loop(is_unsorted, passes, (pick(x, order), order))[1]
+def _is_wrong(low: _Sorted, high: _Sorted) -> Array:
+    """Whether the first of each pair belongs behind the second."""
+    return (low[0] > high[0]) | ((low[0] == high[0]) & (low[1] < high[1]))
+
+
+def _exchange(low: _Sorted, high: _Sorted) -> tuple[_Sorted, _Sorted]:
+    """The pairs in the right order."""
+    swap = _is_wrong(low, high)
+    lower = jax.tree.map(lambda first, second: jnp.where(swap, second, first), low, high)
+    higher = jax.tree.map(lambda first, second: jnp.where(swap, first, second), low, high)
+    return lower, higher
+
+
+def _exchange_from_odd_places(even: _Sorted, odd: _Sorted) -> tuple[_Sorted, _Sorted]:
+    """Even and odd places after the pairs that begin at odd places; the first place and the last have no partner."""
+    between = jax.tree.map(lambda values: values[:-1], odd), jax.tree.map(lambda values: values[1:], even)
+    odd_between, even_between = _exchange(*between)
+    even = jax.tree.map(lambda values, new: jnp.concatenate([values[:1], new]), even, even_between)
+    odd = jax.tree.map(lambda values, new: jnp.concatenate([new, values[-1:]]), odd, odd_between)
+    return even, odd
 
 
 def in_a_row(index: Int[Array, "places *scenarios"]) -> Int[Array, "places *scenarios"]:

@@ -8,6 +8,7 @@ Source: highway-env 1.12.1, `RoadObject.handle_collisions`.
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
@@ -58,7 +59,7 @@ class Road(NamedTuple):
         """Who stands at some places."""
         return place if self.vehicle is None else self.vehicle[place]
 
-    def rectangles(self, vehicle: Int[Array, " lot"]) -> Rectangle:
+    def rectangles(self, vehicle: Int[Array, "*lot"]) -> Rectangle:
         """Some vehicles as the collision test sees them."""
         state, body = self.state, self.body
         wanted = state.x, state.y, state.heading, state.speed, body.length, body.width, body.collides
@@ -122,17 +123,19 @@ def _test(
     model: TrafficModel,
 ) -> Found:
     """What is found after some pairs of vehicles."""
-    low, high = jnp.minimum(rear, front), jnp.maximum(rear, front)
-    touches, will_touch, shift_x, shift_y = contact(road.rectangles(low), road.rectangles(high), is_pair, model)
+    pair = jnp.stack([jnp.minimum(rear, front), jnp.maximum(rear, front)])
+    partner_of_each = pair[::-1]
+    rectangles = road.rectangles(pair)
+    # The first row and the last: of what is one for all there is a single one, which is both.
+    one, other = (jax.tree.map(lambda values, k=k: values[k], rectangles) for k in (0, -1))
+    touches, will_touch, shift_x, shift_y = contact(one, other, is_pair, model)
+    touches, will_touch = (jnp.broadcast_to(whether, pair.shape) for whether in (touches, will_touch))
 
-    crashed = found.crashed.at[low].max(touches).at[high].max(touches)
-    partner = found.partner.at[low].max(jnp.where(will_touch, high, NOBODY))
-    partner = partner.at[high].max(jnp.where(will_touch, low, NOBODY))
-    n_all = partner.shape[0]
-    written_low = jnp.where(will_touch & (partner[low] == high), low, n_all)
-    written_high = jnp.where(will_touch & (partner[high] == low), high, n_all)
+    crashed = found.crashed.at[pair].max(touches)
+    partner = found.partner.at[pair].max(jnp.where(will_touch, partner_of_each, NOBODY))
+    written = jnp.where(will_touch & (partner[pair] == partner_of_each), pair, partner.size)
     push_x, push_y = (
-        push.at[written_low].set(shift / 2, mode="drop").at[written_high].set(-shift / 2, mode="drop")
+        push.at[written].set(jnp.stack([shift / 2, -shift / 2]), mode="drop")
         for push, shift in ((found.push_x, shift_x), (found.push_y, shift_y))
     )
     return Found(crashed, partner, push_x, push_y)
