@@ -95,7 +95,7 @@ class BenchLoopConfig:
 
     vehicles: tuple[int, ...] = key((10, 30), "vehicles per scenario, each measured")
     batches: tuple[int, ...] = key(
-        (1, 16, 256, 2048), "scenarios simulated at a time on one core, each measured; empty leaves rollouts out"
+        (1, 16, 256, 1200), "scenarios simulated at a time on one core, each measured; empty leaves rollouts out"
     )
     policies: tuple[LoopPolicy, ...] = key(
         (LoopPolicy.rank, LoopPolicy.raw, LoopPolicy.idle),

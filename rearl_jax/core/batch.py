@@ -39,7 +39,7 @@ class ScenarioMap(Generic[Arguments, Result]):
     for the rest.
     """
 
-    def __init__(self, function: Callable[[Arguments], Result], *, chunk: int = 2048) -> None:
+    def __init__(self, function: Callable[[Arguments], Result], *, chunk: int) -> None:
         """Prepares the map; nothing is compiled before the first call.
 
         Args:
