@@ -25,10 +25,7 @@ class CoreConfig:
     lane_changes: bool = key(True, "vehicles change lanes (MOBIL)")
     collisions: bool = key(True, "vehicles collide; without, they pass through each other")
     dtype: Precision = key(Precision.float32, "floating type of the simulation")
-    chunk: int = key(
-        496,
-        "scenarios one core simulates at a time; many need memory, few leave it idle, powers of two crowd its cache",
-    )
+    chunk: int = key(512, "scenarios one core simulates at a time; more need more memory, fewer leave it idle")
 
     def check(self) -> None:
         """Raise ValueError for a value outside its range."""

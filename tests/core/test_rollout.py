@@ -133,7 +133,7 @@ def test_map_over_several_devices():
 
 
 def test_map_refuses_arguments_that_disagree():
-    mapped = ScenarioMap(doubled)
+    mapped = ScenarioMap(doubled, chunk=4)
     with pytest.raises(ValueError, match=r"same number of scenarios in its last axis, or 1 for all, got \[3, 4\]"):
         mapped({"a": np.zeros((2, 3)), "b": np.zeros(4)})
     with pytest.raises(ValueError, match=r"same number of scenarios"):
