@@ -45,7 +45,7 @@ def sort_along_road(
     return sorted_.reshape(-1, *order.shape[1:])[: order.shape[0]]
 
 
-def _followed_by(values: Array, last: float) -> Array:
+def _followed_by(values: Array, last: float | int) -> Array:
     """Values of all vehicles and of one more in every scenario."""
     return jnp.pad(values, [(0, 1)] + [(0, 0)] * (values.ndim - 1), constant_values=last)
 
