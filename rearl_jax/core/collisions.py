@@ -34,7 +34,10 @@ def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficStat
         body: Sizes of the vehicles.
         model: The tick.
     """
-    shape, before = state.x.shape, lax.stop_gradient(state)
+    # Contact has no slope. Sizes must not carry one into the loops either: theirs of unknown length have no reverse mode,
+    # and the barrier of `rollout` gives everything that passes it a derivative, if only of zeros.
+    shape = state.x.shape
+    before, body = lax.stop_gradient((state, body))
     nobody = jnp.full(state.x.size, NOBODY, jnp.int32)
     found = Found(before.crashed.ravel(), nobody, before.push_x.ravel(), before.push_y.ravel())
     extent = extent_of(before, body, model)
