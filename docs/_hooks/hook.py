@@ -18,6 +18,7 @@ from mkdocs.exceptions import PluginError
 GENERATED: dict[str, Callable[..., str]] = {
     "bench-keys": tables_of_code.bench_keys,
     "blind-scores": kept_results.blind_scores,
+    "blind-sets": kept_results.blind_sets,
     "constants": code_constants.constants,
     "curves": effect_library.curves,
     "docstring": tables_of_code.docstring,

@@ -1,12 +1,53 @@
-"""What a blind study shows besides rates: errors, stated confidence, parameters, strengths."""
+"""What a blind study shows besides rates: outcomes by set, errors, stated confidence, parameters, strengths."""
 
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from rearl_jax.blind.judging import Recovery
+from rearl_jax.blind.cases import REPEATS, SUMO_MODELS
+from rearl_jax.blind.judging import OUTCOMES, Recovery
 from rearl_jax.blind.questions import NAMED, Judged
 from rearl_jax.blind.scores import binomial_interval
+from rearl_jax.config.blind import StudySize
+
+ALL_LISTED = "all with effects of the list"
+"""The first row of `by_set`: the sets of the generator in which nothing but such effects is hidden."""
+
+
+def by_set(cases: Iterable[Judged]) -> list[dict]:
+    """By set, and by model of SUMO: data sets, outcomes, and in how many of them a name was said that is not there.
+
+    Those are counted whatever the outcome: the name may stand beside what is right, or beside "unexplained".
+    """
+    found: dict[str, list[Judged]] = {}
+    for case in sorted(cases, key=_place_of_set):
+        for name in (*((ALL_LISTED,) if case.is_listed else ()), set_name(case)):
+            found.setdefault(name, []).append(case)
+    rows = []
+    for name in sorted(found, key=lambda name: name != ALL_LISTED):
+        items = found[name]
+        outcomes = [item.judgement.outcome for item in items]
+        n_false = sum(bool(item.judgement.false_names) for item in items)
+        low, high = binomial_interval(n_false, len(items))
+        counts = {f"n_{outcome}": outcomes.count(outcome) for outcome in OUTCOMES}
+        shares = {"rate": n_false / len(items), "low": low, "high": high}
+        rows.append({"set": name, "n": len(items), **counts, "n_false": n_false, **shares})
+    return rows
+
+
+def set_name(case: Judged) -> str:
+    """The set of a data set; of SUMO its model, and of effects in no list whether a measured variable explains them."""
+    if case.is_sumo:
+        return f"SUMO {case.truth['variant']}"
+    if case.group != "unlisted":
+        return case.group
+    return f"unlisted, {'over a variable' if case.truth['planted'][0]['variables'] else 'no variable'}"
+
+
+def _place_of_set(case: Judged) -> tuple[int, int, str]:
+    groups = list(REPEATS[StudySize.full])
+    model = SUMO_MODELS.index(case.truth["variant"]) if case.is_sumo else 0
+    return groups.index(case.group), model, set_name(case)
 
 
 def oracle_share(cases: Iterable[Judged]) -> tuple[float | None, int]:
@@ -67,7 +108,10 @@ def parameter_rows(cases: Iterable[Judged]) -> list[dict]:
 
 
 def by_strength(cases: Iterable[Judged]) -> list[dict]:
-    """Of data sets with one effect of the library and the usual amount of data: how many are named, by strength."""
+    """Of data sets with one effect of the library and the usual amount of data, by strength: how many are named.
+
+    `n_false` are those in which a name was said that is not there.
+    """
     found: dict[tuple[str, float], list[Judged]] = {}
     for case in cases:
         if case.group in ("named", "half", "quarter", "double") and not case.is_sumo:
@@ -77,10 +121,10 @@ def by_strength(cases: Iterable[Judged]) -> list[dict]:
     for (name, strength), items in sorted(found.items()):
         n_named = sum(item.judgement.outcome in NAMED for item in items)
         low, high = binomial_interval(n_named, len(items))
-        n_wrong = sum(item.judgement.outcome == "wrong" for item in items)
+        n_false = sum(bool(item.judgement.false_names) for item in items)
         rows.append(
             {
-                "effect": name, "strength": strength, "n": len(items), "n_named": n_named, "n_wrong": n_wrong,
+                "effect": name, "strength": strength, "n": len(items), "n_named": n_named, "n_false": n_false,
                 "rate": n_named / len(items), "low": low, "high": high,
             }
         )  # fmt: skip

@@ -6,6 +6,12 @@ from rearl_jax.blind.results import BlindResults
 from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, panels, png, set_title
 
 
+def draw_figures(results: BlindResults) -> dict[str, bytes]:
+    """PNG files by name, of all there are data sets for."""
+    figures = {"confusion": draw_confusion(results)} if len(results.confusion()) else {}
+    return figures | ({"strengths": draw_strengths(results)} if results.strengths else {})
+
+
 def draw_confusion(results: BlindResults) -> bytes:
     """PNG of the confusion matrix, rows normalised."""
     counts = results.confusion()

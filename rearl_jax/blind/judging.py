@@ -1,6 +1,6 @@
-"""One verdict beside the truth of its data set: what was recognised, what was claimed without being there."""
+"""One verdict beside the truth of its data set: what was recognised, what was said without being there."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,8 @@ DEPENDS_ON = {
 
 OUTCOMES = ("right", "more", "part", "ambiguous", "unexplained", "nothing", "wrong", "failed")
 """All of it named; all and something else; one of two; not named but among the alternatives; something is said to be
-there that has no name; nothing found; something else named; discovery stopped with an error."""
+there that has no name; nothing found; something else named; discovery stopped with an error. Whether something was said
+that is not there is asked on its own (`Judgement.false_names`), for it may stand beside what is right."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class Judgement:
         in_set: Whether each hidden effect is named or among the alternatives.
         alone: Whether it is named and no alternative is left.
         is_flagged: Whether the verdict says that something remains unexplained, or names a generic dependence.
-        false_names: Names claimed that are not there.
+        false_names: Names claimed that are not there, also those beside a right one; a curve counts as a name.
         false_kinds: Their kinds.
         claims: For every claimed effect with a stated confidence: the confidence, and whether it is there.
     """
@@ -92,14 +93,13 @@ def judge(truth: Mapping[str, Any], verdict: Verdict) -> Judgement:
     ]
     false = [effect for effect in verdict.effects if not any(is_it(item, effect) for item in hidden)]
     is_flagged = verdict.verdict == UNEXPLAINED or any(effect.kind == "generic" for effect in verdict.effects)
-    first = verdict.effects[0].name if verdict.effects else verdict.verdict
     return Judgement(
         outcome=_outcome(verdict, _Found(recognised, in_set, bool(false), is_flagged, _nameless(hidden))),
-        shown=UNEXPLAINED if is_flagged and not any(recognised) else first,
+        shown=shown_of(verdict, sum(recognised), is_flagged),
         n_hidden=len(hidden),
         n_recognised=sum(recognised),
         in_set=all(in_set),
-        alone=all(recognised) and not verdict.alternatives - {name for item in hidden for name in names_of(item)},
+        alone=is_alone(hidden, verdict, sum(recognised)),
         is_flagged=is_flagged,
         false_names=tuple(effect.name for effect in false),
         false_kinds=tuple(effect.kind for effect in false),
@@ -107,6 +107,18 @@ def judge(truth: Mapping[str, Any], verdict: Verdict) -> Judgement:
             (effect.confidence, effect not in false) for effect in verdict.effects if effect.confidence is not None
         ),
     )
+
+
+def shown_of(verdict: Verdict, n_recognised: int, is_flagged: bool) -> str:
+    """What a verdict says in one word."""
+    if is_flagged and not n_recognised:
+        return UNEXPLAINED
+    return verdict.effects[0].name if verdict.effects else verdict.verdict
+
+
+def is_alone(hidden: Sequence[Mapping[str, Any]], verdict: Verdict, n_recognised: int) -> bool:
+    """Whether all that is hidden is named and no alternative to it is left."""
+    return n_recognised == len(hidden) and not verdict.alternatives - set().union(*map(names_of, hidden))
 
 
 def recoveries(truth: Mapping[str, Any], verdict: Verdict) -> Iterator[Recovery]:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from rearl_jax.blind.judging import OUTCOMES
 from rearl_jax.blind.results import BlindResults
 from rearl_jax.blind.scores import Score
 from rearl_jax.blind.sealing import Protocol
@@ -16,8 +17,22 @@ CAPTIONS = {
 }
 
 
-def write_page(config: Any, results: BlindResults, protocol: Protocol, figures: Mapping[str, bytes]) -> str:
-    """HTML text."""
+def write_page(
+    config: Any,
+    results: BlindResults,
+    protocol: Protocol,
+    figures: Mapping[str, bytes],
+    made_by: Mapping[str, Any] | None = None,
+) -> str:
+    """HTML text.
+
+    Args:
+        config: The task's record.
+        results: What is shown.
+        protocol: How it was sealed.
+        figures: PNG files by name.
+        made_by: Provenance of a study that was run before; None for one that was run now.
+    """
     return render_page(
         "page.html.j2",
         package="rearl_jax.blind",
@@ -25,10 +40,13 @@ def write_page(config: Any, results: BlindResults, protocol: Protocol, figures: 
         config=config,
         figures=figures,
         captions=CAPTIONS,
+        made_by=made_by,
         title="Blind study of discovery",
         generated=True,
         protocol=protocol,
         scores=[_score(score) for score in results.scores],
+        outcomes=OUTCOMES,
+        sets=[_set(row) for row in results.sets],
         notes=notes(results, protocol),
         parameters=[_parameter(row) for row in results.parameters],
         calibration=[_claims(row) for row in results.calibration],
@@ -46,6 +64,12 @@ def _score(score: Score) -> dict[str, Any]:
         "goal": score.goal,
         "reached": "reached" if score.is_met else "missed",
     }
+
+
+def _set(row: Mapping[str, Any]) -> dict[str, Any]:
+    counts = [row[f"n_{outcome}"] or "" for outcome in OUTCOMES]
+    interval = f"{percent(row['low'])} – {percent(row['high'])}"
+    return {"set": row["set"], "n": row["n"], "counts": counts, "false": row["n_false"], "interval": interval}
 
 
 def _parameter(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -36,10 +36,19 @@ class Judged:
         """`control`, `listed`, `unlisted`, `artefact`; of two effects the kind of the first."""
         return self.truth["planted"][0]["kind"] if self.truth["planted"] else "control"
 
+    @property
+    def is_listed(self) -> bool:
+        """Whether the generator made it and all that is hidden in it is an effect of the list."""
+        planted = self.truth["planted"]
+        return bool(planted) and not self.is_sumo and all(item["kind"] == "listed" for item in planted)
+
 
 @dataclass(frozen=True)
 class Question:
-    """A rate that is wanted: `hit` per data set for which `of` holds, which should reach `goal`, or stay below it."""
+    """A rate that is wanted: `hit` per data set for which `of` holds, which should reach `goal`, or stay below it.
+
+    `needs` is a column of cases.parquet without which a kept study cannot be asked again.
+    """
 
     name: str
     title: str
@@ -47,6 +56,7 @@ class Question:
     hit: Callable[[Judged], bool]
     goal: float
     at_most: bool = False
+    needs: str = ""
 
 
 def _in(*groups: str) -> Callable[[Judged], bool]:
@@ -114,7 +124,8 @@ def _is_flagged(case: Judged) -> bool:
     return case.judgement.is_flagged or case.judgement.outcome in NAMED
 
 
-def _claims_more(case: Judged) -> bool:
+def _is_not_there(case: Judged) -> bool:
+    """Whether a name is not among what is hidden, alone or beside the right one."""
     return bool(case.judgement.false_names)
 
 
@@ -134,9 +145,9 @@ def _any(case: Judged) -> bool:
 QUESTIONS = (
     Question("identified", "effects of the library named, usual strength", _in("named"), _has(*NAMED), 0.95),
     Question("in_set", "the same, or among the alternatives", _in("named"), _in_set, 0.95),
-    Question("wrong_name", "something else named, usual strength", _in("named"), _has("wrong"), 0.02, True),
+    Question("wrong_name", "a name that is not there, usual strength", _in("named"), _is_not_there, 0.02, True),
     Question("half_identified", "named at half strength", _in("half"), _has(*NAMED), 0.6),
-    Question("half_wrong", "something else named at half strength", _in("half"), _has("wrong"), 0.0, True),
+    Question("half_wrong", "a name that is not there, half strength", _in("half"), _is_not_there, 0.0, True),
     Question("half_4x_identified", "half strength, four times the data", _in("half_four_times"), _has(*NAMED), 0.9),
     Question("short_identified", "named in records of 14 s", _in("short"), _has(*NAMED), 0.8),
     Question("control_false", "controls with an effect named", _in("control"), _claims_traffic, 1 / 30, True),
@@ -145,7 +156,7 @@ QUESTIONS = (
     Question("artefact_as_effect", "artefacts called an effect", _in("artefact"), _claims_traffic, 0.0, True),
     Question("confusable_in_set", "of two alike, the true one kept", _in("confusable"), _in_set, 1.0),
     Question("confusable_alone", "of two alike, only the true one kept", _in("confusable"), _alone, 0.8),
-    Question("cancelling_false", "two that cancel: something else named", _in("cancelling"), _claims_more, 0.0, True),
+    Question("cancelling_false", "two that cancel: a name not there", _in("cancelling"), _is_not_there, 0.0, True),
     Question("variable", "no list holds it: the right variable", _with_variable, _has(*NAMED), 0.9),
     Question("flagged", "nothing measured explains it: said so", _without_variable, _is_flagged, 0.8),
     Question("both_named", "two at once: both named", _in("two"), _has(*NAMED), 0.8),
@@ -159,14 +170,34 @@ QUESTIONS = (
         0.0,
         True,
     ),
-    Question("sumo_family", "SUMO: effects named", _in_sumo("listed"), _has(*NAMED, "ambiguous"), 0.8),
-    Question("sumo_other", "SUMO: other models, said to be unexplained", _in_sumo("unlisted"), _is_flagged, 0.8),
+    Question("sumo_family", "SUMO: effects named, or alternatives", _in_sumo("listed"), _has(*NAMED, "ambiguous"), 0.8),
+    Question("sumo_other", "SUMO: other models, unexplained or rightly named", _in_sumo("unlisted"), _is_flagged, 0.8),
     Question("sumo_control", "SUMO: controls with an effect named", _in_sumo("control"), _claims_traffic, 1 / 30, True),
-    Question("error_fell", "effects named whose error fell beyond its interval", _named_in_named, _error_fell, 0.8),
-    Question("error_surely_fell", "the same, driver by driver", _named_in_named, _error_surely_fell, 0.8),
+    Question(
+        "error_fell",
+        "effects named whose error fell beyond its interval",
+        _named_in_named,
+        _error_fell,
+        0.8,
+        needs="after_high",
+    ),
+    Question(
+        "error_surely_fell",
+        "the same, driver by driver",
+        _named_in_named,
+        _error_surely_fell,
+        0.8,
+        needs="change_high",
+    ),
     Question("sumo_error", "SUMO's other models: error lower after", _other_model, _error_is_lower, 0.95),
     Question(
-        "error_rose", "something added: error surely higher after", _changes_the_model, _error_surely_rose, 0.0, True
+        "error_rose",
+        "something added: error surely higher after",
+        _changes_the_model,
+        _error_surely_rose,
+        0.0,
+        True,
+        needs="change_low",
     ),
     Question("failed", "data sets on which discovery stopped with an error", _any, _has("failed"), 0.0, True),
 )

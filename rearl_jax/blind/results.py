@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rearl_jax.blind.details import by_strength, calibration, oracle_share, parameter_rows
+from rearl_jax.blind.details import by_set, by_strength, calibration, oracle_share, parameter_rows
 from rearl_jax.blind.judging import OUTCOMES
 from rearl_jax.blind.questions import Judged
 from rearl_jax.blind.scores import Score, score_all
@@ -36,6 +36,11 @@ class BlindResults:
         return score_all(self.cases)
 
     @cached_property
+    def sets(self) -> list[dict]:
+        """See `by_set`."""
+        return by_set(self.cases)
+
+    @cached_property
     def strengths(self) -> list[dict]:
         """See `by_strength`."""
         return by_strength(self.cases)
@@ -49,6 +54,20 @@ class BlindResults:
     def calibration(self) -> list[dict]:
         """See `calibration`."""
         return calibration(self.cases)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What must be known about the rates."""
+        return []
+
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """What follows from the table of data sets, by the name of its file."""
+        return {
+            "scores": self.score_table(),
+            "sets": pd.DataFrame(self.sets),
+            "confusion": self.confusion(),
+            "strengths": pd.DataFrame(self.strengths),
+        }
 
     def confusion(self) -> pd.DataFrame:
         """Data sets by what was hidden (rows, `hidden`) and what was said (columns)."""
@@ -64,7 +83,7 @@ class BlindResults:
         return counts.rename_axis("hidden").reset_index()
 
     def case_table(self) -> pd.DataFrame:
-        """One row per data set; `named` and `false` hold names joined by +."""
+        """One row per data set; `named` and `false` (those of them that are not there) hold names joined by +."""
         return pd.DataFrame([_row(case) for case in self.cases])
 
     def score_table(self) -> pd.DataFrame:
@@ -80,6 +99,7 @@ class BlindResults:
             "n_cases": len(self.cases),
             "n_drawn": self.n_drawn,
             **{f"n_{outcome}": outcomes.count(outcome) for outcome in OUTCOMES},
+            "n_false": sum(bool(case.judgement.false_names) for case in self.cases),
             "oracle_share": share,
             "n_oracles": n,
             "median_seconds": float(np.median(seconds)) if seconds else None,
@@ -88,6 +108,7 @@ class BlindResults:
                  "high": item.high, "goal": item.goal, "is_met": item.is_met}
                 for item in self.scores
             ],
+            "sets": self.sets,
         }  # fmt: skip
 
 
@@ -137,4 +158,5 @@ def _row(case: Judged) -> dict[str, Any]:
     }
     for name, interval in verdict.errors.items():
         row[name] = None if interval is None else interval.value
+        row |= {f"{name}_{end}": None if interval is None else getattr(interval, end) for end in ("low", "high")}
     return row | {"confidence": next((stated for stated, _ in judgement.claims), None)}

@@ -50,10 +50,10 @@ def binomial_interval(n_hits: int, n_cases: int) -> tuple[float, float]:
     return low, high
 
 
-def score_all(cases: Sequence[Judged]) -> list[Score]:
+def score_all(cases: Sequence[Judged], questions: Sequence[Question] = QUESTIONS) -> list[Score]:
     """Every rate for which there are data sets."""
     found = []
-    for question in QUESTIONS:
+    for question in questions:
         asked = [case for case in cases if question.of(case)]
         if asked:
             found.append(_scored(question, sum(map(question.hit, asked)), len(asked)))

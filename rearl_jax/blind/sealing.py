@@ -48,7 +48,7 @@ def open_protocol(folder: Path, config_hash: str, seed: int | None) -> tuple[Pro
     """
     path = folder / PROTOCOL
     fresh = Protocol(code_hash(), config_hash, seed_drawn=seed is None)
-    found = _stored(path)
+    found = stored_protocol(folder)
     if found is not None and (found.code_hash, found.config_hash) == (fresh.code_hash, fresh.config_hash):
         goes_on = found.truth_sha256 is not None
         if found.master_seed is not None:
@@ -58,6 +58,14 @@ def open_protocol(folder: Path, config_hash: str, seed: int | None) -> tuple[Pro
     drawn = replace(fresh, master_seed=secrets.randbits(32) if seed is None else seed)
     _write(path, drawn)
     return drawn, False
+
+
+def stored_protocol(folder: Path) -> Protocol | None:
+    """The protocol of a folder; None where there is none that can be read."""
+    try:
+        return Protocol(**json.loads((folder / PROTOCOL).read_text(encoding="utf-8")))
+    except (FileNotFoundError, ValueError, TypeError):
+        return None
 
 
 def seal(folder: Path, protocol: Protocol, truths: Mapping[str, Any]) -> Protocol:
@@ -88,13 +96,6 @@ def truth_of(case: Case) -> dict[str, Any]:
     hidden = sumo_truth(case.variant) if case.source == "sumo" else hidden_truth(case.scenario, simulate(case.scenario))
     described = {"group": case.group, "variant": case.variant, "source": case.source, "seed": case.seed}
     return described | {"changes": dict(case.changes)} | hidden
-
-
-def _stored(path: Path) -> Protocol | None:
-    try:
-        return Protocol(**json.loads(path.read_text(encoding="utf-8")))
-    except (FileNotFoundError, ValueError, TypeError):
-        return None
 
 
 def _write(path: Path, protocol: Protocol) -> None:

@@ -1,9 +1,10 @@
 """The task `rearl discover blind`: discovery on data sets whose hidden effects it has to find, and what it was worth.
 
 Writes into the study folder `protocol.json` and `truth.json` (before anything else), `verdicts/NAME.json` (one per data
-set), then `cases.parquet` (one row per data set), `scores.parquet`, `strengths.parquet`, `parameters.parquet`,
-`calibration.parquet`, `confusion.parquet`, `confusion.png`, `strengths.png`, `page.html`, `config.json` and, last of
-all, `summary.json`. A killed study goes on where it was; a data set with a verdict is never run again.
+set), then `cases.parquet` (one row per data set), `scores.parquet`, `sets.parquet`, `strengths.parquet`,
+`parameters.parquet`, `calibration.parquet`, `confusion.parquet`, `confusion.png`, `strengths.png`, `page.html`,
+`config.json` and, last of all, `summary.json`. A killed study goes on where it was; a data set with a verdict is never
+run again.
 """
 
 import contextlib
@@ -47,9 +48,7 @@ def run_with(config: DiscoverBlindTask, discover: Discover) -> dict:
     seeds = {"seeds": f"blind.seed={protocol.master_seed}", "truth_sha256": str(protocol.truth_sha256)}
     tables = {
         "cases": results.case_table(),
-        "scores": results.score_table(),
-        "confusion": results.confusion(),
-        "strengths": pd.DataFrame(results.strengths),
+        **results.tables(),
         "parameters": pd.DataFrame(results.parameters),
         "calibration": pd.DataFrame(results.calibration),
     }
@@ -58,11 +57,10 @@ def run_with(config: DiscoverBlindTask, discover: Discover) -> dict:
     print_results(results, protocol)
 
     # Only now, so that nobody waits for matplotlib and jinja2 to see the table.
-    from rearl_jax.blind.figures import draw_confusion, draw_strengths
+    from rearl_jax.blind.figures import draw_figures
     from rearl_jax.blind.page import write_page
 
-    figures = {"confusion": draw_confusion(results)} if len(tables["confusion"]) else {}
-    figures |= {"strengths": draw_strengths(results)} if results.strengths else {}
+    figures = draw_figures(results)
     for name, png in figures.items():
         study.write_bytes(f"{name}.png", png)
     study.write_text("page.html", write_page(config, results, protocol, figures))

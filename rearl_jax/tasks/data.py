@@ -70,7 +70,7 @@ DATA = (
         ),
         examples=(
             "rearl discover blind",
-            "rearl discover blind blind.size=full blind.oracle=true study=blind_full results.resume=true",
+            "rearl discover blind blind.size=full blind.oracle=true study=hidden_effects results.resume=true",
         ),
         x64=True,
     ),

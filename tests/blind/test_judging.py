@@ -4,9 +4,10 @@ import math
 
 import pytest
 
-from rearl_jax.blind.details import by_strength, calibration, oracle_share, parameter_rows
+from rearl_jax.blind.details import ALL_LISTED, by_set, by_strength, calibration, oracle_share, parameter_rows
 from rearl_jax.blind.judging import judge, recoveries
 from rearl_jax.blind.questions import Judged
+from rearl_jax.blind.results import BlindResults
 from rearl_jax.blind.scores import binomial_interval, score_all
 from rearl_jax.blind.verdicts import failed_verdict, read_verdict
 
@@ -109,7 +110,7 @@ def test_rates_count_what_they_say():
     found = rates(cases)
     assert found["identified"] == (1, 3)
     assert found["in_set"] == (2, 3)
-    assert found["wrong_name"] == (1, 3)
+    assert found["wrong_name"] == (2, 3)  # also where the right one is among the alternatives
     assert found["control_false"] == (0, 2)  # an artefact named is no effect named
     assert found["control_clean"] == (1, 2)
     assert found["artefact_as_effect"] == (1, 1)
@@ -119,6 +120,49 @@ def test_rates_count_what_they_say():
     assert found["sumo_other"] == (1, 1)
     assert found["failed"] == (0, 9)
     assert "half_identified" not in found
+
+
+@pytest.mark.parametrize(("group", "question"), [("named", "wrong_name"), ("half", "half_wrong")])
+def test_a_name_that_is_not_there_counts_beside_the_right_one(group, question):
+    truth = hidden("grade", group=group)
+    found = rates([
+        judged(truth, said(GRADE)),
+        judged(truth, said(GRADE, DELAY)),
+        judged(truth, said(DELAY)),
+        judged(truth, said(GRADE, effect("dependence", "generic", variables=["speed"]))),
+        judged(truth, said(GRADE, DELAY, verdict="unexplained")),
+        judged(truth, said(verdict="unexplained")),
+    ])  # fmt: skip
+    assert found[question] == (4, 6)
+
+
+def test_names_that_are_not_there_are_counted_by_set():
+    rain = hidden("rain", group="unlisted", kind="unlisted", truths=[], variables=["time"])
+    cases = [
+        judged(hidden("grade"), said(GRADE)),
+        judged(hidden("grade"), said(GRADE, DELAY)),
+        judged(hidden("grade", group="double", strength=2.0), said(GRADE, DELAY)),
+        judged(hidden("grade", "reaction_delay", group="two"), said(GRADE, effect("weather", "road"))),
+        judged(hidden("grade", "reaction_delay", group="two"), said(GRADE, DELAY)),
+        judged(hidden("leader_length", group="confusable", kind="unlisted"), said(DELAY)),
+        judged(hidden(group="control"), said(DELAY)),
+        judged(hidden("lens", group="artefact", kind="artefact"), said(effect("lens", "artefact"))),
+        judged(rain, said(effect("weather", "road"), DELAY)),
+        judged(hidden("distraction", group="unlisted", kind="unlisted", truths=[]), said(DELAY, verdict="unexplained")),
+        judged(hidden("acc", group="sumo", source="sumo", kind="unlisted", truths=[]), said(DELAY)),
+    ]
+    rows = {row["set"]: row for row in by_set(reversed(cases))}
+    assert {name: (row["n_false"], row["n"]) for name, row in rows.items()} == {
+        ALL_LISTED: (3, 5), "named": (1, 2), "artefact": (0, 1), "control": (1, 1), "double": (1, 1),
+        "unlisted, no variable": (1, 1), "unlisted, over a variable": (1, 1), "two": (1, 2), "confusable": (1, 1),
+        "SUMO acc": (1, 1),
+    }  # fmt: skip
+    assert next(iter(rows)) == ALL_LISTED
+    assert (rows["named"]["n_right"], rows["named"]["n_more"]) == (1, 1)
+    assert (rows["two"]["n_right"], rows["two"]["n_part"]) == (1, 1)
+    assert (rows["named"]["low"], rows["named"]["high"]) == binomial_interval(1, 2)
+    summary = BlindResults(cases, len(cases)).summary()
+    assert (summary["n_false"], summary["n_more"], summary["n_wrong"]) == (8, 3, 3)
 
 
 def test_effects_on_the_choice_of_the_lane_are_asked_for_on_their_own():
@@ -213,6 +257,8 @@ def test_strengths_are_kept_apart():
     ]
     rows = {(row["effect"], row["strength"]): row["rate"] for row in by_strength(cases)}
     assert rows == {("all", 0.5): 0.0, ("all", 1.0): 1.0, ("grade", 0.5): 0.0, ("grade", 1.0): 1.0}
+    beside = by_strength([judged(hidden("grade"), said(GRADE, DELAY)), judged(hidden("grade"), said(GRADE))])
+    assert [(row["n"], row["n_named"], row["n_false"]) for row in beside] == [(2, 2, 1), (2, 2, 1)]
 
 
 @pytest.mark.parametrize("key", ["verdict", "effects", "candidates", "error", "seconds"])

@@ -41,7 +41,7 @@ def test_a_study_writes_everything(finished):
     root, summary = finished
     folder = root / "blind"
     assert summary["n_cases"] == 6
-    names = {"cases", "scores", "strengths", "parameters", "calibration", "confusion"}
+    names = {"cases", "scores", "sets", "strengths", "parameters", "calibration", "confusion"}
     assert {f"{name}.parquet" for name in names} <= {path.name for path in folder.iterdir()}
     cases = pd.read_parquet(folder / "cases.parquet")
     assert sorted(cases["variant"]) == ["default", "grade", "lens", "rain", "reaction_delay", "reaction_delay+grade"]
@@ -51,6 +51,7 @@ def test_a_study_writes_everything(finished):
     assert stored["oracle_share"] is None
     page = (folder / "page.html").read_text()
     assert "How it was kept blind" in page
+    assert "with a name that is not there" in page
     assert "Generated recordings" in page
     for name in ("confusion.png", "strengths.png"):
         assert (folder / name).read_bytes().startswith(b"\x89PNG")

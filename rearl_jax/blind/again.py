@@ -1,0 +1,202 @@
+"""A finished study judged again, nothing run: `python -m rearl_jax.blind.again FOLDER`.
+
+Reads `protocol.json`, the sealed `truth.json` and `cases.parquet`, the table of what was said to each data set. Prints
+the tables and writes what follows from them again: `scores.parquet`, `sets.parquet`, `strengths.parquet`,
+`confusion.parquet`, `page.html` and `summary.json`, with the provenance of the study and `judged_again`. What the table
+of data sets does not hold stays as it was: parameters, stated confidences, and rates that need a column it has not.
+"""
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from rearl_jax.blind.judging import Judgement, is_alone, shown_of
+from rearl_jax.blind.questions import QUESTIONS, Judged
+from rearl_jax.blind.results import BlindResults
+from rearl_jax.blind.scores import Score, score_all
+from rearl_jax.blind.sealing import Protocol, open_truth, stored_protocol
+from rearl_jax.blind.terminal import print_results
+from rearl_jax.blind.traffic.measurement import ARTEFACTS
+from rearl_jax.blind.verdicts import ERRORS, Interval, NamedEffect, Verdict
+from rearl_jax.config import DiscoverBlindTask
+from rearl_jax.config._schema import from_plain
+from rearl_jax.results import PREFIX, PROVENANCE, read_metadata
+from rearl_jax.whole_files import replacing
+
+
+@dataclass(frozen=True)
+class KeptResults(BlindResults):
+    """The results of a study of which the table of data sets is kept, and no verdict.
+
+    Attributes:
+        columns: Of that table.
+        kept_scores, kept_parameters, kept_calibration: Rows of the tables as they were written before.
+    """
+
+    columns: frozenset[str]
+    kept_scores: Sequence[Mapping[str, Any]]
+    kept_parameters: Sequence[dict]
+    kept_calibration: Sequence[dict]
+
+    @cached_property
+    def scores(self) -> list[Score]:
+        """Rates: asked again where the table has what they need, else those of before."""
+        known = {row["name"]: row for row in self.kept_scores if row["name"] in self._not_asked}
+        names = [item.name for item in fields(Score)]
+        found = {name: Score(**{key: row[key] for key in names}) for name, row in known.items()}
+        asked = [question for question in QUESTIONS if question.name not in self._not_asked]
+        found |= {score.name: score for score in score_all(self.cases, asked)}
+        return [found[question.name] for question in QUESTIONS if question.name in found]
+
+    @cached_property
+    def parameters(self) -> list[dict]:
+        """Those of before."""
+        return list(self.kept_parameters)
+
+    @cached_property
+    def calibration(self) -> list[dict]:
+        """Those of before."""
+        return list(self.kept_calibration)
+
+    @property
+    def remarks(self) -> list[str]:
+        """Which rates were not asked again."""
+        titles = [question.title for question in QUESTIONS if question.name in self._not_asked]
+        if not titles:
+            return []
+        return [f"as counted when the study was run, for cases.parquet has no ends of intervals: {'; '.join(titles)}"]
+
+    @property
+    def _not_asked(self) -> set[str]:
+        return {question.name for question in QUESTIONS if question.needs and question.needs not in self.columns}
+
+
+def read_study(folder: Path) -> tuple[Protocol, KeptResults]:
+    """How a study was sealed, and its results judged again.
+
+    Raises:
+        FileNotFoundError: A file is missing.
+        ValueError: There is no protocol, or the truth is not the one that was sealed.
+    """
+    protocol = stored_protocol(folder)
+    if protocol is None:
+        raise ValueError(f"{folder} has no protocol.json that can be read: name the folder of a blind study")
+    truths = open_truth(folder, protocol)
+    table = pd.read_parquet(folder / "cases.parquet")
+    return protocol, KeptResults(
+        cases=[_judged(truths[row["case"]], row) for row in _rows(table)],
+        n_drawn=len(truths),
+        columns=frozenset(table.columns),
+        kept_scores=_rows(pd.read_parquet(folder / "scores.parquet")),
+        kept_parameters=_rows(pd.read_parquet(folder / "parameters.parquet")),
+        kept_calibration=_rows(pd.read_parquet(folder / "calibration.parquet")),
+    )
+
+
+def judge_again(folder: Path) -> dict[str, Any]:
+    """The summary of a study whose results were judged and written again.
+
+    Raises:
+        FileNotFoundError, ValueError: As `read_study`.
+    """
+    # Only here, so that who only reads needs neither matplotlib nor jinja2.
+    from rearl_jax.blind.figures import draw_figures
+    from rearl_jax.blind.page import write_page
+
+    protocol, results = read_study(folder)
+    before = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    config = from_plain(DiscoverBlindTask, json.loads((folder / "config.json").read_text(encoding="utf-8")))
+    provenance = read_metadata(folder / "cases.parquet") | {"judged_again": "true"}
+    made_by = {key: before[key] for key in PROVENANCE}
+    sealed = {"master_seed": protocol.master_seed, "truth_sha256": protocol.truth_sha256}
+    summary = made_by | {"judged_again": True} | sealed | results.summary()
+    page = write_page(config, results, protocol, draw_figures(results), made_by)
+    for name, table in results.tables().items():
+        _write_table(folder / f"{name}.parquet", table, provenance)
+    _write_text(folder / "page.html", page)
+    _write_text(folder / "summary.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
+    print_results(results, protocol)
+    return summary
+
+
+def main(words: list[str]) -> None:
+    """Judges the study in a folder again."""
+    if len(words) != 1:
+        sys.exit((__doc__ or "").strip())
+    try:
+        judge_again(Path(words[0]))
+    except (FileNotFoundError, ValueError) as error:
+        sys.exit(str(error))
+
+
+def _judged(truth: Mapping[str, Any], row: Mapping[str, Any]) -> Judged:
+    verdict = _verdict(row)
+    false = _names(row["false"])
+    judgement = Judgement(
+        outcome=row["outcome"],
+        shown=shown_of(verdict, row["n_recognised"], row["is_flagged"]),
+        n_hidden=row["n_hidden"],
+        n_recognised=row["n_recognised"],
+        in_set=row["in_set"],
+        alone=is_alone(truth["planted"], verdict, row["n_recognised"]),
+        is_flagged=row["is_flagged"],
+        false_names=false,
+        false_kinds=tuple(map(_kind, false)),
+        claims=(),
+    )
+    return Judged(row["case"], truth, verdict, judgement, ())
+
+
+def _verdict(row: Mapping[str, Any]) -> Verdict:
+    """What the table says about a verdict."""
+    return Verdict(
+        verdict=row["verdict"],
+        effects=tuple(NamedEffect(name, _kind(name), {}, frozenset(), None) for name in _names(row["named"])),
+        alternatives=frozenset(_names(row["alternatives"])),
+        errors={
+            name: None if row[name] is None else Interval(row[name], row.get(f"{name}_low"), row.get(f"{name}_high"))
+            for name in ERRORS
+        },
+        n_drivers=row["n_drivers"],
+        seconds=row["seconds"],
+        message=row["message"],
+    )
+
+
+def _kind(name: str) -> str:
+    """The kind of a claimed effect as far as judging asks for it."""
+    return "artefact" if name in ARTEFACTS else "generic" if name.endswith("dependence") else "traffic"
+
+
+def _names(joined: str) -> tuple[str, ...]:
+    return tuple(joined.split("+")) if joined else ()
+
+
+def _rows(table: pd.DataFrame) -> list[dict]:
+    """The rows of a table; None where there is no figure."""
+    return table.astype(object).where(table.notna(), None).to_dict("records")
+
+
+def _write_table(path: Path, table: pd.DataFrame, provenance: Mapping[str, str]) -> None:
+    import pyarrow
+    from pyarrow import parquet
+
+    whole = pyarrow.Table.from_pandas(table, preserve_index=False)
+    about = {PREFIX + key: value for key, value in provenance.items()}
+    with replacing(path) as unfinished:
+        parquet.write_table(whole.replace_schema_metadata({**(whole.schema.metadata or {}), **about}), unfinished)
+
+
+def _write_text(path: Path, text: str) -> None:
+    with replacing(path) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,153 @@
+"""Studies judged again from their tables: one that was just run, and those whose results are kept."""
+
+import json
+import shutil
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from rearl_jax.blind.again import judge_again, read_study
+from rearl_jax.blind.judging import names_of
+from rearl_jax.blind.sealing import open_truth, stored_protocol
+from rearl_jax.blind.task import run_with
+from rearl_jax.results import PROVENANCE, read_metadata
+from tests.blind.stub_study import Stub, task
+
+ROOT = Path(__file__).resolve().parents[2]
+KEPT = [path.parent for path in sorted((ROOT / "results" / "kept").glob("*/protocol.json"))]
+WRITTEN = ("scores", "sets", "confusion", "strengths")
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """Folder of a finished study whose effects are called more than they are, and its summary."""
+    root = tmp_path_factory.mktemp("results")
+    stub = Stub(root / "asked.txt")
+
+    def discover(data, study, oracle=None):
+        verdict = stub(data, study, oracle)
+        beside = {"name": "weather", "kind": "road", "parameters": {}, "confidence": 0.5}
+        change = {"value": -0.5, "low": -0.75, "high": -0.25}
+        return verdict | {
+            "effects": [*verdict["effects"], beside] if verdict["effects"] else [],
+            "candidates": [{"name": "speed_limit", "ambiguous": True}],
+            "error": verdict["error"] | {"change": change},
+        }
+
+    summary = run_with(task(root), discover)
+    return root / "blind", summary
+
+
+def test_a_study_judged_again_is_the_same(finished, tmp_path, capsys):
+    before, summary = finished
+    folder = tmp_path / "copy"
+    shutil.copytree(before, folder)
+    shutil.rmtree(folder / "verdicts")
+    for name in WRITTEN[1:]:
+        (folder / f"{name}.parquet").unlink()
+    again = judge_again(folder)
+    assert summary["n_false"] > 0
+    assert {key: again[key] for key in summary} == summary
+    for name in WRITTEN:
+        ours, theirs = (pd.read_parquet(path / f"{name}.parquet") for path in (folder, before))
+        pd.testing.assert_frame_equal(ours, theirs)
+        about = read_metadata(folder / f"{name}.parquet")
+        assert about.pop("judged_again") == "true"
+        assert about == read_metadata(before / f"{name}.parquet")
+    ours, theirs = (json.loads((path / "summary.json").read_text()) for path in (folder, before))
+    assert ours.pop("judged_again") is True
+    assert ours == theirs
+    assert (folder / "cases.parquet").read_bytes() == (before / "cases.parquet").read_bytes()
+    page = (folder / "page.html").read_text()
+    assert f"code {theirs['git_sha'] or theirs['code_version']}" in page
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "Outcomes by set" in shown
+    assert "as counted when the study was run" not in shown
+
+
+def test_what_the_table_does_not_hold_stays_as_it_was(finished, tmp_path):
+    before, _ = finished
+    folder = tmp_path / "copy"
+    shutil.copytree(before, folder)
+    cases = pd.read_parquet(folder / "cases.parquet")
+    cases.drop(columns=[name for name in cases if name.endswith(("_low", "_high"))]).to_parquet(
+        folder / "cases.parquet"
+    )
+    scores = pd.read_parquet(folder / "scores.parquet")
+    is_rose = scores["name"] == "error_rose"
+    scores.loc[is_rose | (scores["name"] == "wrong_name"), "n_hits"] = 77
+    scores.to_parquet(folder / "scores.parquet")
+    _, results = read_study(folder)
+    hits = {score.name: score.n_hits for score in results.scores}
+    assert hits["error_rose"] == 77
+    assert hits["wrong_name"] == pd.read_parquet(before / "scores.parquet").set_index("name").n_hits["wrong_name"]
+    (remark,) = results.remarks
+    assert "something added: error surely higher after" in remark
+
+
+def test_a_truth_that_was_changed_is_refused(finished, tmp_path):
+    before, _ = finished
+    folder = tmp_path / "copy"
+    shutil.copytree(before, folder)
+    truth = (folder / "truth.json").read_bytes()
+    (folder / "truth.json").write_bytes(truth.replace(b"grade", b"weather"))
+    with pytest.raises(ValueError, match="was changed after it was sealed"):
+        judge_again(folder)
+    (folder / "protocol.json").unlink()
+    with pytest.raises(ValueError, match=r"has no protocol\.json"):
+        read_study(folder)
+
+
+@pytest.mark.parametrize("words", [[], ["no such folder"]])
+def test_what_cannot_be_judged_is_said(words):
+    command = [sys.executable, "-m", "rearl_jax.blind.again", *words]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "python -m rearl_jax.blind.again FOLDER" in done.stderr or "no such folder has no protocol" in done.stderr
+
+
+def test_a_study_is_kept():
+    assert KEPT
+
+
+@pytest.mark.parametrize("folder", KEPT, ids=lambda folder: folder.name)
+def test_what_is_kept_follows_from_its_table_of_data_sets(folder):
+    protocol, results = read_study(folder)
+    for name, table in results.tables().items():
+        kept = pd.read_parquet(folder / f"{name}.parquet")
+        pd.testing.assert_frame_equal(kept, table, check_dtype=False, rtol=1e-9)
+    stored = json.loads((folder / "summary.json").read_text())
+    summary = results.summary()
+    assert stored.keys() == {*PROVENANCE, "judged_again", "master_seed", "truth_sha256", *summary}
+    assert stored["truth_sha256"] == protocol.truth_sha256
+    for name, value in summary.items():
+        # Sums of floats may end otherwise on another machine.
+        assert stored[name] == (value if isinstance(value, list) else pytest.approx(value, rel=1e-9)), name
+    page = (folder / "page.html").read_text()
+    for score in results.scores:
+        assert f"<td>{score.n_hits}</td><td>{score.n_cases}</td>" in page
+
+
+@pytest.mark.parametrize("folder", KEPT, ids=lambda folder: folder.name)
+def test_names_that_are_not_there_are_none_of_the_sealed_ones(folder):
+    """Counted once more from the names themselves, without what the study has judged."""
+    protocol = stored_protocol(folder)
+    assert protocol is not None
+    truths = open_truth(folder, protocol)
+    cases = pd.read_parquet(folder / "cases.parquet")
+    assert sorted(cases["case"]) == sorted(truths)
+    for case in cases.to_dict("records"):
+        truth = truths[case["case"]]
+        assert (case["set"], case["variant"], case["n_hidden"]) == (
+            truth["group"], truth["variant"], len(truth["planted"]),
+        )  # fmt: skip
+        if any(item["variables"] for item in truth["planted"]):
+            continue  # a curve is right by its variable, which the table does not hold
+        right = set().union(*map(names_of, truth["planted"]))
+        said = Counter(case["named"].split("+")) if case["named"] else Counter()
+        false = Counter(case["false"].split("+")) if case["false"] else Counter()
+        assert false == Counter({name: n for name, n in said.items() if name not in right})
