@@ -8,8 +8,8 @@ all cores and keeps compiled programs, as the command does.
 
 import contextlib
 import io
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
@@ -20,6 +20,7 @@ import pandas as pd
 from rearl_jax.config import DiscoverTask, PrepareTask
 from rearl_jax.config._schema import finished, from_plain, keys_of, nearest
 from rearl_jax.config.data import DataConfig
+from rearl_jax.config.driver import DriverConfig
 from rearl_jax.data.recordings import Recording, iterate_recordings
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.data.scenes import build_scenes
@@ -182,19 +183,25 @@ def _configured(kind: type[Record], keys: Mapping[str, Any]) -> Record:
     Raises:
         ValueError: A key is unknown, its value is none of its choices, or it is out of its range.
     """
-    known = keys_of(kind())
-    for name in _names(keys):
+    defaults: Any = kind()
+    if "driver" in keys and hasattr(defaults, "driver"):
+        said = keys["driver"]
+        defaults = replace(
+            defaults, driver=DriverConfig.record_for({"model": said} if isinstance(said, str) else said)()
+        )
+    known = keys_of(defaults)
+    for name in _names(keys, known):
         if name not in known:
             raise ValueError(f"there is no key {name!r}; nearest: {nearest(name, known)}")
     return finished(from_plain(kind, keys))
 
 
-def _names(keys: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
-    """Full names of the keys in nested mappings."""
+def _names(keys: Mapping[str, Any], known: Collection[str], prefix: str = "") -> Iterator[str]:
+    """Full names of the keys in nested mappings; a mapping may be a known key's value, a text the choice of a group."""
     for name, value in keys.items():
-        if isinstance(value, Mapping):
-            yield from _names(value, f"{prefix}{name}.")
-        else:
+        if isinstance(value, Mapping) and prefix + name not in known:
+            yield from _names(value, known, f"{prefix}{name}.")
+        elif not (prefix + name == "driver" and isinstance(value, str)):
             yield prefix + name
 
 

@@ -6,7 +6,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from rearl_jax import tasks
-from rearl_jax.cli.composition import choices
+from rearl_jax.cli.composition import choices, first_comment
 from rearl_jax.cli.help import general_help
 from rearl_jax.cli.sweep_files import sweeps_of
 from rearl_jax.config._schema import Group, Key, groups_of
@@ -36,7 +36,7 @@ def keys() -> str:
 def sweeps(words: str) -> str:
     """The shipped sweep files of a task."""
     task = next(task for task in tasks.TASKS if task.config_name == words)
-    rows = [f"| `{name}` | {_first_comment(file)} |" for name, file in sweeps_of(task).items()]
+    rows = [f"| `{name}` | {first_comment(file).rstrip('.')} |" for name, file in sweeps_of(task).items()]
     return "\n".join(["| `--sweep` | what is varied |", "|---|---|", *rows])
 
 
@@ -65,9 +65,9 @@ def _group(name: str, having: Sequence[tuple[Task, Group]]) -> str:
     blocks = [f"## {name} {{ #{_anchor(name)} }}"]
     meanings = {group.help: None for _, group in having}
     blocks.append(f"{'; '.join(meanings)}. Of {_named(task for task, _ in having)}.")
-    files = {file.stem: file for task, _ in having for file in choices(task).get(name, [])}
-    if files:
-        blocks.append("\n".join(f"- `{name}={stem}`: {_first_comment(file)}" for stem, file in files.items()))
+    chosen = {choice: line for task, _ in having for choice, line in choices(task).get(name, {}).items()}
+    if chosen:
+        blocks.append("\n".join(f"- `{name}={choice}`: {line.rstrip('.')}" for choice, line in chosen.items()))
     by_name: dict[str, list[tuple[Task, Key]]] = {}
     for task, group in having:
         for key in group.keys:
@@ -98,7 +98,3 @@ def _anchor(name: str) -> str:
 def _escaped(text: str) -> str:
     """Text of the terminal as Markdown."""
     return text.replace("*", r"\*").replace("<", "&lt;").replace("_", r"\_").rstrip(".")
-
-
-def _first_comment(file: Path) -> str:
-    return file.read_text(encoding="utf-8").partition("\n")[0].lstrip("# ").rstrip(".")

@@ -27,6 +27,7 @@ GENERATED: dict[str, Callable[..., str]] = {
     "keys": config_keys.keys,
     "metrics": tables_of_code.metrics,
     "public-names": tables_of_code.public_names,
+    "recording-formats": tables_of_code.recording_formats,
     "sweeps": config_keys.sweeps,
     "table-columns": tables_of_code.table_columns,
     "tasks": config_keys.tasks_and_keys,

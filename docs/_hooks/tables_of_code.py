@@ -1,8 +1,10 @@
-"""Tables that the code holds: columns of recordings, metrics, keys of the speed measurements, public names."""
+"""Tables that the code holds: columns and formats of recordings, metrics, keys of measurements, public names."""
 
 from importlib import import_module
 
 import rearl_jax
+from rearl_jax.config.data import DataFormat
+from rearl_jax.data.readers import reader_of
 from rearl_jax.data.schema import COLUMNS
 from rearl_jax.metrics import METRICS
 
@@ -33,6 +35,16 @@ def table_columns() -> str:
         for column in COLUMNS
     ]
     return "\n".join(["| column | type | unit | meaning |", "|---|---|---|---|", *rows])
+
+
+def recording_formats() -> str:
+    """The formats of recordings: what the first line of their module says, and what data.root names."""
+    rows = []
+    for kind in DataFormat:
+        module = import_module(f"rearl_jax.data.readers.{kind.name}")
+        what = (module.__doc__ or "").partition("\n")[0].rstrip(".")
+        rows.append(f"| `{kind.name}` | {what} | {_cell(reader_of(kind).expected)} |")
+    return "\n".join(["| `data=` | what is read | `data.root` names |", "|---|---|---|", *rows])
 
 
 def metrics() -> str:

@@ -14,10 +14,10 @@ from rearl_jax.bench.batches import Batches
 from rearl_jax.bench.loop_programs import effects_in, policy_in
 from rearl_jax.bench.loop_subjects import BASE_MODEL, Batch, Scenes, loop_subject, rollout_subject
 from rearl_jax.bench.synthetic_references import synthetic_references
+from rearl_jax.core.car_following.idm import IDM
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.gap_driving import begin_driving
-from rearl_jax.core.gap_idm import FollowingParams
 from rearl_jax.detection.detector import DetectionOptions
 from rearl_jax.detection.table import tabulate
 
@@ -45,11 +45,11 @@ def effect_rollouts(
     """
     scenes = Scenes(n_vehicles, density, tabulate(synthetic_references(**references), DetectionOptions().hist))
     effects = tuple(usual(effect) for effect in effects_in(name))
-    following = FollowingParams(*(jnp.full((1, 1), value) for value in DRIVER))
+    following = IDM(*(jnp.full((1, 1), value) for value in DRIVER))
 
     def prepare(keys: Key[Array, " scenarios"]) -> Batch:
         drawn = scenes.draw(keys)
-        drivers = replace(drawn.drivers, following=following, effects=effects)
+        drivers = replace(drawn.drivers, car_following=following, effects=effects)
         return replace(drawn, drivers=drivers, state=begin_driving(drawn.state, drivers, BASE_MODEL))
 
     policy = policy_in(name)
@@ -61,9 +61,11 @@ def usual(name: str) -> Effect:
     """The effect at a strength that is often found: as far from off as a standard deviation of what is usual."""
     kind = EFFECTS[name]
     numbers: dict[str, Any] = {item.name: jnp.asarray(_usual(item)) for item in kind.parameters}
-    if "variable" in {item.name for item in fields(kind)}:
+    if "values" in numbers:
         curve = numbers["values"] * jnp.asarray([1.0, -1.0, 1.0, -1.0])
-        numbers |= {"values": curve[:, None, None], "knots": jnp.asarray(KNOTS), "variable": "speed"}
+        numbers |= {"values": curve[:, None, None]}
+    if "variable" in {item.name for item in fields(kind)}:
+        numbers |= {"knots": jnp.asarray(KNOTS), "variable": "speed"}
     return kind(**numbers)
 
 

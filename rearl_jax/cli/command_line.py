@@ -73,7 +73,7 @@ def _dispatch(arguments: list[str]) -> int:
     task = _task(options.words)
     overrides = options.words[len(task.words.split()) :]
     if options.help:
-        print(task_help(task))
+        print(task_help(task, overrides))
         return DONE
     if options.config and (options.multirun or options.sweep):
         raise UsageError("--config prints the configuration of one job: leave out -m and --sweep")

@@ -3,10 +3,12 @@
 Mistakes are found before Hydra sees them where that gives a better sentence: one that names the nearest valid key.
 """
 
+import functools
 import logging
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import make_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from yaml import YAMLError
 
 from rearl_jax import tasks
 from rearl_jax.config._schema import finished, groups_of, keys_of, nearest
+from rearl_jax.config.driver import MODELS, DriverConfig, record_of
 from rearl_jax.tasks import Task
 
 log = logging.getLogger(__name__)
@@ -30,6 +33,7 @@ def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> An
 
     overrides = with_implied(task, overrides)
     check_overrides(task, overrides, config_dir)
+    overrides = opened(task, overrides)
     if config_dir is not None:
         overrides = [f"hydra.searchpath=[{search_path(config_dir)}]", *overrides]
     register(task)
@@ -84,11 +88,27 @@ def with_implied(task: Task, overrides: list[str]) -> list[str]:
     return [*new, *overrides]
 
 
+def opened(task: Task, overrides: list[str]) -> list[str]:
+    """The overrides, those inside a key that holds keys of the user's own written as Hydra wants new keys written."""
+    mappings = {name for name, key in keys_of(defaults_with(task, overrides)).items() if key.type_name == "dict"}
+    return [f"++{text}" if _inside(text.partition("=")[0], mappings) else text for text in overrides]
+
+
+def _inside(name: str, mappings: Iterable[str]) -> bool:
+    """Whether a key is one of some mappings, or inside one."""
+    return any(name == mapping or name.startswith(f"{mapping}.") for mapping in mappings)
+
+
 def register(task: Task) -> None:
     """Makes the task's record known to Hydra."""
     from hydra.core.config_store import ConfigStore
 
-    ConfigStore.instance().store(name="schema", node=task.load_config())
+    store, defaults = ConfigStore.instance(), task.defaults()
+    for name in MODELS:
+        store.store(group="driver", name=name, node=record_of(name))
+    # The record of one model takes the place of the base of all of them, not of another model's.
+    schema = replace(defaults, driver=DriverConfig()) if hasattr(defaults, "driver") else defaults
+    store.store(name="schema", node=schema)
 
 
 def as_record(config: Any) -> Any:
@@ -106,11 +126,35 @@ def search_path(config_dir: str) -> str:
     return f"'file://{folder}'"
 
 
-def choices(task: Task, config_dir: str | None = None) -> dict[str, list[Path]]:
-    """Config groups of a task, e.g. `data`, and the files one of which is chosen by `data=NAME`."""
+def choices(task: Task, config_dir: str | None = None) -> dict[str, dict[str, str]]:
+    """Config groups of a task, e.g. `data`, and what is chosen by `data=NAME`: by name, one line each."""
     roots = [tasks.conf_dir()] if config_dir is None else [tasks.conf_dir(), Path(config_dir)]
-    fields = {group.name for group in groups_of(task.defaults())}
-    return {name: files for name in sorted(fields) if name and (files := _yaml_files(name, roots))}
+    groups = sorted(group.name for group in groups_of(task.defaults()) if group.name)
+    found = {name: {file.stem: first_comment(file) for file in _yaml_files(name, roots)} for name in groups}
+    if "driver" in found:
+        found["driver"] = {name: model.title for name, model in MODELS.items()} | found["driver"]
+    return {name: chosen for name, chosen in found.items() if chosen}
+
+
+def first_comment(file: Path) -> str:
+    """The comment a file begins with; empty for none."""
+    first = file.read_text(encoding="utf-8").partition("\n")[0]
+    return first.lstrip("# ") if first.startswith("#") else ""
+
+
+def defaults_with(task: Task, overrides: list[str]) -> Any:
+    """The record of a task with every key at its default, of the driver model that is chosen."""
+    record = task.defaults()
+    chosen = [value for text in overrides for name, _, value in [text.partition("=")] if name == "driver"]
+    if not hasattr(record, "driver") or not chosen:
+        return record
+    return replace(record, driver=record_of(chosen[-1])() if chosen[-1] in MODELS else _every_driver_key())
+
+
+@functools.cache
+def _every_driver_key() -> Any:
+    """A record with the keys of all driver models, for a choice from a file of which nobody knows yet what it is."""
+    return make_dataclass("every_driver", [], bases=tuple(record_of(name) for name in MODELS))()
 
 
 def _yaml_files(group: str, roots: Iterable[Path]) -> list[Path]:
@@ -122,7 +166,8 @@ def check_overrides(task: Task, overrides: list[str], config_dir: str | None) ->
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import HydraException
 
-    keys = keys_of(task.defaults())
+    keys = keys_of(defaults_with(task, overrides))
+    mappings = [name for name, key in keys.items() if key.type_name == "dict"]
     records = {name.rpartition(".")[0] for name in keys}
     known_groups = choices(task, config_dir)
     for text in overrides:
@@ -141,8 +186,8 @@ def check_overrides(task: Task, overrides: list[str], config_dir: str | None) ->
             continue
         if text[0] in "+~":
             raise UsageError(f"{text}: keys are neither added nor removed; write {text.lstrip('+~')}")
-        if name not in keys and name not in known_groups and name not in records:
-            raise UsageError(_no_such_key(task, name))
+        if name not in keys and name not in known_groups and name not in records and not _inside(name, mappings):
+            raise UsageError(_no_such_key(task, name, overrides))
 
 
 @contextmanager
@@ -165,8 +210,8 @@ def hydra_errors(task: Task, overrides: list[str]) -> Iterator[None]:
         raise UsageError(_sentence(task, overrides, error)) from error
 
 
-def _no_such_key(task: Task, name: str) -> str:
-    close = nearest(name, keys_of(task.defaults()))
+def _no_such_key(task: Task, name: str, overrides: list[str]) -> str:
+    close = nearest(name, keys_of(defaults_with(task, overrides)))
     return f"there is no key {name!r} in `rearl {task.words}`; nearest: {close}"
 
 
@@ -176,7 +221,7 @@ def _sentence(task: Task, overrides: list[str], error: BaseException) -> str:
         cause = cause.__cause__ or cause.__context__
     if cause is None:
         return str(error)
-    keys = keys_of(task.defaults())
+    keys = keys_of(defaults_with(task, overrides))
     reason = str(cause).split("\n")[0]
     name = str(getattr(cause, "full_key", "")).partition("[")[0]
     file = re.match(r"In '(.+?)'", str(error))
@@ -184,5 +229,5 @@ def _sentence(task: Task, overrides: list[str], error: BaseException) -> str:
     if name in keys:
         return f"{where}{name} must be {keys[name].type_name}: {reason}"
     if name:
-        return where + _no_such_key(task, name)
+        return where + _no_such_key(task, name, overrides)
     return f"{where or ' '.join(overrides) + ': '}{reason}"

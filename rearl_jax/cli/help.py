@@ -2,10 +2,9 @@
 
 import shutil
 import textwrap
-from pathlib import Path
 
 from rearl_jax import tasks
-from rearl_jax.cli.composition import choices
+from rearl_jax.cli.composition import choices, defaults_with, first_comment
 from rearl_jax.cli.sweep_files import sweeps_of
 from rearl_jax.config._schema import Key, groups_of
 from rearl_jax.tasks import Task
@@ -62,24 +61,28 @@ def group_help(group: list[Task]) -> str:
     return "\n\n".join([*parts, "`rearl TASK --help` lists the keys of a task."])
 
 
-def task_help(task: Task) -> str:
-    """One task: what it does, its keys, its sweep files, examples, options."""
+def task_help(task: Task, overrides: list[str]) -> str:
+    """One task: what it does, its keys, its sweep files, examples, options.
+
+    Args:
+        task: The task.
+        overrides: Of the command line; driver=NAME lists the keys of that model.
+    """
     columns = min(shutil.get_terminal_size((110, 24)).columns, 120)
     blocks = [
         f"rearl {task.words}: {task.summary}",
         f"usage: rearl {task.words} [options] [key=value ...]",
         textwrap.fill(task.description, columns),
     ]
-    for group in groups_of(task.defaults()):
+    for group in groups_of(defaults_with(task, overrides)):
         heading = f"{group.name}: {group.help}" if group.name else "keys:"
-        files = choices(task).get(group.name, [])
-        names = [f"  {group.name}={file.stem}  {_first_comment(file)}" for file in files]
+        names = [f"  {group.name}={name}  {line}" for name, line in choices(task).get(group.name, {}).items()]
         blocks.append("\n".join([heading, *names, *(_key_help(key, columns) for key in group.keys)]))
     files = sweeps_of(task)
     if files:
         width = max(map(len, files))
         blocks.append(
-            "\n".join(["sweeps:", *(f"  --sweep {n:<{width}}  {_first_comment(f)}" for n, f in files.items())])
+            "\n".join(["sweeps:", *(f"  --sweep {n:<{width}}  {first_comment(f)}" for n, f in files.items())])
         )
     return "\n\n".join([*blocks, _listed("examples:", task.examples), _OPTIONS, _EXIT_CODES])
 
@@ -91,8 +94,3 @@ def _listed(heading: str, lines: tuple[str, ...]) -> str:
 def _key_help(key: Key, columns: int) -> str:
     text = textwrap.wrap(key.help, columns, initial_indent=" " * 6, subsequent_indent=" " * 6)
     return "\n".join([f"  {key.name}={key.default}  ({key.type_name})", *text])
-
-
-def _first_comment(file: Path) -> str:
-    first = file.read_text(encoding="utf-8").partition("\n")[0]
-    return first.lstrip("# ") if first.startswith("#") else ""

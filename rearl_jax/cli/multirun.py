@@ -14,7 +14,15 @@ from pathlib import Path
 from typing import Any
 
 from rearl_jax import tasks
-from rearl_jax.cli.composition import as_record, check_overrides, compose_task, hydra_errors, register, with_implied
+from rearl_jax.cli.composition import (
+    as_record,
+    check_overrides,
+    compose_task,
+    hydra_errors,
+    opened,
+    register,
+    with_implied,
+)
 from rearl_jax.cli.launchers import launcher_errors, settings
 from rearl_jax.cli.running import JobError, complain, is_for_user, run_task
 from rearl_jax.config._schema import finished
@@ -49,7 +57,7 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
     cells = cells_of(parsed, swept)
     said = {item.key_or_group: item.value() for item in parsed if item.key_or_group not in swept}
     try:
-        _launch(task, overrides, said, len(cells), config_dir)
+        _launch(task, opened(task, overrides), said, len(cells), config_dir)
     except JobError as error:
         failed = error
     own = [text for text in fixed if not text.lstrip("+~").startswith("hydra")]

@@ -17,10 +17,12 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.config.decision import AdmissibleConfig, DecisionConfig, ExecConfig, MatcherConfig, PolicyName
 from rearl_jax.config.detection import DetectionConfig, ReferenceConfig
 from rearl_jax.config.discover import DiscoverConfig
+from rearl_jax.config.driver import CALIBRATED, DEFAULT, DriverConfig, record_of
 from rearl_jax.config.evaluation import EvaluationConfig, Method, Variant
 from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.llm import LlmConfig, PromptConfig
 from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
+from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.config.ppo import PpoConfig, PpoPolicyConfig
 from rearl_jax.config.report import FolderConfig, ReportConfig
 from rearl_jax.config.scenes import (
@@ -95,7 +97,22 @@ class DiscoverTask:
     study: str = _study("discover")
     results: ResultsConfig = _group(ResultsConfig)
     data: DataConfig = _group(DataConfig)
+    driver: DriverConfig = key(
+        record_of("idm"),
+        "Car-following model that is calibrated, driver=NAME chooses; values are the centre of the calibration's prior",
+    )
     discover: DiscoverConfig = _group(DiscoverConfig)
+
+    def check(self) -> None:
+        """Raise ValueError for a model that cannot be calibrated, or for keys that a calibration finds itself."""
+        if self.driver.model not in CALIBRATED:
+            raise ValueError(
+                f"driver={self.driver.model} has parameters without a usual value to calibrate from; choose one of "
+                f"{', '.join(CALIBRATED)}"
+            )
+        found = self.driver.found_by_calibration()
+        if found:
+            raise ValueError(f"driver.{found} is found by the calibration: leave it alone")
 
 
 @dataclass(unsafe_hash=True)
@@ -141,6 +158,10 @@ class EvaluateTask:
     realism: RealismConfig = _group(RealismConfig)
     init: InitConfig = _group(InitConfig)
     core: CoreConfig = _group(CoreConfig)
+    driver: DriverConfig = key(
+        record_of(DEFAULT), "Car following, sizes and classes of the drivers; driver=NAME chooses"
+    )
+    mobil: MobilConfig = _group(MobilConfig)
     kl: KlConfig = _group(KlConfig)
     cluster: ClusterConfig = _group(ClusterConfig)
     bo: BoConfig = _group(BoConfig)

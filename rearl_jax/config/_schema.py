@@ -130,7 +130,11 @@ def _from_plain(hint: Any, value: Any, name: str) -> Any:
     if get_origin(hint) in (Union, types.UnionType):
         hint = next(part for part in get_args(hint) if part is not type(None))
     if is_dataclass(hint) and isinstance(hint, type):
-        return from_plain(hint, value, f"{name}.")
+        return _record_from_plain(hint, value, name)
+    if get_origin(hint) is dict:
+        if not isinstance(value, Mapping):
+            raise ValueError(f"{name}={value} is no mapping of keys to values")
+        return dict(value)
     if isinstance(hint, type) and issubclass(hint, Enum):
         if not (isinstance(value, str) and value in hint.__members__):
             raise ValueError(f"{name}={value} is none of {type_name(hint)}")
@@ -146,6 +150,19 @@ def _from_plain(hint: Any, value: Any, name: str) -> Any:
     if not is_inf_or_nan and (not isinstance(value, kind) or (isinstance(value, bool) and hint is not bool)):
         raise ValueError(f"{name}={value} is no {type_name(hint)}")
     return float(value) if hint is float else value
+
+
+def _record_from_plain(hint: type, value: Any, name: str) -> Any:
+    """The record of a group; where it is one of several that are chosen by name, the name alone is enough."""
+    record_for = getattr(hint, "record_for", None)
+    if record_for is None:
+        return from_plain(hint, value, f"{name}.")
+    plain = {"model": value} if isinstance(value, str) else value
+    try:
+        chosen = record_for(plain)
+    except ValueError as error:
+        raise ValueError(f"{name}.{error}") from error
+    return from_plain(chosen, plain, f"{name}.")
 
 
 def finished(record: Record, prefix: str = "") -> Record:

@@ -34,8 +34,8 @@ def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficStat
         body: Sizes of the vehicles.
         model: The tick.
     """
-    # Contact has no slope. Sizes must not carry one into the loops either: theirs of unknown length have no reverse mode,
-    # and the barrier of `rollout` gives everything that passes it a derivative, if only of zeros.
+    # Contact has no slope. Sizes must not carry one into the loops either, which, of unknown length, have no reverse
+    # mode: the barrier of `rollout` gives everything that passes it a derivative, if only of zeros.
     shape = state.x.shape
     before, body = lax.stop_gradient((state, body))
     nobody = jnp.full(state.x.size, NOBODY, jnp.int32)

@@ -8,12 +8,12 @@ from dataclasses import replace
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.core.affected import on_affected
-from rearl_jax.core.drivers import Drivers, IDMParams
+from rearl_jax.core.car_following.model import CarFollowing
+from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.few import ONE_IN_CHANGES_LANES, Few, single_out
-from rearl_jax.core.idm import desired_spacing
 from rearl_jax.core.mobil import closing_in, decides
 from rearl_jax.core.nearest import lane_bit
 from rearl_jax.core.neighbours import Leader, View, for_each_vehicle, is_large, row
@@ -22,8 +22,8 @@ from rearl_jax.core.state import TrafficState
 NOWHERE = -1_000
 """A lane that does not exist; nobody is on the way there but who fills an empty place."""
 
-_Question = tuple[Int[Array, "n *s"], Bool[Array, "n *s"], TrafficState, View, IDMParams]
-"""Lanes as decided, who is changing lanes, and all that is known of them."""
+_Question = tuple[Int[Array, "n *s"], Bool[Array, "n *s"], TrafficState, View, CarFollowing, Float[Array, "#n *#s"]]
+"""Lanes as decided, who is changing lanes, and all that is known of them; their car following and lengths [m]."""
 
 
 def abort_conflicts(
@@ -41,21 +41,22 @@ def abort_conflicts(
     vehicles that give way to each other.
     """
     # What is decided has no slope; and what drivers remember has other axes than few could be picked from.
-    state, view, idm = lax.stop_gradient((replace(state, memory=None), replace(view, nearest=None), drivers.idm))
+    known = replace(state, memory=None), replace(view, nearest=None), drivers.car_following, drivers.body.length
+    state, view, own, length = lax.stop_gradient(known)
     changing = decides(state, drivers) & (view.lane != state.target_lane)
 
     def among_everybody() -> Int[Array, "vehicles *scenarios"]:
-        return _where_concerned((decided_lane, changing, state, view, idm))
+        return _where_concerned((decided_lane, changing, state, view, own, length))
 
     def among(few: Few) -> Int[Array, "vehicles *scenarios"]:
-        own_state, own_view, own_idm = jax.tree.map(few.take, (state, view, idm))
+        own_state, *others = jax.tree.map(few.take, (state, view, own, length))
 
         def if_there(lane: Array) -> Array:
             return jnp.where(few.is_there, lane, NOWHERE)
 
         own_state = replace(own_state, target_lane=if_there(own_state.target_lane))
         decided, changes = if_there(few.take(decided_lane)), few.take(changing) & few.is_there
-        return few.put(_where_concerned((decided, changes, own_state, own_view, own_idm)), decided_lane)
+        return few.put(_where_concerned((decided, changes, own_state, *others)), decided_lane)
 
     if not is_large(state.x.shape[0]):
         return among_everybody()
@@ -67,7 +68,7 @@ def _where_concerned(question: _Question) -> Int[Array, "n *s"]:
     """Target lanes, asked for in those scenarios alone where somebody may have to give way: two are on the way into a
     lane, and one of them would break it off.
     """
-    decided_lane, changing, state, view, _ = question
+    decided_lane, changing, state, view, *_ = question
 
     def bit_of(lane: Array, is_meant: Array) -> Array:
         return jnp.where(is_meant, lane_bit(jnp.maximum(lane, -1)), 0)
@@ -87,13 +88,13 @@ def _where_concerned(question: _Question) -> Int[Array, "n *s"]:
 
 def _settle(question: _Question) -> Int[Array, "n *s"]:
     """Target lanes once every answer follows from the others."""
-    decided_lane, changing, state, view, idm = question
+    decided_lane, changing, state, view, own, length = question
     n_there = state.x.shape[0]
     if is_large(n_there):
         n_there = jnp.max(jnp.sum(state.target_lane != NOWHERE, axis=0))  # they are in the first places
 
     def ask_everybody(answer: Int[Array, "n *s"]) -> Int[Array, "n *s"]:
-        return jnp.where(changing & _is_blocked(answer, state, view, idm, n_there), view.lane, decided_lane)
+        return jnp.where(changing & _is_blocked(answer, state, view, own, length, n_there), view.lane, decided_lane)
 
     def is_unsettled(rounds: tuple[Array, Array]) -> Array:
         return jnp.any(rounds[0] != rounds[1])
@@ -103,7 +104,12 @@ def _settle(question: _Question) -> Int[Array, "n *s"]:
 
 
 def _is_blocked(
-    answer: Int[Array, "vehicles *scenarios"], state: TrafficState, view: View, idm: IDMParams, n_there: int | Array
+    answer: Int[Array, "vehicles *scenarios"],
+    state: TrafficState,
+    view: View,
+    own: CarFollowing,
+    length: Float[Array, "#vehicles *#scenarios"],
+    n_there: int | Array,
 ) -> Bool[Array, "vehicles *scenarios"]:
     """Whether somebody ahead, of the first `n_there` vehicles, is changing into a vehicle's target lane, if `answer`
     holds for those before it in the list.
@@ -113,7 +119,7 @@ def _is_blocked(
     def look_at(other: Int[Array, ""], blocked: Array) -> Array:
         ahead_by = row(state.x, other) - state.x
         dv = closing_in(view, Leader(ahead_by, row(view.speed_x, other), row(view.speed_y, other)))
-        wanted = desired_spacing(speed=state.speed, dv=dv, params=idm)
+        wanted = own.desired_spacing(length, state.speed, dv)
         its_target = jnp.where(other < index, row(answer, other), row(state.target_lane, other))
         same_goal = (its_target == state.target_lane) & (row(view.lane, other) != state.target_lane)
         return blocked | (same_goal & (ahead_by > 0) & (ahead_by < wanted))

@@ -9,29 +9,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from rearl_jax.core.car_following.highway_env_idm import HighwayEnvIDM
+from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.effects.effect import Effect
-from rearl_jax.core.gap_idm import FollowingParams
 from rearl_jax.core.timer import decision_period
-
-
-class IDMParams(eqx.Module):
-    """Parameters of the Intelligent Driver Model in highway-env's form.
-
-    Attributes:
-        max_accel: Maximum acceleration a [m/s^2].
-        comfort_decel: Comfortable deceleration b, positive [m/s^2].
-        jam_spacing: Spacing s0 at standstill, centre to centre [m] (one vehicle length included).
-        time_gap: Desired time gap T [s].
-        accel_exponent: Acceleration exponent delta [-].
-        accel_limit: Bound of the executed acceleration and deceleration [m/s^2].
-    """
-
-    max_accel: Float[Array, "#vehicles *#scenarios"]
-    comfort_decel: Float[Array, "#vehicles *#scenarios"]
-    jam_spacing: Float[Array, "#vehicles *#scenarios"]
-    time_gap: Float[Array, "#vehicles *#scenarios"]
-    accel_exponent: Float[Array, "#vehicles *#scenarios"]
-    accel_limit: Float[Array, "#vehicles *#scenarios"]
 
 
 class MOBILParams(eqx.Module):
@@ -53,39 +34,44 @@ class MOBILParams(eqx.Module):
 
 
 class Body(eqx.Module):
-    """Size of a vehicle.
+    """What a vehicle is and can do, whoever drives it.
 
     Attributes:
         length: Length [m].
         width: Width [m].
+        accel_limit: Bound of the executed acceleration and deceleration [m/s^2].
         collides: Whether the vehicle looks for collisions; a pair is tested if one of the two does.
         is_truck: Whether the vehicle is a truck; None where all are cars.
     """
 
     length: Float[Array, "#vehicles *#scenarios"]
     width: Float[Array, "#vehicles *#scenarios"]
+    accel_limit: Float[Array, "#vehicles *#scenarios"]
     collides: Bool[Array, "#vehicles *#scenarios"]
     is_truck: Bool[Array, "#vehicles *#scenarios"] | None = None
 
 
 class Drivers(eqx.Module):
-    """Car-following, lane-changing and size parameters of all vehicles.
+    """Car following, lane changing and vehicles of all drivers.
 
     Attributes:
-        idm: Of highway-env's car following.
+        car_following: Of one model, see `rearl_jax.core.car_following`. A vehicle's desired speed is that of its state,
+            which decisions may change; `gap_driving.begin_driving` sets it.
         mobil: Of lane changing.
-        body: Size and class.
-        following: Of car following on the gap between bumpers, which then takes the place of highway-env's. A vehicle's
-            desired speed is that of its state, which decisions may change; `gap_driving.begin_driving` sets it.
-        effects: What acts on car following and lane changing beyond that; only with `following`. A parameter is a
-            scalar or has the rank of the state's arrays.
+        body: Size, class and limits of the vehicles.
+        effects: What acts on car following and lane changing beyond that. A parameter is a scalar or has the rank of
+            the state's arrays.
     """
 
-    idm: IDMParams
+    car_following: CarFollowing
     mobil: MOBILParams
     body: Body
-    following: FollowingParams | None = None
     effects: tuple[Effect, ...] = ()
+
+    @property
+    def see_gaps(self) -> bool:
+        """Whether drivers follow on gaps between bumpers and remember; highway-env's, without effects, do neither."""
+        return bool(self.effects) or not isinstance(self.car_following, HighwayEnvIDM)
 
 
 def highway_env_drivers(
@@ -112,13 +98,13 @@ def highway_env_drivers(
         return jnp.full((1,) * accel_exponent.ndim, value, kind)
 
     return Drivers(
-        idm=IDMParams(
+        car_following=HighwayEnvIDM(
+            desired_speed=None,
+            time_gap=same(1.5),
+            jam_gap=same(5.0),
             max_accel=same(3.0),
             comfort_decel=same(5.0),
-            jam_spacing=same(10.0),
-            time_gap=same(1.5),
             accel_exponent=accel_exponent,
-            accel_limit=same(6.0),
         ),
         mobil=MOBILParams(
             politeness=same(0.0),
@@ -127,5 +113,5 @@ def highway_env_drivers(
             decision_period=same(decision_period(1.0, ticks_per_second), jnp.int32),
             changes_lanes=same(True, bool),
         ),
-        body=Body(length=same(5.0), width=same(2.0), collides=same(True, bool)),
+        body=Body(length=same(5.0), width=same(2.0), accel_limit=same(6.0), collides=same(True, bool)),
     )

@@ -94,3 +94,11 @@ def power(base: Float[Array, "*n"], exponent: Float[Array, "*n"]) -> Float[Array
     if base.dtype != jnp.float32:
         return jnp.power(base, exponent)
     return jnp.exp(exponent * jnp.log(jnp.maximum(base, SMALLEST_BASE)))
+
+
+def not_zero(value: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """The value, moved away from zero to +-0.01 with its sign (zero counts as positive).
+
+    Source: highway-env 1.12.1, `utils.not_zero`.
+    """
+    return jnp.where(jnp.abs(value) > 0.01, value, jnp.where(value >= 0, 0.01, -0.01))

@@ -1,56 +1,56 @@
-"""One driver model of measured and simulated traffic: the Intelligent Driver Model with effects at their hooks.
+"""One driver model of measured and simulated traffic: a car-following model with effects at their hooks.
 
-Effects act in the order in which they are listed; none of them leaves the published model.
+Effects act in the order in which they are listed; none of them leaves the bare model.
 """
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.effects.effect import Effect
 from rearl_jax.core.effects.stimulus import Stimulus
-from rearl_jax.core.gap_idm import FollowingParams, free_term, gap_interaction
 
 HARDEST_BRAKING, HARDEST_ACCELERATION = -9.0, 6.0
 """Bounds of what a vehicle can do [m/s^2]: tyre grip on a dry road; the strongest engine."""
 
 
-def begin_effects(
-    effects: tuple[Effect, ...], seen: Stimulus, params: FollowingParams, tick: float
-) -> tuple[PyTree, ...]:
+def begin_effects(effects: tuple[Effect, ...], seen: Stimulus, driver: CarFollowing, tick: float) -> tuple[PyTree, ...]:
     """What the effects remember at the start, one entry per effect.
 
     Args:
         effects: The effects of the model.
         seen: What the drivers see at the start.
-        params: Of the drivers.
+        driver: Their car-following model.
         tick: Time from one call of `follow` to the next [s].
     """
-    return tuple(effect.begin(seen, params, tick) for effect in effects)
+    return tuple(effect.begin(seen, driver, tick) for effect in effects)
 
 
 def follow(
     seen: Stimulus,
-    params: FollowingParams,
+    driver: CarFollowing,
     effects: tuple[Effect, ...],
     memory: tuple[PyTree, ...],
+    last: Float[Array, "*#n"],
     tick: float,
 ) -> tuple[Float[Array, "*n"], tuple[PyTree, ...]]:
     """Acceleration [m/s^2], bounded, and what the effects remember afterwards.
 
     Args:
         seen: What each driver sees now.
-        params: Of the drivers.
-        effects: What acts on them beyond IDM.
+        driver: Their car-following model.
+        effects: What acts on them beyond it.
         memory: What the effects remember.
-        tick: Time since the last call [s].
+        last: Acceleration of the last call [m/s^2].
+        tick: Time since then [s].
     """
-    seen, memory = take_in(seen, params, effects, memory, tick)
-    return respond(seen, present_params(seen, params, effects, memory), effects, memory), memory
+    seen, memory = take_in(seen, driver, effects, memory, tick)
+    wanted = respond(seen, with_wishes(seen, driver, effects, memory), effects, memory)
+    return actuate(wanted, last, effects, tick), memory
 
 
 def take_in(
-    seen: Stimulus, params: FollowingParams, effects: tuple[Effect, ...], memory: tuple[PyTree, ...], tick: float
+    seen: Stimulus, driver: CarFollowing, effects: tuple[Effect, ...], memory: tuple[PyTree, ...], tick: float
 ) -> tuple[Stimulus, tuple[PyTree, ...]]:
     """What the drivers take the situation for, and what the effects remember of it.
 
@@ -59,37 +59,50 @@ def take_in(
     """
     remembered = []
     for effect, held in zip(effects, memory, strict=True):
-        remembered.append(effect.remember(held, seen, params, tick))
+        remembered.append(effect.remember(held, seen, driver, tick))
         seen = effect.perceive(seen, remembered[-1])
     return seen, tuple(remembered)
 
 
-def present_params(
-    seen: Stimulus, params: FollowingParams, effects: tuple[Effect, ...], memory: tuple[PyTree, ...]
-) -> FollowingParams:
-    """The drivers' parameters with desired speed and time gap as the effects leave them.
+def with_wishes(
+    seen: Stimulus, driver: CarFollowing, effects: tuple[Effect, ...], memory: tuple[PyTree, ...]
+) -> CarFollowing:
+    """The drivers with desired speed, time gap and gap at standstill as the effects leave them.
 
     Args:
         seen: What the drivers take the situation for.
-        params: Of the drivers.
-        effects: What acts on them beyond IDM.
+        driver: Their car-following model.
+        effects: What acts on them beyond it.
         memory: What the effects remember, this moment included.
     """
-    desired_speed, time_gap = params.desired_speed, params.time_gap
+    desired_speed, time_gap, jam_gap = driver.desired_speed, driver.time_gap, driver.jam_gap
     for effect, held in zip(effects, memory, strict=True):
         desired_speed = effect.desired_speed(desired_speed, seen, held)
         time_gap = effect.time_gap(time_gap, seen, held)
-    return eqx.tree_at(lambda p: (p.desired_speed, p.time_gap), params, (desired_speed, time_gap))
+        jam_gap = effect.standstill_gap(jam_gap, seen, held)
+    return driver.with_wishes(desired_speed, time_gap, jam_gap)
 
 
 def respond(
-    seen: Stimulus, params: FollowingParams, effects: tuple[Effect, ...], memory: tuple[PyTree, ...]
+    seen: Stimulus, driver: CarFollowing, effects: tuple[Effect, ...], memory: tuple[PyTree, ...]
 ) -> Float[Array, "*n"]:
-    """Acceleration [m/s^2], bounded, of drivers with the parameters of `present_params`; other arguments as there."""
-    behind = seen.has_leader * gap_interaction(seen.gap, seen.speed, seen.speed - seen.leader_speed, params)
+    """Acceleration that drivers want [m/s^2], within what a vehicle can do.
+
+    `driver` is that of `with_wishes`; the other arguments as there.
+    """
+    behind = seen.has_leader * driver.interaction(seen.gap, seen.speed, seen.speed - seen.leader_speed)
     for effect, held in zip(effects, memory, strict=True):
-        behind = effect.interaction(behind, seen, held, params)
-    acceleration = params.max_accel * (1 - free_term(seen.speed, params.desired_speed) - behind)
+        behind = effect.leaders(behind, seen, held, driver)
+    acceleration = driver.free_acceleration(seen.speed) - behind
     for effect, held in zip(effects, memory, strict=True):
         acceleration = effect.acceleration(acceleration, seen, held)
     return jnp.clip(acceleration, HARDEST_BRAKING, HARDEST_ACCELERATION)
+
+
+def actuate(
+    wanted: Float[Array, "*n"], last: Float[Array, "*#n"], effects: tuple[Effect, ...], tick: float
+) -> Float[Array, "*n"]:
+    """Acceleration that vehicles execute [m/s^2], given what drivers want and what was executed a tick [s] ago."""
+    for effect in effects:
+        wanted = effect.actuate(wanted, last, tick)
+    return wanted

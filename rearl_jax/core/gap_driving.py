@@ -6,16 +6,15 @@ Roads, clock, steering, the rules of changing lanes (when, how safe, which side)
 from dataclasses import replace
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
 from rearl_jax.core.affected import if_any
+from rearl_jax.core.car_following.model import LEAST_DESIRED_SPEED, CarFollowing
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.driving import Driving
 from rearl_jax.core.encounter import Encounter, first_encounter, meet
-from rearl_jax.core.following import begin_effects, present_params, respond, take_in
-from rearl_jax.core.gap_idm import FollowingParams, free_term
+from rearl_jax.core.following import begin_effects, respond, take_in, with_wishes
 from rearl_jax.core.gap_lanes import Outlook, compare_lanes, wished_side
 from rearl_jax.core.lane_search import bumper_gap, find_ahead
 from rearl_jax.core.mobil import decide_lanes, is_due
@@ -24,9 +23,6 @@ from rearl_jax.core.neighbours import View, sort_if_large
 from rearl_jax.core.neighbours import perceive as view_of
 from rearl_jax.core.state import Controller, TrafficState
 from rearl_jax.core.stimuli import in_front, look_around, stimulus, traits_of
-
-LEAST_DESIRED_SPEED = 0.1
-"""Least desired speed [m/s]; what absent vehicles have would divide by zero."""
 
 
 class DriverMemory(eqx.Module):
@@ -49,19 +45,21 @@ class DriverMemory(eqx.Module):
 def begin_driving(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
     """The state with what its drivers need at the start: their desired speeds and their memory.
 
-    The same state for drivers without `following`.
+    Drivers whose model has no desired speed keep that of the state; highway-env's, without effects, need no memory.
     """
-    if drivers.following is None:
+    if drivers.car_following.desired_speed is not None:
+        wanted = jnp.broadcast_to(drivers.car_following.desired_speed, state.x.shape)
+        wanted = jnp.where(state.controller == Controller.IDM, wanted, state.desired_speed)
+        state = replace(state, desired_speed=wanted)
+    if not drivers.see_gaps:
         return state
-    wanted = jnp.broadcast_to(drivers.following.desired_speed, state.x.shape)
-    wanted = jnp.where(state.controller == Controller.IDM, wanted, state.desired_speed)
-    state = sort_if_large(replace(state, desired_speed=wanted))
+    state = sort_if_large(state)
     view = view_of(state, model)
     traits = traits_of(state, view, drivers)
     around = look_around(state, view, traits)
     encounter = first_encounter(around.ahead[0].index, bumper_gap(around.ahead[0], traits))
     seen = stimulus(state, view, traits, around, encounter, view.lane, jnp.zeros((), state.x.dtype), model)
-    held = begin_effects(drivers.effects, seen, _own_params(state, drivers, model), model.tick)
+    held = begin_effects(drivers.effects, seen, _own_driver(state, drivers, model), model.tick)
     return replace(state, memory=DriverMemory(jnp.int32(0), encounter, held, jnp.zeros_like(state.target_lane)))
 
 
@@ -77,7 +75,7 @@ def weigh_gaps(state: TrafficState, view: View, drivers: Drivers, model: Traffic
     """
     memory = state.memory
     if memory is None:
-        raise ValueError("drivers with `following` have a memory: start from begin_driving(state, drivers, model)")
+        raise ValueError("these drivers have a memory: start from begin_driving(state, drivers, model)")
     traits = traits_of(state, view, drivers)
     around = look_around(state, view, traits)
     leader = around.ahead[0]
@@ -85,15 +83,15 @@ def weigh_gaps(state: TrafficState, view: View, drivers: Drivers, model: Traffic
     wanted_lane = jnp.where(view.lane == state.target_lane, view.lane + memory.wished_side, state.target_lane)
     time = memory.n_ticks.astype(state.x.dtype) * model.tick
     seen = stimulus(state, view, traits, around, encounter, wanted_lane, time, model)
-    effects, params = drivers.effects, _own_params(state, drivers, model)
-    perceived, held = take_in(seen, params, effects, memory.effects, model.tick)
-    present = present_params(perceived, params, effects, held)
+    effects, driver = drivers.effects, _own_driver(state, drivers, model)
+    perceived, held = take_in(seen, driver, effects, memory.effects, model.tick)
+    present = with_wishes(perceived, driver, effects, held)
     at_rest_after = -jnp.maximum(state.speed, 0.0) / model.tick
 
     def on_target_lane() -> Float[Array, "vehicles *scenarios"]:
         (ahead,) = find_ahead(state, view, traits, state.target_lane, 1)
         there = replace(seen, **in_front(ahead, traits), has_second=jnp.zeros_like(state.x))
-        return respond(there, present_params(there, params, effects, held), effects, held)
+        return respond(there, with_wishes(there, driver, effects, held), effects, held)
 
     is_changing = (state.controller != Controller.ABSENT) & (view.lane != state.target_lane)
     nothing = jnp.zeros_like(state.x)
@@ -102,7 +100,7 @@ def weigh_gaps(state: TrafficState, view: View, drivers: Drivers, model: Traffic
     left = right = nothing
     target_lane, wishes = state.target_lane, memory.wished_side
     if model.lane_changes:
-        traits = eqx.tree_at(lambda t: t.free, traits, free_term(traits.speed, present.desired_speed))
+        traits = replace(traits, desired_speed=jnp.broadcast_to(present.desired_speed, state.x.shape))
         outlook = Outlook(traits, leader, seen, present, held)
         prospects, gains = compare_lanes(state, view, outlook, drivers, model)
         left, right = prospects.left, prospects.right
@@ -118,9 +116,7 @@ def weigh_gaps(state: TrafficState, view: View, drivers: Drivers, model: Traffic
     return Driving(replace(state, memory=memory), own, target_lane, on_lane)
 
 
-def _own_params(state: TrafficState, drivers: Drivers, model: TrafficModel) -> FollowingParams:
-    """The drivers' parameters with the desired speeds of the state, under the road's limit."""
-    assert drivers.following is not None  # only then are these rules used
+def _own_driver(state: TrafficState, drivers: Drivers, model: TrafficModel) -> CarFollowing:
+    """The drivers' car following with the desired speeds of the state, under the road's limit."""
     desired_speed = jnp.clip(state.desired_speed, LEAST_DESIRED_SPEED, model.speed_limit)
-    full = jax.tree.map(lambda values: jnp.broadcast_to(values, state.x.shape), drivers.following)
-    return replace(full, desired_speed=desired_speed)
+    return replace(drivers.car_following, desired_speed=desired_speed).full(state.x.shape)

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
 from rearl_jax.core.affected import if_any
+from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.effects.intentions import SimulatedStimulus
-from rearl_jax.core.gap_idm import FollowingParams, gap_interaction
 from rearl_jax.core.lane_search import Neighbour, Traits, bumper_gap, find_ahead, find_behind, nobody
 from rearl_jax.core.mobil import Prospects, is_due, is_moving, is_reachable, is_unsafe, lane_gains
 from rearl_jax.core.model import TrafficModel
@@ -26,24 +26,24 @@ class Outlook(eqx.Module):
     """What drivers see and want in this tick.
 
     Attributes:
-        traits: What can be seen of each vehicle, its wish to accelerate included.
+        traits: What can be seen of each vehicle, its desired speed of this moment included.
         leader: The next vehicle ahead on the own lane.
         seen: What each driver sees.
-        params: Of the drivers, as the effects leave them at this moment.
+        driver: Their car following, with wishes as the effects leave them at this moment.
         held: What each effect remembers.
     """
 
     traits: Traits
     leader: Neighbour
     seen: SimulatedStimulus
-    params: FollowingParams
+    driver: CarFollowing
     held: tuple[PyTree, ...]
 
     def behind(self, leader: Neighbour) -> Float[Array, "vehicles *scenarios"]:
         """Acceleration of each vehicle behind a leader [m/s^2]."""
         speed = self.traits.speed
-        pull = gap_interaction(bumper_gap(leader, self.traits), speed, speed - leader.traits.speed, self.params)
-        return self.params.max_accel * (1 - self.traits.free - jnp.where(leader.is_there, pull, 0.0))
+        pull = self.driver.interaction(bumper_gap(leader, self.traits), speed, speed - leader.traits.speed)
+        return self.driver.free_acceleration(speed) - jnp.where(leader.is_there, pull, 0.0)
 
     def of_follower(
         self, follower: Neighbour, gap: Float[Array, "vehicles *scenarios"], front: Neighbour | None = None
@@ -57,10 +57,12 @@ class Outlook(eqx.Module):
         """
         its = follower.traits
         front_speed = self.traits.speed if front is None else front.traits.speed
-        pull = gap_interaction(gap, its.speed, its.speed - front_speed, self.params)
+        # The deciding driver's parameters stand in for the follower's, but for the speed it wants to drive at.
+        stand_in = self.driver.with_wishes(its.desired_speed, self.driver.time_gap, self.driver.jam_gap)
+        pull = stand_in.interaction(gap, its.speed, its.speed - front_speed)
         if front is not None:
             pull = jnp.where(front.is_there, pull, 0.0)
-        return jnp.where(follower.is_there, self.params.max_accel * (1 - its.free - pull), 0.0)
+        return jnp.where(follower.is_there, stand_in.free_acceleration(its.speed) - pull, 0.0)
 
     def behind_me(self, follower: Neighbour) -> Float[Array, "vehicles *scenarios"]:
         """Acceleration of a follower behind the vehicle itself [m/s^2]."""

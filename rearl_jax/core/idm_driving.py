@@ -9,9 +9,9 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.core.affected import if_any
+from rearl_jax.core.car_following.highway_env_idm import HighwayEnvIDM
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.driving import Driving
-from rearl_jax.core.idm import free_acceleration
 from rearl_jax.core.lots import Lot, in_lots, list_vehicles, put, take
 from rearl_jax.core.mobil import decide_lanes, follow, is_due, lane_gains, weigh_lanes
 from rearl_jax.core.model import TrafficModel
@@ -39,7 +39,8 @@ def weigh_idm(state: TrafficState, view: View, drivers: Drivers, model: TrafficM
     follows = state.controller == Controller.IDM
     if model.meta_follows:
         follows = state.controller != Controller.ABSENT
-    free = free_acceleration(speed_ratio=view.speed_ratio, params=drivers.idm)
+    assert isinstance(drivers.car_following, HighwayEnvIDM)  # only then are these rules used
+    free = drivers.car_following.free_acceleration_at(speed_ratio=view.speed_ratio)
 
     everybody = state, view, free, drivers
     own = if_any(follows, lambda: _behind_leader(everybody, view.lane), jnp.zeros_like(state.x))

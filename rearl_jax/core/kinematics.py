@@ -19,9 +19,10 @@ from jaxtyping import Array, Float, Int
 from rearl_jax.core.affected import if_any
 from rearl_jax.core.double_double import arctangent, rounded
 from rearl_jax.core.drivers import Drivers
-from rearl_jax.core.elementary import arcsine, cosine, sine
+from rearl_jax.core.elementary import arcsine, cosine, not_zero, sine
+from rearl_jax.core.following import actuate
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.neighbours import View, not_zero
+from rearl_jax.core.neighbours import View
 from rearl_jax.core.state import Controller, TrafficState
 
 HEADING_TIME = 0.2
@@ -140,10 +141,13 @@ def control(
     Source: highway-env 1.12.1, `IDMVehicle.act`, `ControlledVehicle.act`, `Vehicle.clip_actions`.
     """
     following = jnp.where(target_lane == view.lane, own, jnp.minimum(own, on_target))
-    following = jnp.clip(following, -drivers.idm.accel_limit, drivers.idm.accel_limit)
+    if drivers.effects:
+        following = actuate(following, state.acceleration, drivers.effects, model.tick)
+        following = jnp.maximum(following, -jnp.maximum(state.speed, 0.0) / model.tick)  # vehicles come to rest
+    following = jnp.clip(following, -drivers.body.accel_limit, drivers.body.accel_limit)
     tracking = (1 / SPEED_TIME) * (state.desired_speed - state.speed)
     if model.meta_follows:
-        limit = drivers.idm.accel_limit
+        limit = drivers.body.accel_limit
         tracking = jnp.clip(jnp.minimum(tracking, following), -limit, limit)
     acceleration = jnp.where(state.controller == Controller.IDM, following, tracking)
     acceleration = jnp.where(state.crashed, -state.speed, acceleration)

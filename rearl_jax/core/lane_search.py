@@ -24,14 +24,14 @@ class Traits(eqx.Module):
         acceleration: In the last tick [m/s^2].
         length: [m].
         is_truck: 1 for a truck.
-        free: (v / v0)^4 with its own desired speed [-].
+        desired_speed: What its driver wants at the moment [m/s].
     """
 
     speed: Float[Array, "#vehicles *#scenarios"]
     acceleration: Float[Array, "#vehicles *#scenarios"]
     length: Float[Array, "#vehicles *#scenarios"]
     is_truck: Float[Array, "#vehicles *#scenarios"]
-    free: Float[Array, "#vehicles *#scenarios"]
+    desired_speed: Float[Array, "#vehicles *#scenarios"]
 
 
 class Neighbour(eqx.Module):

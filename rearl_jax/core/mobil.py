@@ -12,8 +12,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.core.affected import if_any
+from rearl_jax.core.car_following.highway_env_idm import HighwayEnvIDM, projected_approach_rate
 from rearl_jax.core.drivers import Drivers
-from rearl_jax.core.idm import approach_rate, free_acceleration, interaction
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
 from rearl_jax.core.neighbours import (
     Follower,
@@ -192,13 +192,14 @@ def follow(
     free: Float[Array, "vehicles *scenarios"], state: TrafficState, view: View, leader: Leader, drivers: Drivers
 ) -> Float[Array, "vehicles *scenarios"]:
     """Acceleration of each vehicle behind a leader [m/s^2], given that on a free road."""
+    assert isinstance(drivers.car_following, HighwayEnvIDM)  # only then are these rules used
     dv = closing_in(view, leader)
-    return free - interaction(distance=leader.distance, speed=state.speed, dv=dv, params=drivers.idm)
+    return free - drivers.car_following.interaction_at(distance=leader.distance, speed=state.speed, approach_rate=dv)
 
 
 def closing_in(rear: View | Follower, front: View | Leader) -> Float[Array, "vehicles *scenarios"]:
     """Approach rate of one vehicle to another [m/s]."""
-    return approach_rate(
+    return projected_approach_rate(
         rear.speed_x,
         rear.speed_y,
         front.speed_x,
@@ -210,6 +211,7 @@ def closing_in(rear: View | Follower, front: View | Leader) -> Float[Array, "veh
 
 def _behind(follower: Follower, spacing: Array, front: View | Leader, drivers: Drivers) -> Array:
     """A follower's acceleration [m/s^2] behind a vehicle at a spacing [m]; 0 without a follower."""
-    free = free_acceleration(speed_ratio=follower.speed_ratio, params=drivers.idm)
+    assert isinstance(drivers.car_following, HighwayEnvIDM)
+    free = drivers.car_following.free_acceleration_at(speed_ratio=follower.speed_ratio)
     dv = closing_in(follower, front)
-    return free - interaction(distance=spacing, speed=follower.speed, dv=dv, params=drivers.idm)
+    return free - drivers.car_following.interaction_at(distance=spacing, speed=follower.speed, approach_rate=dv)

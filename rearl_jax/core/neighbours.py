@@ -16,7 +16,7 @@ from jax import lax
 from jaxtyping import Array, Float, Int
 
 from rearl_jax.core.double_double import rounded
-from rearl_jax.core.elementary import cosine, sine
+from rearl_jax.core.elementary import cosine, not_zero, sine
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
 from rearl_jax.core.nearest import NearestOnLanes, lane_bit, walk_along_road
 from rearl_jax.core.order import NOBODY, sort_along_road
@@ -107,14 +107,6 @@ class Follower(eqx.Module):
     def speed_y(self) -> Float[Array, "vehicles *scenarios"]:
         """Its speed across the road [m/s]."""
         return rounded(self.speed * self.sin_heading)
-
-
-def not_zero(value: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """The value, moved away from zero to +-0.01 with its sign (zero counts as positive).
-
-    Source: highway-env 1.12.1, `utils.not_zero`.
-    """
-    return jnp.where(jnp.abs(value) > 0.01, value, jnp.where(value >= 0, 0.01, -0.01))
 
 
 def lanes_under(state: TrafficState, model: TrafficModel) -> Int[Array, "vehicles *scenarios"]:

@@ -4,12 +4,13 @@ from rearl_jax.config.core import CoreConfig
 from rearl_jax.core.model import TrafficModel
 
 
-def traffic_model(core: CoreConfig) -> TrafficModel:
-    """The simulated road."""
+def traffic_model(core: CoreConfig, *, cooperative: bool = False) -> TrafficModel:
+    """The simulated road; `cooperative` where some driver's politeness is not zero."""
     return TrafficModel(
         n_lanes=core.n_lanes,
         speed_limit=core.speed_limit,
         ticks_per_second=core.ticks_per_second,
         lane_changes=core.lane_changes,
         collisions=core.collisions,
+        cooperative=cooperative,
     )

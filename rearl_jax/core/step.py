@@ -15,8 +15,8 @@ from rearl_jax.core.state import TrafficState
 def tick(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
     """State one tick later: see, weigh the lanes, decide, give way, accelerate and steer, move, collide.
 
-    Drivers with `following` weigh the lanes by it and by their effects, from a state of `begin_driving`; all others as
-    in highway-env.
+    highway-env's drivers, without effects, weigh the lanes as there; all others by their car-following model and their
+    effects, from a state of `begin_driving`.
 
     Source: highway-env 1.12.1, `Road.act` followed by `Road.step`; its order of vehicles matters only to who gives way
     and to who pushes whom, and both are reproduced.
@@ -27,7 +27,7 @@ def tick(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficS
 def tick_in_order(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
     """The same from a state whose order along the road is up to date, as it is in every state that comes out."""
     view = perceive(state, model)
-    weigh = weigh_idm if drivers.following is None else weigh_gaps
+    weigh = weigh_gaps if drivers.see_gaps else weigh_idm
     state, own, target_lane, on_lane = weigh(state, view, drivers, model)
     countdown = state.ticks_to_decision
     if model.lane_changes:

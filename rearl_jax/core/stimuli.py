@@ -28,7 +28,7 @@ from rearl_jax.core.state import Controller, TrafficState
 
 
 def traits_of(state: TrafficState, view: View, drivers: Drivers) -> Traits:
-    """What others can see of each vehicle; their wish to accelerate on a free road is left open."""
+    """What others can see of each vehicle; desired speeds are those of the state."""
 
     def full(values: Array) -> Float[Array, "vehicles *scenarios"]:
         return jnp.broadcast_to(values.astype(state.x.dtype), state.x.shape)
@@ -39,7 +39,7 @@ def traits_of(state: TrafficState, view: View, drivers: Drivers) -> Traits:
         acceleration=state.acceleration,
         length=full(drivers.body.length),
         is_truck=jnp.zeros_like(state.x) if is_truck is None else full(is_truck),
-        free=jnp.zeros_like(state.x),
+        desired_speed=state.desired_speed,
     )
 
 
@@ -86,6 +86,9 @@ def stimulus(
     beside_speed, n_beside = if_any(is_present, lambda: look_beside(state, view, traits), unseen)
     wishes = wanted_lane != view.lane
     entrant = if_any(wishes, lambda: find_entrant(state, view, traits, wanted_lane), nobody(traits))
+    changes = state.target_lane != view.lane
+    changer = if_any(changes, lambda: find_entrant(state, view, traits, state.target_lane), nobody(traits))
+    (wanted,) = if_any(wishes, lambda: find_ahead(state, view, traits, wanted_lane, 1), (nobody(traits),))
 
     def flag(is_so: Array) -> Float[Array, "vehicles *scenarios"]:
         return is_so.astype(state.x.dtype)
@@ -124,6 +127,12 @@ def stimulus(
         has_entrant=flag(entrant.is_there),
         entrant_gap=bumper_gap(entrant, traits),
         entrant_speed=entrant.traits.speed,
+        has_changer=flag(changer.is_there),
+        changer_gap=bumper_gap(changer, traits),
+        changer_speed=changer.traits.speed,
+        has_wanted=flag(wishes & wanted.is_there),
+        wanted_gap=bumper_gap(wanted, traits),
+        wanted_speed=wanted.traits.speed,
     )
 
 

@@ -7,8 +7,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.config.decision import AdmissibleConfig, LaneGate
 from rearl_jax.core.affected import if_any
+from rearl_jax.core.car_following.highway_env_idm import projected_approach_rate
+from rearl_jax.core.car_following.model import Spacing
 from rearl_jax.core.drivers import Drivers
-from rearl_jax.core.idm import approach_rate, free_acceleration, interaction
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.nearest import lane_bit
 from rearl_jax.core.neighbours import (
@@ -127,7 +128,7 @@ def is_safe(
 
     def of_follower() -> Float[Array, "vehicles scenarios"]:
         follower = find_follower(state, view, lane)
-        closing = approach_rate(
+        closing = projected_approach_rate(
             follower.speed_x,
             follower.speed_y,
             view.speed_x,
@@ -135,8 +136,8 @@ def is_safe(
             cos_heading=follower.cos_heading,
             sin_heading=follower.sin_heading,
         )
-        free = free_acceleration(speed_ratio=follower.speed_ratio, params=drivers.idm)
-        return free - interaction(distance=follower.distance, speed=follower.speed, dv=closing, params=drivers.idm)
+        seen = Spacing(follower.distance, drivers.body.length, follower.speed, follower.speed_ratio, closing)
+        return drivers.car_following.spacing_acceleration(seen)
 
     bound = drivers.mobil.safe_decel
     behind = if_any(is_needed, of_follower, jnp.zeros_like(state.x))
@@ -150,13 +151,11 @@ def pull_of_leader(
     is_needed: Bool[Array, "vehicles scenarios"],
     drivers: Drivers,
 ) -> Float[Array, "vehicles scenarios"]:
-    """Deceleration [m/s^2], positive, that IDM asks for because of the leader on a lane; its free-road term is left
-    out.
-    """
+    """Deceleration [m/s^2], positive, that car following asks for because of the leader on a lane."""
 
     def look() -> Float[Array, "vehicles scenarios"]:
         leader = find_leader(state, view, lane)
-        closing = approach_rate(
+        closing = projected_approach_rate(
             view.speed_x,
             view.speed_y,
             leader.speed_x,
@@ -164,6 +163,7 @@ def pull_of_leader(
             cos_heading=view.cos_heading,
             sin_heading=view.sin_heading,
         )
-        return interaction(distance=leader.distance, speed=state.speed, dv=closing, params=drivers.idm)
+        seen = Spacing(leader.distance, drivers.body.length, state.speed, view.speed_ratio, closing)
+        return drivers.car_following.spacing_interaction(seen)
 
     return if_any(is_needed, look, jnp.zeros_like(state.x))

@@ -7,11 +7,12 @@ Econometrica 47 (1979) 1287.
 
 from collections.abc import Callable, Sequence
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.core.following import follow
-from rearl_jax.discovery.forcing import answers, parameters
+from rearl_jax.discovery.forcing import answers, drivers_of
 from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.null import noise_alone
 from rearl_jax.discovery.procedure import Search
@@ -146,7 +147,9 @@ def staleness(parts: Parts, chance: Sequence[Parts]) -> float:
 
     def by_being_late(left: Residuals) -> np.ndarray:
         data = left.world.data
-        wanted = np.asarray(follow(left.stimulus(), parameters(left), (), (), data.dt)[0], float).clip(*REASONABLE)
+        still = jnp.zeros(left.x.shape)
+        wanted = np.asarray(follow(left.stimulus(), drivers_of(left), (), (), still, data.dt)[0], float)
+        wanted = wanted.clip(*REASONABLE)
         ago = max(1, round(OF_LATE / data.dt))
         change = np.zeros_like(wanted)
         change[ago:] = wanted[ago:] - wanted[:-ago]

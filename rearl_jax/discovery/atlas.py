@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rearl_jax.discovery.finder import Group, Selected, stability_selection
-from rearl_jax.discovery.forcing import TIME_GAP, Votes, added_acceleration, answers, plain_votes, votes, votes_and_seen
+from rearl_jax.discovery.forcing import Votes, added_acceleration, answers, plain_votes, votes, votes_and_seen
 from rearl_jax.discovery.maps import (
     Basis,
     Curve,
@@ -106,7 +106,7 @@ def ballot_of(left: Residuals, chart: Chart) -> Ballot:
     for pair in PLANES:
         inside = fields([variables[name].values for name in pair], [chart.edges[name] for name in pair])
         planes[pair], shares[pair] = votes(inside, left, answer), inside[:, used].mean(axis=1)
-    both = np.concatenate([pushed, pushed * answer.own[TIME_GAP]])
+    both = np.concatenate([pushed, pushed * answer.own[left.prior.names.index("time_gap")]])
     return Ballot(*votes_and_seen(both, left, answer), planes, shares)
 
 

@@ -7,6 +7,7 @@ import pandas as pd
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import data_id, iterate_recordings
+from rearl_jax.discovery.drivers import prior_of
 from rearl_jax.discovery.layout import layout_of
 from rearl_jax.discovery.moments import Programs
 from rearl_jax.discovery.noise import calibrate
@@ -44,8 +45,9 @@ def calibration(config: DiscoverTask) -> Calibration:
     Raises:
         FileNotFoundError, ValueError: There are no recordings, one is bad, or nobody follows a leader long enough.
     """
-    findings, data = measured_drivers(list(iterate_recordings(config.data)), config.discover)
-    solver = Solver(Programs(layout_of(data), data.dt))
+    prior = prior_of(config.driver)
+    findings, data = measured_drivers(list(iterate_recordings(config.data)), config.discover, prior)
+    solver = Solver(Programs(layout_of(data, prior), data.dt))
     fit = Fit(None, *calibrate(solver, data))
     model = repaired_model(fit, fit, (), (), data, solver.layout, data_id(config.data), config.study)
     return Calibration(fit_table(solver, fit), model, tuple(finding.words for finding in findings))

@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.effects.effect import Effect
 from rearl_jax.discovery.curves import CentredCurve, DesiredSpeedCurve, TimeGapCurve
+from rearl_jax.discovery.drivers import Prior
 from rearl_jax.discovery.lens import Lens
 
 FLAT = 1e6
@@ -131,6 +132,7 @@ class Layout:
         unit: Length of a step of the search, near what changes the fit noticeably.
         places: Place of `effect.parameter` and of the curves' knots.
         knots: Where curves have their knots.
+        prior: What is taken for usual of drivers.
     """
 
     candidates: dict[str, Candidate]
@@ -141,6 +143,7 @@ class Layout:
     unit: Float[np.ndarray, " parameters"]
     places: dict[str, tuple[int, ...]]
     knots: Knots
+    prior: Prior
 
     @property
     def size(self) -> int:

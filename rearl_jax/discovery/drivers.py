@@ -1,34 +1,96 @@
-"""A driver's own parameters as five standard numbers: logarithms, in units of how much drivers differ.
+"""A driver's own parameters as standard numbers: logarithms, in units of how much drivers differ.
 
-Source: spread of calibrated parameters, Kesting & Treiber, Transp. Res. Rec. 2088 (2008) 148; usual values for
-motorways, Treiber & Kesting, Traffic Flow Dynamics (2013), table 11.2.
+Which parameters there are, their usual values, spreads and bounds follow from the declaration of the car-following
+model (`rearl_jax.config.driver`).
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from rearl_jax.core.gap_idm import FollowingParams
-
-NAMES = ("desired_speed", "time_gap", "jam_gap", "max_accel", "comfort_decel")
-
-CAR = np.array([32.0, 1.25, 2.5, 1.4, 2.0])
-"""Usual desired speed [m/s], time gap [s], jam gap [m], acceleration and deceleration [m/s^2] of a car."""
-
-TRUCK = np.array([25.0, 1.6, 2.5, 0.9, 2.0])
-"""The same of a truck."""
-
-SPREAD = np.array([0.12, 0.3, 0.3, 0.3, 0.35])
-"""Standard deviation of the parameters' logarithms between drivers [-]."""
-
-FURTHEST = 4.0
-"""Bound of a standardised parameter [-]."""
+from rearl_jax.config.driver import DriverConfig, record_of
+from rearl_jax.core.car_following import CAR_FOLLOWING
+from rearl_jax.core.car_following.model import CarFollowing
 
 
-def following_params(z: Float[Any, "own pieces"], is_truck: Float[Any, " pieces"]) -> FollowingParams:
-    """Car-following parameters of drivers whose standardised parameters are z."""
-    truck = jnp.asarray(is_truck)[None]
-    usual = jnp.log(CAR)[:, None] * (1 - truck) + jnp.log(TRUCK)[:, None] * truck
-    return FollowingParams(*jnp.exp(usual + jnp.asarray(SPREAD)[:, None] * z))
+@dataclass(frozen=True)
+class Prior:
+    """What is taken for usual of drivers before anything is measured; hashable.
+
+    Attributes:
+        name: Of the car-following model.
+        usual_car: Parameters of a car's driver, in the order of the model's declaration.
+        usual_truck: The same of a truck.
+    """
+
+    name: str
+    usual_car: tuple[float, ...]
+    usual_truck: tuple[float, ...]
+
+    @property
+    def model(self) -> type[CarFollowing]:
+        """The car-following model."""
+        return CAR_FOLLOWING[self.name]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return self.model.declaration.names
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the parameters."""
+        return tuple(one.unit for one in self.model.declaration.parameters)
+
+    @property
+    def size(self) -> int:
+        """Number of parameters of a driver."""
+        return len(self.usual_car)
+
+    @property
+    def usual(self) -> Float[np.ndarray, "classes own"]:
+        """Usual values of cars and of trucks."""
+        return np.array([self.usual_car, self.usual_truck])
+
+    @property
+    def spread(self) -> Float[np.ndarray, " own"]:
+        """Standard deviations of the parameters' logarithms between drivers [-]."""
+        return np.array([one.spread for one in self.model.declaration.parameters])
+
+    @property
+    def bounds(self) -> tuple[Float[np.ndarray, "classes own"], Float[np.ndarray, "classes own"]]:
+        """Bounds of the standardised parameters of cars and of trucks [-]."""
+        parameters = self.model.declaration.parameters
+        limits = (np.array([getattr(one, end) for one in parameters]) for end in ("low", "high"))
+        low, high = ((np.log(limit) - np.log(self.usual)) / self.spread for limit in limits)
+        return low, high
+
+    def values(
+        self, z: Float[np.ndarray, "drivers own"], truck: Int[np.ndarray, " drivers"]
+    ) -> Float[np.ndarray, "drivers own"]:
+        """Parameters of drivers whose standardised parameters are z, cars 0 and trucks 1."""
+        return self.usual[truck] * np.exp(self.spread * z)
+
+    def drivers(self, z: Float[Any, "own pieces"], is_truck: Float[Any, " pieces"]) -> CarFollowing:
+        """Car following of drivers whose standardised parameters are z."""
+        truck = jnp.asarray(is_truck)[None]
+        car_logs, truck_logs = (jnp.log(jnp.asarray(row))[:, None] for row in self.usual)
+        usual = car_logs * (1 - truck) + truck_logs * truck
+        return self.model(*jnp.exp(usual + jnp.asarray(self.spread)[:, None] * z))
+
+
+def prior_of(driver: DriverConfig) -> Prior:
+    """The prior that keys describe: trucks differ from cars as they usually do."""
+    parameters = driver.declaration.parameters
+    car = tuple(float(getattr(driver, one.name)) for one in parameters)
+    # A parameter that was given another value for cars is changed for trucks by the same factor.
+    ratios = [one.truck / one.usual if one.truck and one.usual else 1.0 for one in parameters]
+    truck = tuple(value * ratio for value, ratio in zip(car, ratios, strict=True))
+    return Prior(driver.model, car, truck)
+
+
+IDM_PRIOR = prior_of(record_of("idm")())
+"""The prior of the published Intelligent Driver Model."""

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Int
 from matplotlib.patches import Patch
 from scipy.stats import norm
 
-from rearl_jax.discovery.drivers import NAMES
+from rearl_jax.discovery.drivers import Prior
 from rearl_jax.discovery.errors import ModelErrors
 from rearl_jax.discovery.null import Null
 from rearl_jax.discovery.residuals import Residuals
@@ -21,8 +21,6 @@ BARS = 14
 
 FARTHEST_SIGMA = 5.0
 """Standard deviations up to which innovations are drawn."""
-
-_UNITS = dict(zip(NAMES, ("m/s", "s", "m", "m/s²", "m/s²"), strict=True))
 
 
 def draw_evidence(
@@ -119,11 +117,11 @@ def draw_innovations(left: Mapping[str, Residuals], *, generated: bool) -> bytes
     return png(figure)
 
 
-def draw_parameters(table: pd.DataFrame, *, generated: bool) -> bytes:
+def draw_parameters(table: pd.DataFrame, prior: Prior, *, generated: bool) -> bytes:
     """PNG of the fitted drivers' own parameters; `table` as drivers.parquet."""
-    figure, axes = panels(7.2, 2.6, columns=len(NAMES), generated=generated)
+    figure, axes = panels(7.2, 2.6, columns=prior.size, generated=generated)
     models = [model for model in COLOURS if model in set(table["model"])]
-    for panel, name in zip(axes, NAMES, strict=True):
+    for panel, name, unit in zip(axes, prior.names, prior.units, strict=True):
         for place, model in enumerate(models):
             part = table.loc[table["model"] == model]
             values = part[name].to_numpy()
@@ -135,7 +133,7 @@ def draw_parameters(table: pd.DataFrame, *, generated: bool) -> bytes:
         panel.set_xticks(range(len(models)), models)
         panel.set_xlim(-0.5, len(models) - 0.5)
         panel.set_ylim(bottom=0)
-        panel.set_title(f"{name.replace('_', ' ')} [{_UNITS[name]}]", loc="left", fontsize=8)
+        panel.set_title(f"{name.replace('_', ' ')} [{unit.replace('^2', '²')}]", loc="left", fontsize=8)
     return png(figure)
 
 

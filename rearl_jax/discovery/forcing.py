@@ -18,16 +18,13 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
+from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.following import begin_effects, follow
-from rearl_jax.core.gap_idm import FollowingParams
 from rearl_jax.discovery.candidates import effects_at
-from rearl_jax.discovery.drivers import NAMES, following_params
 from rearl_jax.discovery.errors import FARTHEST
 from rearl_jax.discovery.residuals import Residuals, smoothed_acceleration
 from rearl_jax.discovery.solver import Solver
-
-TIME_GAP = NAMES.index("time_gap")
 
 AT_ONCE = 64
 """Accelerations that are passed through the observer side by side."""
@@ -72,23 +69,22 @@ class Answers:
     own: Float[np.ndarray, "own steps pieces"]
 
 
-def parameters(left: Residuals) -> FollowingParams:
-    """Drivers' parameters, moment by moment."""
+def drivers_of(left: Residuals) -> CarFollowing:
+    """Car following of the drivers, moment by moment."""
     data = left.world.data
-    params = following_params(jnp.asarray(left.world.z[data.driver].T), data.is_truck.astype(float))
-    return jax.tree.map(lambda value: jnp.broadcast_to(value, left.x.shape), params)
+    return left.prior.drivers(jnp.asarray(left.world.z[data.driver].T), data.is_truck.astype(float)).full(left.x.shape)
 
 
 def answers(left: Residuals) -> Answers:
     """Derivatives of the car-following model where the observer was; added effects change them little."""
-    data, seen, usual = left.world.data, left.stimulus(), parameters(left)
+    data, seen, usual = left.world.data, left.stimulus(), drivers_of(left)
 
     def wanted(x: Array, v: Array, logs: Array) -> Array:
-        params = jax.tree.map(lambda value, log: value * jnp.exp(log), usual, FollowingParams(*logs))
+        driver = left.prior.model(*(value * jnp.exp(log) for value, log in zip(usual.rows(), logs, strict=True)))
         moved = replace(seen, gap=seen.gap - (x - seen.position), speed=v)
-        return follow(moved, params, (), (), data.dt)[0]
+        return follow(moved, driver, (), (), jnp.zeros_like(v), data.dt)[0]
 
-    at = (jnp.asarray(left.x), jnp.asarray(left.v), jnp.zeros((len(NAMES), *left.x.shape)))
+    at = (jnp.asarray(left.x), jnp.asarray(left.v), jnp.zeros((left.prior.size, *left.x.shape)))
     _, back = jax.vjp(wanted, *at)
     x, v, own = back(jnp.ones(left.x.shape, at[0].dtype))
     return Answers(np.asarray(x, float), np.asarray(v, float), np.asarray(own, float))
@@ -166,17 +162,19 @@ def plain_votes(
 def added_acceleration(solver: Solver, left: Residuals) -> Float[np.ndarray, "steps pieces"]:
     """By how much what was added to the model changes its acceleration, moment by moment [m/s^2]."""
     data, layout = left.world.data, solver.layout
-    params = following_params(jnp.asarray(left.world.z[data.driver].T), data.is_truck.astype(float))
+    driver = left.prior.drivers(jnp.asarray(left.world.z[data.driver].T), data.is_truck.astype(float))
     theta = jnp.repeat(jnp.asarray(left.world.theta)[:, None], len(data.driver), axis=1)
     effects = effects_at(layout.by_name(theta), jax.tree.map(jnp.asarray, layout.knots), left.world.active)
 
-    def step(memory: tuple, now: Stimulus) -> tuple[tuple, Array]:
-        with_it, memory = follow(now, params, effects, memory, data.dt)
-        return memory, with_it - follow(now, params, (), (), data.dt)[0]
+    def step(carry: tuple, now: Stimulus) -> tuple[tuple, Array]:
+        memory, last = carry
+        with_it, memory = follow(now, driver, effects, memory, last, data.dt)
+        return (memory, with_it), with_it - follow(now, driver, (), (), last, data.dt)[0]
 
     seen = left.stimulus()
-    first = begin_effects(effects, jax.tree.map(lambda values: values[0], seen), params, data.dt)
-    return np.asarray(jax.jit(lambda memory, rows: lax.scan(step, memory, rows)[1])(first, seen), float)
+    memory = begin_effects(effects, jax.tree.map(lambda values: values[0], seen), driver, data.dt)
+    first = memory, jnp.zeros(left.x.shape[1:])
+    return np.asarray(jax.jit(lambda carry, rows: lax.scan(step, carry, rows)[1])(first, seen), float)
 
 
 def _voted(

@@ -29,7 +29,7 @@ def lane_choice(
     few = too_few_changes(recordings)
     if few is not None:
         return few  # before anybody is calibrated for it
-    known = KnownDrivers.of([found.first.world, *on_others(solver, found.checked, [found.first])])
+    known = KnownDrivers.of([found.first.world, *on_others(solver, found.checked, [found.first])], solver.layout.prior)
     split = [part.vehicle for part in (parts.fitted, parts.checked, parts.reported)]
     lanes = lane_change_findings(recordings, known, split, options.confidence, options.seed)
     if lanes.effects and amount(parts.findings, SMOOTHING):

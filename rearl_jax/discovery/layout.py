@@ -22,11 +22,12 @@ from rearl_jax.discovery.candidates import (
     Knots,
     Layout,
 )
+from rearl_jax.discovery.drivers import IDM_PRIOR, Prior
 from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.observer import stimulus
 
 
-def layout_of(data: Measured) -> Layout:
+def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
     """The vector theta for these data: its curves span the places, times and values that occur."""
     used = data.weight > 0
     positions, times = data.y[used], data.around.time[used]
@@ -78,6 +79,7 @@ def layout_of(data: Measured) -> Layout:
         unit=unit,
         places=builder.places,
         knots=Knots(position_knots, time_knots, lens_knots, knots, centres),
+        prior=prior,
     )
 
 

@@ -16,16 +16,12 @@ from rearl_jax.core.batch import ScenarioMap, select_scenarios
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.effects.effect import Effect
 from rearl_jax.discovery.candidates import Knots, Layout, effects_at, lens_at
-from rearl_jax.discovery.drivers import following_params
 from rearl_jax.discovery.observer import Pieces, innovations
 from rearl_jax.discovery.robust import kept_share, robust_square
 from rearl_jax.discovery.sensitivity import look_along
 
-N_DRIVER = 5
-"""Parameters of a driver's own."""
-
 _MADE: dict[tuple, dict[tuple, ScenarioMap]] = {}
-"""Programs of every configuration this process has met: time step and places of theta."""
+"""Programs of every configuration this process has met: time step, places of theta, car following."""
 
 _SHAPES: set[tuple] = set()
 """What they have been compiled for: configuration, program, number of steps and of pieces."""
@@ -48,7 +44,7 @@ class Programs:
             _SHAPES.clear()
             jax.clear_caches()
         self.layout, self.dt = layout, dt
-        self._configuration = (dt, tuple(layout.places.items()))
+        self._configuration = (dt, tuple(layout.places.items()), layout.prior)
         self._made = _MADE.setdefault(self._configuration, {})
 
     def free(self, active: tuple[str, ...]) -> tuple[int, ...]:
@@ -70,11 +66,12 @@ class Programs:
         places = jnp.asarray(self.free(active), int)
 
         def run(a: dict) -> dict:
-            theta = jnp.broadcast_to(a["theta"], (self.layout.size, a["z"].shape[1]))
+            n_own, n = a["z"].shape
+            theta = jnp.broadcast_to(a["theta"], (self.layout.size, n))
 
             def surprise(point: Array) -> Array:
-                changed = theta.at[places].set(point[N_DRIVER:]) if len(places) else theta
-                return self._surprise(point[:N_DRIVER], changed, a["knots"], a["pieces"], active)
+                changed = theta.at[places].set(point[n_own:]) if len(places) else theta
+                return self._surprise(point[:n_own], changed, a["knots"], a["pieces"], active)
 
             point = jnp.concatenate([a["z"], theta[places]])
             return _sums(surprise, point, a["pieces"])
@@ -114,7 +111,7 @@ class Programs:
         numbers = self.layout.by_name(theta)
         effects = effects_at(numbers, knots, active)
         lens = lens_at(numbers, knots) if "lens" in active else None
-        return innovations(pieces, following_params(z, pieces.is_truck), effects, lens, self.dt)
+        return innovations(pieces, self.layout.prior.drivers(z, pieces.is_truck), effects, lens, self.dt)
 
     def _program(self, key: tuple, run: Callable[[dict], object], widest: int) -> Callable[[dict], Any]:
         if key not in self._made:

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from rearl_jax.discovery.measured import Measured
-from rearl_jax.discovery.moments import N_DRIVER
 from rearl_jax.discovery.observer import Noise
 from rearl_jax.discovery.smoothing import lasting_noise
 from rearl_jax.discovery.solver import Solver, World, new_world, with_gain
@@ -51,7 +50,8 @@ def best_noise(solver: Solver, world: World, tried: Sequence[Noise]) -> tuple[No
 def _log_width(world: World) -> float:
     """Logarithm of how sharply the drivers' own parameters are known, against their population."""
     assert world.sums is not None
-    own = world.sums.gram[:, :N_DRIVER, :N_DRIVER] / world.variance + np.eye(N_DRIVER)
+    n_own = world.z.shape[1]
+    own = world.sums.gram[:, :n_own, :n_own] / world.variance + np.eye(n_own)
     return float(np.linalg.slogdet(own)[1].sum())
 
 

@@ -21,10 +21,10 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
+from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.effects.effect import Effect
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.following import begin_effects, follow
-from rearl_jax.core.gap_idm import FollowingParams
 from rearl_jax.discovery.lens import Lens
 from rearl_jax.discovery.measured import Measured, Surroundings
 
@@ -143,7 +143,7 @@ class Pieces(eqx.Module):
 
 def innovations(
     pieces: Pieces,
-    params: FollowingParams,
+    driver: CarFollowing,
     effects: tuple[Effect, ...],
     lens: Lens | None,
     dt: float,
@@ -152,8 +152,8 @@ def innovations(
 
     Args:
         pieces: What was measured.
-        params: Of the drivers.
-        effects: What acts on them beyond IDM.
+        driver: Car following of the drivers.
+        effects: What acts on them beyond it.
         lens: Distortion of positions by the camera; None for none.
         dt: Time between moments [s].
     """
@@ -170,14 +170,14 @@ def innovations(
         x, v, o, w = x + gain[0] * known, v + gain[1] * known, o + gain[2] * known, w + gain[5] * known
         # The model is asked for the middle of the step, so that a step does not count as a reaction time.
         halfway_x, halfway_v = x + v * (dt / 2) + last * (dt * dt / 8), jnp.maximum(v + last * (dt / 2), 0.0)
-        wanted, memory = follow(seen(halfway_x, halfway_v, halfway), params, effects, memory, dt)
+        wanted, memory = follow(seen(halfway_x, halfway_v, halfway), driver, effects, memory, last, dt)
         acceleration = wanted + o + extra
         faster = jnp.maximum(v + acceleration * dt, 0.0)
         return (x + dt * (v + faster) / 2, faster, gain[3] * o, gain[6] * w, acceleration, memory), surprise
 
     x, v = pieces.start if lens is None else straightened_start(pieces.start, lens)
     nothing = jnp.zeros_like(x)
-    memory = begin_effects(effects, seen(x, v, jax.tree.map(lambda values: values[0], pieces.seen)), params, dt)
+    memory = begin_effects(effects, seen(x, v, jax.tree.map(lambda values: values[0], pieces.seen)), driver, dt)
     extra = jnp.broadcast_to(pieces.known, pieces.y.shape)
     begin = (x, v, nothing, nothing, nothing, memory)
     return lax.scan(step, begin, (pieces.y, pieces.looks, pieces.seen, extra))[1]

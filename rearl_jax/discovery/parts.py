@@ -7,6 +7,7 @@ import numpy as np
 
 from rearl_jax.config import DiscoverConfig
 from rearl_jax.data.records import Recording, RecordingInfo
+from rearl_jax.discovery.drivers import Prior
 from rearl_jax.discovery.gate import Finding, amount, gate
 from rearl_jax.discovery.layout import layout_of
 from rearl_jax.discovery.measured import Measured
@@ -46,7 +47,9 @@ class Parts:
     notes: tuple[str, ...]
 
 
-def measured_drivers(recordings: Sequence[Recording], options: DiscoverConfig) -> tuple[list[Finding], Measured]:
+def measured_drivers(
+    recordings: Sequence[Recording], options: DiscoverConfig, prior: Prior
+) -> tuple[list[Finding], Measured]:
     """What the columns show, and those who follow a leader long enough, at most `max_drivers` of them, at random.
 
     Raises:
@@ -56,7 +59,7 @@ def measured_drivers(recordings: Sequence[Recording], options: DiscoverConfig) -
     tables = [thinned(recording) for recording in recordings]
     smooth = smoothness(tables)
     findings, data = _measured(tables, smooth, options)
-    if data.noise < EXACT_NOISE and _are_exact(data):
+    if data.noise < EXACT_NOISE and _are_exact(data, prior):
         # A simulation without noise is as smooth by itself as a kernel would have made it.
         findings, data = _measured(tables, Smoothness(), options, EXACT_NOISE)
     return findings, data
@@ -75,7 +78,7 @@ def _measured(
     return findings, data
 
 
-def _are_exact(data: Measured) -> bool:
+def _are_exact(data: Measured, prior: Prior) -> bool:
     """Whether some of the drivers, which are enough to see it, do nothing beside the model."""
     some = data.select(np.flatnonzero(data.driver < ENOUGH))
-    return is_exact(Solver(Programs(layout_of(some), some.dt)), some)
+    return is_exact(Solver(Programs(layout_of(some, prior), some.dt)), some)

@@ -89,7 +89,7 @@ def present(
             {model: found[0] for model, found in left.items()}, generated=generated
         ),
         "planes": map_figures.draw_planes(atlases, generated=generated),
-        "parameters": figures.draw_parameters(driver_table(solver, search), generated=generated),
+        "parameters": figures.draw_parameters(driver_table(solver, search), solver.layout.prior, generated=generated),
     }
     for name, png in drawn.items():
         study.write_bytes(f"{name}.png", png)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rearl_jax.discovery.candidates import Candidate, Layout
-from rearl_jax.discovery.drivers import CAR, SPREAD
 from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.noise import ACCELERATIONS, best_noise, noises
 from rearl_jax.discovery.observer import Noise
@@ -96,7 +95,8 @@ def _sections(name: str, score: Score, world: World, layout: Layout) -> list[np.
         if name == "grade":
             result.append(_with(world.theta, layout, {"grade.push": float(np.clip(size, -1, 1)), **edges}))
         else:
-            usual = float(CAR[0] * np.exp(SPREAD[0] * world.mean[0, 0]))
+            mean_driver = layout.prior.values(world.mean[:1], np.zeros(1, int))[0]
+            usual = float(mean_driver[layout.prior.names.index("desired_speed")])
             result += [_with(world.theta, layout, {"speed_limit.limit": usual * share, **edges}) for share in LIMITS]
     return result
 

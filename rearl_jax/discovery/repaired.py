@@ -8,11 +8,11 @@ from rearl_jax import __version__
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.candidates import Candidate, Layout
 from rearl_jax.discovery.decision import Trial
-from rearl_jax.discovery.drivers import CAR, NAMES, SPREAD, TRUCK
+from rearl_jax.discovery.drivers import Prior
 from rearl_jax.discovery.lane_changes.findings import LaneEffect
 from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.refit import Fit
-from rearl_jax.models.record import DriverClass, EffectValues, RepairedModel, Source
+from rearl_jax.models.record import CAR, TRUCK, DriverClass, EffectValues, RepairedModel, Source
 
 LEAST_SHARE = 0.02
 """Share of trucks below which they are no class of their own [-]."""
@@ -48,30 +48,32 @@ def repaired_model(
     effects += [lane_effect_values(effect) for effect in lanes if effect.name in EFFECTS]
     return RepairedModel(
         source=Source(data_id, study, __version__),
-        population=population(last, data),
-        baseline=population(first, data),
+        population=population(last, data, layout.prior),
+        baseline=population(first, data, layout.prior),
         effects=effects,
+        car_following=layout.prior.name,
     )
 
 
-def population(fit: Fit, data: Measured) -> dict[str, DriverClass]:
+def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]:
     """Drivers by class, with the scatter of the calibrated drivers around their mean."""
     world, found = fit.world, {}
     truck = world.truck
     lengths = np.zeros(data.n_drivers)
     lengths[data.driver] = data.length
-    for number, (name, usual) in enumerate((("car", CAR), ("truck", TRUCK))):
+    spread = prior.spread
+    for number, (name, usual) in enumerate(zip((CAR, TRUCK), prior.usual, strict=True)):
         members = truck == number
         share = float(members.mean())
         if share < LEAST_SHARE:
             continue
-        away = (world.z[members] - world.mean[number]) * SPREAD
+        away = (world.z[members] - world.mean[number]) * spread
         # The calibrated scatter shrinks where the data say little about a parameter: the prior fills that up.
         own = away.T @ away / max(members.sum(), 1)
-        covariance = own + np.diag(np.maximum(SPREAD**2 - np.diag(own), 0.0)) * _unknown(fit, members)
+        covariance = own + np.diag(np.maximum(spread**2 - np.diag(own), 0.0)) * _unknown(fit, members)
         found[name] = DriverClass(
             share=share,
-            log_mean=dict(zip(NAMES, (np.log(usual) + SPREAD * world.mean[number]).tolist(), strict=True)),
+            log_mean=dict(zip(prior.names, (np.log(usual) + spread * world.mean[number]).tolist(), strict=True)),
             log_covariance=((covariance + covariance.T) / 2).tolist(),
             noise_sd=fit.noise.acceleration,
             noise_time=fit.noise.time,
@@ -85,8 +87,9 @@ def population(fit: Fit, data: Measured) -> dict[str, DriverClass]:
 def _unknown(fit: Fit, members: np.ndarray) -> np.ndarray:
     """Share of each parameter's prior variance that the data left, on average [-]."""
     assert fit.world.sums is not None
-    gram = fit.world.sums.gram[members][:, : len(NAMES), : len(NAMES)] / fit.world.variance
-    left = np.einsum("dii->di", np.linalg.inv(gram + np.eye(len(NAMES))))
+    n_own = fit.world.z.shape[1]
+    gram = fit.world.sums.gram[members][:, :n_own, :n_own] / fit.world.variance
+    left = np.einsum("dii->di", np.linalg.inv(gram + np.eye(n_own)))
     return np.clip(left.mean(axis=0), 0.0, 1.0)
 
 

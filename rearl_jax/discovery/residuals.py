@@ -22,6 +22,7 @@ from jaxtyping import Float
 
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.discovery.candidates import lens_at
+from rearl_jax.discovery.drivers import Prior
 from rearl_jax.discovery.errors import FARTHEST
 from rearl_jax.discovery.measured import Surroundings, is_new
 from rearl_jax.discovery.observer import CLOSED_LOOP, MEASURED, Noise, steady_state, stimulus, straightened
@@ -38,6 +39,7 @@ class Residuals:
 
     Attributes:
         world: Which.
+        prior: What is taken for usual of its drivers.
         noise: Its observer's.
         innovation: Measured minus predicted position [m].
         acceleration: Smoothed acceleration beside the model [m/s^2].
@@ -48,6 +50,7 @@ class Residuals:
     """
 
     world: World
+    prior: Prior
     noise: Noise
     innovation: Float[np.ndarray, "steps pieces"]
     acceleration: Float[np.ndarray, "steps pieces"]
@@ -99,6 +102,7 @@ def _residuals(solver: Solver, world: World, noise: Noise) -> Residuals:
     v[-1] = v[-2]
     return Residuals(
         world=world,
+        prior=solver.layout.prior,
         noise=noise,
         innovation=innovation,
         acceleration=smoothed_acceleration(innovation, data.weight, noise, data.dt, data.stride),

@@ -16,7 +16,6 @@ from jaxtyping import Float
 
 from rearl_jax.discovery import clocks
 from rearl_jax.discovery.candidates import Layout
-from rearl_jax.discovery.moments import N_DRIVER
 from rearl_jax.discovery.solver import CLASSES, Solver, World
 
 PRIOR_WIDTHS = (0.35, 1.0, 2.0)
@@ -67,17 +66,17 @@ def _scores(
     free: np.ndarray,
     layout: Layout,
 ) -> dict[str, Score]:
-    variance, n_kept = world.variance, len(free)
+    variance, n_kept, n_own = world.variance, len(free), layout.prior.size
     gradient, nuisance = sums["gradient"] / variance, sums["nuisance"] / variance
     away = world.z - world.mean[world.truck]
-    block = nuisance[:, :N_DRIVER, :N_DRIVER] + np.eye(N_DRIVER)
-    coupling = nuisance[:, :N_DRIVER, N_DRIVER:]
-    slope = gradient[:, :N_DRIVER] + away
+    block = nuisance[:, :n_own, :n_own] + np.eye(n_own)
+    coupling = nuisance[:, :n_own, n_own:]
+    slope = gradient[:, :n_own] + away
     solved = np.linalg.solve(block, np.concatenate([slope[:, :, None], coupling], axis=2))
     step, response = solved[:, :, 0], solved[:, :, 1:]
-    driver_score = -(gradient[:, N_DRIVER:] - np.einsum("dij,di->dj", coupling, step))
+    driver_score = -(gradient[:, n_own:] - np.einsum("dij,di->dj", coupling, step))
     score = driver_score.sum(axis=0)
-    kept = nuisance[:, N_DRIVER:, N_DRIVER:] - np.einsum("dij,dik->djk", coupling[:, :, :n_kept], response)
+    kept = nuisance[:, n_own:, n_own:] - np.einsum("dij,dik->djk", coupling[:, :, :n_kept], response)
     kept = kept.sum(axis=0)  # [kept, places]
     pulls = []
     if not world.holds_population:
@@ -86,7 +85,7 @@ def _scores(
             members = world.truck == c
             if not members.any():
                 continue
-            mean_block = (np.eye(N_DRIVER) - inverse[members]).sum(axis=0) + np.eye(N_DRIVER)
+            mean_block = (np.eye(n_own) - inverse[members]).sum(axis=0) + np.eye(n_own)
             pull = response[members].sum(axis=0)
             rest = world.mean[c] - away[members].sum(axis=0) + step[members].sum(axis=0)
             answer = np.linalg.solve(mean_block, pull)

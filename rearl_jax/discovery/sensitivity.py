@@ -16,9 +16,9 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from rearl_jax.core.affected import if_any
+from rearl_jax.core.effects.effect import Effect
 from rearl_jax.core.following import begin_effects, follow
 from rearl_jax.discovery.candidates import Knots, Layout, effects_at, lens_at
-from rearl_jax.discovery.drivers import following_params
 from rearl_jax.discovery.lens import Lens
 from rearl_jax.discovery.measured import Surroundings
 from rearl_jax.discovery.observer import Pieces, stimulus, straightened, straightened_start, synchronised
@@ -68,9 +68,10 @@ def look_along(
         directions first), `nuisance` (derivatives along own directions and what has been added, times all), `block_k`
         (derivatives of group k times each other; the last group is the leaders' clocks, whose directions come last).
     """
-    pieces = jax.tree.map(jnp.asarray, pieces)
+    pieces, prior = jax.tree.map(jnp.asarray, pieces), layout.prior
     n_own, n = z.shape
     numbers = layout.by_name(theta)
+    is_actuated = any(type(effect).actuate is not Effect.actuate for effect in effects_at(numbers, knots, active))
     bends = active is None or "lens" in active
     lens, first_lens = lens_at(numbers, knots) if bends else None, layout.places["lens"][0]
     n_clocks = following.shape[0]
@@ -79,12 +80,12 @@ def look_along(
     lens_knots = jnp.asarray([place - first_lens for place in places if place in layout.places["lens"]], int)
 
     def wanted(point: tuple, memory: tuple, now: Surroundings) -> tuple[Array, tuple]:
-        x, v, own, added, shift = point
+        x, v, own, added, shift, last = point
         around = now if lens is None else straightened(now, lens_at(added, knots))
         around = synchronised(around, shift) if n_clocks else around
         seen = stimulus(x, v, pieces.length, pieces.is_truck, around)
         effects = effects_at(added, knots, active)
-        acceleration, memory = follow(seen, following_params(own, pieces.is_truck), effects, memory, dt)
+        acceleration, memory = follow(seen, prior.drivers(own, pieces.is_truck), effects, memory, last, dt)
         return jnp.sum(acceleration), (acceleration, memory)
 
     answer = jax.grad(wanted, has_aux=True)
@@ -120,13 +121,15 @@ def look_along(
         )
         later = v + last * (dt / 2)
         halfway = (x + v * (dt / 2) + last * (dt * dt / 8), jnp.maximum(later, 0.0))
-        by, (acceleration, memory) = answer((*halfway, z, numbers, jnp.zeros_like(x)), memory, around)
+        by, (acceleration, memory) = answer((*halfway, z, numbers, jnp.zeros_like(x), last), memory, around)
         # Behind a branch, or it is worked out again for every direction that it is multiplied with.
         is_vehicle, nothing = pieces.length > 0, jnp.zeros_like(x)
         by_x, by_v = if_any(is_vehicle, lambda: (by[0], jnp.where(later > 0, by[1], 0.0)), (nothing, nothing))
         forcing = jnp.concatenate([by[2], *layout.at(by[3], places), by[4][None] * follows])
         d_wanted = by_x[None] * (d.x + d.v * (dt / 2) + d.last * (dt * dt / 8))
         d_wanted = d_wanted + by_v[None] * (d.v + d.last * (dt / 2)) + forcing
+        if is_actuated:
+            d_wanted = d_wanted + by[5][None] * d.last
         acceleration, d_acceleration = acceleration + o + extra, d_wanted + d.o
         free = v + acceleration * dt
         faster, d_faster = jnp.maximum(free, 0.0), jnp.where((free > 0)[None], d.v + d_acceleration * dt, 0.0)
@@ -151,7 +154,7 @@ def look_along(
     first = jax.tree.map(lambda values: values[0], pieces.seen)
     seen = stimulus(x, v, pieces.length, pieces.is_truck, first)
     effects = effects_at(numbers, knots, active)
-    memory = begin_effects(effects, seen, following_params(z, pieces.is_truck), dt)
+    memory = begin_effects(effects, seen, prior.drivers(z, pieces.is_truck), dt)
     zero = jnp.zeros_like(x)
     tangents = Tangents(d_x, d_v, nothing, nothing, nothing)
     carry = ((x, v, zero, zero, zero, memory), tangents, total)

@@ -4,7 +4,7 @@ Minimises for a world (one data set under one candidate)
 
     sum over moments of nu^2 / (2 S) + sum over drivers |z - mean|^2 / 2 + |mean|^2 / 2 + |(theta - ref) / scale|^2 / 2
 
-by Levenberg-Marquardt steps with one 5 x 5 block per driver, eliminated by a Schur complement. The population's spread
+by Levenberg-Marquardt steps with one block per driver, eliminated by a Schur complement. The population's spread
 stays at its prior: shrinking it towards the data makes false evidence. S is the mean squared innovation.
 
 Source: Marquardt, SIAM J. Appl. Math. 11 (1963) 431; block elimination as in bundle adjustment, Triggs et al. (2000).
@@ -19,9 +19,8 @@ from jaxtyping import Float, Int
 
 from rearl_jax.discovery.candidates import Layout
 from rearl_jax.discovery.clocks import following
-from rearl_jax.discovery.drivers import FURTHEST
 from rearl_jax.discovery.measured import Measured
-from rearl_jax.discovery.moments import N_DRIVER, Programs
+from rearl_jax.discovery.moments import Programs
 from rearl_jax.discovery.observer import Pieces, pieces_of
 
 CLASSES = 2
@@ -105,8 +104,8 @@ def new_world(data: Measured, layout: Layout, gain: Float[np.ndarray, "7"]) -> W
     return World(
         data=data,
         pieces=pieces_of(data, gain),
-        z=np.zeros((data.n_drivers, N_DRIVER)),
-        mean=np.zeros((CLASSES, N_DRIVER)),
+        z=np.zeros((data.n_drivers, layout.prior.size)),
+        mean=np.zeros((CLASSES, layout.prior.size)),
         theta=layout.reference.copy(),
         active=(),
         variance=float(gain[4]),
@@ -276,33 +275,34 @@ def _objective(world: World, layout: Layout, free: np.ndarray) -> float:
 def _stepped(world: World, damping: float, layout: Layout, free: np.ndarray) -> World:
     """The world after one damped step."""
     assert world.sums is not None
-    own, q = slice(0, N_DRIVER), len(free)
-    added = slice(N_DRIVER, N_DRIVER + q)
-    size = N_DRIVER + q
+    n_own, q = layout.prior.size, len(free)
+    own = slice(0, n_own)
+    added = slice(n_own, n_own + q)
+    size = n_own + q
     unit, scale = layout.unit[free], layout.scale[free]
-    steps = np.concatenate([np.ones(N_DRIVER), unit])
+    steps = np.concatenate([np.ones(n_own), unit])
     gram = world.sums.gram[:, :size, :size] * (steps[:, None] * steps) / world.variance
     gradient = world.sums.gradient[:, :size] * steps / world.variance
     away = world.z - world.mean[world.truck]
-    n_mean = 0 if world.holds_population else CLASSES * N_DRIVER
+    n_mean = 0 if world.holds_population else CLASSES * n_own
     n, size = len(world.z), n_mean + q
-    own_block = gram[:, own, own] + np.eye(N_DRIVER)
+    own_block = gram[:, own, own] + np.eye(n_own)
     own_gradient = gradient[:, own] + away
-    coupling = np.zeros((n, N_DRIVER, size))
+    coupling = np.zeros((n, n_own, size))
     block, slope = np.zeros((size, size)), np.zeros(size)
     if n_mean:
         for c in range(CLASSES):
-            place = slice(c * N_DRIVER, (c + 1) * N_DRIVER)
+            place = slice(c * n_own, (c + 1) * n_own)
             members = world.truck == c
-            coupling[members, :, place] = -np.eye(N_DRIVER)
-            block[place, place] = (members.sum() + 1) * np.eye(N_DRIVER)
+            coupling[members, :, place] = -np.eye(n_own)
+            block[place, place] = (members.sum() + 1) * np.eye(n_own)
             slope[place] = world.mean[c] - away[members].sum(axis=0)
     last = slice(n_mean, size)
     coupling[:, :, last] = gram[:, own, added]
     block[last, last] = gram[:, added, added].sum(axis=0) + np.diag((unit / scale) ** 2)
     off = (world.theta - layout.reference)[free]
     slope[last] = gradient[:, added].sum(axis=0) + off * unit / scale**2
-    damped = own_block + damping * np.einsum("dii,ij->dij", own_block, np.eye(N_DRIVER))
+    damped = own_block + damping * np.einsum("dii,ij->dij", own_block, np.eye(n_own))
     solved = np.linalg.solve(damped, np.concatenate([own_gradient[:, :, None], coupling], axis=2))
     step = np.zeros(size)
     if size:
@@ -310,12 +310,13 @@ def _stepped(world: World, damping: float, layout: Layout, free: np.ndarray) -> 
         rest = slope - np.einsum("dij,di->j", coupling, solved[:, :, 0])
         step = -np.linalg.solve(reduced + 1e-9 * np.eye(size), rest)
     z_step = -(solved[:, :, 0] + solved[:, :, 1:] @ step)
+    low, high = layout.prior.bounds
     theta = world.theta.copy()
     theta[free] += unit * np.clip(step[last], -LONGEST_STEP, LONGEST_STEP)
     return replace(
         world,
-        z=np.clip(world.z + np.clip(z_step, -LONGEST_STEP, LONGEST_STEP), -FURTHEST, FURTHEST),
-        mean=world.mean + np.clip(step[:n_mean], -LONGEST_STEP, LONGEST_STEP).reshape(-1, N_DRIVER)
+        z=np.clip(world.z + np.clip(z_step, -LONGEST_STEP, LONGEST_STEP), low[world.truck], high[world.truck]),
+        mean=world.mean + np.clip(step[:n_mean], -LONGEST_STEP, LONGEST_STEP).reshape(-1, n_own)
         if n_mean
         else world.mean,
         theta=np.clip(theta, layout.low, layout.high),

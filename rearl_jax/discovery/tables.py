@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rearl_jax.discovery.drivers import CAR, NAMES, SPREAD, TRUCK
 from rearl_jax.discovery.errors import MEASURES, Interval, ModelErrors, with_interval
 from rearl_jax.discovery.null import Null
 from rearl_jax.discovery.procedure import Search
@@ -97,12 +96,12 @@ def driver_table(solver: Solver, found: Search) -> pd.DataFrame:
 def fit_table(solver: Solver, fit: Fit) -> pd.DataFrame:
     """Calibrated parameters of the drivers of a fit, with the standard deviations of their logarithms."""
     world = fit.world
-    truck = world.truck[:, None]
-    logs = np.where(truck, np.log(TRUCK), np.log(CAR)) + SPREAD * world.z
-    deviations = known(solver, world).drivers * SPREAD
+    prior = solver.layout.prior
+    values = prior.values(world.z, world.truck)
+    deviations = known(solver, world).drivers * prior.spread
     table = pd.DataFrame({"driver": np.arange(len(world.z)), "truck": world.truck.astype(bool)})
-    for k, name in enumerate(NAMES):
-        table[name], table[f"{name}_log_sd"] = np.exp(logs[:, k]), deviations[:, k]
+    for k, name in enumerate(prior.names):
+        table[name], table[f"{name}_log_sd"] = values[:, k], deviations[:, k]
     assert world.sums is not None
     table["one_step"] = np.sqrt(world.sums.square / np.maximum(world.sums.count, 1.0))
     return table

@@ -24,6 +24,7 @@ from rearl_jax.discovery import tables, terminal
 from rearl_jax.discovery.adequacy import adequacy
 from rearl_jax.discovery.clocks import NAME
 from rearl_jax.discovery.confirmation import clocks_confirmed, confirmed, lens_confirmed
+from rearl_jax.discovery.drivers import prior_of
 from rearl_jax.discovery.errors import model_errors
 from rearl_jax.discovery.gate import SMOOTHING, Finding, amount
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
@@ -78,7 +79,7 @@ def run(config: DiscoverTask) -> dict:
         return json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
     with progress_bar() as bar:
         parts, recordings = read_parts(config, identity, bar, generated=generated)
-        solver = Solver(Programs(layout_of(parts.fitted), parts.fitted.dt))
+        solver = Solver(Programs(layout_of(parts.fitted, prior_of(config.driver)), parts.fitted.dt))
         if config.discover.oracle is not None:
             verdict = _oracle(config, solver, parts)
         else:
@@ -104,7 +105,7 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
     for recording in iterate_recordings(config.data):
         recordings.append(recording)
         say(len(recordings), len(recordings))
-    findings, data = measured_drivers(recordings, config.discover)
+    findings, data = measured_drivers(recordings, config.discover, prior_of(config.driver))
     notes = _each_once([note for one in recordings for note in one.info.notes])
     if data.jumps:
         notes += (f"positions jump {data.jumps} times: left out around them",)

@@ -8,7 +8,6 @@ from jaxtyping import Float
 from scipy.stats import norm
 
 from rearl_jax.discovery.candidates import FLAT
-from rearl_jax.discovery.moments import N_DRIVER
 from rearl_jax.discovery.solver import Solver, World
 
 CONTENT = np.log(60.0)
@@ -39,8 +38,9 @@ def known(solver: Solver, world: World) -> Known:
     assert world.sums is not None
     free = solver.free(world)
     gram, gradient = world.sums.gram / world.variance, world.sums.gradient / world.variance
-    own, added = slice(0, N_DRIVER), slice(N_DRIVER, N_DRIVER + len(free))
-    inverse = np.linalg.inv(gram[:, own, own] + np.eye(N_DRIVER))
+    n_own = world.z.shape[1]
+    own, added = slice(0, n_own), slice(n_own, n_own + len(free))
+    inverse = np.linalg.inv(gram[:, own, own] + np.eye(n_own))
     drivers = np.sqrt(np.einsum("dii->di", inverse))
     if not len(free):
         return Known(np.empty(0), drivers)
@@ -59,10 +59,11 @@ def known(solver: Solver, world: World) -> Known:
 def _projected(world: World, n_free: int) -> tuple[np.ndarray, np.ndarray]:
     """Response of the drivers' own parameters to what was added, and the information that is left of it."""
     assert world.sums is not None
-    own, added = slice(0, N_DRIVER), slice(N_DRIVER, N_DRIVER + n_free)
+    n_own = world.z.shape[1]
+    own, added = slice(0, n_own), slice(n_own, n_own + n_free)
     gram = world.sums.gram / world.variance
     coupling = gram[:, own, added]
-    response = np.linalg.solve(gram[:, own, own] + np.eye(N_DRIVER), coupling)
+    response = np.linalg.solve(gram[:, own, own] + np.eye(n_own), coupling)
     return response, (gram[:, added, added] - np.einsum("dij,dik->djk", coupling, response)).sum(axis=0)
 
 

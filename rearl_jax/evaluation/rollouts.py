@@ -32,7 +32,7 @@ from rearl_jax.evaluation.simulators import (
     program,
     rollout_keys,
 )
-from rearl_jax.evaluation.traffic import numbers_of
+from rearl_jax.evaluation.traffic import is_cooperative, population_of
 
 NO_SCENE = -1
 """In the place of a scene_id: rollouts that share no initial state with those of any scene, whatever seed and run."""
@@ -83,7 +83,7 @@ class Rollouts:
         n_cells = len(thresholds) if self._shares is None else self._shares.shape[1]
         self._numbers = range(n_cells * self._n_runs * len(self._served))
         # A last axis of length 1: the same for all scenarios.
-        self._traffic = jax.tree.map(lambda leaf: np.asarray(leaf)[..., None], numbers_of(config))
+        self._traffic = jax.tree.map(lambda leaf: np.asarray(leaf)[..., None], population_of(config))
         self._references = self._thresholds = None
         self._policy: TrainedPolicy | None = None
         if config.method is Method.ppo:
@@ -150,7 +150,9 @@ class Rollouts:
         acts = interventions(config) if policy is None else policy.options
         if isinstance(acts, Interventions) and (acts.policy.is_outside or self._outside is not None):
             return self._decided_outside(acts)
-        simulate = program(config.method, acts, config.core, config.init.speed, self._n_seconds, width)
+        simulate = program(
+            config.method, acts, config.core, config.init.speed, self._n_seconds, width, is_cooperative(config)
+        )
         thresholds = None if self._thresholds is None else tuple(self._thresholds[:, self.cell])
         # A last axis of length 1: the same for all scenarios.
         references, actor = jax.tree.map(
@@ -190,7 +192,9 @@ class Rollouts:
             table,
             Thresholds(*map(jnp.asarray, self._thresholds[:, self.cell])),
             self._outside,
-            model_under_decisions(traffic_model(config.core), acts.loop.execution.longitudinal),
+            model_under_decisions(
+                traffic_model(config.core, cooperative=is_cooperative(config)), acts.loop.execution.longitudinal
+            ),
             acts.loop,
             n_seconds=self._n_seconds,
         )

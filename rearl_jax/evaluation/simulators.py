@@ -36,7 +36,7 @@ from rearl_jax.decision.policies import make_policy
 from rearl_jax.detection.detector import DetectionOptions, Thresholds, detection_options
 from rearl_jax.detection.references import References
 from rearl_jax.detection.table import tabulate
-from rearl_jax.models.traffic import TrafficNumbers
+from rearl_jax.models.population import Population
 from rearl_jax.models.traffic import populate as populate_by_model
 
 Simulator: TypeAlias = Callable[[TrafficState, Drivers, TrafficModel, int], Frames]
@@ -116,7 +116,7 @@ class Batch(NamedTuple):
         thresholds: Of the Hellinger distance and of the spacing error.
         actor: The network that drives everybody; last axis as of the references.
         shares: Of aggressive and defensive drivers and of trucks.
-        traffic: Drivers and effects of a repaired model; last axis as of the references.
+        traffic: Drivers and effects that are not highway-env's; last axis as of the references.
     """
 
     starts: Mapping[str, Array | np.ndarray]
@@ -125,7 +125,7 @@ class Batch(NamedTuple):
     thresholds: tuple[Array, Array] | None = None
     actor: Perceptron | None = None
     shares: Float[Array | np.ndarray, "classes rollouts"] | None = None
-    traffic: TrafficNumbers | None = None
+    traffic: Population | None = None
 
 
 def begin(
@@ -133,7 +133,7 @@ def begin(
     measured: TrafficState | None,
     core: CoreConfig,
     speed: InitialSpeed,
-    traffic: TrafficNumbers | None = None,
+    traffic: Population | None = None,
 ) -> tuple[TrafficState, Drivers, Key[Array, " scenarios"]]:
     """Initial states, drivers and random keys of rollouts.
 
@@ -142,8 +142,7 @@ def begin(
         measured: Initial states that are not drawn.
         core: The road and its vehicles.
         speed: How initial speeds are drawn.
-        traffic: Drivers and effects of a repaired model, its leaves with a last axis of length 1; None for
-            highway-env's.
+        traffic: Drivers and effects, its leaves with a last axis of length 1; None for highway-env's.
     """
     keys = rollout_keys(starts)
     state, drivers = spawn(
@@ -190,10 +189,11 @@ def program(
     speed: InitialSpeed,
     n_seconds: int,
     width: int,
+    cooperative: bool,
 ) -> ScenarioMap:
     """Compiled once for all studies of a process: from seeds (and measured states) to rollouts."""
-    # Without it, what a lane change costs others would be nothing to any class of drivers.
-    model = replace(traffic_model(core), cooperative=method is Method.critical)
+    # Without it, what a lane change costs others would be nothing to polite drivers.
+    model = traffic_model(core, cooperative=cooperative)
 
     def simulate(batch: Batch) -> Simulated:
         references, thresholds = batch.references, batch.thresholds
@@ -267,7 +267,7 @@ def beginnings(core: CoreConfig, speed: InitialSpeed, detection: DetectionOption
         starts: dict[str, Array],
         measured: TrafficState | None,
         references: References,
-        traffic: TrafficNumbers | None,
+        traffic: Population | None,
     ) -> tuple:
         state, drivers, keys = begin(starts, measured, core, speed, traffic)
         return state, drivers, decision_keys(keys), tabulate(references, detection.hist, state.x.dtype)

@@ -1,17 +1,19 @@
-"""Whose traffic is simulated: highway-env's, or that of a repaired model."""
+"""Whose traffic is simulated: highway-env's, that of the keys `driver` and `mobil`, or that of a repaired model."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
 from rearl_jax.baselines.weights import load_policy
 from rearl_jax.config import EvaluateTask
+from rearl_jax.config.driver import DriverConfig, record_of
 from rearl_jax.config.evaluation import Method, Variant
+from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.config.scenes import SpeedNorm
 from rearl_jax.data.recordings import data_id
 from rearl_jax.models.file import model_id, read_model
+from rearl_jax.models.population import Population, lane_changing_of, population_of_keys, population_of_model
 from rearl_jax.models.record import EffectValues
-from rearl_jax.models.traffic import TrafficNumbers, traffic_numbers
 
 WITH_MODEL = (Method.base, Method.rearl)
 """Methods whose vehicles follow each other by the traffic model."""
@@ -38,22 +40,46 @@ def require_one_variant(config: EvaluateTask) -> None:
         raise ValueError("variant=all is for rearl evaluate: set variant=repaired or variant=calibrated")
 
 
-def numbers_of(config: EvaluateTask) -> TrafficNumbers | None:
-    """The repaired model's drivers and effects, None for highway-env's traffic.
+def population_of(config: EvaluateTask) -> Population | None:
+    """The drivers and effects of the configuration, None for highway-env's.
 
     Raises:
-        FileNotFoundError, ValueError: The model cannot be read, or the method has drivers of its own.
+        FileNotFoundError, ValueError: The model cannot be read, it comes with keys of other drivers, or the method has
+            drivers of its own.
     """
-    if config.model is None:
-        return None
+    dtype, ticks = np.dtype(config.core.dtype.name), config.core.ticks_per_second
     if config.method not in WITH_MODEL:
+        _refuse_drivers(config)
+        return None
+    if config.model is None:
+        return population_of_keys(config.driver, config.mobil, dtype, ticks)
+    if not config.driver.is_default:
         raise ValueError(
-            f"method={config.method.name} has drivers of its own, to whom model={config.model} means nothing: set "
-            f"method=base or method=rearl, or leave model out"
+            f"model={config.model} brings its own drivers: leave the keys of driver alone, or leave model out"
         )
     require_one_variant(config)
-    dtype = np.dtype(config.core.dtype.name)
-    return traffic_numbers(read_model(config.model), dtype, with_effects=config.variant is Variant.repaired)
+    return population_of_model(
+        read_model(config.model),
+        dtype,
+        with_effects=config.variant is Variant.repaired,
+        lane_changing=lane_changing_of(config.mobil, dtype, ticks),
+    )
+
+
+def is_cooperative(config: EvaluateTask) -> bool:
+    """Whether some driver minds what a change of lanes costs others."""
+    return config.method is Method.critical or config.mobil.politeness != 0
+
+
+def _refuse_drivers(config: EvaluateTask) -> None:
+    said = {f"model={config.model}": config.model is None, "driver": config.driver.is_default}
+    said |= {"mobil": config.mobil.is_default}
+    for what, is_left_alone in said.items():
+        if not is_left_alone:
+            raise ValueError(
+                f"method={config.method.name} has drivers of its own, to whom {what} means nothing: set method=base or "
+                f"method=rearl, or leave {what.partition('=')[0]} out"
+            )
 
 
 def calibrated(config: EvaluateTask) -> EvaluateTask:
@@ -62,9 +88,10 @@ def calibrated(config: EvaluateTask) -> EvaluateTask:
 
 
 def model_notes(config: EvaluateTask) -> list[str]:
-    """What must be read with results on the traffic of a repaired model; nothing without one."""
+    """What must be read with results on traffic that is not highway-env's; nothing where it is."""
+    said = [note for note in (_driver_note(config.driver), _mobil_note(config.mobil)) if note]
     if config.model is None:
-        return []
+        return said
     model = read_model(config.model)
     effects = ", ".join(_written(effect) for effect in model.effects) or "none"
     traffic = {
@@ -81,7 +108,26 @@ def model_notes(config: EvaluateTask) -> list[str]:
             f"recorded speeds are rescaled (speed.norm={config.speed.norm.name}), the model's are not: speed.norm=none "
             "compares like with like"
         )
-    return notes
+    return [*notes, *said]
+
+
+def _driver_note(driver: DriverConfig) -> str:
+    """The drivers in a line; empty for highway-env's."""
+    if driver.is_default:
+        return ""
+    usual = record_of(driver.model)()
+    changed = {name: value for name, value in driver.values().items() if value != usual.values()[name]}
+    parts = [f"{name} {value:g}" for name, value in changed.items() if value is not None]
+    classes = [f"{name}: " + ", ".join(f"{k} {v:g}" for k, v in said.items()) for name, said in driver.classes.items()]
+    words = ", ".join(parts) or "with its usual values"
+    return f"drivers: {driver.model} ({words})" + "".join(f"; {part}" for part in classes)
+
+
+def _mobil_note(mobil: MobilConfig) -> str:
+    """Changed parameters of lane changing in a line; empty for highway-env's."""
+    usual = MobilConfig()
+    names = [item.name for item in fields(mobil) if getattr(mobil, item.name) != getattr(usual, item.name)]
+    return "lane changing: " + ", ".join(f"{name} {getattr(mobil, name):g}" for name in names) if names else ""
 
 
 def _written(effect: EffectValues) -> str:

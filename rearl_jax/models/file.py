@@ -1,6 +1,7 @@
 """`model.yaml`: a repaired model written, and read with every key checked.
 
 schema: 1
+car_following: idm
 source: {data_id: ..., study: ..., code_version: ...}
 population: {car: {share: ..., log_mean: {...}, log_covariance: [[...], ...], noise_sd: ..., ...}, truck: {...}}
 effects: [{name: ..., parameters: {...}}, ...]
@@ -18,10 +19,11 @@ import numpy as np
 import yaml
 
 from rearl_jax.config._schema import nearest
+from rearl_jax.config.driver import CALIBRATED, MODELS
+from rearl_jax.config.driver.declaration import DriverModel
 from rearl_jax.core.effects import EFFECTS, VARIABLES
 from rearl_jax.models.record import (
     CAR,
-    PARAMETERS,
     SCHEMA,
     TRUCK,
     DriverClass,
@@ -40,18 +42,6 @@ RANGES = {
 }
 """Bounds of a class's numbers, units as of `DriverClass`."""
 
-LOG_RANGES = {
-    "desired_speed": (math.log(1.0), math.log(100.0)),
-    "time_gap": (math.log(0.05), math.log(10.0)),
-    "jam_gap": (math.log(0.1), math.log(20.0)),
-    "max_accel": (math.log(0.05), math.log(10.0)),
-    "comfort_decel": (math.log(0.05), math.log(20.0)),
-}
-"""Bounds of the means of the logarithms."""
-
-CURVE = ("values", "knots")
-"""Parameters of a curve, which are lists; an effect with a `variable` is one."""
-
 
 class BadModelError(ValueError):
     """A model file that cannot be used: which file, which key, and what to do."""
@@ -65,7 +55,10 @@ def write_model(path: str | Path, model: RepairedModel) -> None:
     """
     plain = asdict(model)
     content = _plain(
-        {"schema": SCHEMA, **{name: plain[name] for name in ("source", "population", "effects", "baseline")}}
+        {
+            "schema": SCHEMA,
+            **{name: plain[name] for name in ("car_following", "source", "population", "effects", "baseline")},
+        }
     )
     for effect in content["effects"]:
         if effect["variable"] is None:
@@ -154,14 +147,21 @@ class _Reader:
 
 def _checked(path: Path, content: Any) -> RepairedModel:
     reader = _Reader(path)
-    whole = reader.mapping(content, "the file", ("schema", "source", "population", "effects", "baseline"))
+    whole = reader.mapping(
+        content, "the file", ("schema", "source", "population", "effects", "baseline"), ("car_following",)
+    )
     if whole["schema"] != SCHEMA:
         raise reader.refuse(
             "schema", f"is {whole['schema']!r}, but this version reads {SCHEMA}: write the model again with it"
         )
+    car_following = whole.get("car_following", "idm")  # what a file that does not say drives by
+    if car_following not in CALIBRATED:
+        close = nearest(str(car_following), CALIBRATED)
+        raise reader.refuse("car_following", f"is {car_following!r}; nearest: {close}; models: {', '.join(CALIBRATED)}")
+    drivers_of = MODELS[car_following]
     names = [item.name for item in fields(Source)]
     source = reader.mapping(whole["source"], "source", names)
-    population, baseline = (_population(reader, whole[name], name) for name in ("population", "baseline"))
+    population, baseline = (_population(reader, whole[name], name, drivers_of) for name in ("population", "baseline"))
     if population.keys() != baseline.keys():
         raise reader.refuse("baseline", f"must have the classes of population: {', '.join(population)}")
     for kind, drivers in population.items():
@@ -180,28 +180,32 @@ def _checked(path: Path, content: Any) -> RepairedModel:
         population,
         baseline,
         tuple(effects),
+        car_following,
     )
 
 
-def _population(reader: _Reader, value: Any, key: str) -> dict[str, DriverClass]:
+def _population(reader: _Reader, value: Any, key: str, model: DriverModel) -> dict[str, DriverClass]:
     classes = reader.mapping(value, key, (CAR,), (TRUCK,))
-    found = {name: _drivers(reader, part, f"{key}.{name}") for name, part in classes.items()}
+    found = {name: _drivers(reader, part, f"{key}.{name}", model) for name, part in classes.items()}
     total = sum(drivers.share for drivers in found.values())
     if abs(total - 1) > 1e-6:
         raise reader.refuse(key, f"has shares with the sum {total:g}: they must add up to 1")
     return {name: found[name] for name in (CAR, TRUCK) if name in found}
 
 
-def _drivers(reader: _Reader, value: Any, key: str) -> DriverClass:
+def _drivers(reader: _Reader, value: Any, key: str, model: DriverModel) -> DriverClass:
     part = reader.mapping(value, key, [item.name for item in fields(DriverClass)])
-    means = reader.mapping(part["log_mean"], f"{key}.log_mean", PARAMETERS)
-    mean = {name: reader.number(means[name], f"{key}.log_mean.{name}", *LOG_RANGES[name]) for name in PARAMETERS}
-    name, rows = f"{key}.log_covariance", part["log_covariance"]
-    if not isinstance(rows, list) or len(rows) != len(PARAMETERS):
-        raise reader.refuse(name, f"must have {len(PARAMETERS)} rows, in the order {', '.join(PARAMETERS)}")
+    means, names = reader.mapping(part["log_mean"], f"{key}.log_mean", model.names), ", ".join(model.names)
+    mean = {
+        one.name: reader.number(means[one.name], f"{key}.log_mean.{one.name}", math.log(one.low), math.log(one.high))
+        for one in model.parameters
+    }
+    name, rows, size = f"{key}.log_covariance", part["log_covariance"], len(model.names)
+    if not isinstance(rows, list) or len(rows) != size:
+        raise reader.refuse(name, f"must have {size} rows, in the order {names}")
     covariance = [reader.numbers(row, f"{name}[{place}]", -25.0, 25.0) for place, row in enumerate(rows)]
-    if {len(row) for row in covariance} != {len(PARAMETERS)}:
-        raise reader.refuse(name, f"must have {len(PARAMETERS)} columns, in the order {', '.join(PARAMETERS)}")
+    if {len(row) for row in covariance} != {size}:
+        raise reader.refuse(name, f"must have {size} columns, in the order {names}")
     matrix = np.array(covariance)
     if not np.allclose(matrix, matrix.T, atol=1e-9) or np.linalg.eigvalsh(matrix).min() < -1e-9:
         raise reader.refuse(name, "must be symmetric and positive semidefinite, as a covariance is")
@@ -220,7 +224,7 @@ def _effect(reader: _Reader, value: Any, key: str) -> EffectValues:
     is_curve = "variable" in {item.name for item in fields(kind)}
     parameters = {}
     for item in kind.parameters:
-        read = reader.numbers if is_curve and item.name in CURVE else reader.number
+        read = reader.numbers if item.is_list else reader.number
         parameters[item.name] = read(given[item.name], f"{key}.parameters.{item.name}", item.low, item.high)
     variable = part.get("variable")
     if is_curve:

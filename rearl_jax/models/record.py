@@ -6,11 +6,10 @@ Plain numbers and texts only, so that a model can be written by hand.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from rearl_jax.config.driver import MODELS
+
 SCHEMA = 1
 """Version of the file's layout."""
-
-PARAMETERS = ("desired_speed", "time_gap", "jam_gap", "max_accel", "comfort_decel")
-"""Parameters of a driver, in the order of every covariance; units as of `core.gap_idm.FollowingParams`."""
 
 CAR, TRUCK = "car", "truck"
 
@@ -21,8 +20,8 @@ class DriverClass:
 
     Attributes:
         share: Of all vehicles [-].
-        log_mean: Mean of the logarithm of each of `PARAMETERS`, by name.
-        log_covariance: Covariance of these logarithms, rows and columns in the order of `PARAMETERS`.
+        log_mean: Mean of the logarithm of each parameter of the car-following model, by name.
+        log_covariance: Covariance of these logarithms, rows and columns in the order of the model's declaration.
         noise_sd: Standard deviation of the acceleration that no model explains [m/s^2].
         noise_time: Its correlation time [s].
         length: Mean length of the vehicles [m].
@@ -77,14 +76,21 @@ class RepairedModel:
         population: Drivers by class, `car` and perhaps `truck`, calibrated together with the effects.
         effects: What acts on them beyond car following.
         baseline: The same drivers calibrated without effects; classes, shares and lengths as in `population`.
+        car_following: Name of their car-following model, one of `config.driver.CALIBRATED`.
     """
 
     source: Source
     population: Mapping[str, DriverClass]
     baseline: Mapping[str, DriverClass]
     effects: Sequence[EffectValues] = field(default_factory=tuple)
+    car_following: str = "idm"
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of a driver's parameters, in the order of every covariance."""
+        return MODELS[self.car_following].names
 
 
 def diagonal(log_sd: Mapping[str, float]) -> list[list[float]]:
-    """Covariance of independent parameters, from the standard deviations of their logarithms by name."""
-    return [[log_sd[row] ** 2 if row == column else 0.0 for column in PARAMETERS] for row in PARAMETERS]
+    """Covariance of independent parameters, in the order of the standard deviations of their logarithms."""
+    return [[log_sd[row] ** 2 if row == column else 0.0 for column in log_sd] for row in log_sd]

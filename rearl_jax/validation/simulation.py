@@ -9,7 +9,8 @@ import numpy as np
 from jax import lax
 
 from rearl_jax.core.batch import ScenarioMap
-from rearl_jax.core.drivers import Body, Drivers, IDMParams, MOBILParams
+from rearl_jax.core.car_following.highway_env_idm import VEHICLE_LENGTH, HighwayEnvIDM
+from rearl_jax.core.drivers import Body, Drivers, MOBILParams
 from rearl_jax.core.meta_actions import apply_meta_actions
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import Controller, TrafficState, make_state, nearest_lane
@@ -124,11 +125,13 @@ def _drivers(start: Start, model: TrafficModel, dtype: type) -> Drivers:
 
     period = jnp.full(start.x.shape, decision_period(1.0, model.ticks_per_second), jnp.int32)
     return Drivers(
-        idm=IDMParams(
-            **{
-                name: numbers(name)
-                for name in ("max_accel", "comfort_decel", "jam_spacing", "time_gap", "accel_exponent", "accel_limit")
-            }
+        car_following=HighwayEnvIDM(
+            desired_speed=None,
+            time_gap=numbers("time_gap"),
+            jam_gap=numbers("jam_spacing") - VEHICLE_LENGTH,
+            max_accel=numbers("max_accel"),
+            comfort_decel=numbers("comfort_decel"),
+            accel_exponent=numbers("accel_exponent"),
         ),
         mobil=MOBILParams(
             politeness=numbers("politeness"),
@@ -137,5 +140,10 @@ def _drivers(start: Start, model: TrafficModel, dtype: type) -> Drivers:
             decision_period=period,
             changes_lanes=jnp.asarray(start.changes_lanes),
         ),
-        body=Body(length=numbers("length"), width=numbers("width"), collides=jnp.asarray(start.collides)),
+        body=Body(
+            length=numbers("length"),
+            width=numbers("width"),
+            accel_limit=numbers("accel_limit"),
+            collides=jnp.asarray(start.collides),
+        ),
     )

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from rearl_jax.core import neighbours
-from rearl_jax.core.drivers import Body, Drivers, IDMParams, MOBILParams
+from rearl_jax.core.car_following.highway_env_idm import VEHICLE_LENGTH, HighwayEnvIDM
+from rearl_jax.core.drivers import Body, Drivers, MOBILParams
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import Controller, make_state
 from rearl_jax.core.step import tick
@@ -110,13 +111,13 @@ def drivers_of(picture, dtype):
     """Drivers from arrays by name."""
     real = {name: jnp.asarray(values, dtype) for name, values in picture.items()}
     return Drivers(
-        idm=IDMParams(
+        car_following=HighwayEnvIDM(
+            desired_speed=None,
+            time_gap=real["time_gap"],
+            jam_gap=real["jam_spacing"] - VEHICLE_LENGTH,
             max_accel=real["max_accel"],
             comfort_decel=real["comfort_decel"],
-            jam_spacing=real["jam_spacing"],
-            time_gap=real["time_gap"],
             accel_exponent=real["exponent"],
-            accel_limit=real["accel_limit"],
         ),
         mobil=MOBILParams(
             politeness=real["politeness"],
@@ -125,7 +126,12 @@ def drivers_of(picture, dtype):
             decision_period=jnp.asarray(picture["period"], jnp.int32),
             changes_lanes=jnp.asarray(picture["changes_lanes"], bool),
         ),
-        body=Body(length=real["length"], width=real["width"], collides=jnp.asarray(picture["collides"], bool)),
+        body=Body(
+            length=real["length"],
+            width=real["width"],
+            accel_limit=real["accel_limit"],
+            collides=jnp.asarray(picture["collides"], bool),
+        ),
     )
 
 

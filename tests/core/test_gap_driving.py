@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from rearl_jax.core import neighbours
+from rearl_jax.core.car_following.idm import IDM
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.effects.noise import AccelerationNoise
 from rearl_jax.core.gap_driving import begin_driving
-from rearl_jax.core.gap_idm import FollowingParams
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import rollout
 from rearl_jax.core.state import Controller, make_state
@@ -37,7 +37,7 @@ def traffic(n_slots, dtype=np.float64, controller=Controller.IDM, rng_seed=0):
     kinds = padded(np.full(shape, int(controller)), int(Controller.ABSENT)).astype(np.int32)
     state = make_state(padded(x, 0.0), padded(y, 0.0), padded(speed, 0.0), MODEL, controller=kinds, dtype=dtype)
     own = [padded(rng.uniform(low, high, shape), low) for low, high in RANGES]
-    following = FollowingParams(*(jnp.asarray(values, dtype) for values in own))
+    following = IDM(*(jnp.asarray(values, dtype) for values in own))
     drivers = default_drivers((n_slots, N_SCENARIOS), dtype, accel_limit=9.0, length=padded(np.full(shape, 4.5), 4.5))
     seed = jnp.arange(N_SCENARIOS, dtype=jnp.int32)[None]
     effects = (
@@ -48,7 +48,7 @@ def traffic(n_slots, dtype=np.float64, controller=Controller.IDM, rng_seed=0):
         EFFECTS["politeness"](jnp.asarray(0.3, dtype)),
         EFFECTS["cooperation"](jnp.asarray(0.8, dtype), jnp.asarray(2.0, dtype)),
     )
-    return state, replace(drivers, following=following, effects=effects)
+    return state, replace(drivers, car_following=following, effects=effects)
 
 
 RANGES = ((20.0, 31.0), (0.8, 1.8), (2.0, 3.0), (1.0, 2.0), (1.5, 2.5))

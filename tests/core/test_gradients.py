@@ -47,7 +47,7 @@ def programs(dtype):
 
     def losses(parameters):
         changed = eqx.tree_at(
-            lambda d: (d.idm.time_gap, d.idm.max_accel),
+            lambda d: (d.car_following.time_gap, d.car_following.max_accel),
             drivers,
             tuple(jnp.broadcast_to(parameters[name][None], state.x.shape) for name in NAMES[:2]),
         )

@@ -41,7 +41,9 @@ def test_large_traffic_has_slopes_where_lanes_are_changed():
 
     def mean_position(time_gap):
         after = state
-        slower = replace(drivers, idm=replace(drivers.idm, time_gap=jnp.broadcast_to(time_gap, (1, 1))))
+        slower = replace(
+            drivers, car_following=replace(drivers.car_following, time_gap=jnp.broadcast_to(time_gap, (1, 1)))
+        )
         for _ in range(3):
             after = tick(after, slower, MODEL)
         return after.x.mean(), after.target_lane

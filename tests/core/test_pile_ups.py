@@ -24,8 +24,8 @@ def piled_up(seed, dtype):
     heading, speed = rng.normal(0.0, 0.3, shape), rng.uniform(0.0, 10.0, shape)
     state = make_state(x, y, speed, MODEL, heading=heading, dtype=dtype)
     order = jnp.asarray(np.argsort(np.asarray(state.x), axis=0), jnp.int32)
-    length, width = (jnp.full((1, 1), size, dtype) for size in (5.0, 2.0))
-    return replace(state, order=order), Body(length, width, jnp.asarray(rng.uniform(size=shape) < 0.9))
+    length, width, limit = (jnp.full((1, 1), size, dtype) for size in (5.0, 2.0, 6.0))
+    return replace(state, order=order), Body(length, width, limit, jnp.asarray(rng.uniform(size=shape) < 0.9))
 
 
 def ahead_by(n):
@@ -66,7 +66,7 @@ def test_boxes_hold_the_vehicles():
         x, y = rng.uniform(0.0, 7.0, (2, 500)), rng.uniform(0.0, 6.0, (2, 500))
         heading, speed = rng.uniform(-4.0, 4.0, (2, 500)), rng.uniform(-30.0, 30.0, (2, 500))
         state = make_state(x, y, speed, MODEL, heading=heading, dtype=np.float32)
-        body = Body(*(jnp.full((1, 1), size, np.float32) for size in (5.0, 2.0)), jnp.ones((1, 1), bool))
+        body = Body(*(jnp.full((1, 1), size, np.float32) for size in (5.0, 2.0, 6.0)), jnp.ones((1, 1), bool))
         marked = np.asarray(collisions.collide(state, body, MODEL).is_pushed)
         extent = collisions.extent_of(state, body, MODEL)
         with mock.patch.object(collisions, "_close_in_list", lambda extent: jnp.ones(extent.x.shape, jnp.uint32)):

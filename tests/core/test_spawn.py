@@ -70,8 +70,8 @@ def test_spacing_follows_density_and_number_of_lanes(density, n_lanes):
 
 def test_exponents(traffic):
     _, drivers = traffic
-    assert drivers.idm.accel_exponent.shape == (N_VEHICLES, N_SCENARIOS)
-    assert kolmogorov_smirnov(drivers.idm.accel_exponent, 3.5, 4.5) < LIMIT
+    assert drivers.car_following.accel_exponent.shape == (N_VEHICLES, N_SCENARIOS)
+    assert kolmogorov_smirnov(drivers.car_following.accel_exponent, 3.5, 4.5) < LIMIT
 
 
 def test_lanes_are_equally_likely_and_vehicles_in_their_middle(traffic):
@@ -87,7 +87,13 @@ def test_draws_are_independent(traffic):
     state, drivers = traffic
     offset = (12 + state.speed) * np.exp(-0.5) / 2
     share = np.diff(state.x, axis=0) / offset[1:]
-    columns = [state.speed[1:], share, drivers.idm.accel_exponent[1:], state.target_lane[1:], state.speed[:-1]]
+    columns = [
+        state.speed[1:],
+        share,
+        drivers.car_following.accel_exponent[1:],
+        state.target_lane[1:],
+        state.speed[:-1],
+    ]
     correlation = np.corrcoef([np.ravel(column) for column in columns]) - np.eye(len(columns))
     assert abs(correlation).max() < 4 / np.sqrt(share.size)
 

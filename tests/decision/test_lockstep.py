@@ -136,12 +136,13 @@ def test_drivers_with_effects_are_the_same_from_outside(start, table, model, opt
     from rearl_jax.decision.lockstep import rollout_in_lockstep
     from rearl_jax.decision.loop import rollout_with_policy
     from rearl_jax.decision.policies import make_policy
-    from rearl_jax.models.traffic import populate, traffic_numbers
+    from rearl_jax.models.population import population_of_model
+    from rearl_jax.models.traffic import populate
     from tests.models.drivers import CURVE, NOISE
     from tests.models.drivers import model as repaired_model
 
     state, drivers, keys, thresholds = parts(start, 3)
-    numbers = traffic_numbers(repaired_model(CURVE, NOISE), np.dtype("float32"), with_effects=True)
+    numbers = population_of_model(repaired_model(CURVE, NOISE), np.dtype("float32"), with_effects=True)
     state, drivers = jax.jit(lambda state: populate(state, drivers, keys, numbers, model))(state)
     assert drivers.effects[0].knots.shape == (3,)
     policy = make_policy(PolicyName.matcher, MatcherConfig(), model)

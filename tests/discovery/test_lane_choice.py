@@ -28,7 +28,8 @@ from rearl_jax.discovery.refit import Fit
 from rearl_jax.discovery.repaired import lane_effect_values
 from rearl_jax.discovery.smoothing import thinned
 from rearl_jax.models.file import read_model, write_model
-from rearl_jax.models.traffic import populate, traffic_numbers
+from rearl_jax.models.population import population_of_model
+from rearl_jax.models.traffic import populate
 from tests.models.drivers import model
 
 SMALL = {**FREE_CHANGES, "n_vehicles": 180, "duration": 150.0}
@@ -178,7 +179,7 @@ def test_what_was_found_changes_the_simulation(found, tmp_path):
         state, drivers = populate(state, drivers, keys, numbers, ROAD)
         return nearest_lane(state.y, ROAD), nearest_lane(rollout(state, drivers, ROAD, n_seconds=20)[0].y, ROAD)
 
-    numbers = (traffic_numbers(one, np.dtype("float64"), with_effects=True) for one in (repaired, off))
+    numbers = (population_of_model(one, np.dtype("float64"), with_effects=True) for one in (repaired, off))
     (start, kept), (same, free) = (jax.tree.map(np.asarray, lanes(one)) for one in numbers)
     np.testing.assert_array_equal(start, same)
     assert (free != start).mean() > 0.02  # lanes are changed at all

@@ -7,9 +7,8 @@ import pytest
 
 from rearl_jax.discovery import clocks, decision, families
 from rearl_jax.discovery.clock_check import ClockCheck
-from rearl_jax.discovery.drivers import CAR, SPREAD, following_params
+from rearl_jax.discovery.drivers import IDM_PRIOR
 from rearl_jax.discovery.gate import Finding
-from rearl_jax.discovery.moments import N_DRIVER
 from rearl_jax.discovery.noise import calibrate
 from rearl_jax.discovery.null import Null, simulate_again, summarise
 from rearl_jax.discovery.observer import Noise
@@ -22,10 +21,10 @@ from rearl_jax.discovery.verdict import Adequacy, candidate_rows, verdict_of
 
 
 def test_standard_parameters_are_usual_drivers():
-    params = following_params(np.zeros((N_DRIVER, 2)), np.array([0.0, 1.0]))
+    params = IDM_PRIOR.drivers(np.zeros((IDM_PRIOR.size, 2)), np.array([0.0, 1.0]))
     assert params.desired_speed.tolist() == pytest.approx([32.0, 25.0])
-    one = following_params(np.eye(N_DRIVER)[:, :1], np.zeros(1))
-    assert float(one.desired_speed[0]) == pytest.approx(CAR[0] * np.exp(SPREAD[0]))
+    one = IDM_PRIOR.drivers(np.eye(IDM_PRIOR.size)[:, :1], np.zeros(1))
+    assert float(one.desired_speed[0]) == pytest.approx(IDM_PRIOR.usual_car[0] * np.exp(IDM_PRIOR.spread[0]))
 
 
 def test_drivers_are_found_again(solver, calibrated):

@@ -44,7 +44,7 @@ def standing(monkeypatch):
             y=state.y[None] + same,
             heading=state.desired_speed[None] + same,
             speed=state.speed[None] + same,
-            acceleration=drivers.idm.max_accel[None] + same,
+            acceleration=drivers.car_following.max_accel[None] + same,
             lane=nearest_lane(state.y, model)[None] + jnp.zeros(same.shape, jnp.int32),
             crashed=same > 0,
         )

@@ -2,8 +2,10 @@
 
 import math
 
-from rearl_jax.models.record import PARAMETERS, DriverClass, EffectValues, RepairedModel, Source, diagonal
+from rearl_jax.config.driver import MODELS
+from rearl_jax.models.record import DriverClass, EffectValues, RepairedModel, Source, diagonal
 
+PARAMETERS = MODELS["idm"].names
 SD = dict(zip(PARAMETERS, (0.1, 0.3, 0.2, 0.25, 0.3), strict=True))
 
 

@@ -9,8 +9,8 @@ import yaml
 
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.models.file import BadModelError, model_id, read_model, write_model
-from rearl_jax.models.record import PARAMETERS, EffectValues
-from tests.models.drivers import CURVE, GAIN, NOISE, SD, drivers, model
+from rearl_jax.models.record import EffectValues
+from tests.models.drivers import CURVE, GAIN, NOISE, PARAMETERS, SD, drivers, model
 
 
 @pytest.fixture
@@ -68,9 +68,11 @@ def test_parameters_outside_their_bounds_are_refused(path, content, name):
     variable = None
     if "dependence" in name:
         usual, variable = {"values": [0.1, 0.2], "knots": [0.0, 10.0]}, "speed"
+    if name == "closed_course":
+        usual = {"values": [0.1, 0.2, -0.1], "lap": 500.0}
     for item in EFFECTS[name].parameters:
         for beyond in (item.low - 1.0, item.high * 1.001 + 1.0):
-            value = [0.0, beyond] if variable else beyond
+            value = [0.0, beyond] if item.is_list else beyond
             bad = dict(content, effects=[{"name": name, "parameters": usual | {item.name: value}}])
             if variable:
                 bad["effects"][0]["variable"] = variable

@@ -10,9 +10,9 @@ import pytest
 
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.spawn import spawn
-from rearl_jax.models.record import PARAMETERS
-from rearl_jax.models.traffic import LEAST_GAP, populate, traffic_numbers
-from tests.models.drivers import CURVE, GAIN, NOISE, SD, drivers, model
+from rearl_jax.models.population import population_of_model
+from rearl_jax.models.traffic import LEAST_GAP, populate
+from tests.models.drivers import CURVE, GAIN, NOISE, PARAMETERS, SD, drivers, model
 
 ROAD = TrafficModel(speed_limit=None)
 N_VEHICLES, N_SCENARIOS = 10, 400
@@ -20,7 +20,7 @@ F64 = np.dtype("float64")
 
 
 def drawn(repaired, *, with_effects=True, keys=N_SCENARIOS, road=ROAD):
-    numbers = traffic_numbers(repaired, F64, with_effects=with_effects)
+    numbers = population_of_model(repaired, F64, with_effects=with_effects)
     keys = jax.vmap(jax.random.key)(jnp.arange(keys))
 
     @jax.jit
@@ -47,7 +47,7 @@ def test_drivers_are_log_normal_by_class(traffic):
     assert truck.mean() == pytest.approx(0.2, abs=0.03)
     for name in PARAMETERS:
         for kind, is_it in (("car", ~truck), ("truck", truck)):
-            logs = np.log(np.asarray(getattr(people.following, name))[is_it])
+            logs = np.log(np.asarray(getattr(people.car_following, name))[is_it])
             assert logs.mean() == pytest.approx(model().population[kind].log_mean[name], abs=5 * SD[name] / 28)
             assert logs.std() == pytest.approx(SD[name], rel=0.1)  # cut at 2.5 standard deviations
     length = np.asarray(people.body.length)
@@ -60,7 +60,7 @@ def test_parameters_are_correlated_as_the_covariance_says():
     covariance[1, 3] = covariance[3, 1] = -0.6 * SD["time_gap"] * SD["max_accel"]
     cars = {"car": drivers(1.0, (30.0, 1.2, 2.5, 1.4, 2.0), 4.5, 0.0, covariance.tolist())}
     _, _, people = drawn(replace(model(), population=cars, baseline=cars))
-    logs = [np.log(np.asarray(getattr(people.following, name))).ravel() for name in ("time_gap", "max_accel")]
+    logs = [np.log(np.asarray(getattr(people.car_following, name))).ravel() for name in ("time_gap", "max_accel")]
     assert np.corrcoef(logs)[0, 1] == pytest.approx(-0.6, abs=0.05)
     assert people.effects == ()  # no noise, no effects
 
@@ -72,7 +72,7 @@ def test_both_variants_have_the_same_quantiles_of_drivers(traffic, without):
     for name in ("x", "y", "speed"):
         np.testing.assert_array_equal(getattr(state, name), getattr(state_without, name))
     truck = np.asarray(people.body.is_truck)
-    ratio = np.asarray(people_without.following.time_gap / people.following.time_gap)
+    ratio = np.asarray(people_without.car_following.time_gap / people.car_following.time_gap)
     np.testing.assert_allclose(ratio[~truck], 1.4 / 1.2, rtol=1e-12)
     np.testing.assert_allclose(ratio[truck], 1.8 / 1.6, rtol=1e-12)
     assert [effect.name for effect in people.effects] == [
@@ -87,7 +87,7 @@ def test_a_scenario_does_not_depend_on_those_around_it(traffic):
     _, state, people = traffic
     _, few, few_people = drawn(model(GAIN, CURVE, NOISE), keys=3)
     np.testing.assert_array_equal(few.x, state.x[:, :3])
-    np.testing.assert_allclose(few_people.following.time_gap, people.following.time_gap[:, :3], rtol=1e-12)
+    np.testing.assert_allclose(few_people.car_following.time_gap, people.car_following.time_gap[:, :3], rtol=1e-12)
     np.testing.assert_array_equal(few_people.effects[2].seed, people.effects[2].seed[:, :3])
 
 
@@ -109,6 +109,5 @@ def test_nobody_starts_inside_another_and_most_stay_where_they_were(traffic):
 
 def test_desired_speeds_are_those_of_the_drivers(traffic):
     _, state, people = traffic
-    np.testing.assert_array_equal(state.desired_speed, people.following.desired_speed)
-    np.testing.assert_allclose(people.idm.jam_spacing, people.following.jam_gap + people.body.length)
+    np.testing.assert_array_equal(state.desired_speed, people.car_following.desired_speed)
     assert (np.asarray(state.memory.wished_side) == 0).all()

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Key
 
+from rearl_jax.core.car_following.highway_env_idm import VEHICLE_LENGTH
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.spawn import ticks_to_first_decision
@@ -95,14 +96,15 @@ def populate(
     speed = jnp.clip(speed, model.speed_levels[0], model.speed_levels[-1])
     ticks = ticks_to_first_decision(state.x, state.y, own("delay"), period, model.ticks_per_second)
     state = replace(state, speed=speed, desired_speed=speed, ticks_to_decision=ticks)
-    idm = replace(drivers.idm, max_accel=own("max_accel"), jam_spacing=own("jam_spacing"))
+    jam_gap = own("jam_spacing") - VEHICLE_LENGTH
+    car_following = replace(drivers.car_following, max_accel=own("max_accel"), jam_gap=jam_gap)
     mobil = replace(
         drivers.mobil,
         politeness=own("politeness"),
         gain_threshold=own("gain_threshold"),
         decision_period=period,
     )
-    return state, replace(drivers, idm=idm, mobil=mobil)
+    return state, replace(drivers, car_following=car_following, mobil=mobil)
 
 
 def class_numbers(

@@ -7,10 +7,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.randomness import no_seed, standard_uniform
 from rearl_jax.core.effects.stimulus import Stimulus
-from rearl_jax.core.gap_idm import FollowingParams, free_term, gap_interaction
 
 SITUATION = (
     *("speed", "has_leader", "gap", "leader_speed", "leader_acceleration", "has_second", "second_gap"),
@@ -42,8 +42,8 @@ class ActionPoints(Effect):
     name: ClassVar[str] = "action_points"
     kind: ClassVar[str] = "random"
     equation: ClassVar[str] = (
-        "a = f(situation at the last action point); a new one at rate 1 / mean_time, and where IDM's f has changed by "
-        "more than threshold"
+        "a = f(situation at the last action point); a new one at rate 1 / mean_time, and where the bare model's f has "
+        "changed by more than threshold"
     )
     source: ClassVar[str] = "after Treiber & Kesting, Transp. Res. B 117 (2018) 613 (action points)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -51,16 +51,16 @@ class ActionPoints(Effect):
         Parameter("threshold", "m/s^2", "change that is acted on at once", 0.5, 0.0, 5.0, 0.3, is_strength=False),
     )
 
-    def begin(self, seen: Stimulus, params: FollowingParams, tick: float) -> InMind:
+    def begin(self, seen: Stimulus, driver: CarFollowing, tick: float) -> InMind:
         """A decision at the start."""
         return InMind(jnp.zeros((), jnp.int32), _situation(seen))
 
-    def remember(self, memory: InMind, seen: Stimulus, params: FollowingParams, tick: float) -> InMind:
+    def remember(self, memory: InMind, seen: Stimulus, driver: CarFollowing, tick: float) -> InMind:
         """The situation, where the driver looks again."""
         count = memory.count + 1
         # Where mean_time is 0 every moment is a decision: no draw is 1.
         chance = 1 - jnp.exp(-tick / jnp.maximum(self.mean_time, 1e-6))
-        now, change = _situation(seen), _idm(seen, params) - _idm(_restored(seen, memory), params)
+        now, change = _situation(seen), _answer(seen, driver) - _answer(_restored(seen, memory), driver)
         is_new_leader = seen.has_leader != memory.situation[SITUATION.index("has_leader")]
         looks = standard_uniform(self.seed, 3, count, now[0]) < chance
         looks = looks | (jnp.abs(change) > self.threshold) | is_new_leader
@@ -79,7 +79,7 @@ def _restored(seen: Stimulus, memory: InMind) -> Stimulus:
     return replace(seen, **dict(zip(SITUATION, memory.situation, strict=True)))
 
 
-def _idm(seen: Stimulus, params: FollowingParams) -> Float[Array, "*n"]:
+def _answer(seen: Stimulus, driver: CarFollowing) -> Float[Array, "*n"]:
     """Acceleration of the bare model [m/s^2]."""
-    pull = gap_interaction(seen.gap, seen.speed, seen.speed - seen.leader_speed, params)
-    return params.max_accel * (1 - free_term(seen.speed, params.desired_speed) - seen.has_leader * pull)
+    behind = driver.interaction(seen.gap, seen.speed, seen.speed - seen.leader_speed)
+    return driver.free_acceleration(seen.speed) - seen.has_leader * behind

@@ -6,15 +6,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.stimulus import Stimulus
-from rearl_jax.core.gap_idm import FollowingParams, gap_interaction
 
 PASSING_SPEED = 60 / 3.6
 """Speed [m/s] up to which everybody may be passed on the right, in congestion."""
 
 STRONGEST_SECOND = 9.0
-"""Bound of the second leader's squared ratio of gaps [-], for moments of careless driving."""
+"""Bound of the deceleration because of the second leader [m/s^2], for moments of careless driving: tyre grip."""
 
 
 class SeveralLeaders(Effect):
@@ -24,19 +24,22 @@ class SeveralLeaders(Effect):
     relief: Float[Array, "*#n"]
 
     name: ClassVar[str] = "several_leaders"
-    equation: ClassVar[str] = "(1 - relief w) (s*/s)^2 + w (s*_2 / (s_2 / 2))^2, s_2 the sum of the next two gaps"
+    equation: ClassVar[str] = (
+        "(1 - relief w) I(s, dv) + w I(s_2 / 2, dv_2), I the deceleration because of a vehicle at that gap and "
+        "approach rate, s_2 the sum of the next two gaps"
+    )
     source: ClassVar[str] = "after Treiber, Kesting & Helbing, Physica A 360 (2006) 71 (human driver model)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("weight", "-", "weight of the second leader", off=0.0, low=0.0, high=1.0, scale=0.4),
         Parameter("relief", "-", "how much less the first counts for it", 0.5, 0.0, 1.0, 0.5, is_strength=False),
     )
 
-    def interaction(
-        self, value: Float[Array, "*n"], seen: Stimulus, memory: None, params: FollowingParams
+    def leaders(
+        self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
         """Both leaders count, where there are two."""
         dv = seen.speed - seen.second_speed
-        second = jnp.minimum(gap_interaction(seen.second_gap / 2, seen.speed, dv, params), STRONGEST_SECOND)
+        second = jnp.minimum(driver.interaction(seen.second_gap / 2, seen.speed, dv), STRONGEST_SECOND)
         return value + self.weight * seen.has_second * seen.has_leader * (second - self.relief * value)
 
 
@@ -109,19 +112,21 @@ class NoUndertaking(Effect):
 
     name: ClassVar[str] = "no_undertaking"
     equation: ClassVar[str] = (
-        "I + w max(0, min(I_left, 1 + b/a) - I) / (1 + exp((v_left - v) / 0.5 m/s)) above 60 km/h, I = (s*/s)^2"
+        "I + w max(0, min(I_left, a_free + b) - I) / (1 + exp((v_left - v) / 0.5 m/s)) above 60 km/h, I the "
+        "deceleration because of a vehicle, b the comfortable one"
     )
     source: ClassVar[str] = "after Treiber & Kesting, Traffic Flow Dynamics (2013), chapter 14 (European rules)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("weight", "-", "how much the left lane counts; 1 forbids to pass it", 0.0, 0.0, 1.0, 0.5),
     )
 
-    def interaction(
-        self, value: Float[Array, "*n"], seen: Stimulus, memory: None, params: FollowingParams
+    def leaders(
+        self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
         """That with the leader on the left lane where it is the larger one."""
         faster_by = seen.speed - seen.left_speed
-        left = gap_interaction(seen.left_gap, seen.speed, faster_by, params)
-        comfortable = jnp.minimum(left, 1 + params.comfort_decel / params.max_accel)
+        left = driver.interaction(seen.left_gap, seen.speed, faster_by)
+        bearable = driver.free_acceleration(seen.speed) + driver.comfortable_deceleration()
+        comfortable = jnp.minimum(left, bearable)
         passes = jnp.where(seen.speed > PASSING_SPEED, seen.has_left, 0.0) * jax.nn.sigmoid(2.0 * faster_by)
         return value + self.weight * passes * jnp.maximum(comfortable - value, 0.0)

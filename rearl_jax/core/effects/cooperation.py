@@ -5,10 +5,10 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.intentions import SimulatedStimulus
 from rearl_jax.core.effects.stimulus import Stimulus
-from rearl_jax.core.gap_idm import FollowingParams, free_term, gap_interaction
 
 
 class Cooperation(Effect):
@@ -20,7 +20,8 @@ class Cooperation(Effect):
     name: ClassVar[str] = "cooperation"
     kind: ClassVar[str] = "lane_change"
     equation: ClassVar[str] = (
-        "(s*/s)^2 + weight max(0, min((s*_e / s_e)^2, what makes a = -limit) - (s*/s)^2), e who wants to come over"
+        "I + weight max(0, min(I_e, a_free + limit) - I), I the deceleration because of the leader, I_e that because "
+        "of who wants to come over"
     )
     source: ClassVar[str] = "after Hidas, Transp. Res. C 10 (2002) 351 (courtesy lane changes)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -28,8 +29,8 @@ class Cooperation(Effect):
         Parameter("limit", "m/s^2", "hardest braking for it", 2.0, 0.2, 6.0, 1.0, is_strength=False),
     )
 
-    def interaction(
-        self, value: Float[Array, "*n"], seen: Stimulus, memory: None, params: FollowingParams
+    def leaders(
+        self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
         """More, where somebody wants to come over.
 
@@ -39,7 +40,7 @@ class Cooperation(Effect):
         if not isinstance(seen, SimulatedStimulus):
             raise ValueError("cooperation needs to know who wants to change lanes, which only a simulation does")
         closing = seen.speed - seen.entrant_speed
-        wanted = gap_interaction(seen.entrant_gap, seen.speed, closing, params)
-        bearable = 1 - free_term(seen.speed, params.desired_speed) + self.limit / params.max_accel
+        wanted = driver.interaction(seen.entrant_gap, seen.speed, closing)
+        bearable = driver.free_acceleration(seen.speed) + self.limit
         more = jnp.maximum(jnp.minimum(wanted, bearable) - value, 0.0)
         return value + self.weight * seen.has_entrant * more

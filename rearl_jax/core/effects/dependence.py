@@ -50,8 +50,8 @@ class Dependence(Effect):
     equation: ClassVar[str] = "a + curve(variable), piecewise linear between knots"
     source: ClassVar[str] = "found in data"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("values", "m/s^2", "the curve at its knots", off=0.0, low=-5.0, high=5.0, scale=0.3),
-        Parameter("knots", "that of the variable", "equidistant", 0.0, -1e6, 1e6, 1.0, is_strength=False),
+        Parameter("values", "m/s^2", "the curve at its knots", 0.0, -5.0, 5.0, 0.3, is_list=True),
+        Parameter("knots", "that of the variable", "equidistant", 0.0, -1e6, 1e6, 1.0, False, is_list=True),
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
@@ -65,8 +65,8 @@ class TimeGapDependence(Dependence):
     name: ClassVar[str] = "time_gap_dependence"
     equation: ClassVar[str] = "T exp(curve(variable)), piecewise linear between knots"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("values", "-", "the curve at its knots", off=0.0, low=-3.0, high=3.0, scale=0.3),
-        Parameter("knots", "that of the variable", "equidistant", 0.0, -1e6, 1e6, 1.0, is_strength=False),
+        Parameter("values", "-", "the curve at its knots", 0.0, -3.0, 3.0, 0.3, is_list=True),
+        Parameter("knots", "that of the variable", "equidistant", 0.0, -1e6, 1e6, 1.0, False, is_list=True),
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:

@@ -10,9 +10,9 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float, PyTree
 
+from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.effects.side_lane import SideLane
 from rearl_jax.core.effects.stimulus import Stimulus
-from rearl_jax.core.gap_idm import FollowingParams
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,7 @@ class Parameter:
         high: Upper bound.
         scale: How far from `off` values are usually found, the standard deviation of a prior.
         is_strength: Whether the effect is off where this (with the other strengths) is `off`; else it only shapes it.
+        is_list: Whether it is a list of values, one per knot of a curve.
     """
 
     name: str
@@ -38,10 +39,11 @@ class Parameter:
     high: float
     scale: float
     is_strength: bool = True
+    is_list: bool = False
 
 
 class Effect(eqx.Module):
-    """Base of all effects: every hook leaves things as they are.
+    """Base of all effects: every hook leaves things as they are, and none knows the formula of a car-following model.
 
     Class attributes:
         name: As in a model file and in a verdict.
@@ -57,11 +59,11 @@ class Effect(eqx.Module):
     source: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
 
-    def begin(self, seen: Stimulus, params: FollowingParams, tick: float) -> PyTree:
+    def begin(self, seen: Stimulus, driver: CarFollowing, tick: float) -> PyTree:
         """What is remembered at the start; None for an effect without memory."""
         return None
 
-    def remember(self, memory: PyTree, seen: Stimulus, params: FollowingParams, tick: float) -> PyTree:
+    def remember(self, memory: PyTree, seen: Stimulus, driver: CarFollowing, tick: float) -> PyTree:
         """What is remembered after this moment, which took `tick` [s]."""
         return memory
 
@@ -77,15 +79,36 @@ class Effect(eqx.Module):
         """Desired time gap T [s]."""
         return value
 
-    def interaction(
-        self, value: Float[Array, "*n"], seen: Stimulus, memory: PyTree, params: FollowingParams
+    def standstill_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: PyTree) -> Float[Array, "*n"]:
+        """Gap at standstill s0 [m]."""
+        return value
+
+    def leaders(
+        self, value: Float[Array, "*n"], seen: Stimulus, memory: PyTree, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """Squared ratio of desired to actual gap [-]; `params` are the driver's as changed so far."""
+        """Deceleration because of the vehicles ahead [m/s^2], positive.
+
+        Args:
+            value: That because of the leader, as changed so far.
+            seen: What the driver takes the situation for.
+            memory: What is remembered.
+            driver: With the wishes of this moment; `driver.interaction` is what another vehicle would be answered with.
+        """
         return value
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: PyTree) -> Float[Array, "*n"]:
-        """Acceleration [m/s^2], before its bounds."""
+        """Acceleration that the driver wants [m/s^2], before the bounds of what a vehicle can do."""
         return value
+
+    def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], tick: float) -> Float[Array, "*n"]:
+        """Acceleration that the vehicle executes [m/s^2].
+
+        Args:
+            wanted: By the driver.
+            last: Executed in the last tick [m/s^2].
+            tick: Time since then [s].
+        """
+        return wanted
 
     def incentive(
         self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: PyTree

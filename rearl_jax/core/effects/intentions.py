@@ -14,8 +14,17 @@ class SimulatedStimulus(Stimulus):
         has_entrant: Whether somebody ahead on a lane beside is changing to the own lane, or would if there were room.
         entrant_gap: To the nearest of them, bumper to bumper [m]; OUT_OF_SIGHT without one.
         entrant_speed: Its speed [m/s]; the own without one.
+        has_changer, changer_gap, changer_speed: The same of those who are on their way already, not only wish to be.
+        has_wanted, wanted_gap, wanted_speed: The next vehicle ahead on the lane that the driver itself is changing to,
+            or would if there were room.
     """
 
     has_entrant: Float[Array, "*#n"]
     entrant_gap: Float[Array, "*#n"]
     entrant_speed: Float[Array, "*#n"]
+    has_changer: Float[Array, "*#n"]
+    changer_gap: Float[Array, "*#n"]
+    changer_speed: Float[Array, "*#n"]
+    has_wanted: Float[Array, "*#n"]
+    wanted_gap: Float[Array, "*#n"]
+    wanted_speed: Float[Array, "*#n"]

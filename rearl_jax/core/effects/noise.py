@@ -7,10 +7,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.randomness import no_seed, standard_normal
 from rearl_jax.core.effects.stimulus import Stimulus
-from rearl_jax.core.gap_idm import FollowingParams
 
 
 class Fluctuation(eqx.Module):
@@ -71,11 +71,11 @@ class AccelerationNoise(Effect):
         Parameter("time", "s", "its correlation time", 1.5, 0.05, 60.0, 1.0, is_strength=False),
     )
 
-    def begin(self, seen: Stimulus, params: FollowingParams, tick: float) -> Fluctuation:
+    def begin(self, seen: Stimulus, driver: CarFollowing, tick: float) -> Fluctuation:
         """The noise at the start."""
         return begin_fluctuation(self.seed, 0, seen.speed)
 
-    def remember(self, memory: Fluctuation, seen: Stimulus, params: FollowingParams, tick: float) -> Fluctuation:
+    def remember(self, memory: Fluctuation, seen: Stimulus, driver: CarFollowing, tick: float) -> Fluctuation:
         """The noise now."""
         return fluctuate(memory, self.seed, 0, self.time, tick)
 
@@ -104,13 +104,13 @@ class PerceptionNoise(Effect):
         Parameter("time", "s", "correlation time of both", 20.0, 0.05, 120.0, 10.0, is_strength=False),
     )
 
-    def begin(self, seen: Stimulus, params: FollowingParams, tick: float) -> tuple[Fluctuation, Fluctuation]:
+    def begin(self, seen: Stimulus, driver: CarFollowing, tick: float) -> tuple[Fluctuation, Fluctuation]:
         """The errors at the start."""
         gap = begin_fluctuation(self.seed, 1, seen.speed)
         return gap, begin_fluctuation(self.seed, 2, seen.speed)
 
     def remember(
-        self, memory: tuple[Fluctuation, Fluctuation], seen: Stimulus, params: FollowingParams, tick: float
+        self, memory: tuple[Fluctuation, Fluctuation], seen: Stimulus, driver: CarFollowing, tick: float
     ) -> tuple[Fluctuation, Fluctuation]:
         """The errors now."""
         gap = fluctuate(memory[0], self.seed, 1, self.time, tick)

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
 
+from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.stimulus import Stimulus
-from rearl_jax.core.gap_idm import FollowingParams
 
 LONGEST_DELAY = 1.5
 """Longest reaction delay that is remembered [s]."""
@@ -31,7 +31,7 @@ class ReactionDelay(Effect):
     )
 
     def begin(
-        self, seen: Stimulus, params: FollowingParams, tick: float
+        self, seen: Stimulus, driver: CarFollowing, tick: float
     ) -> tuple[Int[Array, ""], Float[Array, "fields past *n"], Float[Array, "fields *n"]]:
         """The present as if it had always been so."""
         length = math.ceil(LONGEST_DELAY / tick) + 2
@@ -42,7 +42,7 @@ class ReactionDelay(Effect):
         self,
         memory: tuple[Int[Array, ""], Float[Array, "fields past *n"], Float[Array, "fields *n"]],
         seen: Stimulus,
-        params: FollowingParams,
+        driver: CarFollowing,
         tick: float,
     ) -> tuple[Int[Array, ""], Float[Array, "fields past *n"], Float[Array, "fields *n"]]:
         """The past in a ring, and in it the moment `delay` ago, interpolated."""

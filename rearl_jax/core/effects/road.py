@@ -159,3 +159,32 @@ class Weather(Effect):
 
     def _share(self, seen: Stimulus) -> Float[Array, "*n"]:
         return jax.nn.sigmoid((seen.time - self.onset) / self.ramp)
+
+
+class ClosedCourse(Effect):
+    """What every lap of a closed course does at the same place: slopes and bends of a test track."""
+
+    kind: ClassVar[str] = "road"
+
+    values: Float[Array, "knots *#n"]
+    lap: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "closed_course"
+    equation: ClassVar[str] = "a + curve(x mod lap), periodic, piecewise linear between equidistant knots"
+    source: ClassVar[str] = (
+        "found in data; what a test track does to ACC: Makridis et al., Data in Brief 34 (2021) 106751"
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("values", "m/s^2", "the curve at its knots, the first at x = 0", 0.0, -3.0, 3.0, 0.3, is_list=True),
+        Parameter("lap", "m", "length of the course", off=1000.0, low=10.0, high=1e5, scale=500.0, is_strength=False),
+    )
+
+    def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """More or less by the curve."""
+        n_knots = self.values.shape[0]
+        place = jnp.mod(seen.position / self.lap, 1.0) * n_knots
+        knot = jnp.arange(n_knots, dtype=place.dtype).reshape(-1, *(1,) * place.ndim)
+        # The nearer way round to each knot: the last is next to the first.
+        away = jnp.abs(place[None] - knot)
+        weight = jnp.maximum(0.0, 1.0 - jnp.minimum(away, n_knots - away))
+        return value + jnp.sum(self.values * weight, axis=0)

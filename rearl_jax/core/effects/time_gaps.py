@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.stimulus import Stimulus
-from rearl_jax.core.gap_idm import FollowingParams
 
 USUAL_SPEED = 20.0
 """Speed [m/s] at which a speed-dependent time gap is the driver's own."""
@@ -68,15 +68,15 @@ class Resignation(Effect):
         Parameter("memory_time", "s", "time over which speeds are remembered", 10.0, 2.0, 120.0, 10.0, False),
     )
 
-    def begin(self, seen: Stimulus, params: FollowingParams, tick: float) -> Float[Array, "*n"]:
+    def begin(self, seen: Stimulus, driver: CarFollowing, tick: float) -> Float[Array, "*n"]:
         """The present level of service."""
-        return seen.speed / params.desired_speed
+        return seen.speed / driver.desired_speed
 
     def remember(
-        self, memory: Float[Array, "*n"], seen: Stimulus, params: FollowingParams, tick: float
+        self, memory: Float[Array, "*n"], seen: Stimulus, driver: CarFollowing, tick: float
     ) -> Float[Array, "*n"]:
         """The level of service, smoothed exponentially."""
-        return memory + tick / self.memory_time * (seen.speed / params.desired_speed - memory)
+        return memory + tick / self.memory_time * (seen.speed / driver.desired_speed - memory)
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: Float[Array, "*n"]) -> Float[Array, "*n"]:
         """Longer the longer the queue has lasted."""

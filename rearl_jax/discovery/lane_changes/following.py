@@ -8,7 +8,7 @@ seem to count where they do not.
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rearl_jax.discovery.drivers import FURTHEST, SPREAD
+from rearl_jax.discovery.drivers import Prior
 from rearl_jax.discovery.lane_changes.incentives import acceleration
 
 MEMORY = 3.0
@@ -16,10 +16,14 @@ MEMORY = 3.0
 Source: Zhang & Sun, arXiv:2210.03571 (highD, about 1.4 s).
 """
 
-RESPONSE = (3, 4)
-"""Places of a and b, how hard drivers respond. What they respond to has been moved by their own noise and is smoothed,
+RESPONSE = 3
+"""First place of the parameters that say how hard drivers respond, after desired speed, time gap and jam gap. What they
+respond to has been moved by their own noise and is smoothed,
 so everybody seems less responsive than they are; only how far each is from the others is taken.
 """
+
+FURTHEST = 4.0
+"""Bound of a standardised parameter [-]: a handful of accelerations says no more."""
 
 ROUNDS = 8
 """Gauss-Newton steps; most drivers are there after four."""
@@ -40,6 +44,7 @@ def likely_parameters(
     measured: Float[np.ndarray, " rows"],
     is_led: Bool[np.ndarray, " rows"],
     period: float,
+    prior: Prior,
 ) -> Float[np.ndarray, "own rows"]:
     """Parameters of each row's driver: the most likely ones, where drivers differ as they usually do.
 
@@ -52,9 +57,10 @@ def likely_parameters(
         measured: Acceleration [m/s^2].
         is_led: Whether there is a leader; other rows tell nothing.
         period: Time between two rows of a driver [s].
+        prior: Their car-following model, and how much drivers differ.
 
     Source: Gauss-Newton with a normal prior, Gelman et al., Bayesian Data Analysis (2013), ch. 13; drivers' spread as
-    in `drivers.SPREAD`.
+    in `drivers.Prior`.
     """
     n = int(driver.max()) + 1 if len(driver) else 0
     used = np.flatnonzero(is_led & (gap > 0.0) & (np.abs(measured) < HARD))
@@ -62,26 +68,27 @@ def likely_parameters(
         return usual
     rows = [values[used] for values in (speed, gap, leader_speed)]
     led, base, who, wanted = np.ones(len(used), bool), usual[:, used], driver[used], measured[used]
-    z = np.zeros((n, 5))
+    n_own, spread = prior.size, prior.spread
+    z = np.zeros((n, n_own))
 
     def predicted(at: np.ndarray) -> np.ndarray:
-        params = base * np.exp(SPREAD[:, None] * at[who].T)
-        return np.clip(acceleration(params, rows[0], rows[1], rows[2], led), -HARD, HARD)
+        params = base * np.exp(spread[:, None] * at[who].T)
+        return np.clip(acceleration(prior.name, params, rows[0], rows[1], rows[2], led), -HARD, HARD)
 
     for _ in range(ROUNDS):
         now = predicted(z)
         error = wanted - now
         # 0.455: median of the square of a standard normal number
         variance = max(float(np.median(error**2)) / 0.455, 1e-4) * MEMORY / period
-        slopes = np.stack([(predicted(z + STEP * np.eye(5)[k]) - now) / STEP for k in range(5)])
-        gram = np.empty((n, 5, 5))
-        pull = np.empty((n, 5))
-        for i in range(5):
+        slopes = np.stack([(predicted(z + STEP * np.eye(n_own)[k]) - now) / STEP for k in range(n_own)])
+        gram = np.empty((n, n_own, n_own))
+        pull = np.empty((n, n_own))
+        for i in range(n_own):
             pull[:, i] = np.bincount(who, slopes[i] * error, n) / variance - z[:, i]
             for j in range(i + 1):
                 gram[:, i, j] = gram[:, j, i] = np.bincount(who, slopes[i] * slopes[j], n) / variance
-        step = np.linalg.solve(gram + np.eye(5), pull[..., None])[..., 0]
+        step = np.linalg.solve(gram + np.eye(n_own), pull[..., None])[..., 0]
         z = np.clip(z + np.clip(step, -1.0, 1.0), -FURTHEST, FURTHEST)
-    z[:, RESPONSE] -= z[np.unique(who)][:, RESPONSE].mean(axis=0)
+    z[:, RESPONSE:] -= z[np.unique(who)][:, RESPONSE:].mean(axis=0)
     z[np.bincount(who, minlength=n) == 0] = 0.0
-    return usual * np.exp(SPREAD[:, None] * z[driver].T)
+    return usual * np.exp(spread[:, None] * z[driver].T)

@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from rearl_jax.core.gap_idm import FollowingParams, free_term, gap_interaction
-from rearl_jax.discovery.drivers import CAR, TRUCK, following_params
+from rearl_jax.core.car_following import CAR_FOLLOWING
+from rearl_jax.discovery.drivers import IDM_PRIOR, Prior
 from rearl_jax.discovery.solver import World
 
 
@@ -19,31 +19,33 @@ class KnownDrivers:
 
     Attributes:
         vehicle: Numbers of the vehicles as in `Measured.vehicle`, rising.
-        values: Their v0 [m/s], T [s], s0 [m], a, b [m/s^2], in this order.
+        values: Their parameters, in the order of the model's declaration.
         usual: The same of a car and of a truck nobody has calibrated.
+        prior: Their car-following model, and what is usual of drivers.
     """
 
     vehicle: Int[np.ndarray, " known"]
     values: Float[np.ndarray, "known own"]
     usual: Float[np.ndarray, "classes own"]
+    prior: Prior = IDM_PRIOR
 
     def is_known(self, vehicle: Int[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
         """Whether each row's vehicle is calibrated."""
         return np.isin(vehicle, self.vehicle)
 
     @classmethod
-    def of(cls, worlds: Sequence[World]) -> "KnownDrivers":
+    def of(cls, worlds: Sequence[World], prior: Prior) -> "KnownDrivers":
         """The drivers of calibrated worlds, which share none."""
-        vehicles, values = [np.empty(0, np.int64)], [np.empty((0, 5))]
+        vehicles, values = [np.empty(0, np.int64)], [np.empty((0, prior.size))]
         for world in worlds:
             of_driver = np.zeros(world.data.n_drivers, np.int64)
             of_driver[world.data.driver] = world.data.vehicle
             vehicles.append(of_driver)
-            values.append(_numbers(world.z, world.truck))
-        usual = _numbers(worlds[0].mean, np.array([0, 1])) if worlds else np.stack([CAR, TRUCK])
+            values.append(prior.values(world.z, world.truck))
+        usual = prior.values(worlds[0].mean, np.array([0, 1])) if worlds else prior.usual
         vehicle = np.concatenate(vehicles)
         order = np.argsort(vehicle)
-        return cls(vehicle[order], np.concatenate(values)[order], usual)
+        return cls(vehicle[order], np.concatenate(values)[order], usual, prior)
 
     def of_vehicles(
         self, vehicle: Int[np.ndarray, " rows"], is_truck: Bool[np.ndarray, " rows"]
@@ -57,21 +59,15 @@ class KnownDrivers:
         return out.T
 
 
-def _numbers(z: np.ndarray, truck: np.ndarray) -> np.ndarray:
-    """Parameters, one row per driver, of standardised ones."""
-    params = following_params(jnp.asarray(z.T), jnp.asarray(truck, z.dtype))
-    names = ("desired_speed", "time_gap", "jam_gap", "max_accel", "comfort_decel")
-    return np.stack([np.asarray(getattr(params, name)) for name in names], axis=1)
-
-
 def acceleration(
+    model: str,
     own: Float[np.ndarray, "own rows"],
     speed: Float[np.ndarray, " rows"],
     gap: Float[np.ndarray, " rows"],
     leader_speed: Float[np.ndarray, " rows"],
     is_led: Bool[np.ndarray, " rows"],
 ) -> Float[np.ndarray, " rows"]:
-    """Acceleration of drivers [m/s^2] behind a leader at a gap [m], or free."""
+    """Acceleration of drivers [m/s^2] of a car-following model behind a leader at a gap [m], or free."""
     n = len(speed)
     size = max(_LEAST_ROWS, 1 << max(n - 1, 0).bit_length())  # few sizes, few programs to compile
 
@@ -79,24 +75,14 @@ def acceleration(
         return np.concatenate([values, np.ones(size - n, values.dtype)])
 
     numbers = [padded(values) for values in (*own, speed, gap, leader_speed, is_led)]
-    return np.asarray(_acceleration(*numbers))[:n]
+    return np.asarray(_acceleration(model, *numbers))[:n]
 
 
 _LEAST_ROWS = 1024
 
 
-@jax.jit
-def _acceleration(
-    desired_speed: Array,
-    time_gap: Array,
-    jam_gap: Array,
-    max_accel: Array,
-    comfort_decel: Array,
-    speed: Array,
-    gap: Array,
-    leader_speed: Array,
-    is_led: Array,
-) -> Array:
-    params = FollowingParams(desired_speed, time_gap, jam_gap, max_accel, comfort_decel)
-    pull = gap_interaction(gap, speed, speed - leader_speed, params)
-    return max_accel * (1 - free_term(speed, desired_speed) - jnp.where(is_led, pull, 0.0))
+@partial(jax.jit, static_argnums=0)
+def _acceleration(model: str, *numbers: Array) -> Array:
+    *own, speed, gap, leader_speed, is_led = numbers
+    driver = CAR_FOLLOWING[model](*own)
+    return driver.free_acceleration(speed) - is_led * driver.interaction(gap, speed, speed - leader_speed)

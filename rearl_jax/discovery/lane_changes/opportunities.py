@@ -161,6 +161,7 @@ class _Scene:
         self.upstream = rows.groupby("direction")["position"].transform("min").to_numpy()
         self.whole = self._whole_lanes()
         self.goes_on = _goes_on(rows)
+        self.model = drivers.prior.name
         self.own = self._parameters(drivers, around.leader)
         self.braking = self._earlier_braking(around.leader)
 
@@ -187,6 +188,7 @@ class _Scene:
             self.a,
             leader != NOBODY,
             PERIOD,
+            drivers.prior,
         )
         return np.where(drivers.is_known(self.vehicle), own, likely)
 
@@ -210,8 +212,8 @@ class _Scene:
         v, own = self.v[chosen], self.own[:, chosen]
         gap, side_gap = self._gap(chosen, leader), self._gap(chosen, ahead)
         rear_gap, follower_gap = self._gap(rear, chosen), self._gap(follower, chosen)
-        stays = acceleration(own, v, gap, self.v[leader], np.ones(len(chosen), bool))
-        changed = acceleration(own, v, side_gap, self.v[ahead], np.ones(len(chosen), bool))
+        stays = acceleration(self.model, own, v, gap, self.v[leader], np.ones(len(chosen), bool))
+        changed = acceleration(self.model, own, v, side_gap, self.v[ahead], np.ones(len(chosen), bool))
         rear_after, rear_before = self._behind(rear, chosen), self._behind(rear, ahead)
         gift = self._behind(follower, leader) - self._behind(follower, chosen)
         fits = (side_gap > LEAST_GAP) & (rear_gap > LEAST_GAP) & (changed > -HARDEST) & (rear_after > -HARDEST)
@@ -253,7 +255,8 @@ class _Scene:
 
     def _behind(self, who: np.ndarray, front: np.ndarray) -> np.ndarray:
         """Acceleration of vehicles behind others [m/s^2]; 0 for nobody."""
-        value = acceleration(self.own[:, who], self.v[who], self._gap(who, front), self.v[front], front != NOBODY)
+        gap, is_led = self._gap(who, front), front != NOBODY
+        value = acceleration(self.model, self.own[:, who], self.v[who], gap, self.v[front], is_led)
         return np.where(who == NOBODY, 0.0, value)
 
 

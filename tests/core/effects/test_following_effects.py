@@ -6,7 +6,23 @@ import numpy as np
 import pytest
 
 from tests.core.effects import traffic
-from tests.core.effects.traffic import DT, IS_TRUCK, KNOTS, N_CARS, N_TICKS, NAMES, ON, V0, A, B, Seen, T, idm, ratio
+from tests.core.effects.traffic import (
+    DT,
+    IS_TRUCK,
+    KNOTS,
+    N_CARS,
+    N_TICKS,
+    NAMES,
+    ON,
+    S0,
+    V0,
+    A,
+    B,
+    Seen,
+    T,
+    idm,
+    ratio,
+)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +46,7 @@ def several_leaders(seen, p, past):
     first = ratio(seen.gap, seen.v, seen.dv) if seen.ahead else 0.0
     if len(seen.ahead) < 2:
         return idm(seen)
-    second = min(ratio(seen.second_gap / 2, seen.v, seen.v - seen.speeds[1]), 9.0)
+    second = min(ratio(seen.second_gap / 2, seen.v, seen.v - seen.speeds[1]), 9.0 / A)
     return idm(seen, behind=(1 - p["relief"] * p["weight"]) * first + p["weight"] * second)
 
 
@@ -88,7 +104,7 @@ def no_undertaking(seen, p, past):
         return idm(seen)
     own = ratio(seen.gap, seen.v, seen.dv) if seen.ahead else 0.0
     faster_by = seen.v - seen.left_speed
-    left = min(ratio(seen.left_gap, seen.v, faster_by), 1 + B / A)
+    left = min(ratio(seen.left_gap, seen.v, faster_by), 1 - (seen.v / V0) ** 4 + B / A)
     return idm(seen, behind=own + p["weight"] * sigmoid(2 * faster_by) * max(left - own, 0.0))
 
 
@@ -117,7 +133,41 @@ def reaction_delay(seen, p, past):
     return idm(then)
 
 
+def gap_relaxation(seen, p, past):
+    began, came = 0, -1
+    for now in range(1, len(past)):
+        is_new = past[now].ahead and (not past[now - 1].ahead or past[now].ahead[0] != past[now - 1].ahead[0])
+        if is_new:
+            began = came = now
+    if not seen.ahead:
+        return idm(seen)
+    # What is remembered from before the first tick is a tick old in it.
+    elapsed = (len(past) - 1 - began) * DT + (DT if came < 0 else 0.0)
+    then = min(max((past[began].gap - S0) / max(past[began].v, 2.0), 0.1), 6.0)
+    return idm(seen, time_gap=T + p["share"] * (then - T) * math.exp(-elapsed / p["relaxation_time"]))
+
+
+def actuator_lag(seen, p, past):
+    wanted = np.clip(idm(seen), -9.0, 6.0)
+    return wanted + (seen.executed - wanted) * p["time"] / (p["time"] + DT)
+
+
+def vehicle_limits(seen, p, past):
+    bounded = np.clip(idm(seen), -p["deceleration_limit"], p["acceleration_limit"])
+    return np.clip(bounded, seen.executed - p["jerk_limit"] * DT, seen.executed + p["jerk_limit"] * DT)
+
+
+def closed_course(seen, p, past):
+    values = [*p["values"], p["values"][0]]
+    return idm(seen) + np.interp(seen.x % p["lap"], np.linspace(0, p["lap"], len(values)), values)
+
+
 EQUATIONS = {
+    "approach_rate_gain": lambda seen, p, past: idm(seen) - p["gain"] * (seen.dv if seen.ahead else 0.0),
+    "gap_relaxation": gap_relaxation,
+    "actuator_lag": actuator_lag,
+    "vehicle_limits": vehicle_limits,
+    "closed_course": closed_course,
     "reaction_delay": reaction_delay,
     "several_leaders": several_leaders,
     "leader_acceleration": leader_acceleration,

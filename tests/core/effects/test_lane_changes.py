@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.core.car_following.idm import IDM
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.gap_driving import begin_driving
-from rearl_jax.core.gap_idm import FollowingParams
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import make_state
 from rearl_jax.core.step import tick
@@ -20,6 +20,7 @@ from tests.core.simulation import default_drivers
 MODEL = TrafficModel(n_lanes=3, speed_limit=None, ticks_per_second=10, collisions=False)
 V0 = 30.0
 NAMES = ("keep_right", "no_passing_on_the_right", "politeness", "moving_over", "truck_aversion", "cooperation")
+NAMES += ("early_response",)
 THRESHOLD = 0.2
 NEAR = 1e-6
 """How near to the predicted turn of a decision it is looked at."""
@@ -33,11 +34,11 @@ def acceleration(v, gap=None, leader=0.0):
     return A * (1 - (v / V0) ** 4 - (0.0 if gap is None else ratio(gap, v, v - leader)))
 
 
-def shared(name, columns):
-    """Effects of one scenario per value: the given parameters of one effect, all others off."""
+def shared(given):
+    """Effects of one scenario per value: the given parameters of some effects, all others off."""
     effects = []
     for one in NAMES:
-        numbers = {item.name: item.off for item in EFFECTS[one].parameters} | (columns if one == name else {})
+        numbers = {item.name: item.off for item in EFFECTS[one].parameters} | given.get(one, {})
         row = {key: np.broadcast_to(np.asarray(value, float), 2)[None] for key, value in numbers.items()}
         effects.append(EFFECTS[one](**{key: jnp.asarray(value) for key, value in row.items()}))
     return tuple(effects)
@@ -50,7 +51,7 @@ def two_ticks(state, drivers):
     return first, tick(first, drivers, MODEL)
 
 
-def simulate(cars, name, columns):
+def simulate(cars, name, columns, **others):
     """States after one and two ticks in two scenarios; cars are (lane, x, speed, target), the first one decides."""
     padded = [*cars, *((0, 20_000.0 + 500 * k, 25.0, 0) for k in range(N_CARS - len(cars)))]
     lane, x, speed, target = (np.array(column, float)[:, None] * np.ones(2) for column in zip(*padded, strict=True))
@@ -59,8 +60,8 @@ def simulate(cars, name, columns):
     state = make_state(x, lane * 4.0, speed, MODEL, target_lane=target, timer=timer, dtype=np.float64)
     drivers = default_drivers((N_CARS, 2), length=LENGTH[:, None], gain_threshold=THRESHOLD, accel_limit=9.0)
     body = replace(drivers.body, is_truck=jnp.asarray(np.broadcast_to(IS_TRUCK[:, None], (N_CARS, 2))))
-    following = FollowingParams(*(jnp.full((1, 1), value) for value in (V0, T, S0, A, B)))
-    drivers = replace(drivers, body=body, following=following, effects=shared(name, columns))
+    following = IDM(*(jnp.full((1, 1), value) for value in (V0, T, S0, A, B)))
+    drivers = replace(drivers, body=body, car_following=following, effects=shared({name: columns} | others))
     return jax.tree.map(np.asarray, two_ticks(state, drivers))
 
 
@@ -141,6 +142,34 @@ def test_cooperation_opens_a_gap_for_who_is_coming_over():
     np.testing.assert_allclose(first.acceleration[0], [acceleration(25.0, gap(cars, 0, 2), 25.0), expected], rtol=1e-10)
 
 
+def test_the_new_follower_minds_who_is_coming_over_but_not_who_only_wishes_to():
+    cars = [(1, 100.0, 25.0, 1), (0, 130.0, 22.0, 1), (1, 300.0, 25.0, 1)]
+    first, _ = simulate(cars, "early_response", {"of_follower": np.array([0.0, 0.7]), "limit": 1.5})
+    own, bearable = ratio(gap(cars, 0, 2), 25.0, 0.0), 1 - (25.0 / V0) ** 4 + 1.5 / A
+    assert ratio(gap(cars, 0, 1), 25.0, 3.0) > bearable  # the limit counts
+    expected = A * (1 - (25.0 / V0) ** 4 - (own + 0.7 * (bearable - own)))
+    np.testing.assert_allclose(first.acceleration[0], [acceleration(25.0, gap(cars, 0, 2), 25.0), expected], rtol=1e-10)
+    cars = [(1, 100.0, 25.0, 1), (1, 130.0, 18.0, 1), (0, 88.0, 28.0, 0), (2, 103.0, 20.0, 2)]
+    first, second = simulate(cars, "early_response", {"of_follower": np.array([0.0, 1.0])})
+    assert (first.memory.wished_side[0] == -1).all()
+    np.testing.assert_array_equal(second.acceleration[2, 0], second.acceleration[2, 1])
+
+
+def test_who_wishes_to_change_minds_the_leader_there_before_there_is_room():
+    # The first wants to keep right, where the fifth is nearer than its leader; but the third is too close behind there.
+    cars = [(1, 100.0, 25.0, 1), (1, 180.0, 25.0, 1), (2, 88.0, 28.0, 2), (0, 103.0, 20.0, 0), (2, 160.0, 24.0, 2)]
+    changes = {"of_changer": np.array([0.0, 1.0]), "limit": 6.0}
+    first, second = simulate(cars, "early_response", changes, keep_right={"bias": 0.9})
+    assert (first.memory.wished_side[0] == 1).all()
+    np.testing.assert_array_equal(first.acceleration[0, 0], first.acceleration[0, 1])  # nobody wished before
+    assert (second.target_lane[0] == 1).all()
+    x, v = first.x[:, 1], first.speed[:, 1]
+    here, there = (ratio(x[k] - x[0] - (LENGTH[0] + LENGTH[k]) / 2, v[0], v[0] - v[k]) for k in (1, 4))
+    assert here < there < 1 - (v[0] / V0) ** 4 + 6.0 / A  # it counts, within the limit
+    expected = [A * (1 - (v[0] / V0) ** 4 - behind) for behind in (here, there)]
+    np.testing.assert_allclose(second.acceleration[0], expected, rtol=1e-9)
+
+
 def test_cooperation_opens_a_gap_for_who_finds_none():
     # The first wants to go left behind a slow leader, but the third is too close behind there.
     cars = [(1, 100.0, 25.0, 1), (1, 130.0, 18.0, 1), (0, 88.0, 28.0, 0), (2, 103.0, 20.0, 2)]
@@ -158,7 +187,7 @@ def test_recordings_do_not_tell_who_wants_to_change():
     from rearl_jax.core.effects.stimulus import Stimulus
 
     still = Stimulus(*(jnp.zeros(1) for _ in fields(Stimulus)))
-    params = FollowingParams(*(jnp.ones(1),) * 5)
+    driver = IDM(*(jnp.ones(1),) * 5)
     cooperation = EFFECTS["cooperation"](jnp.asarray(0.5), jnp.asarray(2.0))
     with pytest.raises(ValueError, match="only a simulation does"):
-        cooperation.interaction(jnp.zeros(1), still, None, params)
+        cooperation.leaders(jnp.zeros(1), still, None, driver)

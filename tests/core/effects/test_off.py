@@ -8,18 +8,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.core.car_following.idm import IDM
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.effects.intentions import SimulatedStimulus
 from rearl_jax.core.effects.side_lane import SideLane
 from rearl_jax.core.following import begin_effects, follow
-from rearl_jax.core.gap_idm import FollowingParams
 from tests.core.effects import traffic
 from tests.core.effects.traffic import ON
 
 N = 64
 TICK = 0.1
 FLAGS = ("is_leftmost", "is_rightmost", "is_truck", "has_leader", "leader_is_truck", "has_second", "has_third")
-FLAGS += ("has_follower", "has_entrant", "has_left")
+FLAGS += ("has_follower", "has_entrant", "has_changer", "has_wanted", "has_left")
 RANGES = {
     "time": (0.0, 10.0),
     "position": (0.0, 500.0),
@@ -38,6 +38,7 @@ ON_LANES = {
     "no_passing_on_the_right": {"weight": 0.6},
     "politeness": {"weight": 0.4},
     "cooperation": {"weight": 0.8, "limit": 2.0},
+    "early_response": {"of_changer": 0.6, "of_follower": 0.7, "limit": 2.0},
     "moving_over": {"gain": 0.8, "pressing_time_gap": 1.5},
     "truck_aversion": {"gain": 0.7, "reach": 80.0},
 }
@@ -56,10 +57,10 @@ def drawn(kind, seed, **fixed):
     return kind(**(values | fixed))
 
 
-def params():
+def driver():
     rng = np.random.default_rng(3)
     usual = (30.0, 1.3, 2.5, 1.4, 2.0)
-    return FollowingParams(*(jnp.asarray(value * rng.uniform(0.8, 1.2, N)) for value in usual))
+    return IDM(*(jnp.asarray(value * rng.uniform(0.8, 1.2, N)) for value in usual))
 
 
 def effect(name, numbers):
@@ -67,16 +68,18 @@ def effect(name, numbers):
     if name in traffic.CURVES:
         values["values"] = jnp.broadcast_to(values["values"], 3)
         return EFFECTS[name](values["values"][:, None], jnp.asarray(traffic.KNOTS), "speed")
+    if name in traffic.N_VALUES:
+        values["values"] = jnp.broadcast_to(values["values"], traffic.N_VALUES[name])[:, None]
     return EFFECTS[name](**values)
 
 
 def behaviour(effects):
     """Accelerations of three moments, and what changes to both sides gain in the last."""
-    own, found = params(), []
-    memory = begin_effects(effects, drawn(SimulatedStimulus, 0), own, TICK)
+    own, found = driver(), []
+    memory, acceleration = begin_effects(effects, drawn(SimulatedStimulus, 0), own, TICK), jnp.zeros(N)
     for moment in range(3):
         seen = drawn(SimulatedStimulus, moment + 1)
-        acceleration, memory = follow(seen, own, effects, memory, TICK)
+        acceleration, memory = follow(seen, own, effects, memory, acceleration, TICK)
         found.append(acceleration)
     for direction in (-1, +1):
         side = drawn(SideLane, 10 + direction, direction=direction, gain_of_others=jnp.linspace(-1.0, 1.0, N))

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from rearl_jax.core.car_following.idm import IDM
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.gap_driving import begin_driving
-from rearl_jax.core.gap_idm import FollowingParams
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import make_state
 from rearl_jax.core.step import tick
@@ -49,6 +49,10 @@ ON = {
     "rear_pressure": {"gain": 0.9, "pressing_time_gap": 1.2},
     "leader_class": {"gain": 0.4},
     "asymmetry": {"closing": 0.15, "opening": 0.25, "scale": 3.0},
+    "approach_rate_gain": {"gain": 0.2},
+    "gap_relaxation": {"share": 0.8, "relaxation_time": 3.0},
+    "actuator_lag": {"time": 0.5},
+    "vehicle_limits": {"acceleration_limit": 0.4, "deceleration_limit": 1.0, "jerk_limit": 2.0},
     "lane_friction": {"gain": 0.7, "scale": 4.0},
     "no_undertaking": {"weight": 0.7},
     "lane_desired_speed": {"leftmost": 0.2, "rightmost": -0.3},
@@ -56,6 +60,7 @@ ON = {
     "speed_limit": {"limit": 20.0, "start": 50.0, "end": 150.0, "edge": 6.0},
     "bend": {"lateral_acceleration": 2.0, "radius": 180.0, "start": 40.0, "end": 160.0, "edge": 9.0},
     "weather": {"slower": 0.2, "wider": 0.3, "onset": 2.0, "ramp": 0.5},
+    "closed_course": {"values": (0.4, -0.3, 0.1, -0.2), "lap": 90.0},
     "dependence": {"values": (0.3, -0.2, 0.1)},
     "time_gap_dependence": {"values": (0.5, -0.3, 0.4)},
     "acceleration_noise": {"sd": 0.3, "time": 1.0},
@@ -66,6 +71,9 @@ ON = {
 
 NAMES = tuple(ON)
 CURVES = ("dependence", "time_gap_dependence")
+N_VALUES = {"dependence": 3, "time_gap_dependence": 3, "closed_course": 4}
+"""How many values those effects have that are made of several."""
+
 KNOTS = (5.0, 15.0, 25.0)
 
 
@@ -80,16 +88,18 @@ def drivers_with(values, shape, dtype=np.float64, names=NAMES):
     effects = []
     for name in names:
         numbers = is_off(name) | values.get(name, {})
+        table = np.broadcast_to(np.asarray(numbers.pop("values", 0.0)).T, (N_VALUES.get(name, 1), n_scenarios))[:, None]
         if name in CURVES:
-            table = np.broadcast_to(np.asarray(numbers["values"]), (n_scenarios, 3)).T[:, None]
             effects.append(EFFECTS[name](jnp.asarray(table, dtype), jnp.asarray(KNOTS, dtype), "speed"))
             continue
         row = {key: jnp.asarray(np.broadcast_to(value, (1, n_scenarios)), dtype) for key, value in numbers.items()}
+        if name in N_VALUES:
+            row["values"] = jnp.asarray(table, dtype)
         effects.append(EFFECTS[name](**row))
     drivers = default_drivers(shape, dtype, length=LENGTH[:, None], accel_limit=9.0)
-    following = FollowingParams(*(jnp.full((1, 1), value, dtype) for value in (V0, T, S0, A, B)))
+    following = IDM(*(jnp.full((1, 1), value, dtype) for value in (V0, T, S0, A, B)))
     body = replace(drivers.body, is_truck=jnp.asarray(np.broadcast_to(IS_TRUCK[:, None], shape)))
-    return replace(drivers, body=body, following=following, effects=tuple(effects))
+    return replace(drivers, body=body, car_following=following, effects=tuple(effects))
 
 
 def start(n_scenarios, dtype=np.float64, model=MODEL):
@@ -122,8 +132,8 @@ def all_on():
         for key, value in ON[name].items():
             row = np.array([is_off(name)[key]] * n_scenarios, dtype=object)
             row[number] = value
-            if name in CURVES:
-                row = [item if isinstance(item, tuple) else (item,) * 3 for item in row]
+            if key == "values":
+                row = [item if isinstance(item, tuple) else (item,) * N_VALUES[name] for item in row]
             values[name][key] = np.array(list(row), float)
     shape = (N_CARS, n_scenarios)
     return jax.tree.map(np.asarray, history(start(n_scenarios), drivers_with(values, shape)))
@@ -142,6 +152,7 @@ class Seen:
         self.time, self.x, self.v, self.lane = now * DT, x[me], v[me], lane[me]
         self.ahead, self.behind = ahead[:3], behind[:1]
         self.speeds = [v[j] for j in self.ahead]
+        self.executed = states.acceleration[now, me, scenario]
         self.gap = x[ahead[0]] - x[me] - (LENGTH[ahead[0]] + LENGTH[me]) / 2 if ahead else 1000.0
         self.dv = v[me] - self.speeds[0] if ahead else 0.0
         self.leader_acceleration = states.acceleration[now, ahead[0], scenario] if ahead else 0.0

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from rearl_jax.discovery.drivers import CAR, SPREAD
 from rearl_jax.discovery.lane_changes.following import likely_parameters
 from rearl_jax.discovery.lane_changes.incentives import acceleration
+
+CAR, SPREAD = np.array(IDM_PRIOR.usual_car), IDM_PRIOR.spread
 
 
 def test_time_gaps_are_found_and_those_who_follow_nobody_stay_usual():
@@ -16,9 +17,9 @@ def test_time_gaps_are_found_and_those_who_follow_nobody_stay_usual():
     gap = truth[1][driver] * speed * rng.uniform(0.8, 1.6, n * each)
     leader = speed + rng.normal(0, 1.0, n * each)
     led = driver > 0
-    rows = acceleration(truth[:, driver], speed, gap, leader, led) + 0.1 * rng.normal(size=n * each)
+    rows = acceleration("idm", truth[:, driver], speed, gap, leader, led) + 0.1 * rng.normal(size=n * each)
     usual = np.tile(CAR[:, None], (1, n * each))
-    found = likely_parameters(usual, driver, speed, gap, leader, rows, led, 0.5)[:, ::each]
+    found = likely_parameters(usual, driver, speed, gap, leader, rows, led, 0.5, IDM_PRIOR)[:, ::each]
     np.testing.assert_allclose(found[:, 0], CAR)
     error = np.log(found[1, 1:] / truth[1, 1:])
     assert error.std() < 0.08 < np.log(truth[1]).std()

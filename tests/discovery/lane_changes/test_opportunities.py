@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rearl_jax.discovery.drivers import CAR, TRUCK
+from rearl_jax.discovery.drivers import IDM_PRIOR
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers
 from rearl_jax.discovery.lane_changes.opportunities import REST, opportunities
 
@@ -13,7 +13,7 @@ N = 9
 
 def driven_by(n, values=PARAMETERS):
     """Everybody with the same known parameters."""
-    return KnownDrivers(np.arange(1, n + 1), np.tile(values, (n, 1)), np.stack([CAR, TRUCK]))
+    return KnownDrivers(np.arange(1, n + 1), np.tile(values, (n, 1)), IDM_PRIOR.usual)
 
 
 def idm(speed, gap, leader_speed):

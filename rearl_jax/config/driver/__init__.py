@@ -1,0 +1,153 @@
+"""Keys of the drivers: which car-following model they have, and the values and spreads of its parameters.
+
+Every module beside this one that holds a `MODEL` is one model: `driver=NAME` chooses it, and its keys follow from its
+declaration. Another file is all that another model needs here.
+"""
+
+import pkgutil
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, make_dataclass
+from importlib import import_module
+from typing import Any
+
+from rearl_jax.config._key import key
+from rearl_jax.config._schema import nearest
+from rearl_jax.config.driver.declaration import DriverModel, DriverParameter
+
+DEFAULT = "highway_env_idm"
+"""The model of `driver` where nothing else is said: highway-env's, bit for bit."""
+
+MODELS: dict[str, DriverModel] = {
+    model.name: model
+    for module in sorted(info.name for info in pkgutil.iter_modules(__path__))
+    if isinstance(model := getattr(import_module(f"{__name__}.{module}"), "MODEL", None), DriverModel)
+}
+"""Every car-following model by its name."""
+
+CALIBRATED: tuple[str, ...] = tuple(name for name, model in MODELS.items() if model.calibrated)
+"""Names of the models that can be calibrated."""
+
+
+@dataclass(unsafe_hash=True)
+class DriverConfig:
+    """Car following, sizes and classes of the drivers."""
+
+    model: str = key(DEFAULT, "the car-following model, which driver=NAME chooses")
+    # Mutable, so it has no part in the hash; equality sees it.
+    classes: dict[str, Any] = field(
+        default_factory=dict,
+        hash=False,
+        metadata={
+            "help": (
+                "further classes of drivers by name, each with its share of all vehicles and whatever differs, as in "
+                "'driver.classes={truck: {share: 0.1, time_gap: 1.8, length: 12}}'; the keys below are of all others"
+            )
+        },
+    )
+    length: float = key(5.0, "mean length of the vehicles [m]; highway-env 1.12.1, Vehicle.LENGTH")
+    length_sd: float = key(0.0, "its standard deviation between vehicles [m]")
+    noise_sd: float = key(0.0, "standard deviation of what drivers do beside the model [m/s^2]; 0 = nothing")
+    noise_time: float = key(1.5, "its correlation time [s]; Treiber, Kesting & Helbing, Physica A 360 (2006) 71")
+
+    @property
+    def declaration(self) -> DriverModel:
+        """The car-following model these are keys of."""
+        return MODELS[self.model]
+
+    @property
+    def is_default(self) -> bool:
+        """Whether the drivers are highway-env's, untouched."""
+        return self == record_of(DEFAULT)()
+
+    @staticmethod
+    def record_for(plain: Mapping[str, Any]) -> "type[DriverConfig]":
+        """The record of the model that plain keys name.
+
+        Raises:
+            ValueError: There is no such model.
+        """
+        name = plain.get("model", DEFAULT)
+        if name not in MODELS:
+            raise ValueError(f"model={name} is no car-following model; choices: {', '.join(MODELS)}")
+        return record_of(name)
+
+    def values(self, class_name: str | None = None) -> dict[str, float | None]:
+        """Value of every key of one class of drivers, of all others without a name."""
+        said = {} if class_name is None else self.classes[class_name]
+        return {name: getattr(self, name) for name in self._names()} | {k: v for k, v in said.items() if k != "share"}
+
+    def found_by_calibration(self) -> str | None:
+        """A key that says how drivers differ, which a calibration finds itself; None where all have their defaults."""
+        usual = record_of(self.model)()
+        changed = (item.name for item in fields(self) if getattr(self, item.name) != getattr(usual, item.name))
+        return next((name for name in changed if name not in self.declaration.names), None)
+
+    def _names(self) -> list[str]:
+        """Names of the keys that every class of drivers has a value of."""
+        return [item.name for item in fields(self) if item.name not in ("model", "classes")]
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its bounds, an unknown key of a class, or shares beyond 1."""
+        if type(self) is not record_of(self.model):
+            raise ValueError(f"model={self.model}: choose a car-following model with driver=NAME")
+        known = self._names()
+        _check_values(self.values(), self.declaration, "")
+        total = 0.0
+        for class_name, said in self.classes.items():
+            place = f"classes.{class_name}"
+            if not isinstance(said, Mapping) or not isinstance(said.get("share"), (int, float)):
+                raise ValueError(f"{place} must be keys and values with a share, as {{share: 0.1, time_gap: 1.8}}")
+            for name, value in said.items():
+                if name not in ("share", *known):
+                    close = nearest(str(name), ["share", *known])
+                    raise ValueError(f"{place}.{name} is no key of driver={self.model}; nearest: {close}")
+                if isinstance(value, bool) or not isinstance(value, (int, float)):
+                    raise ValueError(f"{place}.{name} must be a number, got {value!r}")
+            if not 0 < said["share"] <= 1:
+                raise ValueError(f"{place}.share must be within 0 and 1, got {said['share']:g}")
+            total += said["share"]
+            _check_values(self.values(class_name), self.declaration, f"{place}.")
+        if total > 1 + 1e-9:
+            raise ValueError(f"classes have shares with the sum {total:g}: they must not exceed 1")
+
+
+def _check_values(values: Mapping[str, float | None], model: DriverModel, place: str) -> None:
+    for parameter in model.parameters:
+        value, sd = values[parameter.name], values[f"{parameter.name}_sd"]
+        if value is not None and not parameter.low <= value <= parameter.high:
+            raise ValueError(
+                f"{place}{parameter.name} must be within {parameter.low:g} and {parameter.high:g} {parameter.unit}, "
+                f"got {value:g}"
+            )
+        if sd is None or sd < 0:
+            raise ValueError(f"{place}{parameter.name}_sd must be at least 0, got {sd}")
+        if sd > 0 and value is None:
+            raise ValueError(f"{place}{parameter.name}_sd={sd:g} needs {place}{parameter.name} as well")
+    for name, low, high in (("length", 1.0, 40.0), ("length_sd", 0, 10), ("noise_sd", 0, 3), ("noise_time", 0.05, 60)):
+        value = values[name]
+        if value is None or not low <= value <= high:
+            raise ValueError(f"{place}{name} must be within {low:g} and {high:g}, got {value}")
+
+
+def record_of(name: str) -> type[DriverConfig]:
+    """The configuration record of a model."""
+    return _RECORDS[name]
+
+
+def _record(model: DriverModel) -> type[DriverConfig]:
+    def keys_of(parameter: DriverParameter) -> list[tuple]:
+        unit = "" if parameter.unit == "-" else f" [{parameter.unit}]"
+        kind = float if parameter.usual is not None else float | None
+        value = key(parameter.usual, f"{parameter.meaning}{unit}; {parameter.source}")
+        spread = key(0.0, f"standard deviation of {parameter.name} between drivers{unit}, log-normal; 0 = all alike")
+        return [(parameter.name, kind, value), (f"{parameter.name}_sd", float, spread)]
+
+    own = [("model", str, key(model.name, DriverConfig.__dataclass_fields__["model"].metadata["help"]))]
+    items = own + [item for parameter in model.parameters for item in keys_of(parameter)]
+    record = make_dataclass(f"{model.name}_driver", items, bases=(DriverConfig,), unsafe_hash=True)
+    record.__doc__, record.__module__ = f"{model.title}; {model.source}.", __name__
+    globals()[record.__name__] = record  # where pickle looks for it
+    return record
+
+
+_RECORDS = {name: _record(model) for name, model in MODELS.items()}

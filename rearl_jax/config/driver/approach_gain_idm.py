@@ -1,0 +1,25 @@
+"""Declaration of the Intelligent Driver Model with an approach-rate gain of its own."""
+
+from rearl_jax.config.driver import declaration as usual
+
+_OWN = "own choice: order of magnitude of calibrated adaptive cruise control"
+
+MODEL = usual.DriverModel(
+    name="approach_gain_idm",
+    title="Intelligent Driver Model whose answer to the approach rate is a parameter of its own",
+    source=(
+        "after Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805, and the relative-speed term of Milanes & "
+        "Shladover, Transp. Res. C 48 (2014) 285"
+    ),
+    parameters=(
+        usual.desired_speed(),
+        usual.time_gap(),
+        usual.jam_gap(),
+        usual.max_accel(),
+        usual.DriverParameter(
+            "gap_exponent", "-", "exponent p of desired over actual gap", 2.0, 0.2, 10.0, "2 as in IDM", 0.3
+        ),
+        usual.approach_gain(0.5, _OWN),
+        usual.speed_gain(0.4, "Milanes & Shladover (2014), speed control"),
+    ),
+)

@@ -1,0 +1,104 @@
+"""Declaration of a car-following model: its parameters with unit, usual value, spread, bounds and source.
+
+One declaration serves the command line (keys, defaults, help), the simulation (populations of drivers) and the
+calibration (priors and bounds). Standard library only, so that help does not wait for JAX.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class DriverParameter:
+    """One parameter of a driver; all of them are positive, and differ between drivers by a factor.
+
+    Attributes:
+        name: Field of the model's class.
+        unit: "-" for none.
+        meaning: One line.
+        usual: Of a car; None where highway-env draws it with the initial state.
+        low, high: Bounds, wide enough that real drivers do not sit on them.
+        source: Of the usual value.
+        spread: Standard deviation of the logarithm between drivers [-], the prior of a calibration.
+        truck: Usual value of a truck; None for that of a car.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    usual: float | None
+    low: float
+    high: float
+    source: str
+    spread: float = 0.3
+    truck: float | None = None
+
+
+@dataclass(frozen=True)
+class DriverModel:
+    """One car-following model.
+
+    Attributes:
+        name: As in `driver=NAME`; also the name of its module in `rearl_jax.core.car_following`.
+        title: One line.
+        source: Where its equation comes from.
+        parameters: In the order of every covariance; desired speed, time gap and jam gap, which every model has, first.
+        calibrated: Whether its parameters have usual values and spreads to calibrate it from.
+    """
+
+    name: str
+    title: str
+    source: str
+    parameters: tuple[DriverParameter, ...]
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether every parameter has a usual value, which a calibration starts from."""
+        return all(parameter.usual is not None for parameter in self.parameters)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+
+_TABLE = "Treiber & Kesting, Traffic Flow Dynamics (2013), table 11.2"
+
+
+def desired_speed(usual: float | None = 32.0, source: str = _TABLE) -> DriverParameter:
+    """Desired speed v0, which every model has."""
+    # What is seen in a queue says little about it: a wide spread would let it run away.
+    return DriverParameter("desired_speed", "m/s", "desired speed v0", usual, 1.0, 100.0, source, 0.12, truck=25.0)
+
+
+def time_gap(usual: float = 1.25, source: str = _TABLE) -> DriverParameter:
+    """Desired time gap T, which every model has."""
+    return DriverParameter("time_gap", "s", "desired time gap T", usual, 0.05, 10.0, source, truck=1.6)
+
+
+def jam_gap(usual: float = 2.5, source: str = _TABLE) -> DriverParameter:
+    """Gap at standstill s0, which every model has."""
+    return DriverParameter("jam_gap", "m", "gap s0 at standstill, bumper to bumper", usual, 0.1, 20.0, source)
+
+
+def max_accel(usual: float = 1.4, source: str = _TABLE) -> DriverParameter:
+    """Largest acceleration a that a driver asks for."""
+    return DriverParameter("max_accel", "m/s^2", "acceleration a from standstill", usual, 0.05, 10.0, source, truck=0.9)
+
+
+def comfort_decel(usual: float = 2.0, source: str = _TABLE) -> DriverParameter:
+    """Deceleration b that a driver finds comfortable."""
+    return DriverParameter(
+        "comfort_decel", "m/s^2", "comfortable deceleration b, positive", usual, 0.05, 20.0, source, 0.35
+    )
+
+
+def approach_gain(usual: float, source: str) -> DriverParameter:
+    """Answer to the approach rate."""
+    return DriverParameter("approach_gain", "1/s", "deceleration per approach rate", usual, 0.01, 5.0, source, 0.5)
+
+
+def speed_gain(usual: float, source: str) -> DriverParameter:
+    """Answer to the distance from the desired speed."""
+    return DriverParameter(
+        "speed_gain", "1/s", "acceleration per missing speed, on a free road", usual, 0.01, 5.0, source, 0.5
+    )

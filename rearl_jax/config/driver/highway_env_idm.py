@@ -1,0 +1,28 @@
+"""Declaration of the Intelligent Driver Model as highway-env has it."""
+
+from rearl_jax.config.driver import declaration as usual
+
+_SOURCE = "highway-env 1.12.1, IDMVehicle"
+
+MODEL = usual.DriverModel(
+    name="highway_env_idm",
+    title="Intelligent Driver Model as highway-env has it, from centre to centre of vehicles of 5 m",
+    source="highway-env 1.12.1, IDMVehicle.acceleration",
+    parameters=(
+        usual.desired_speed(None, "highway-env 1.12.1: null = each vehicle's initial speed"),
+        usual.time_gap(1.5, f"{_SOURCE}.TIME_WANTED"),
+        usual.jam_gap(5.0, f"{_SOURCE}.DISTANCE_WANTED less a length of 5 m"),
+        usual.max_accel(3.0, f"{_SOURCE}.COMFORT_ACC_MAX"),
+        usual.comfort_decel(5.0, f"{_SOURCE}.COMFORT_ACC_MIN"),
+        usual.DriverParameter(
+            "accel_exponent",
+            "-",
+            "exponent delta of speed over desired speed",
+            None,
+            0.5,
+            20.0,
+            f"{_SOURCE}.randomize_behavior: null = drawn from 3.5 to 4.5",
+            0.1,
+        ),
+    ),
+)

@@ -1,0 +1,35 @@
+"""Keys of the lane-change model."""
+
+from dataclasses import dataclass
+
+from rearl_jax.config._key import key
+
+_SOURCE = "highway-env 1.12.1, IDMVehicle"
+
+
+@dataclass(unsafe_hash=True)
+class MobilConfig:
+    """Lane changing of the drivers, MOBIL (Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86)."""
+
+    politeness: float = key(0.0, f"weight p of what a change gains the followers [-]; {_SOURCE}.POLITENESS")
+    gain_threshold: float = key(
+        0.2, f"least gain in acceleration that justifies a change [m/s^2]; {_SOURCE}.LANE_CHANGE_MIN_ACC_GAIN"
+    )
+    safe_decel: float = key(
+        2.0,
+        "largest deceleration a change may impose on the new follower [m/s^2]; "
+        f"{_SOURCE}.LANE_CHANGE_MAX_BRAKING_IMPOSED",
+    )
+    delay: float = key(1.0, f"time between two decisions [s]; {_SOURCE}.LANE_CHANGE_DELAY")
+
+    @property
+    def is_default(self) -> bool:
+        """Whether lanes are changed as in highway-env."""
+        return self == MobilConfig()
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its bounds."""
+        bounds = {"politeness": (-1, 10), "gain_threshold": (-10, 10), "safe_decel": (0, 20), "delay": (0.05, 60)}
+        for name, (low, high) in bounds.items():
+            if not low <= getattr(self, name) <= high:
+                raise ValueError(f"{name} must be within {low:g} and {high:g}, got {getattr(self, name):g}")

@@ -1,0 +1,57 @@
+"""The Intelligent Driver Model with a gain of its own on the approach rate.
+
+    min(a [1 - (s* / s)^p] - k dv, k0 (v0 - v))   with   s* = s0 + v T
+
+IDM answers to the approach rate by way of its desired gap, with a strength that follows from a and b. Adaptive cruise
+controls do not: their answer is a parameter of its own here, and the desired speed is a cap.
+
+Source: after Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805; relative-speed term and speed control as of
+Milanes & Shladover, Transp. Res. C 48 (2014) 285.
+"""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rearl_jax.config.driver import approach_gain_idm
+from rearl_jax.config.driver.declaration import DriverModel
+from rearl_jax.core.car_following.model import SMALLEST_GAP, CarFollowing
+
+
+class ApproachGainIDM(CarFollowing):
+    """IDM whose answer to the approach rate is a parameter of its own.
+
+    Attributes:
+        max_accel: a [m/s^2].
+        gap_exponent: p [-].
+        approach_gain: k [1/s].
+        speed_gain: k0 [1/s].
+    """
+
+    declaration: ClassVar[DriverModel] = approach_gain_idm.MODEL
+
+    max_accel: Float[Array, "*#n"]
+    gap_exponent: Float[Array, "*#n"]
+    approach_gain: Float[Array, "*#n"]
+    speed_gain: Float[Array, "*#n"]
+
+    def free_acceleration(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+        """min(a, k0 (v0 - v))."""
+        return jnp.minimum(self.max_accel, self._cap(speed))
+
+    def acceleration(
+        self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
+    ) -> Float[Array, "*n"]:
+        """min(a [1 - (s* / s)^p] - k dv, k0 (v0 - v))."""
+        ratio = self.equilibrium_gap(jnp.maximum(speed, 0.0)) / jnp.maximum(gap, SMALLEST_GAP)
+        following = self.max_accel * (1 - ratio**self.gap_exponent) - self.approach_gain * approach_rate
+        return jnp.minimum(following, self._cap(speed))
+
+    def equilibrium_gap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+        """s0 + v T."""
+        return self.jam_gap + speed * self.time_gap
+
+    def _cap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+        """k0 (v0 - v) [m/s^2]."""
+        return self.speed_gain * (self.desired_speed - speed)

@@ -1,0 +1,150 @@
+"""The Intelligent Driver Model as highway-env implements it.
+
+    a [1 - (max(v, 0) / |v0|)^delta - (s* / d)^2]   with   s* = d0 + v T + v dv / (2 sqrt(a b))
+
+Two deviations from the published model matter: distances d are centre to centre (d0 = s0 + 5 m holds one vehicle
+length, the same for all), and s* is not cut at zero, so a leader that drives away fast enough makes its follower brake.
+
+The functions with keyword arguments are what traffic without effects is driven by: they round as highway-env rounds.
+
+Source: Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805; highway-env 1.12.1, `IDMVehicle.acceleration`.
+"""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rearl_jax.config.driver import highway_env_idm
+from rearl_jax.config.driver.declaration import DriverModel
+from rearl_jax.core.car_following.model import SMALLEST_GAP, CarFollowing, Spacing
+from rearl_jax.core.double_double import rounded
+from rearl_jax.core.elementary import not_zero, power
+
+VEHICLE_LENGTH = 5.0
+"""Length [m] that a spacing from centre to centre holds. Source: highway-env 1.12.1, `Vehicle.LENGTH`."""
+
+
+class HighwayEnvIDM(CarFollowing):
+    """highway-env's Intelligent Driver Model.
+
+    Attributes:
+        desired_speed: None where each vehicle has its own, in the state.
+        max_accel: a [m/s^2].
+        comfort_decel: b, positive [m/s^2].
+        accel_exponent: delta [-].
+    """
+
+    declaration: ClassVar[DriverModel] = highway_env_idm.MODEL
+
+    desired_speed: Float[Array, "*#n"] | None
+    max_accel: Float[Array, "*#n"]
+    comfort_decel: Float[Array, "*#n"]
+    accel_exponent: Float[Array, "*#n"]
+
+    @property
+    def jam_spacing(self) -> Float[Array, "*#n"]:
+        """Spacing d0 at standstill, centre to centre [m]."""
+        return self.jam_gap + VEHICLE_LENGTH
+
+    def free_acceleration(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+        """a [1 - (max(v, 0) / |v0|)^delta]."""
+        speed_ratio = jnp.maximum(speed, 0.0) / jnp.abs(not_zero(self._wanted()))
+        return self.free_acceleration_at(speed_ratio=speed_ratio)
+
+    def acceleration(
+        self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
+    ) -> Float[Array, "*n"]:
+        """a [1 - (max(v, 0) / |v0|)^delta - (s* / d)^2]."""
+        return self.free_acceleration(speed) - self.interaction(gap, speed, approach_rate)
+
+    def interaction(
+        self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
+    ) -> Float[Array, "*n"]:
+        """a (s* / d)^2."""
+        distance = jnp.maximum(gap + VEHICLE_LENGTH, SMALLEST_GAP)
+        return self.interaction_at(distance=distance, speed=speed, approach_rate=approach_rate)
+
+    def equilibrium_gap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+        """(d0 + v T) / sqrt(1 - (v / v0)^delta) - 5 m; without bound towards the desired speed."""
+        free = 1 - power(jnp.maximum(speed, 0.0) / self._wanted(), self.accel_exponent)
+        return (self.jam_spacing + speed * self.time_gap) / jnp.sqrt(jnp.maximum(free, 1e-6)) - VEHICLE_LENGTH
+
+    def desired_gap(self, speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+        """s* - 5 m."""
+        return self.desired_distance(speed=speed, approach_rate=approach_rate) - VEHICLE_LENGTH
+
+    def _wanted(self) -> Float[Array, "*#n"]:
+        """Desired speed [m/s], which must be known by now.
+
+        Raises:
+            ValueError: It is in the state alone.
+        """
+        if self.desired_speed is None:
+            raise ValueError("these drivers' desired speeds are in the traffic's state: give them one with with_wishes")
+        return self.desired_speed
+
+    def comfortable_deceleration(self) -> Float[Array, "*n"]:
+        """b."""
+        return self.comfort_decel
+
+    def spacing_acceleration(self, seen: Spacing) -> Float[Array, "*n"]:
+        """a [1 - (max(v, 0) / |v0|)^delta - (s* / d)^2], whatever the lengths."""
+        return self.free_acceleration_at(speed_ratio=seen.speed_ratio) - self.spacing_interaction(seen)
+
+    def spacing_interaction(self, seen: Spacing) -> Float[Array, "*n"]:
+        """a (s* / d)^2, whatever the lengths."""
+        return self.interaction_at(distance=seen.spacing, speed=seen.speed, approach_rate=seen.approach_rate)
+
+    def desired_spacing(
+        self, length: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
+    ) -> Float[Array, "*n"]:
+        """s*, whatever the lengths."""
+        return self.desired_distance(speed=speed, approach_rate=approach_rate)
+
+    def free_acceleration_at(self, *, speed_ratio: Float[Array, "*n"]) -> Float[Array, "*n"]:
+        """Acceleration on a free road [m/s^2]: a [1 - (v / v0)^delta]; without bound below where v > v0.
+
+        Args:
+            speed_ratio: max(v, 0) / |v0| [-].
+        """
+        return rounded(self.max_accel * (1 - power(speed_ratio, self.accel_exponent)))
+
+    def desired_distance(self, *, speed: Float[Array, "*n"], approach_rate: Float[Array, "*n"]) -> Float[Array, "*n"]:
+        """Spacing s* a driver wants to a leader, centre to centre [m].
+
+        Args:
+            speed: Own speed [m/s].
+            approach_rate: Own minus leader's speed along the own heading [m/s].
+        """
+        v, a, b = speed, self.max_accel, self.comfort_decel
+        return self.jam_spacing + rounded(v * self.time_gap) + v * approach_rate / (2 * jnp.sqrt(a * b))
+
+    def interaction_at(
+        self, *, distance: Float[Array, "*n"], speed: Float[Array, "*n"], approach_rate: Float[Array, "*n"]
+    ) -> Float[Array, "*n"]:
+        """Deceleration because of a leader [m/s^2], positive: a (s* / d)^2; 0 at distance inf.
+
+        Args:
+            distance: To the leader, centre to centre [m]; inf without one.
+            speed: Own speed [m/s].
+            approach_rate: Own minus leader's speed along the own heading [m/s].
+        """
+        ratio = self.desired_distance(speed=speed, approach_rate=approach_rate) / not_zero(distance)
+        return rounded(self.max_accel * (ratio * ratio))
+
+
+def projected_approach_rate(
+    speed_x: Float[Array, "*n"],
+    speed_y: Float[Array, "*n"],
+    leader_speed_x: Float[Array, "*#n"],
+    leader_speed_y: Float[Array, "*#n"],
+    *,
+    cos_heading: Float[Array, "*n"],
+    sin_heading: Float[Array, "*n"],
+) -> Float[Array, "*n"]:
+    """Approach rate dv, own minus leader's velocity along the own heading [m/s]; positive = closing.
+
+    Source: highway-env 1.12.1, `IDMVehicle.desired_gap` (projected).
+    """
+    return rounded((speed_x - leader_speed_x) * cos_heading) + (speed_y - leader_speed_y) * sin_heading

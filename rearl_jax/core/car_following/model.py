@@ -1,0 +1,184 @@
+"""Car following: what every model gives, and what it is linearised to.
+
+A model is a record of its drivers' parameters, one value per vehicle, with methods for the acceleration. Traffic,
+effects and discovery know nothing else of it: not its formula, nor how many parameters it has.
+"""
+
+from abc import abstractmethod
+from dataclasses import fields, replace
+from typing import ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rearl_jax.config.driver.declaration import DriverModel
+
+SMALLEST_GAP = 0.5
+"""Gap [m] below which no model answers more strongly; measured gaps may be negative."""
+
+LEAST_DESIRED_SPEED = 0.1
+"""Least desired speed [m/s]; what absent vehicles have would divide by zero."""
+
+COMFORTABLE_DECELERATION = 2.0
+"""Deceleration [m/s^2] that drivers of models without such a parameter find comfortable.
+
+Source: Treiber & Kesting, Traffic Flow Dynamics (2013), table 11.2.
+"""
+
+
+class CarFollowing(eqx.Module):
+    """Base of all car-following models.
+
+    Class attributes:
+        declaration: Names, units, usual values, bounds and sources of the parameters, in the order of the fields.
+
+    Attributes:
+        desired_speed: v0 [m/s]; in a simulation that of the state takes its place, which decisions may change.
+        time_gap: T [s].
+        jam_gap: s0, bumper to bumper at standstill [m].
+    """
+
+    declaration: ClassVar[DriverModel]
+
+    desired_speed: Float[Array, "*#n"]
+    time_gap: Float[Array, "*#n"]
+    jam_gap: Float[Array, "*#n"]
+
+    def __init_subclass__(cls, **arguments: object) -> None:
+        super().__init_subclass__(**arguments)
+        stated, declared = [*CarFollowing.__annotations__][1:], cls.declaration.names
+        stated += [name for name in cls.__annotations__ if name not in ("declaration", *stated)]
+        if tuple(stated) != declared:
+            raise TypeError(f"{cls.__name__} has the fields {stated}, but its declaration says {list(declared)}")
+
+    @abstractmethod
+    def free_acceleration(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+        """Acceleration on a free road [m/s^2] at a speed [m/s]."""
+
+    @abstractmethod
+    def acceleration(
+        self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
+    ) -> Float[Array, "*n"]:
+        """Acceleration behind a leader [m/s^2].
+
+        Args:
+            gap: To the leader, bumper to bumper [m].
+            speed: Own speed [m/s].
+            approach_rate: Own minus leader's speed dv [m/s].
+        """
+
+    @abstractmethod
+    def equilibrium_gap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+        """Gap at which a driver follows a leader of constant speed [m], below the desired speed."""
+
+    def desired_gap(self, speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+        """Gap a driver wants at a speed and an approach rate [m]; of most models that at equilibrium."""
+        return self.equilibrium_gap(speed) + 0.0 * approach_rate
+
+    def comfortable_deceleration(self) -> Float[Array, "*n"]:
+        """Deceleration a driver finds comfortable, positive [m/s^2]."""
+        return jnp.full_like(self.time_gap, COMFORTABLE_DECELERATION)
+
+    def interaction(
+        self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
+    ) -> Float[Array, "*n"]:
+        """Deceleration because of a leader [m/s^2]: what is missing to the acceleration on a free road."""
+        return self.free_acceleration(speed) - self.acceleration(gap, speed, approach_rate)
+
+    def spacing_acceleration(self, seen: "Spacing") -> Float[Array, "*n"]:
+        """`acceleration` of drivers who see spacings, each with its own desired speed [m/s^2]."""
+        return self._wanting(seen).acceleration(seen.spacing - seen.length, seen.speed, seen.approach_rate)
+
+    def spacing_interaction(self, seen: "Spacing") -> Float[Array, "*n"]:
+        """`interaction` of drivers who see spacings, each with its own desired speed [m/s^2]."""
+        return self._wanting(seen).interaction(seen.spacing - seen.length, seen.speed, seen.approach_rate)
+
+    def _wanting(self, seen: "Spacing") -> "CarFollowing":
+        """The same drivers with the desired speeds that belong to what they see."""
+        is_known = seen.speed_ratio > 0
+        desired_speed = jnp.where(is_known, seen.speed / jnp.where(is_known, seen.speed_ratio, 1), LEAST_DESIRED_SPEED)
+        return self.with_wishes(desired_speed, self.time_gap, self.jam_gap)
+
+    def desired_spacing(
+        self, length: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
+    ) -> Float[Array, "*n"]:
+        """Spacing a driver wants, centre to centre [m]; `length` is that of the vehicles [m]."""
+        return self.desired_gap(speed, approach_rate) + length
+
+    def with_wishes(
+        self, desired_speed: Float[Array, "*#n"], time_gap: Float[Array, "*#n"], jam_gap: Float[Array, "*#n"]
+    ) -> "CarFollowing":
+        """The same drivers with what effects have made of their desired speed, time gap and gap at standstill."""
+        return replace(self, desired_speed=desired_speed, time_gap=time_gap, jam_gap=jam_gap)
+
+    def full(self, shape: tuple[int, ...]) -> "CarFollowing":
+        """The same drivers with every parameter spread out to a shape."""
+        return jax.tree.map(lambda values: jnp.broadcast_to(values, shape), self)
+
+    @classmethod
+    def of_rows(cls, rows: Float[Array, "parameters *n"]) -> "CarFollowing":
+        """Drivers from the values of their parameters, in the order of the declaration."""
+        return cls(*rows)
+
+    def rows(self) -> list[Float[Array, "*#n"]]:
+        """Values of the parameters, in the order of the declaration."""
+        return [getattr(self, item.name) for item in fields(self)]
+
+
+class Spacing(NamedTuple):
+    """What drivers see who measure from centre to centre, as highway-env's do.
+
+    Attributes:
+        spacing: To the leader, centre to centre [m]; inf without one.
+        length: What a spacing holds of vehicles [m].
+        speed: Own speed [m/s].
+        speed_ratio: max(v, 0) over the own desired speed [-].
+        approach_rate: Own minus leader's speed along the own heading [m/s].
+    """
+
+    spacing: Float[Array, "*#n"]
+    length: Float[Array, "*#n"]
+    speed: Float[Array, "*#n"]
+    speed_ratio: Float[Array, "*#n"]
+    approach_rate: Float[Array, "*#n"]
+
+
+class Linearisation(NamedTuple):
+    """Slopes of the acceleration f(s, v, dv) at equilibrium.
+
+    Attributes:
+        gap: df/ds [1/s^2].
+        speed: df/dv at constant approach rate [1/s].
+        approach_rate: df/d(dv) [1/s].
+    """
+
+    gap: Float[Array, "*n"]
+    speed: Float[Array, "*n"]
+    approach_rate: Float[Array, "*n"]
+
+    def stability_margin(self) -> Float[Array, "*n"]:
+        """Margin of linear string stability [1/s^2]: no wave grows along a platoon where it is at least 0.
+
+            f_v^2 + 2 f_v f_dv - 2 f_s
+
+        Source: Treiber & Kesting, Traffic Flow Dynamics (2013), section 15.3.
+        """
+        return self.speed**2 + 2 * self.speed * self.approach_rate - 2 * self.gap
+
+    def amplification(self, frequency: Float[Array, "*#n"]) -> Float[Array, "*n"]:
+        """Amplitude of a follower's speed over its leader's [-] at an angular frequency [rad/s].
+
+        Source: transfer function of the linearised platoon, ibid.
+        """
+        numerator = self.gap**2 + (self.approach_rate * frequency) ** 2
+        own = self.speed + self.approach_rate
+        return jnp.sqrt(numerator / ((self.gap - frequency**2) ** 2 + (own * frequency) ** 2))
+
+
+def linearise(model: CarFollowing, speed: Float[Array, "*n"]) -> Linearisation:
+    """Slopes of a model's acceleration where it follows a leader of constant speed [m/s]."""
+    point = jnp.broadcast_arrays(model.equilibrium_gap(speed), speed, jnp.zeros_like(speed))
+    _, back = jax.vjp(model.acceleration, *point)
+    return Linearisation(*back(jnp.ones_like(point[0])))

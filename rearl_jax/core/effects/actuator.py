@@ -1,0 +1,57 @@
+"""Effects of the vehicle itself: what lies between the acceleration that is wanted and the one that is executed."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rearl_jax.core.effects.effect import Effect, Parameter
+
+NO_BOUND = 20.0
+"""Acceleration [m/s^2] beyond what any vehicle can do."""
+
+NO_JERK_BOUND = 400.0
+"""Jerk [m/s^3] that bounds nothing: from full braking to full acceleration within a tick."""
+
+
+class ActuatorLag(Effect):
+    """The vehicle follows the acceleration that is wanted with a first-order lag."""
+
+    time: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "actuator_lag"
+    equation: ClassVar[str] = "da/dt = (a_wanted - a) / time"
+    source: ClassVar[str] = (
+        "after Ploeg, van de Wouw & Nijmeijer, IEEE Trans. Control Syst. Technol. 22 (2014) 854 (first-order vehicle)"
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("time", "s", "time constant of engine and brakes", off=0.0, low=0.0, high=3.0, scale=0.4),
+    )
+
+    def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], tick: float) -> Float[Array, "*n"]:
+        """Part of the way from what was executed to what is wanted."""
+        # Backward Euler: stable for every time, and with a slope where the time is 0, along which it can be searched.
+        return wanted + (last - wanted) * self.time / (self.time + tick)
+
+
+class VehicleLimits(Effect):
+    """The vehicle accelerates and brakes no harder than it can, and changes its acceleration no faster."""
+
+    acceleration_limit: Float[Array, "*#n"]
+    deceleration_limit: Float[Array, "*#n"]
+    jerk_limit: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "vehicle_limits"
+    equation: ClassVar[str] = "-deceleration_limit <= a <= acceleration_limit, |da/dt| <= jerk_limit"
+    source: ClassVar[str] = "after ISO 15622 (2018), limits of adaptive cruise control"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("acceleration_limit", "m/s^2", "largest acceleration", NO_BOUND, 0.1, NO_BOUND, 4.0),
+        Parameter("deceleration_limit", "m/s^2", "largest deceleration", NO_BOUND, 0.1, NO_BOUND, 4.0),
+        Parameter("jerk_limit", "m/s^3", "fastest change of it", NO_JERK_BOUND, 0.1, NO_JERK_BOUND, 20.0),
+    )
+
+    def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], tick: float) -> Float[Array, "*n"]:
+        """What is wanted, within the limits; those of acceleration come before that of jerk."""
+        bounded = jnp.clip(wanted, -self.deceleration_limit, self.acceleration_limit)
+        step = self.jerk_limit * tick
+        return jnp.clip(bounded, last - step, last + step)

@@ -1,0 +1,98 @@
+"""Effects of the approach to the vehicle ahead, and of the gap one begins with."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rearl_jax.core.car_following.model import CarFollowing
+from rearl_jax.core.effects.effect import Effect, Parameter
+from rearl_jax.core.effects.stimulus import Stimulus
+
+SLOWEST = 2.0
+"""Least speed a present time gap is taken of [m/s]."""
+
+TIME_GAPS = (0.1, 6.0)
+"""Range of a present time gap [s]: beyond it nobody is followed."""
+
+
+class ApproachRateGain(Effect):
+    """The driver answers to the approach rate with a gain of its own."""
+
+    gain: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "approach_rate_gain"
+    equation: ClassVar[str] = "a - gain dv behind a leader"
+    source: ClassVar[str] = "after Helly (1959) and Milanes & Shladover, Transp. Res. C 48 (2014) 285 (relative speed)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gain", "1/s", "deceleration per approach rate", off=0.0, low=-1.0, high=2.0, scale=0.3),
+    )
+
+    def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
+        """Less, the faster the leader is approached."""
+        return value - self.gain * seen.has_leader * (seen.speed - seen.leader_speed)
+
+
+class FirstGap(eqx.Module):
+    """What a driver remembers of the gap it began to follow at.
+
+    Attributes:
+        time_gap: Right after the leader had come [s]; nan where there is none.
+        elapsed: Time since then [s].
+        had_leader: Whether there was a leader a moment ago.
+        time_since_change: As it was seen then [s].
+    """
+
+    time_gap: Float[Array, "*n"]
+    elapsed: Float[Array, "*n"]
+    had_leader: Float[Array, "*n"]
+    time_since_change: Float[Array, "*n"]
+
+
+class GapRelaxation(Effect):
+    """From the moment it gets a leader, or a record begins, a driver goes from the present time gap to its own."""
+
+    share: Float[Array, "*#n"]
+    relaxation_time: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "gap_relaxation"
+    equation: ClassVar[str] = (
+        "T + share (T_then - T) exp(-t / relaxation_time), T_then the time gap when the leader came, t since then"
+    )
+    source: ClassVar[str] = "after Laval & Leclercq, Transp. Res. B 42 (2008) 511; Keane & Gao, ibid. 150 (2021) 301"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("share", "-", "part of the way to the present time gap", off=0.0, low=0.0, high=1.0, scale=0.5),
+        Parameter("relaxation_time", "s", "time in which it is forgotten", 15.0, 1.0, 120.0, 10.0, is_strength=False),
+    )
+
+    def begin(self, seen: Stimulus, driver: CarFollowing, tick: float) -> FirstGap:
+        """The gap at the start."""
+        nothing = jnp.zeros_like(seen.speed)
+        return FirstGap(
+            time_gap=_present_time_gap(seen, driver),
+            elapsed=nothing,
+            had_leader=nothing + seen.has_leader,
+            time_since_change=nothing + seen.time_since_change,
+        )
+
+    def remember(self, memory: FirstGap, seen: Stimulus, driver: CarFollowing, tick: float) -> FirstGap:
+        """The gap to a new leader where there is one, else that to the present one."""
+        came = (seen.has_leader > memory.had_leader) | (seen.time_since_change < memory.time_since_change)
+        return FirstGap(
+            time_gap=jnp.where(came, _present_time_gap(seen, driver), memory.time_gap),
+            elapsed=jnp.where(came, 0.0, memory.elapsed + tick),
+            had_leader=jnp.zeros_like(seen.speed) + seen.has_leader,
+            time_since_change=jnp.zeros_like(seen.speed) + seen.time_since_change,
+        )
+
+    def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: FirstGap) -> Float[Array, "*n"]:
+        """On its way from the one to the other."""
+        return value + self.share * seen.has_leader * (memory.time_gap - value) * jnp.exp(
+            -memory.elapsed / self.relaxation_time
+        )
+
+
+def _present_time_gap(seen: Stimulus, driver: CarFollowing) -> Float[Array, "*n"]:
+    """Time gap that the present gap would be wanted with [s]."""
+    return jnp.clip((seen.gap - driver.jam_gap) / jnp.maximum(seen.speed, SLOWEST), *TIME_GAPS)

@@ -1,0 +1,50 @@
+"""Drivers on both sides of a change of lanes who respond before the lane is left."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rearl_jax.core.car_following.model import CarFollowing
+from rearl_jax.core.effects.effect import Effect, Parameter
+from rearl_jax.core.effects.intentions import SimulatedStimulus
+from rearl_jax.core.effects.stimulus import Stimulus
+
+
+class EarlyResponse(Effect):
+    """Who wants to change lanes minds the leader there already, and the new follower minds who is coming over."""
+
+    of_changer: Float[Array, "*#n"]
+    of_follower: Float[Array, "*#n"]
+    limit: Float[Array, "*#n"]
+
+    name: ClassVar[str] = "early_response"
+    kind: ClassVar[str] = "lane_change"
+    equation: ClassVar[str] = (
+        "I + of_changer max(0, min(I_there, a_free + limit) - I), I the deceleration because of the leader, I_there "
+        "that because of the leader on the lane it wants to be on; of_follower likewise for who is coming over"
+    )
+    source: ClassVar[str] = (
+        "after Schakel, Knoop & van Arem, Transp. Res. Rec. 2316 (2012) 47 (synchronisation and gap creation)"
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("of_changer", "-", "weight of the leader on the wanted lane", off=0.0, low=0.0, high=1.0, scale=0.5),
+        Parameter("of_follower", "-", "weight of who is coming over", off=0.0, low=0.0, high=1.0, scale=0.5),
+        Parameter("limit", "m/s^2", "hardest braking for either", 2.0, 0.2, 6.0, 1.0, is_strength=False),
+    )
+
+    def leaders(
+        self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
+    ) -> Float[Array, "*n"]:
+        """More, where a vehicle on another lane is about to be the leader.
+
+        Raises:
+            ValueError: The stimulus is that of a recording.
+        """
+        if not isinstance(seen, SimulatedStimulus):
+            raise ValueError("early_response needs to know who wants to change lanes, which only a simulation does")
+        bearable = driver.free_acceleration(seen.speed) + self.limit
+        there = driver.interaction(seen.wanted_gap, seen.speed, seen.speed - seen.wanted_speed)
+        value = value + self.of_changer * seen.has_wanted * jnp.maximum(jnp.minimum(there, bearable) - value, 0.0)
+        coming = driver.interaction(seen.changer_gap, seen.speed, seen.speed - seen.changer_speed)
+        return value + self.of_follower * seen.has_changer * jnp.maximum(jnp.minimum(coming, bearable) - value, 0.0)
