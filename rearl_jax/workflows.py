@@ -142,7 +142,7 @@ def discover(folder: str | Path | None = None, **keys: Any) -> Discovered:
 
 
 def calibrate(**keys: Any) -> Calibration:
-    """Drivers calibrated to measured trajectories: published IDM, five parameters each. Example:
+    """Drivers calibrated to measured trajectories, by published IDM unless `driver` names another model. Example:
 
         found = calibrate(data={"format": "table", "root": "trajectories.csv"})
         print(found.drivers[["desired_speed", "time_gap", "jam_gap"]].describe())

@@ -17,7 +17,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.config.decision import AdmissibleConfig, DecisionConfig, ExecConfig, MatcherConfig, PolicyName
 from rearl_jax.config.detection import DetectionConfig, ReferenceConfig
 from rearl_jax.config.discover import DiscoverConfig
-from rearl_jax.config.driver import CALIBRATED, DEFAULT, DriverConfig, record_of
+from rearl_jax.config.driver import DEFAULT, DriverConfig, record_of
 from rearl_jax.config.evaluation import EvaluationConfig, Method, Variant
 from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.llm import LlmConfig, PromptConfig
@@ -25,6 +25,7 @@ from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, Safe
 from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.config.ppo import PpoConfig, PpoPolicyConfig
 from rearl_jax.config.report import FolderConfig, ReportConfig
+from rearl_jax.config.results import ResultsConfig
 from rearl_jax.config.scenes import (
     FeaturesConfig,
     ScenesConfig,
@@ -36,16 +37,6 @@ from rearl_jax.config.scenes import (
 from rearl_jax.config.study import Table1Config, Table4Config
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.config.validation import ValidationConfig
-
-
-@dataclass(unsafe_hash=True)
-class ResultsConfig:
-    """Where results are written"""
-
-    root: str = key("results", "folder of all studies; relative to the folder rearl is called from")
-    resume: bool = key(
-        False, "leave a finished study of the same configuration, data and code alone; jobs of a multirun always do"
-    )
 
 
 def _group(record: type) -> Any:
@@ -104,15 +95,8 @@ class DiscoverTask:
     discover: DiscoverConfig = _group(DiscoverConfig)
 
     def check(self) -> None:
-        """Raise ValueError for a model that cannot be calibrated, or for keys that a calibration finds itself."""
-        if self.driver.model not in CALIBRATED:
-            raise ValueError(
-                f"driver={self.driver.model} has parameters without a usual value to calibrate from; choose one of "
-                f"{', '.join(CALIBRATED)}"
-            )
-        found = self.driver.found_by_calibration()
-        if found:
-            raise ValueError(f"driver.{found} is found by the calibration: leave it alone")
+        """Raise ValueError for drivers that cannot be calibrated, or keys that a calibration finds itself."""
+        self.driver.check_prior()
 
 
 @dataclass(unsafe_hash=True)

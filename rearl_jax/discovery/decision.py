@@ -14,10 +14,8 @@ MOST_FROM_ONE = 12.0
 """Bound of what one driver can contribute [nats]: no single driver decides."""
 
 LEAST_GAIN, LEAST_TOTAL, WORST_CHECK = 3.0, 16.0, -3.0
-"""A candidate must gain where it was fitted, gain in all, and not be contradicted by the other drivers [nats].
-
-Of what a blind study (docs/discovery/blind.md) was sure of, 3 of 527 true effects had a lower total, none of them at
-usual strength, and 4 of 25 others.
+"""A candidate must gain where it was fitted, gain in all, and not be contradicted by the other drivers [nats]. Own
+choice.
 """
 
 SET_WIDTH = 5.0

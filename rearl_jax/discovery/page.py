@@ -131,7 +131,8 @@ def _cell(value: Mapping[str, float], sign: str = "") -> dict[str, str]:
 def _how(verdict: Mapping[str, Any]) -> str:
     drivers = verdict["data"]["drivers"]
     return (
-        f"Every driver of a first group ({drivers['fitted']}) was calibrated. What the model then fails to predict was "
+        f"Every driver of a first group ({drivers['fitted']}) was calibrated, with the car-following model "
+        f"{verdict['data'].get('car_following', 'idm')}. What the model then fails to predict was "
         "compared with what each candidate would leave behind, and with what is left where nothing is missing. "
         "Candidates that stand out were fitted and had to gain on a second group "
         f"({drivers['checked']}). The errors above are those of a third one ({drivers['reported']}), "

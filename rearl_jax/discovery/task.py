@@ -184,7 +184,7 @@ def _verdict(
             "staleness": left.staleness,
             "remaining": {"name": left.remaining[0], "surprise": left.remaining[1]},
         },
-        "data": _described(parts, (*parts.notes, *([MISJUDGED] if left.misjudges else ()))),
+        "data": _described(parts, solver, (*parts.notes, *([MISJUDGED] if left.misjudges else ()))),
     }
     verdict = with_lane_choice(following, lanes)
     seeds = {"seeds": f"discover.seed={options.seed}"}
@@ -252,13 +252,14 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
         "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
         "adequacy": None,
         "lane_choice": None,
-        "data": _described(parts, parts.notes),
+        "data": _described(parts, solver, parts.notes),
     }
 
 
-def _described(parts: Parts, notes: Sequence[str]) -> dict[str, Any]:
+def _described(parts: Parts, solver: Solver, notes: Sequence[str]) -> dict[str, Any]:
     return {
         "id": parts.id,
+        "car_following": solver.layout.prior.name,
         "recordings": len(parts.infos),
         "generated": parts.generated,
         "drivers": {

@@ -117,9 +117,8 @@ def _with_lane_changing(
         **{name: jnp.broadcast_to(value, drivers.mobil.politeness.shape) for name, value in numbers.items()},
         decision_period=jnp.broadcast_to(own.period, drivers.mobil.decision_period.shape),
     )
-    ticks = ticks_to_first_decision(
-        state.x, state.y, jnp.asarray(own.delay), jnp.asarray(own.period), model.ticks_per_second
-    )
+    delay, period = (jnp.broadcast_to(value, state.x.shape) for value in (own.delay, own.period))
+    ticks = ticks_to_first_decision(state.x, state.y, delay, period, model.ticks_per_second)
     return replace(state, ticks_to_decision=ticks), replace(drivers, mobil=mobil)
 
 

@@ -7,6 +7,8 @@ from typing import Any, TypeVar
 
 from rearl_jax.config import EvaluateTask, StudyTable1Task
 from rearl_jax.config._schema import nearest
+from rearl_jax.config.driver import DEFAULT, record_of
+from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.config.study import Table1Config
 from rearl_jax.study.parts import part_record
 
@@ -126,6 +128,10 @@ def row_record(row: Row, config: StudyTable1Task) -> EvaluateTask:
     changes = dict(row.changes)
     if not row.is_repaired:
         changes["model"] = None
+    if row.is_repaired or changes.get("method") in ("ppo", "critical"):
+        changes["driver"] = record_of(DEFAULT)()  # these rows bring drivers of their own
+    if changes.get("method") in ("ppo", "critical"):
+        changes["mobil"] = MobilConfig()
     if row.asks_model and changes["method"] == "rearl":
         changes |= {
             "detection.interval": config.table1.llm_interval,

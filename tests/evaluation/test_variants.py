@@ -40,26 +40,26 @@ def test_identity_is_that_of_data_and_model(path, tmp_path):
 
 def test_drivers_of_their_own_are_refused(path):
     from rearl_jax.config.evaluation import Method, Variant
-    from rearl_jax.evaluation.traffic import numbers_of
+    from rearl_jax.evaluation.traffic import population_of
 
     for method in (Method.ppo, Method.critical):
         with pytest.raises(ValueError, match=f"method={method.name} has drivers of its own"):
-            numbers_of(config_of(path, method=method, variant=Variant.repaired))
+            population_of(config_of(path, method=method, variant=Variant.repaired))
     with pytest.raises(ValueError, match="variant=all is for rearl evaluate"):
-        numbers_of(config_of(path))
-    assert numbers_of(config_of(None)) is None
+        population_of(config_of(path))
+    assert population_of(config_of(None)) is None
 
 
 def test_variants_differ_by_drivers_and_effects_alone(path):
     from rearl_jax.config.evaluation import Variant
-    from rearl_jax.evaluation.traffic import numbers_of
+    from rearl_jax.evaluation.traffic import population_of
 
-    with_effects = numbers_of(config_of(path, variant=Variant.repaired))
-    without = numbers_of(config_of(path, variant=Variant.calibrated))
+    with_effects = population_of(config_of(path, variant=Variant.repaired))
+    without = population_of(config_of(path, variant=Variant.calibrated))
     assert [effect.name for effect in with_effects.effects] == ["leader_acceleration"]
     assert without.effects == ()
     np.testing.assert_array_equal(with_effects.length, without.length)
-    assert (with_effects.mean != without.mean).any()
+    assert (with_effects.median != without.median).any()
 
 
 def test_rows_of_table_1_with_a_model(path):

@@ -76,11 +76,18 @@ class DriverConfig:
         said = {} if class_name is None else self.classes[class_name]
         return {name: getattr(self, name) for name in self._names()} | {k: v for k, v in said.items() if k != "share"}
 
-    def found_by_calibration(self) -> str | None:
-        """A key that says how drivers differ, which a calibration finds itself; None where all have their defaults."""
+    def check_prior(self) -> None:
+        """Raise ValueError where these keys are no prior of a calibration, which finds itself how drivers differ."""
+        if self.model not in CALIBRATED:
+            raise ValueError(
+                f"driver={self.model} has parameters without a usual value to calibrate from; choose one of "
+                f"{', '.join(CALIBRATED)}"
+            )
         usual = record_of(self.model)()
         changed = (item.name for item in fields(self) if getattr(self, item.name) != getattr(usual, item.name))
-        return next((name for name in changed if name not in self.declaration.names), None)
+        for name in changed:
+            if name not in self.declaration.names:
+                raise ValueError(f"driver.{name} is found by the calibration: leave it alone")
 
     def _names(self) -> list[str]:
         """Names of the keys that every class of drivers has a value of."""
