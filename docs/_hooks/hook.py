@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+import car_following
 import code_constants
 import config_keys
 import effect_library
@@ -17,12 +18,14 @@ from mkdocs.exceptions import PluginError
 
 GENERATED: dict[str, Callable[..., str]] = {
     "bench-keys": tables_of_code.bench_keys,
+    "car-following": car_following.car_following,
     "blind-scores": kept_results.blind_scores,
     "blind-sets": kept_results.blind_sets,
     "constants": code_constants.constants,
     "curves": effect_library.curves,
     "docstring": tables_of_code.docstring,
     "effects": effect_library.effects,
+    "equilibria": car_following.equilibria,
     "help": config_keys.command_help,
     "keys": config_keys.keys,
     "metrics": tables_of_code.metrics,

@@ -24,21 +24,7 @@ FLAT = 1e6
 
 POSITION_KNOTS, TIME_KNOTS, CURVE_KNOTS, LENS_KNOTS = 17, 7, 5, 21
 
-NAMED = (
-    "reaction_delay",
-    "several_leaders",
-    "leader_acceleration",
-    "speed_dependent_time_gap",
-    "variance_driven_time_gap",
-    "resignation",
-    "relaxation",
-    "rear_pressure",
-    "leader_class",
-    "asymmetry",
-    "lane_friction",
-    "no_undertaking",
-    "lane_desired_speed",
-)
+NAMED = tuple(name for name, effect in EFFECTS.items() if effect.depends_on)
 """Effects whose strengths are themselves the directions of the screen."""
 
 PLACED = {"grade": "position", "speed_limit": "position", "weather": "time"}

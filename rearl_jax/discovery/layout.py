@@ -103,7 +103,7 @@ class _Builder:
         self.parameters(name)
         strengths = (p.name for p in EFFECTS[name].parameters if p.is_strength)
         look = tuple(self.places[f"{name}.{strength}"][0] for strength in strengths)
-        self.candidate(name, EFFECTS[name].kind, look, self.all_of(name), VARIABLES_OF[name])
+        self.candidate(name, EFFECTS[name].kind, look, self.all_of(name), EFFECTS[name].depends_on)
 
     def all_of(self, name: str) -> tuple[int, ...]:
         """Places of all parameters of an effect."""
@@ -128,24 +128,6 @@ def _prior(parameter: Parameter) -> float:
 
 _UNKNOWN = ("start", "end", "onset", "limit", "lateral_acceleration")
 _STEPS = {"m": 50.0, "s": 5.0, "m/s": 3.0, "m/s^2": 1.0}
-
-
-VARIABLES_OF: dict[str, tuple[str, ...]] = {
-    "reaction_delay": ("gap", "approach_rate", "speed"),
-    "several_leaders": ("second_gap", "second_speed"),
-    "leader_acceleration": ("leader_acceleration",),
-    "speed_dependent_time_gap": ("speed",),
-    "variance_driven_time_gap": ("speeds_ahead",),
-    "resignation": ("past_speed",),
-    "relaxation": ("time_since_change",),
-    "rear_pressure": ("follower_gap",),
-    "leader_class": ("leader_class",),
-    "asymmetry": ("approach_rate",),
-    "lane_friction": ("speed_beside",),
-    "no_undertaking": ("left_gap", "left_speed"),
-    "lane_desired_speed": ("lane",),
-}
-"""What each effect of `NAMED` depends on."""
 
 
 def curve_values(data: Measured, variable: str) -> Float[np.ndarray, "steps pieces"]:

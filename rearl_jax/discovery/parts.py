@@ -7,7 +7,7 @@ import numpy as np
 
 from rearl_jax.config import DiscoverConfig
 from rearl_jax.data.records import Recording, RecordingInfo
-from rearl_jax.discovery.drivers import Prior
+from rearl_jax.discovery.drivers import IDM_PRIOR, Prior
 from rearl_jax.discovery.gate import Finding, amount, gate
 from rearl_jax.discovery.layout import layout_of
 from rearl_jax.discovery.measured import Measured
@@ -48,7 +48,7 @@ class Parts:
 
 
 def measured_drivers(
-    recordings: Sequence[Recording], options: DiscoverConfig, prior: Prior
+    recordings: Sequence[Recording], options: DiscoverConfig, prior: Prior = IDM_PRIOR
 ) -> tuple[list[Finding], Measured]:
     """What the columns show, and those who follow a leader long enough, at most `max_drivers` of them, at random.
 

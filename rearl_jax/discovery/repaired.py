@@ -50,7 +50,7 @@ def repaired_model(
         source=Source(data_id, study, __version__),
         population=population(last, data, layout.prior),
         baseline=population(first, data, layout.prior),
-        effects=effects,
+        effects=tuple(effects),
         car_following=layout.prior.name,
     )
 

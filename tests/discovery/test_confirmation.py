@@ -53,16 +53,15 @@ def test_an_addition_that_does_nothing_is_left_alone(solver, calibrated):
 
 
 @pytest.mark.parametrize(
-    ("delay", "later", "size", "kept"),
+    ("delay", "later", "values", "kept"),
     [
-        (0.0, "dependence.speed", 1.0, 1),
-        (0.0, "dependence.speed", 0.0, 2),
-        (0.0, "leader_class", 1.0, 1),
-        (1.2, "leader_class", 0.0, 0),
+        (0.0, "dependence.speed", np.cos(2 * np.arange(5)), 1),
+        (0.0, "dependence.speed", np.zeros(5), 2),
+        (0.0, "leader_acceleration", np.array([1.5, 60.0]), 1),  # no driver's own parameters make up for it
+        (1.2, "leader_class", np.zeros(1), 0),
     ],
 )
-def test_a_later_addition_that_makes_simulations_worse_goes_alone(solver, calibrated, delay, later, size, kept):
-    values = size * np.cos(2 * np.arange(len(solver.layout.candidates[later].free)))
+def test_a_later_addition_that_makes_simulations_worse_goes_alone(solver, calibrated, delay, later, values, kept):
     found = search_that_added(solver, calibrated, ("reaction_delay", [delay]), (later, values))
     left = confirmed(solver, found, 0)
     assert left.added == found.added[:kept]

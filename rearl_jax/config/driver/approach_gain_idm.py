@@ -20,6 +20,6 @@ MODEL = usual.DriverModel(
             "gap_exponent", "-", "exponent p of desired over actual gap", 2.0, 0.2, 10.0, "2 as in IDM", 0.3
         ),
         usual.approach_gain(0.5, _OWN),
-        usual.speed_gain(0.4, "Milanes & Shladover (2014), speed control"),
+        usual.speed_gain(0.4, "Xiao, Wang & van Arem, Transp. Res. Rec. 2623 (2017) 1"),
     ),
 )

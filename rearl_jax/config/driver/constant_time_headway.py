@@ -14,6 +14,6 @@ MODEL = usual.DriverModel(
         usual.jam_gap(),
         usual.DriverParameter("gap_gain", "1/s^2", "acceleration per gap error", 0.1, 0.002, 3.0, _OWN, 0.5),
         usual.approach_gain(0.5, _OWN),
-        usual.speed_gain(0.4, "Milanes & Shladover (2014), speed control"),
+        usual.speed_gain(0.4, "Xiao, Wang & van Arem, Transp. Res. Rec. 2623 (2017) 1"),
     ),
 )

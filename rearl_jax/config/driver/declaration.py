@@ -18,7 +18,8 @@ class DriverParameter:
         usual: Of a car; None where highway-env draws it with the initial state.
         low, high: Bounds, wide enough that real drivers do not sit on them.
         source: Of the usual value.
-        spread: Standard deviation of the logarithm between drivers [-], the prior of a calibration.
+        spread: Standard deviation of the logarithm between drivers [-], the prior of a calibration. Source of the order
+            of magnitude: Kesting & Treiber, Transp. Res. Rec. 2088 (2008) 148.
         truck: Usual value of a truck; None for that of a car.
     """
 
@@ -61,7 +62,7 @@ class DriverModel:
         return tuple(parameter.name for parameter in self.parameters)
 
 
-_TABLE = "Treiber & Kesting, Traffic Flow Dynamics (2013), table 11.2"
+_TABLE = "own choice, near Treiber & Kesting, Traffic Flow Dynamics (2013), table 11.2"
 
 
 def desired_speed(usual: float | None = 32.0, source: str = _TABLE) -> DriverParameter:

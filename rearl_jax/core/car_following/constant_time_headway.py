@@ -2,8 +2,8 @@
 
     min(k_s (s - s0 - v T) - k dv, k0 (v0 - v))
 
-Source: Milanes & Shladover, Transp. Res. C 48 (2014) 285, eq. 3 (gap control, here with the relative speed) and speed
-control; Ioannou & Chien, IEEE Trans. Veh. Technol. 42 (1993) 657 (constant time headway).
+Source: Milanes & Shladover, Transp. Res. C 48 (2014) 285 (gap control); Xiao, Wang & van Arem, Transp. Res. Rec. 2623
+(2017) 1 (speed control); Ioannou & Chien, IEEE Trans. Veh. Technol. 42 (1993) 657 (constant time headway).
 """
 
 from typing import ClassVar

@@ -8,7 +8,7 @@ Drivers take the leader's braking for their own, b. The safety margin is half a 
 time gap at equilibrium is T = 1.5 tau; it is the parameter here, as of all other models. Gipps steps from one reaction
 time to the next; here the speed is approached in continuous time.
 
-Source: Gipps, Transp. Res. B 15 (1981) 105, eqs. 2 and 5.
+Source: Gipps, Transp. Res. B 15 (1981) 105.
 """
 
 from typing import ClassVar

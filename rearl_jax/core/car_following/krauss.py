@@ -6,7 +6,7 @@
 The reaction time T is the time gap at equilibrium. Krauss steps from one reaction time to the next; here the speed is
 approached in continuous time. Dawdling is noise: `driver.noise_sd`, or the effect `acceleration_noise`.
 
-Source: Krauss, Microscopic Modeling of Traffic Flow (1998), DLR-FB 98-08, eqs. 3.12 to 3.15.
+Source: Krauss, Microscopic Modeling of Traffic Flow (1998), DLR-FB 98-08.
 """
 
 from typing import ClassVar

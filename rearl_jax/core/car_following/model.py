@@ -163,7 +163,7 @@ class Linearisation(NamedTuple):
 
             f_v^2 + 2 f_v f_dv - 2 f_s
 
-        Source: Treiber & Kesting, Traffic Flow Dynamics (2013), section 15.3.
+        Source: Treiber & Kesting, Traffic Flow Dynamics (2013), chapter 15.
         """
         return self.speed**2 + 2 * self.speed * self.approach_rate - 2 * self.gap
 

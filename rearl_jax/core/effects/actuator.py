@@ -22,7 +22,7 @@ class ActuatorLag(Effect):
     name: ClassVar[str] = "actuator_lag"
     equation: ClassVar[str] = "da/dt = (a_wanted - a) / time"
     source: ClassVar[str] = (
-        "after Ploeg, van de Wouw & Nijmeijer, IEEE Trans. Control Syst. Technol. 22 (2014) 854 (first-order vehicle)"
+        "after Ploeg, van de Wouw & Nijmeijer, IEEE Trans. Control Syst. Technol. 22 (2014) 786 (first-order vehicle)"
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("time", "s", "time constant of engine and brakes", off=0.0, low=0.0, high=3.0, scale=0.4),

@@ -24,6 +24,7 @@ class SeveralLeaders(Effect):
     relief: Float[Array, "*#n"]
 
     name: ClassVar[str] = "several_leaders"
+    depends_on: ClassVar[tuple[str, ...]] = ("second_gap", "second_speed")
     equation: ClassVar[str] = (
         "(1 - relief w) I(s, dv) + w I(s_2 / 2, dv_2), I the deceleration because of a vehicle at that gap and "
         "approach rate, s_2 the sum of the next two gaps"
@@ -50,6 +51,7 @@ class LeaderAcceleration(Effect):
     reach: Float[Array, "*#n"]
 
     name: ClassVar[str] = "leader_acceleration"
+    depends_on: ClassVar[tuple[str, ...]] = ("leader_acceleration",)
     equation: ClassVar[str] = "a + gain a_leader exp(-s / reach)"
     source: ClassVar[str] = "after Kesting, Treiber & Helbing, Phil. Trans. R. Soc. A 368 (2010) 4585 (ACC model)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -70,6 +72,7 @@ class Asymmetry(Effect):
     scale: Float[Array, "*#n"]
 
     name: ClassVar[str] = "asymmetry"
+    depends_on: ClassVar[tuple[str, ...]] = ("approach_rate",)
     equation: ClassVar[str] = "a - closing h(dv) - opening h(-dv), h(u) = scale tanh(max(0, u) / scale)"
     source: ClassVar[str] = "after Gong, Liu & Wang, Physica A 387 (2008) 2595 (asymmetric full velocity difference)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -92,6 +95,7 @@ class LaneFriction(Effect):
     scale: Float[Array, "*#n"]
 
     name: ClassVar[str] = "lane_friction"
+    depends_on: ClassVar[tuple[str, ...]] = ("speed_beside",)
     equation: ClassVar[str] = "a - gain tanh(max(0, v - v_beside) / scale)"
     source: ClassVar[str] = "after Ponnu & Coifman, Transp. Res. B 97 (2017) 228 (adjacent-lane friction)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -111,6 +115,7 @@ class NoUndertaking(Effect):
     weight: Float[Array, "*#n"]
 
     name: ClassVar[str] = "no_undertaking"
+    depends_on: ClassVar[tuple[str, ...]] = ("left_gap", "left_speed")
     equation: ClassVar[str] = (
         "I + w max(0, min(I_left, a_free + b) - I) / (1 + exp((v_left - v) / 0.5 m/s)) above 60 km/h, I the "
         "deceleration because of a vehicle, b the comfortable one"

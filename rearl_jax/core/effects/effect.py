@@ -51,6 +51,8 @@ class Effect(eqx.Module):
         equation: What it does, in one line.
         source: Where the equation comes from.
         parameters: Of the effect, in the order of its fields.
+        depends_on: What it depends on, as a verdict says it; discovery looks for effects that state it, along their
+            strengths.
     """
 
     name: ClassVar[str]
@@ -58,6 +60,7 @@ class Effect(eqx.Module):
     equation: ClassVar[str]
     source: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
+    depends_on: ClassVar[tuple[str, ...]] = ()
 
     def begin(self, seen: Stimulus, driver: CarFollowing, tick: float) -> PyTree:
         """What is remembered at the start; None for an effect without memory."""

@@ -24,6 +24,7 @@ class ReactionDelay(Effect):
     delay: Float[Array, "*#n"]
 
     name: ClassVar[str] = "reaction_delay"
+    depends_on: ClassVar[tuple[str, ...]] = ("gap", "approach_rate", "speed")
     equation: ClassVar[str] = "a(t) = f(s, v, dv at t - delay)"
     source: ClassVar[str] = "Treiber, Kesting & Helbing, Physica A 360 (2006) 71, eq. 9"
     parameters: ClassVar[tuple[Parameter, ...]] = (

@@ -117,6 +117,7 @@ class LaneDesiredSpeed(Effect):
     rightmost: Float[Array, "*#n"]
 
     name: ClassVar[str] = "lane_desired_speed"
+    depends_on: ClassVar[tuple[str, ...]] = ("lane",)
     equation: ClassVar[str] = "v0 exp(leftmost) on the leftmost, v0 exp(rightmost) on the rightmost lane"
     source: ClassVar[str] = "after Krajewski et al., ITSC 2018 (highD: speeds by lane)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -171,9 +172,7 @@ class ClosedCourse(Effect):
 
     name: ClassVar[str] = "closed_course"
     equation: ClassVar[str] = "a + curve(x mod lap), periodic, piecewise linear between equidistant knots"
-    source: ClassVar[str] = (
-        "found in data; what a test track does to ACC: Makridis et al., Data in Brief 34 (2021) 106751"
-    )
+    source: ClassVar[str] = "found in data, as of the test tracks of Makridis et al., Transp. Res. C 125 (2021) 103047"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("values", "m/s^2", "the curve at its knots, the first at x = 0", 0.0, -3.0, 3.0, 0.3, is_list=True),
         Parameter("lap", "m", "length of the course", off=1000.0, low=10.0, high=1e5, scale=500.0, is_strength=False),

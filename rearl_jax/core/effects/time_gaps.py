@@ -21,6 +21,7 @@ class SpeedDependentTimeGap(Effect):
     slope: Float[Array, "*#n"]
 
     name: ClassVar[str] = "speed_dependent_time_gap"
+    depends_on: ClassVar[tuple[str, ...]] = ("speed",)
     equation: ClassVar[str] = "T exp(slope (v / 20 m/s - 1))"
     source: ClassVar[str] = "after Jiang et al., Transp. Res. B 69 (2014) 527 (speed-dependent preferred time gap)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -38,6 +39,7 @@ class VarianceDrivenTimeGap(Effect):
     gain: Float[Array, "*#n"]
 
     name: ClassVar[str] = "variance_driven_time_gap"
+    depends_on: ClassVar[tuple[str, ...]] = ("speeds_ahead",)
     equation: ClassVar[str] = "T exp(gain V), V = sd / mean of the speeds of the own and the next three vehicles"
     source: ClassVar[str] = "after Treiber, Kesting & Helbing, Phys. Rev. E 74 (2006) 016123"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -61,6 +63,7 @@ class Resignation(Effect):
     memory_time: Float[Array, "*#n"]
 
     name: ClassVar[str] = "resignation"
+    depends_on: ClassVar[tuple[str, ...]] = ("past_speed",)
     equation: ClassVar[str] = "T exp(gain (1 - L)), dL/dt = (v / v0 - L) / memory_time"
     source: ClassVar[str] = "after Treiber & Helbing, Phys. Rev. E 68 (2003) 046119 (memory effect)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -91,6 +94,7 @@ class Relaxation(Effect):
     relaxation_time: Float[Array, "*#n"]
 
     name: ClassVar[str] = "relaxation"
+    depends_on: ClassVar[tuple[str, ...]] = ("time_since_change",)
     equation: ClassVar[str] = (
         "s + gap_share s_lost e, T + time_gap_share min(0, T_then - T) e, e = exp(-t_since_change / relaxation_time)"
     )
@@ -120,6 +124,7 @@ class RearPressure(Effect):
     pressing_time_gap: Float[Array, "*#n"]
 
     name: ClassVar[str] = "rear_pressure"
+    depends_on: ClassVar[tuple[str, ...]] = ("follower_gap",)
     equation: ClassVar[str] = "T exp(-gain / (1 + exp((z - z0) / 0.25 s))), z the follower's time gap"
     source: ClassVar[str] = "after Herman, Montroll, Potts & Rothery, Oper. Res. 7 (1959) 86 (look-behind term)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -140,6 +145,7 @@ class LeaderClass(Effect):
     gain: Float[Array, "*#n"]
 
     name: ClassVar[str] = "leader_class"
+    depends_on: ClassVar[tuple[str, ...]] = ("leader_class",)
     equation: ClassVar[str] = "T exp(gain) behind a truck"
     source: ClassVar[str] = "after Aghabayk, Sarvi & Young, Transport Reviews 35 (2015) 82 (headways behind trucks)"
     parameters: ClassVar[tuple[Parameter, ...]] = (

@@ -34,7 +34,7 @@ class KnownDrivers:
         return np.isin(vehicle, self.vehicle)
 
     @classmethod
-    def of(cls, worlds: Sequence[World], prior: Prior) -> "KnownDrivers":
+    def of(cls, worlds: Sequence[World], prior: Prior = IDM_PRIOR) -> "KnownDrivers":
         """The drivers of calibrated worlds, which share none."""
         vehicles, values = [np.empty(0, np.int64)], [np.empty((0, prior.size))]
         for world in worlds:
@@ -74,15 +74,15 @@ def acceleration(
     def padded(values: np.ndarray) -> np.ndarray:
         return np.concatenate([values, np.ones(size - n, values.dtype)])
 
-    numbers = [padded(values) for values in (*own, speed, gap, leader_speed, is_led)]
-    return np.asarray(_acceleration(model, *numbers))[:n]
+    numbers = np.stack([padded(values) for values in (*own, speed, gap, leader_speed, is_led)])
+    return np.asarray(_acceleration(model, numbers))[:n]
 
 
 _LEAST_ROWS = 1024
 
 
 @partial(jax.jit, static_argnums=0)
-def _acceleration(model: str, *numbers: Array) -> Array:
+def _acceleration(model: str, numbers: Float[Array | np.ndarray, "columns rows"]) -> Float[Array, " rows"]:
     *own, speed, gap, leader_speed, is_led = numbers
     driver = CAR_FOLLOWING[model](*own)
     return driver.free_acceleration(speed) - is_led * driver.interaction(gap, speed, speed - leader_speed)

@@ -7,7 +7,6 @@ from jaxtyping import Int
 from scipy.stats import norm
 
 from rearl_jax.data.records import Recording
-from rearl_jax.discovery.drivers import IDM_PRIOR
 from rearl_jax.discovery.lane_changes.candidates import CANDIDATES
 from rearl_jax.discovery.lane_changes.findings import (
     Estimate,
@@ -77,7 +76,7 @@ def lane_change_findings(
     few = too_few_changes(recordings)
     if few is not None:
         return few
-    table, why = opportunities(recordings, KnownDrivers.of([], IDM_PRIOR) if drivers is None else drivers)
+    table, why = opportunities(recordings, KnownDrivers.of([]) if drivers is None else drivers)
     n_changes, n = int(table.changes.sum()), len(table.side)
     if n_changes < LEAST_CHANGES:
         words = f"{UNSEEN}: {why}" if why else f"{UNSEEN}, too few lane changes by choice: {n_changes}, {_NEEDED}"

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from rearl_jax.discovery.drivers import IDM_PRIOR
 from rearl_jax.discovery.lane_changes.following import likely_parameters
 from rearl_jax.discovery.lane_changes.incentives import acceleration
 
