@@ -109,16 +109,18 @@ class DiscoverBlindTask:
     discover: DiscoverConfig = _group(DiscoverConfig)
 
 
+_DRIVES = (
+    "what drives the vehicles; base: the drivers of `driver` and `mobil`, rearl: with interventions, ppo: a trained "
+    "policy, critical: highway-env's IDM and MOBIL with classes of drivers"
+)
+
+
 @dataclass(unsafe_hash=True)
 class EvaluateTask:
     """Simulated against measured scenes."""
 
     study: str = _study("evaluate")
-    method: Method = key(
-        Method.base,
-        "what drives the vehicles; base: IDM and MOBIL, rearl: with interventions, ppo: a trained policy, critical: "
-        "IDM and MOBIL with classes of drivers",
-    )
+    method: Method = key(Method.base, _DRIVES)
     model: str | None = key(
         None, "repaired traffic model, a model.yaml as `rearl discover` writes it; null = highway-env's traffic model"
     )
@@ -185,11 +187,7 @@ class SweepScaleTask(EvaluateTask):
     """Many rollouts in constant memory."""
 
     study: str = _study("sweep_scale")
-    method: Method = key(
-        Method.rearl,
-        "what drives the vehicles; base: IDM and MOBIL, rearl: with interventions, ppo: a trained policy, critical: "
-        "IDM and MOBIL with classes of drivers",
-    )
+    method: Method = key(Method.rearl, _DRIVES)
     variant: Variant = key(Variant.repaired, _ONE_VARIANT)
     # Not int, which OmegaConf refuses to read 1e6 as.
     n_rollouts: float = key(

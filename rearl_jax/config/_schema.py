@@ -90,6 +90,8 @@ def as_written(value: Any) -> str:
         return value.name
     if isinstance(value, tuple):
         return f"[{', '.join(as_written(part) for part in value)}]"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{name}: {as_written(part)}" for name, part in value.items()) + "}"
     return str(value) or "''"
 
 

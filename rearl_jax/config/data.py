@@ -1,21 +1,39 @@
 """Configuration of the recordings: which ones, where they are, what happens to bad rows."""
 
+import pkgutil
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, EnumMeta
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rearl_jax.config._key import key
 
+_DATA = Path(__file__).resolve().parents[1] / "data"
 
-class DataFormat(Enum):
-    """Format of the recordings."""
 
-    us101 = "us101"  # the NGSIM US-101 set shipped with the package
-    ngsim = "ngsim"  # NGSIM tables as published, in feet
-    i80 = "i80"  # NGSIM I-80 leader-follower pairs, SI
-    openacc = "openacc"  # OpenACC ZalaZone platoons
-    highd = "highd"  # the highD three-file format
-    generated = "generated"  # the same three files, written by `rearl prepare data=generated`
-    table = "table"  # Parquet or CSV files in the canonical schema
+class _Formats(EnumMeta):
+    """Formats whose names are known at run time only; type checkers take any name for one."""
+
+    if TYPE_CHECKING:
+
+        def __getattr__(cls, name: str) -> "DataFormat": ...
+
+
+class DataFormat(Enum, metaclass=_Formats):
+    """Format of the recordings: the name of a module in rearl_jax/data/readers."""
+
+    _ignore_ = ["module"]
+    for module in pkgutil.iter_modules([str(_DATA / "readers")]):
+        vars()[module.name] = module.name
+
+    @property
+    def shipped(self) -> Path | None:
+        """Folder of the recordings in this format that come with the package, None where none do.
+
+        It is the folder in rearl_jax/data that bears the name of the format and holds the recordings' licence.
+        """
+        folder = _DATA / self.name
+        return folder if (folder / "LICENSE").is_file() else None
 
 
 class OnBad(Enum):
@@ -32,7 +50,7 @@ class DataConfig:
 
     format: DataFormat = key(
         DataFormat.us101,
-        "format of the recordings: us101 (shipped), ngsim, i80, openacc, highd, generated or table",
+        "format of the recordings; data=NAME chooses it together with the keys that usually go with it",
     )
     root: str | None = key(None, "folder of the recordings; not needed for us101, which comes with the package")
     recordings: str = key("*", "shell pattern on the recording id, such as highd_0? or us101_0750; * takes all")
@@ -53,7 +71,7 @@ class DataConfig:
 
     def check(self) -> None:
         """Raise ValueError for a value out of range."""
-        if self.format is not DataFormat.us101 and not self.root:
+        if not self.root and not self.format.shipped:
             name = self.format.name
             raise ValueError(f"root must name the folder of the recordings for data.format={name}, got none")
         if not self.recordings:

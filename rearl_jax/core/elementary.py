@@ -89,7 +89,7 @@ SMALLEST_BASE = 1e-30
 """Base below which `power` is zero in float32, so that the logarithm stays finite."""
 
 
-def power(base: Float[Array, "*n"], exponent: Float[Array, "*n"]) -> Float[Array, "*n"]:
+def power(base: Float[Array, "*n"], exponent: Float[Array, "*#n"]) -> Float[Array, "*n"]:
     """base^exponent for base >= 0 and an exponent well above zero; in float32 as exp(exponent ln base)."""
     if base.dtype != jnp.float32:
         return jnp.power(base, exponent)

@@ -2,15 +2,13 @@
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from fnmatch import fnmatchcase
-from functools import partial
-from importlib.resources import files
 from pathlib import Path
 
-from rearl_jax.config.data import DataConfig, DataFormat
-from rearl_jax.data import canonical, highd, ngsim, ngsim_pairs, ngsim_published, openacc
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.reader import Entry
+from rearl_jax.data.readers import reader_of
 from rearl_jax.data.records import Recording, RecordingInfo
 
 __all__ = [
@@ -22,27 +20,6 @@ __all__ = [
     "is_generated",
     "iterate_recordings",
 ]
-
-US101_FILE = "us101_lane_changers.parquet"
-
-
-_EXPECTED = {
-    DataFormat.us101: f"the file {US101_FILE} or its folder; leave it empty for the shipped one",
-    DataFormat.ngsim: "the folder of the NGSIM tables (.csv or .txt)",
-    DataFormat.i80: "the folder of the Parquet file of NGSIM I-80 leader-follower pairs",
-    DataFormat.openacc: "the folder of the Parquet file of OpenACC platoons",
-    DataFormat.highd: "the folder of NN_tracks.csv, NN_tracksMeta.csv and NN_recordingMeta.csv",
-    DataFormat.generated: "the folder of generated recordings; `rearl prepare data=generated` writes them",
-    DataFormat.table: "a .parquet or .csv file in the canonical schema, or a folder of them",
-}
-
-
-@dataclass(frozen=True)
-class _Entry:
-    """A recording that can be read."""
-
-    id: str
-    read: Callable[[], Recording]
 
 
 def iterate_recordings(data: DataConfig) -> Iterator[Recording]:
@@ -66,17 +43,8 @@ def count_recordings(data: DataConfig) -> int:
 
 def is_generated(data: DataConfig) -> bool:
     """Whether any of the recordings was made by the generator, whatever they are read as."""
-    if data.format in (DataFormat.highd, DataFormat.generated):
-        # Here, because the generator brings scipy.stats, which reading does not need.
-        from rearl_jax.data.generator.dataset import TRUTH_FILE
-
-        # The generator leaves a mark in the folder of its files.
-        folder = highd.find_recordings(_root(data))[0].parent
-        return data.format is DataFormat.generated or (folder / TRUTH_FILE).exists()
-    if data.format is DataFormat.table:
-        files = (canonical.TableFile(path, data) for path in canonical.find_tables(_root(data)))
-        return any(info.generated for file in files for info in file.stated().values())
-    return False
+    made = reader_of(data.format).generated
+    return made is not None and made(data, _root(data))
 
 
 def data_id(data: DataConfig) -> str:
@@ -105,8 +73,8 @@ def file_stamps(data: DataConfig) -> list[tuple[str, int, int]]:
     return [(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]
 
 
-def _selected(data: DataConfig) -> list[_Entry]:
-    entries = list(_ENTRIES[data.format](data, _root(data)))
+def _selected(data: DataConfig) -> list[Entry]:
+    entries = list(reader_of(data.format).entries(data, _root(data)))
     chosen = [entry for entry in entries if fnmatchcase(entry.id, data.recordings)]
     if not chosen:
         names = ", ".join(entry.id for entry in entries[:5]) + (", ..." if len(entries) > 5 else "")
@@ -118,82 +86,14 @@ def _selected(data: DataConfig) -> list[_Entry]:
 
 
 def _root(data: DataConfig) -> Path:
-    """Folder or file of the recordings."""
-    if data.format is DataFormat.us101 and not data.root:
-        return Path(str(files("rearl_jax.data").joinpath("us101", US101_FILE)))
-    if data.root and Path(data.root).exists():
-        return Path(data.root)
+    """Folder or file of the recordings; without data.root that of the shipped ones."""
+    root = Path(data.root) if data.root else data.format.shipped
+    if root is not None and root.exists():
+        return root
     problem = f"{Path(data.root).absolute()} does not exist" if data.root else "data.root is not set"
-    raise FileNotFoundError(f"{problem}: data.root must name {_EXPECTED[data.format]}")
-
-
-def _us101_file(root: Path) -> Path:
-    path = root / US101_FILE if root.is_dir() else root
-    if not path.is_file():
-        raise FileNotFoundError(f"{path} does not exist: leave data.root empty for the shipped file")
-    return path
-
-
-def _us101(data: DataConfig, root: Path) -> Iterator[_Entry]:
-    path = _us101_file(root)
-    for name, period in ngsim.us101_recordings(path).items():
-        yield _Entry(name, partial(ngsim.read_us101, path, name, period, data))
-
-
-def _published(data: DataConfig, root: Path) -> Iterator[_Entry]:
-    for path in ngsim_published.find_published(root):
-        file = ngsim_published.PublishedFile(path, data)
-        for name in file.recordings():
-            yield _Entry(name, partial(file.read, name))
-
-
-def _pairs(data: DataConfig, root: Path) -> Iterator[_Entry]:
-    path = ngsim_pairs.find_pairs(root)
-    for name, run in ngsim_pairs.pairs_recordings(path).items():
-        yield _Entry(name, partial(ngsim_pairs.read_pairs, path, name, run, data))
-
-
-def _platoons(data: DataConfig, root: Path) -> Iterator[_Entry]:
-    path = openacc.find_platoons(root)
-    for name, platoon in openacc.platoon_recordings(path).items():
-        yield _Entry(name, partial(openacc.read_platoon, path, name, platoon, data))
-
-
-def _highd(data: DataConfig, root: Path) -> Iterator[_Entry]:
-    generated = is_generated(data)
-    for path in highd.find_recordings(root):
-        name = highd.recording_id(path, generated=generated)
-        yield _Entry(name, partial(highd.read_recording, path, data, generated=generated))
-
-
-def _tables(data: DataConfig, root: Path) -> Iterator[_Entry]:
-    for path in canonical.find_tables(root):
-        file = canonical.TableFile(path, data)
-        for name in file.recordings():
-            yield _Entry(name, partial(file.read, name))
-
-
-_ENTRIES: dict[DataFormat, Callable[[DataConfig, Path], Iterator[_Entry]]] = {
-    DataFormat.us101: _us101,
-    DataFormat.ngsim: _published,
-    DataFormat.i80: _pairs,
-    DataFormat.openacc: _platoons,
-    DataFormat.highd: _highd,
-    DataFormat.generated: _highd,
-    DataFormat.table: _tables,
-}
+    raise FileNotFoundError(f"{problem}: data.root must name {reader_of(data.format).expected}")
 
 
 def _files(data: DataConfig) -> list[Path]:
     """The files the rows of a data set come from, and those that say how to read them."""
-    root = _root(data)
-    if data.format in (DataFormat.highd, DataFormat.generated):
-        return [file for tracks in highd.find_recordings(root) for file in highd.require_files(tracks)]
-    if data.format is DataFormat.us101:
-        return [_us101_file(root)]
-    if data.format is DataFormat.ngsim:
-        return ngsim_published.find_published(root)
-    if data.format is DataFormat.table:
-        tables = canonical.find_tables(root)
-        return [*tables, *filter(Path.is_file, map(canonical.sidecar, tables))]
-    return [(ngsim_pairs.find_pairs if data.format is DataFormat.i80 else openacc.find_platoons)(root)]
+    return reader_of(data.format).files(_root(data))

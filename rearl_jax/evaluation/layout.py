@@ -4,6 +4,7 @@ import json
 import shlex
 from base64 import b64encode
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
@@ -11,6 +12,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from rearl_jax import __version__
 from rearl_jax.code_version import git_sha
 from rearl_jax.config._schema import as_plain, keys_of
+from rearl_jax.config.driver import record_of
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.results import config_hash
 
@@ -83,8 +85,11 @@ def command(words: str, config: Any) -> str:
         words: The task, and words that are always said, as in `evaluate method=base`.
         config: Its record.
     """
-    defaults, chosen = keys_of(type(config)()), keys_of(config)
-    said = {word.partition("=")[0] for word in words.split()}
+    usual, said = type(config)(), {word.partition("=")[0] for word in words.split()}
+    if hasattr(config, "driver") and config.driver.model != usual.driver.model:
+        words = f"{words} driver={config.driver.model}"
+        usual = replace(usual, driver=record_of(config.driver.model)())
+    defaults, chosen = keys_of(usual), keys_of(config)
     changed = [
         f"{name}={key.default}"
         for name, key in chosen.items()

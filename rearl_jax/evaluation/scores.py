@@ -28,13 +28,11 @@ WITH_EFFECT = "_effect"
 MEASURED = tuple(name for name in METRICS if name != "realism")
 """Metrics that have a figure for every scored pair by itself."""
 
-COMPARING = ("h", "h_legacy", "spacing_ratio", "mape_a", "mape_b", "mape_c", "realism")
+COMPARING = tuple(name for name, metric in METRICS.items() if metric.compares)
 """Metrics that compare two scenes: a scene compared with itself says nothing."""
 
-NEEDS_LANES = (
-    *("thw", "thw_median", "thw_excluded", "lcr", "lcr_observed"),
-    *("ttc_min", "ttc_share", "drac_share", "critical_share", "realism"),
-)
+NEEDS_LANES = tuple(name for name, metric in METRICS.items() if metric.needs_lanes)
+"""Metrics of which recordings without lanes have no figure."""
 
 
 def title_of(row: str) -> str:
@@ -100,7 +98,7 @@ def scores_of(
     """Scores of pairs whose metrics are known; see `Scores`."""
     values, counts = {}, {}
     for name in MEASURED:
-        measure = getattr(metrics, name)
+        measure = metrics.measure(name)
         values[name] = np.where(measure.count > 0, measure.value.astype(np.float64), np.nan)
         counts[name] = measure.count
     return Scores(

@@ -36,10 +36,6 @@ HEADINGS = {
 }
 """Short headings of the metrics shown."""
 
-_DIGITS = {"spacing": 1, "thw": 2, "thw_median": 2, "ttc_min": 1}
-_DIGITS |= {"lcr": 4, "lcr_observed": 4, "ttc_share": 4, "drac_share": 4, "critical_share": 4}
-
-
 _LESS_BASE = ("less_base", "less_base_low", "less_base_high")
 
 
@@ -177,7 +173,7 @@ def summary_rows(
 
 def written(value: float, name: str) -> str:
     """A figure of a metric with the digits it deserves."""
-    return f"{value:.{_DIGITS.get(name, 3)}f}"
+    return f"{value:.{METRICS[name].digits}f}"
 
 
 def table_notes(

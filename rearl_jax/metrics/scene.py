@@ -6,55 +6,21 @@ carried along unchanged, so a batch with the scenario axis last needs no `vmap` 
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from rearl_jax.config.metrics import HistConfig, MetricsConfig, SpeedValues
 from rearl_jax.metrics.following import find_leaders
+from rearl_jax.metrics.further import KERNELS
 from rearl_jax.metrics.histograms import cumulative_speed_counts, legacy_scale, window_distances
 from rearl_jax.metrics.measure import Measure, frame_mean
 from rearl_jax.metrics.motion import jerk_statistics, lane_changes, rate_of_change
 from rearl_jax.metrics.realism import RealismCounts, distance_to_nearest, realism_counts
 from rearl_jax.metrics.safety import collisions, conflicts, time_headways
 from rearl_jax.metrics.spacing import mean_spacing, spacing_errors, vehicle_spacing
+from rearl_jax.metrics.trajectories import SceneReference, Trajectories
 
 VEHICLE_WIDTH = 2.0
 """Width of every highway-env vehicle [m]. Source: highway-env 1.12.1, vehicle/objects.py."""
-
-
-class Trajectories(eqx.Module):
-    """What the metrics need to know of a scene's vehicles.
-
-    Attributes:
-        x, y: Centre in the ground frame [m], both carriageways in the same frame.
-        position: Centre along the own driving direction [m]; x in a simulation.
-        speed: [m/s].
-        scaled_speed: The same rescaled to the simulator's range; equal to it in a simulation.
-        lane: Lane index within the carriageway.
-        crashed: Whether the vehicle has crashed; nobody has in a recording.
-        length, width: Size of the vehicle [m].
-        direction: Carriageway; None where there is one.
-        track_id: Vehicle in a slot; None where it never changes.
-    """
-
-    x: Float[Array, "steps vehicles *scenarios"]
-    y: Float[Array, "steps vehicles *scenarios"]
-    position: Float[Array, "steps vehicles *scenarios"]
-    speed: Float[Array, "steps vehicles *scenarios"]
-    scaled_speed: Float[Array, "steps vehicles *scenarios"]
-    lane: Int[Array, "steps vehicles *scenarios"]
-    crashed: Bool[Array, "steps vehicles *scenarios"]
-    length: Float[Array, "steps vehicles *scenarios"]
-    width: Float[Array, "steps vehicles *scenarios"]
-    direction: Int[Array, "steps vehicles *scenarios"] | None = None
-    track_id: Int[Array, "steps vehicles *scenarios"] | None = None
-
-
-class SceneReference(eqx.Module):
-    """What a simulated scene is compared with: speed histogram and spacings [m] of a real one."""
-
-    cumulative_counts: Int[Array, "rows bins *scenarios"]
-    mean_spacing: Float[Array, " steps *scenarios"]
-    vehicle_spacing: Float[Array, "steps vehicles *scenarios"]
 
 
 class SceneSeries(eqx.Module):
@@ -70,7 +36,7 @@ class SceneSeries(eqx.Module):
 
 
 class SceneMetrics(eqx.Module):
-    """Metrics of one scene; the fields that are measures are the rows of `rearl_jax.metrics.METRICS`."""
+    """Metrics of one scene, the rows of `rearl_jax.metrics.METRICS`: fields, and those of further metrics by name."""
 
     h: Measure
     h_legacy: Measure
@@ -94,6 +60,11 @@ class SceneMetrics(eqx.Module):
     critical_share: Measure
     realism: RealismCounts
     series: SceneSeries
+    further: dict[str, Measure]
+
+    def measure(self, name: str) -> Measure:
+        """The measure of a metric; `realism` has none of a single scene."""
+        return self.further[name] if name in self.further else getattr(self, name)
 
 
 def scene_reference(
@@ -158,4 +129,5 @@ def scene_metrics(scene: Trajectories, reference: SceneReference, config: Metric
             config.realism,
         ),
         series=SceneSeries(distances.value, distances.valid, errors.a, errors.b, errors.c, errors.valid, spacing),
+        further={name: measure(scene, reference, config) for name, measure in KERNELS.items()},
     )

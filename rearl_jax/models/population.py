@@ -48,7 +48,7 @@ class Population(eqx.Module):
         effects: What acts on the drivers beyond car following.
         lane_changing: Their MOBIL parameters; None for highway-env's.
         car_following: Name of their car-following model.
-        drawn: Names of parameters that stay as they were drawn with the initial state.
+        drawn: Names of parameters that stay as they were drawn with the initial state, in all classes.
         is_noisy: Whether there is any noise.
         is_resized: Whether the vehicles are not those of highway-env, 5 m long.
     """
@@ -177,7 +177,7 @@ def _population(
         effects=effects,
         lane_changing=lane_changing,
         car_following=car_following,
-        drawn=tuple(name for name, column in zip(names, median.T, strict=True) if np.isnan(column).any()),
+        drawn=tuple(name for name, column in zip(names, median.T, strict=True) if np.isnan(column).all()),
         is_noisy=any(drivers.noise_sd > 0 for drivers in every),
         is_resized=bool((length != (5.0, 0.0)).any()),
     )

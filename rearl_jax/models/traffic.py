@@ -72,6 +72,7 @@ def populate(
     tables = jax.tree.map(jnp.asarray, (population.median, population.factor, population.noise, population.length))
     median, factor, noise, length = (jnp.moveaxis(table[number], (0, 1), (-2, -1)) for table in tables)
     values = dict(zip(names, median * jnp.exp(jnp.sum(factor * own[None], axis=1)), strict=True))
+    values = {name: _with_drawn(name, value, state, drivers) for name, value in _within_bounds(values, population)}
     values |= {name: getattr(drivers.car_following, name) for name in population.drawn}
     lengths = jnp.maximum(length[0] + length[1] * long, 1.0)
     effects = _seeded(population.effects, keys)
@@ -92,6 +93,18 @@ def populate(
     if population.lane_changing is not None:
         state, drivers = _with_lane_changing(state, drivers, population.lane_changing, model)
     return begin_driving(state, drivers, model), drivers
+
+
+def _within_bounds(values: dict[str, Array], population: Population) -> list[tuple[str, Array]]:
+    """Parameters by name, within the bounds that their model declares."""
+    declared = {one.name: one for one in MODELS[population.car_following].parameters}
+    return [(name, jnp.clip(value, declared[name].low, declared[name].high)) for name, value in values.items()]
+
+
+def _with_drawn(name: str, value: Array, state: TrafficState, drivers: Drivers) -> Array:
+    """A parameter, where a class of drivers leaves it (nan) as it was drawn with the initial state."""
+    drawn = state.desired_speed if name == "desired_speed" else getattr(drivers.car_following, name, None)
+    return value if drawn is None else jnp.where(jnp.isnan(value), drawn, value)
 
 
 def class_numbers(

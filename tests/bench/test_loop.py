@@ -163,7 +163,7 @@ def test_every_effect_is_measured_unless_some_are_chosen():
     assert effect_programs(()) == ()
     assert effects_in("grade") == ("grade",)
     assert effects_in(FOLLOWING) == ()
-    with pytest.raises(ValueError, match="no effect 'nothing'; those there are: reaction_delay, "):
+    with pytest.raises(ValueError, match="no effect 'nothing'; those there are: action_points, "):
         effect_programs(("nothing",))
     with pytest.raises(ValueError, match="no program 'nothing'"):
         effects_in("nothing")

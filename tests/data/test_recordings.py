@@ -1,6 +1,7 @@
 """Data sets as streams of recordings: lazy, selectable, identified."""
 
 import dataclasses
+from importlib import import_module
 
 import pandas as pd
 import pytest
@@ -9,6 +10,7 @@ from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.data import recordings
 from rearl_jax.data.canonical import write_recording
 from rearl_jax.data.problems import BadRecordingError
+from rearl_jax.data.readers import reader_of
 from rearl_jax.data.recordings import count_recordings, data_id, file_stamps, is_generated, iterate_recordings
 from rearl_jax.data.schema import COLUMNS, Recording, RecordingInfo, validate
 
@@ -41,7 +43,7 @@ def test_nothing_is_read_before_it_is_asked_for(highd, tmp_path):
 
 def test_every_kind_has_a_reader_and_names_what_it_wants(tmp_path):
     for kind in DataFormat:
-        if kind is DataFormat.us101:
+        if kind.shipped:
             continue
         with pytest.raises(FileNotFoundError, match=r"data.root is not set: data.root must name \w+"):
             count_recordings(DataConfig(kind))
@@ -52,7 +54,7 @@ def test_every_kind_has_a_reader_and_names_what_it_wants(tmp_path):
 
 
 def test_the_shipped_set_can_be_copied_and_read_elsewhere(tmp_path):
-    shipped = recordings._root(DataConfig())
+    (shipped,) = recordings._files(DataConfig())
     assert shipped.parent.name == "us101"
     assert {"LICENSE", "ATTRIBUTION"} <= {file.name for file in shipped.parent.iterdir()}
     assert shipped.stat().st_size < 4_000_000
@@ -131,3 +133,14 @@ def test_values_out_of_range_are_refused(change, words):
     DataConfig().check()
     with pytest.raises(ValueError, match=words):
         DataConfig(**change).check()
+
+
+def test_a_format_is_a_module_that_holds_a_reader(monkeypatch):
+    for kind in DataFormat:
+        module = import_module(f"rearl_jax.data.readers.{kind.name}")
+        assert reader_of(kind) is module.READER
+        assert module.__doc__
+    assert [kind for kind in DataFormat if kind.shipped] == [DataFormat.us101]
+    monkeypatch.delattr(import_module("rearl_jax.data.readers.table"), "READER")
+    with pytest.raises(TypeError, match=r"table\.py must hold a Reader called READER"):
+        reader_of(DataFormat.table)

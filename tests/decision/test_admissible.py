@@ -1,8 +1,12 @@
 """Which actions are admissible, vehicle by vehicle."""
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
+
+from rearl_jax.config.driver import DEFAULT, MODELS
 
 LEFT, KEEP, RIGHT, FASTER, SLOWER = range(5)
 
@@ -102,3 +106,22 @@ def test_accept_keeps_admissible_answers_of_those_asked():
     assert orders.action.tolist() == [[-1, 3], [-1, -1], [2, -1], [4, -1]]
     assert orders.n_inadmissible.tolist() == [1, 1]
     assert orders.n_invalid.tolist() == [0, 2]
+
+
+@pytest.mark.parametrize("name", [name for name in MODELS if name != DEFAULT])
+def test_whatever_model_drives_empty_lanes_are_safe_and_close_followers_are_not(model, name):
+    from rearl_jax.config.decision import AdmissibleConfig
+    from rearl_jax.core.car_following import CAR_FOLLOWING
+    from rearl_jax.core.drivers import highway_env_drivers
+    from rearl_jax.core.state import make_state
+    from rearl_jax.decision.admissible import admissible_actions
+
+    usual = [jnp.full((1, 1), one.usual, jnp.float32) for one in MODELS[name].parameters]
+    drivers = replace(highway_env_drivers(ticks_per_second=15), car_following=CAR_FOLLOWING[name](*usual))
+    # Alone on the road; with a fast vehicle right behind on the lane to the left; with one that stands far ahead.
+    x = np.array([[100.0, 100.0, 100.0], [5000.0, 92.0, 900.0]])
+    lane, speed = np.array([[1, 1, 1], [0, 0, 0]]), np.array([[25.0, 25.0, 0.0], [25.0, 40.0, 0.0]])
+    state = make_state(x, lane * 4.0, speed, model, desired_speed=np.full(x.shape, 30.0))
+    options = AdmissibleConfig(lane=_gate("mobil_safe"), longitudinal=True)
+    left = np.asarray(admissible_actions(state, drivers, model, options))[0, 0]
+    assert left.tolist() == [True, False, True]

@@ -4,29 +4,16 @@ import os
 import re
 import subprocess
 import sys
-from itertools import groupby
 from pathlib import Path
 
 import pytest
 
-from tests.docs.blocks import DOCS, PAGES, blocks
+from tests.docs.blocks import DOCS, EXTENDING, PAGES, steps
 
 pytestmark = pytest.mark.slow  # a page takes up to some minutes
 
 
-def steps(page):
-    """What is run one after the other: shell blocks by themselves, Python blocks that follow each other together."""
-    found = [block for block in blocks(page) if block.language in ("sh", "python") and not block.title]
-    for language, group in groupby(found, key=lambda block: block.language):
-        some = list(group)
-        if language == "python":
-            yield some[0].where, [sys.executable, "-c", "\n".join(block.text for block in some)]
-        else:
-            for block in some:
-                yield block.where, ["bash", "-euo", "pipefail", "-c", block.text]
-
-
-FOLLOWED = [page for page in PAGES if DOCS in page.parents and any(steps(page))]
+FOLLOWED = [page for page in PAGES if DOCS in page.parents and page not in EXTENDING and any(steps(page))]
 
 
 @pytest.mark.parametrize("page", FOLLOWED, ids=lambda page: str(page.relative_to(DOCS)))

@@ -195,3 +195,13 @@ def test_unknown_example_stops(done):
     other = next(i for i in scenes.scene_id if i not in ids)
     with pytest.raises(ValueError, match=f"eval.example = {other} is not a held-out scene; these are: "):
         example_scene(scenes, held_out, int(other))
+
+
+def test_the_command_of_a_page_chooses_its_car_following_model():
+    from rearl_jax.config import EvaluateTask
+    from rearl_jax.config.driver import record_of
+    from rearl_jax.evaluation.layout import command
+
+    assert command("evaluate", EvaluateTask()) == "rearl evaluate"
+    driven = EvaluateTask(driver=record_of("gipps")(time_gap_sd=0.3))
+    assert command("evaluate", driven) == "rearl evaluate driver=gipps driver.time_gap_sd=0.3"

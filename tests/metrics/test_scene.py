@@ -11,6 +11,7 @@ import pytest
 
 from rearl_jax.config.metrics import HistConfig, MetricsConfig, OutOfBounds, RealismConfig, SpeedValues
 from rearl_jax.metrics import METRICS, Direction
+from rearl_jax.metrics.further import KERNELS
 from rearl_jax.metrics.measure import Measure
 from rearl_jax.metrics.scene import (
     SceneMetrics,
@@ -198,7 +199,7 @@ def test_switches_reach_the_kernels():
 
 
 def test_metric_table_names_every_measure_and_nothing_else():
-    measures = {field.name for field in fields(SceneMetrics)} - {"realism", "series"}
+    measures = {field.name for field in fields(SceneMetrics)} - {"realism", "series", "further"} | set(KERNELS)
     assert set(METRICS) == measures | {"realism"}
     assert all(name == metric.name for name, metric in METRICS.items())
     for metric in METRICS.values():
@@ -207,15 +208,32 @@ def test_metric_table_names_every_measure_and_nothing_else():
         assert METRICS[name].direction is Direction.none, "more of it is never better"
     _, ref, _ = real_scene(41, np.dtype("float64"))
     found = SCORE(trajectories(make_scene(40)), ref, CONFIG)
-    assert all(isinstance(getattr(found, name), Measure) for name in measures)
+    assert all(isinstance(found.measure(name), Measure) for name in measures)
     assert eqx.is_array(found.realism.speed)
+
+
+def test_a_further_metric_is_measured_beside_the_others(monkeypatch):
+    _, ref, _ = real_scene(41, np.dtype("float64"))
+    scene = trajectories(make_scene(40))
+    alone = scene_metrics(scene, ref, CONFIG)
+
+    def measure(scene, reference, config):
+        return Measure(config.frame_interval * scene.speed[0, 0], reference.cumulative_counts[0, 0])
+
+    monkeypatch.setitem(KERNELS, "mine", measure)
+    found = scene_metrics(scene, ref, CONFIG)
+    assert found.further.keys() - alone.further.keys() == {"mine"}
+    assert float(found.measure("mine").value) == CONFIG.frame_interval * float(scene.speed[0, 0])
+    for name in METRICS:
+        if name != "realism":
+            assert float(found.measure(name).value) == float(alone.measure(name).value)
 
 
 @jax.jit
 @jax.grad
 def slope_of_all(moving, fixed, ref):
     found = scene_metrics(eqx.combine(moving, fixed), ref, CONFIG)
-    return jnp.stack([getattr(found, name).value for name in METRICS if name != "realism"]).sum()
+    return jnp.stack([found.measure(name).value for name in METRICS if name != "realism"]).sum()
 
 
 @KINDS

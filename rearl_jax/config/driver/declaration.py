@@ -78,7 +78,8 @@ def time_gap(usual: float = 1.25, source: str = _TABLE) -> DriverParameter:
 
 def jam_gap(usual: float = 2.5, source: str = _TABLE) -> DriverParameter:
     """Gap at standstill s0, which every model has."""
-    return DriverParameter("jam_gap", "m", "gap s0 at standstill, bumper to bumper", usual, 0.1, 20.0, source)
+    # Not below the gap below which no model answers more strongly, or nobody would come to rest.
+    return DriverParameter("jam_gap", "m", "gap s0 at standstill, bumper to bumper", usual, 0.5, 20.0, source)
 
 
 def max_accel(usual: float = 1.4, source: str = _TABLE) -> DriverParameter:

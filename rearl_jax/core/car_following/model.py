@@ -11,7 +11,7 @@ from typing import ClassVar, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from rearl_jax.config.driver.declaration import DriverModel
 
@@ -88,17 +88,20 @@ class CarFollowing(eqx.Module):
         return self.free_acceleration(speed) - self.acceleration(gap, speed, approach_rate)
 
     def spacing_acceleration(self, seen: "Spacing") -> Float[Array, "*n"]:
-        """`acceleration` of drivers who see spacings, each with its own desired speed [m/s^2]."""
-        return self._wanting(seen).acceleration(seen.spacing - seen.length, seen.speed, seen.approach_rate)
+        """`acceleration` of drivers who see spacings, each with its own desired speed [m/s^2]; 0 without a leader."""
+        gap = jnp.where(seen.has_leader, seen.spacing - seen.length, 0.0)
+        return jnp.where(seen.has_leader, self._wanting(seen).acceleration(gap, seen.speed, seen.approach_rate), 0.0)
 
     def spacing_interaction(self, seen: "Spacing") -> Float[Array, "*n"]:
-        """`interaction` of drivers who see spacings, each with its own desired speed [m/s^2]."""
-        return self._wanting(seen).interaction(seen.spacing - seen.length, seen.speed, seen.approach_rate)
+        """`interaction` of drivers who see spacings, each with its own desired speed [m/s^2]; 0 without a leader."""
+        gap = jnp.where(seen.has_leader, seen.spacing - seen.length, 0.0)
+        return jnp.where(seen.has_leader, self._wanting(seen).interaction(gap, seen.speed, seen.approach_rate), 0.0)
 
     def _wanting(self, seen: "Spacing") -> "CarFollowing":
-        """The same drivers with the desired speeds that belong to what they see."""
-        is_known = seen.speed_ratio > 0
-        desired_speed = jnp.where(is_known, seen.speed / jnp.where(is_known, seen.speed_ratio, 1), LEAST_DESIRED_SPEED)
+        """The same drivers with the desired speeds that belong to what they see; their own where they stand."""
+        is_moving = (seen.speed > 0) & (seen.speed_ratio > 0)
+        own = LEAST_DESIRED_SPEED if self.desired_speed is None else self.desired_speed
+        desired_speed = jnp.where(is_moving, seen.speed / jnp.where(is_moving, seen.speed_ratio, 1), own)
         return self.with_wishes(desired_speed, self.time_gap, self.jam_gap)
 
     def desired_spacing(
@@ -144,6 +147,11 @@ class Spacing(NamedTuple):
     speed_ratio: Float[Array, "*#n"]
     approach_rate: Float[Array, "*#n"]
 
+    @property
+    def has_leader(self) -> Bool[Array, "*n"]:
+        """Whether there is anybody to follow."""
+        return jnp.isfinite(self.spacing)
+
 
 class Linearisation(NamedTuple):
     """Slopes of the acceleration f(s, v, dv) at equilibrium.
@@ -178,7 +186,7 @@ class Linearisation(NamedTuple):
 
 
 def linearise(model: CarFollowing, speed: Float[Array, "*n"]) -> Linearisation:
-    """Slopes of a model's acceleration where it follows a leader of constant speed [m/s]."""
+    """Slopes of a model's acceleration where it follows a leader of constant speed [m/s], which must be above 0."""
     point = jnp.broadcast_arrays(model.equilibrium_gap(speed), speed, jnp.zeros_like(speed))
     _, back = jax.vjp(model.acceleration, *point)
     return Linearisation(*back(jnp.ones_like(point[0])))

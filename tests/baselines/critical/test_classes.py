@@ -68,8 +68,8 @@ def test_parameters_of_a_class_reach_every_driver(drawn, model, name):
     state, drivers = populated(drawn, model, *ALONE[name])
     kind = CLASSES[name]
     for values, wanted in (
-        (drivers.idm.max_accel, kind.max_accel),
-        (drivers.idm.jam_spacing, kind.jam_spacing),
+        (drivers.car_following.max_accel, kind.max_accel),
+        (drivers.car_following.jam_spacing, kind.jam_spacing),
         (drivers.mobil.gain_threshold, kind.gain_threshold),
         (drivers.mobil.politeness, kind.politeness),
         (drivers.mobil.decision_period, decision_period(kind.delay, model.ticks_per_second)),
@@ -98,7 +98,7 @@ def test_the_values_are_those_of_critical_and_trucks_keep_the_constants_of_highw
     ours, theirs = CLASSES["truck"], highway_env_drivers()
     own = (ours.max_accel, ours.jam_spacing, ours.gain_threshold, ours.politeness)
     mobil = theirs.mobil
-    highway = (theirs.idm.max_accel, theirs.idm.jam_spacing, mobil.gain_threshold, mobil.politeness)
+    highway = (theirs.car_following.max_accel, theirs.car_following.jam_spacing, mobil.gain_threshold, mobil.politeness)
     assert own == pytest.approx([float(value.squeeze()) for value in highway])
 
 
@@ -109,7 +109,7 @@ def test_lanes_places_and_exponents_are_those_of_base(drawn, model):
         state, drivers = populated(drawn, model, *mixture)
         for name in ("x", "y", "target_lane", "heading", "order", "controller"):
             np.testing.assert_array_equal(getattr(state, name), getattr(base, name))
-        np.testing.assert_array_equal(drivers.idm.accel_exponent, base_drivers.idm.accel_exponent)
+        np.testing.assert_array_equal(drivers.car_following.accel_exponent, base_drivers.car_following.accel_exponent)
     for name in ("regular", "truck"):
         state, _ = populated(drawn, model, *ALONE[name])
         np.testing.assert_array_equal(state.ticks_to_decision, base.ticks_to_decision)
@@ -117,7 +117,7 @@ def test_lanes_places_and_exponents_are_those_of_base(drawn, model):
 
 def test_shares_are_the_frequencies(drawn, model):
     state, drivers = populated(drawn, model, 0.2, 0.3, 0.1)
-    kinds = np.asarray(drivers.idm.max_accel)
+    kinds = np.asarray(drivers.car_following.max_accel)
     found = [np.isclose(kinds, accel).mean() for accel in (4.5, 2.0, 3.0, 3.2)]
     assert found == pytest.approx([0.2, 0.3, 0.1, 0.4], abs=0.03)
     assert np.isclose(kinds[0], 4.5).mean() == pytest.approx(0.2, abs=0.08)  # wherever in the list
@@ -126,7 +126,7 @@ def test_shares_are_the_frequencies(drawn, model):
 def test_a_vehicle_of_the_same_class_is_the_same_in_another_mixture(drawn, model):
     one, one_drivers = populated(drawn, model, 0.2, 0.3, 0.1)
     other, other_drivers = populated(drawn, model, 0.2, 0.1, 0.4)
-    same = np.isclose(one_drivers.idm.max_accel, other_drivers.idm.max_accel)
+    same = np.isclose(one_drivers.car_following.max_accel, other_drivers.car_following.max_accel)
     assert 0.5 < same.mean() < 0.9
     np.testing.assert_array_equal(np.asarray(one.speed)[same], np.asarray(other.speed)[same])
 

@@ -1,0 +1,22 @@
+"""Formats of recordings, one per file: the name of the module is that of the format, and it holds a `READER`.
+
+`data.format` takes the names of these modules, so another file is all that another format needs here.
+"""
+
+from importlib import import_module
+
+from rearl_jax.config.data import DataFormat
+from rearl_jax.data.reader import Reader
+
+
+def reader_of(format: DataFormat) -> Reader:
+    """The reader of a format; what the others import is not loaded.
+
+    Raises:
+        TypeError: The module of the format holds none.
+    """
+    module = import_module(f"{__name__}.{format.name}")
+    reader = getattr(module, "READER", None)
+    if not isinstance(reader, Reader):
+        raise TypeError(f"{module.__file__} must hold a Reader called READER")
+    return reader

@@ -1,0 +1,42 @@
+"""highD: `x`, `y` are the corner of the box, y points down, `width` is the length of the vehicle."""
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data import highd
+from rearl_jax.data.reader import Entry, Reader
+
+
+def is_generated(data: DataConfig, root: Path) -> bool:
+    """Whether the generator has left its mark beside the files."""
+    # Here, because the generator brings scipy.stats, which reading does not need.
+    from rearl_jax.data.generator.dataset import TRUTH_FILE
+
+    return (highd.find_recordings(root)[0].parent / TRUTH_FILE).exists()
+
+
+def files(root: Path) -> list[Path]:
+    """The three files of every recording."""
+    return [file for tracks in highd.find_recordings(root) for file in highd.require_files(tracks)]
+
+
+def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
+    """One recording per three files."""
+    return entries_of(data, root, generated=is_generated(data, root))
+
+
+def entries_of(data: DataConfig, root: Path, *, generated: bool) -> Iterator[Entry]:
+    """The same, of which it is known whether the generator made them."""
+    for path in highd.find_recordings(root):
+        name = highd.recording_id(path, generated=generated)
+        yield Entry(name, partial(highd.read_recording, path, data, generated=generated))
+
+
+READER = Reader(
+    expected="the folder of NN_tracks.csv, NN_tracksMeta.csv and NN_recordingMeta.csv",
+    entries=entries,
+    files=files,
+    generated=is_generated,
+)

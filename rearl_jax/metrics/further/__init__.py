@@ -1,0 +1,29 @@
+"""Further metrics, one per file: a module that holds a `METRIC` and the function `measure` that gives its figure.
+
+    measure(scene, reference, config) -> Measure
+
+It takes the arrays of a scene and of the real one it is compared with, "steps vehicles *scenarios", and leaves the
+trailing axes as they are. Every module here is one: another file is all that another metric needs.
+"""
+
+import pkgutil
+from collections.abc import Callable
+from importlib import import_module
+from typing import TYPE_CHECKING, TypeAlias
+
+from rearl_jax.metrics.metric import Metric
+
+if TYPE_CHECKING:
+    from rearl_jax.config.metrics import MetricsConfig
+    from rearl_jax.metrics.measure import Measure
+    from rearl_jax.metrics.trajectories import SceneReference, Trajectories
+
+Kernel: TypeAlias = "Callable[[Trajectories, SceneReference, MetricsConfig], Measure]"
+
+_MODULES = [import_module(f"{__name__}.{info.name}") for info in pkgutil.iter_modules(__path__)]
+
+FURTHER: tuple[Metric, ...] = tuple(module.METRIC for module in _MODULES)
+"""Their rows of the metric table."""
+
+KERNELS: "dict[str, Kernel]" = {module.METRIC.name: module.measure for module in _MODULES}
+"""What measures them, by name."""

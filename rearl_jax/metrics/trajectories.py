@@ -1,0 +1,40 @@
+"""What metrics are measured on: the vehicles of one scene, and the real scene it is compared with."""
+
+import equinox as eqx
+from jaxtyping import Array, Bool, Float, Int
+
+
+class Trajectories(eqx.Module):
+    """What the metrics need to know of a scene's vehicles.
+
+    Attributes:
+        x, y: Centre in the ground frame [m], both carriageways in the same frame.
+        position: Centre along the own driving direction [m]; x in a simulation.
+        speed: [m/s].
+        scaled_speed: The same rescaled to the simulator's range; equal to it in a simulation.
+        lane: Lane index within the carriageway.
+        crashed: Whether the vehicle has crashed; nobody has in a recording.
+        length, width: Size of the vehicle [m].
+        direction: Carriageway; None where there is one.
+        track_id: Vehicle in a slot; None where it never changes.
+    """
+
+    x: Float[Array, "steps vehicles *scenarios"]
+    y: Float[Array, "steps vehicles *scenarios"]
+    position: Float[Array, "steps vehicles *scenarios"]
+    speed: Float[Array, "steps vehicles *scenarios"]
+    scaled_speed: Float[Array, "steps vehicles *scenarios"]
+    lane: Int[Array, "steps vehicles *scenarios"]
+    crashed: Bool[Array, "steps vehicles *scenarios"]
+    length: Float[Array, "steps vehicles *scenarios"]
+    width: Float[Array, "steps vehicles *scenarios"]
+    direction: Int[Array, "steps vehicles *scenarios"] | None = None
+    track_id: Int[Array, "steps vehicles *scenarios"] | None = None
+
+
+class SceneReference(eqx.Module):
+    """What a simulated scene is compared with: speed histogram and spacings [m] of a real one."""
+
+    cumulative_counts: Int[Array, "rows bins *scenarios"]
+    mean_spacing: Float[Array, " steps *scenarios"]
+    vehicle_spacing: Float[Array, "steps vehicles *scenarios"]
