@@ -57,9 +57,9 @@ def run(config, scenes, references):
         return evaluation.rows[0].values, evaluation.log.decisions, asked.requests()
 
 
-def assert_same(one, other):
+def assert_same(one, other, rtol=0.0):
     for name, values in one.items():
-        np.testing.assert_array_equal(values, other[name], err_msg=name)
+        np.testing.assert_allclose(values, other[name], rtol=rtol, err_msg=name)
 
 
 @pytest.mark.slow
@@ -90,7 +90,8 @@ def test_the_matcher_asked_from_outside_gives_the_rows_of_the_matcher_inside(sce
     )
     inside = evaluate(task, scenes, HELD_OUT, references=references, thresholds=THRESHOLDS)
     assert inside.log.decisions.n_accepted.sum() > 0
-    assert_same(inside.rows[0].values, found.rows[0].values)
+    # Two programs may round the last place of a mean differently; what is decided may not differ.
+    assert_same(inside.rows[0].values, found.rows[0].values, rtol=1e-6)
     for one, other in zip(jax.tree.leaves(inside.log.decisions), jax.tree.leaves(found.log.decisions), strict=True):
         np.testing.assert_array_equal(one, other)
 
