@@ -98,7 +98,8 @@ def _sections(name: str, score: Score, world: World, layout: Layout) -> list[np.
             mean_driver = layout.prior.values(world.mean[:1], np.zeros(1, int))[0]
             usual = float(mean_driver[layout.prior.names.index("desired_speed")])
             result += [_with(world.theta, layout, {"speed_limit.limit": usual * share, **edges}) for share in LIMITS]
-    return result
+    # A car-following model that never comes near its desired speed shows nothing of a limit: it begins where none acts.
+    return result or [world.theta.copy()]
 
 
 def _onsets(score: Score, theta: np.ndarray, layout: Layout) -> list[np.ndarray]:

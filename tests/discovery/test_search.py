@@ -298,3 +298,16 @@ def test_intervals_are_those_of_a_gaussian():
     low, high = interval(1.0, 0.5, 0.9)
     assert (low + high) / 2 == pytest.approx(1.0)
     assert high - low == pytest.approx(2 * 1.6449 * 0.5, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["grade", "speed_limit"])
+def test_a_search_has_a_start_even_where_nothing_is_seen_of_a_candidate(solver, calibrated, name):
+    # As of a speed limit where drivers follow so closely that their desired speed does not matter.
+    from rearl_jax.discovery.refit import starts
+    from rearl_jax.discovery.screen import Score
+
+    world, candidate = calibrated[0], solver.layout.candidates[name]
+    n, n_drivers = len(candidate.look), world.data.n_drivers
+    unseen = Score(np.zeros(n), np.zeros((n, n)), np.zeros((n_drivers, n)), np.zeros((n_drivers, n, n)))
+    (start,) = starts(candidate, unseen, world, solver.layout)
+    np.testing.assert_array_equal(start, world.theta)
