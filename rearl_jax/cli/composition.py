@@ -138,7 +138,8 @@ def choices(task: Task, config_dir: str | None = None) -> dict[str, dict[str, st
 
 def first_comment(file: Path) -> str:
     """The comment a file begins with; empty for none."""
-    first = file.read_text(encoding="utf-8").partition("\n")[0]
+    # A file that is no text is refused where it is chosen, with its name; here it only has nothing to say.
+    first = file.read_text(encoding="utf-8", errors="replace").partition("\n")[0]
     return first.lstrip("# ") if first.startswith("#") else ""
 
 
