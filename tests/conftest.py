@@ -2,6 +2,7 @@
 jaxtyping plugin hooks into the import, and would come too late."""
 
 import os
+from pathlib import Path
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
@@ -12,6 +13,23 @@ import pytest
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
+
+MAPPED = Path("/proc/self/maps")
+MOST_MAPPED = 32_000
+"""Memory mappings of a process from which on compiled programs are given up: half of what Linux allows it by default
+(`vm.max_map_count`, 65,530)."""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def give_up_compiled_programs():
+    """Give up compiled programs before there are too many.
+
+    Each takes dozens of memory mappings, and XLA ends the process with a segmentation fault once the system grants no
+    more of them.
+    """
+    yield
+    if MAPPED.exists() and MAPPED.read_bytes().count(b"\n") > MOST_MAPPED:
+        jax.clear_caches()
 
 
 @pytest.fixture(scope="session")
