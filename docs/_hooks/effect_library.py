@@ -4,8 +4,8 @@ from inspect import getdoc
 
 from rearl_jax.core.effects import EFFECTS, VARIABLES
 from rearl_jax.core.effects.effect import Effect, Parameter
-from rearl_jax.discovery.candidates import CURVES, NAMED, PLACED, TIME_GAP_CURVES, TWINS
 from rearl_jax.discovery.lane_changes.candidates import CANDIDATES
+from rearl_jax.discovery.observe.candidates import CURVES, NAMED, PLACED, TIME_GAP_CURVES, TWINS
 
 KINDS = {
     "driver": "Drivers",

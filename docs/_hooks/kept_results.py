@@ -7,7 +7,7 @@ from typing import Any
 
 from rearl_jax.blind.judging import OUTCOMES
 from rearl_jax.blind.questions import QUESTIONS
-from rearl_jax.discovery.words import error_words, verdict_words
+from rearl_jax.discovery.report.words import error_words, verdict_words
 
 KEPT = Path(__file__).resolve().parents[2] / "results" / "kept"
 """Folder of these studies."""

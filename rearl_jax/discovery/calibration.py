@@ -7,15 +7,15 @@ import pandas as pd
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import data_id, iterate_recordings
-from rearl_jax.discovery.drivers import prior_of
-from rearl_jax.discovery.layout import layout_of
-from rearl_jax.discovery.moments import Programs
-from rearl_jax.discovery.noise import calibrate
-from rearl_jax.discovery.parts import measured_drivers
-from rearl_jax.discovery.refit import Fit
-from rearl_jax.discovery.repaired import repaired_model
-from rearl_jax.discovery.solver import Solver
-from rearl_jax.discovery.tables import fit_table
+from rearl_jax.discovery.observe.drivers import prior_of
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.layout import layout_of
+from rearl_jax.discovery.observe.moments import Programs
+from rearl_jax.discovery.observe.noise import calibrate
+from rearl_jax.discovery.observe.parts import measured_drivers
+from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.report.repaired import repaired_model
+from rearl_jax.discovery.report.tables import fit_table
 from rearl_jax.models.file import write_model
 from rearl_jax.models.record import RepairedModel
 

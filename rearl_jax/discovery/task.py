@@ -20,31 +20,24 @@ from rich.progress import Progress
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
 from rearl_jax.data.records import Recording
-from rearl_jax.discovery import tables, terminal
-from rearl_jax.discovery.adequacy import adequacy
-from rearl_jax.discovery.clocks import NAME
-from rearl_jax.discovery.confirmation import clocks_confirmed, confirmed, lens_confirmed
-from rearl_jax.discovery.drivers import prior_of
-from rearl_jax.discovery.errors import model_errors
-from rearl_jax.discovery.gate import SMOOTHING, Finding, amount
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
-from rearl_jax.discovery.lane_choice import lane_choice, with_lane_choice
-from rearl_jax.discovery.layout import layout_of
-from rearl_jax.discovery.moments import Programs
-from rearl_jax.discovery.noise import calibrate
-from rearl_jax.discovery.null import Null, null_of
-from rearl_jax.discovery.parts import Parts, measured_drivers
-from rearl_jax.discovery.procedure import FIRING_SURPRISE, Search, in_time, search, split_drivers
-from rearl_jax.discovery.refit import Fit, rebased, refit
-from rearl_jax.discovery.repaired import repaired_model
-from rearl_jax.discovery.screen import scores
-from rearl_jax.discovery.solver import Solver
-from rearl_jax.discovery.uncertainty import known
-from rearl_jax.discovery.verdict import (
+from rearl_jax.discovery.observe.clocks import NAME
+from rearl_jax.discovery.observe.drivers import prior_of
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.layout import layout_of
+from rearl_jax.discovery.observe.moments import Programs
+from rearl_jax.discovery.observe.noise import calibrate
+from rearl_jax.discovery.observe.parts import Parts, measured_drivers
+from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.uncertainty import known
+from rearl_jax.discovery.read.gate import SMOOTHING, Finding, amount
+from rearl_jax.discovery.report import tables, terminal
+from rearl_jax.discovery.report.errors import model_errors
+from rearl_jax.discovery.report.repaired import repaired_model
+from rearl_jax.discovery.report.verdict import (
     DOUBTFUL,
     MISJUDGED,
     RELIABILITY,
-    Adequacy,
     Named,
     candidate_rows,
     differing_clocks,
@@ -54,6 +47,13 @@ from rearl_jax.discovery.verdict import (
     unseen,
     verdict_of,
 )
+from rearl_jax.discovery.search.adequacy import Adequacy, adequacy
+from rearl_jax.discovery.search.confirmation import clocks_confirmed, confirmed, lens_confirmed
+from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
+from rearl_jax.discovery.search.null import Null, null_of
+from rearl_jax.discovery.search.procedure import FIRING_SURPRISE, Search, in_time, search, split_drivers
+from rearl_jax.discovery.search.refit import rebased, refit
+from rearl_jax.discovery.search.screen import scores
 from rearl_jax.models.file import write_model
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
@@ -198,7 +198,7 @@ def _verdict(
 
     if options.page:
         # Only now, so that nobody waits for matplotlib to know the verdict.
-        from rearl_jax.discovery.presentation import present
+        from rearl_jax.discovery.report.presentation import present
 
         present(study, solver, found, parts, reported, errors, verdict, config)
     return verdict

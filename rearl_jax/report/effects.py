@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rearl_jax.discovery.page import CAPTIONS, MEASURES
-from rearl_jax.discovery.words import (
+from rearl_jax.discovery.report.page import CAPTIONS, MEASURES
+from rearl_jax.discovery.report.words import (
     described,
     effect_words,
     error_words,

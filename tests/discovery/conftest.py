@@ -43,7 +43,7 @@ def tables_of(recordings_of):
 
     @cache
     def thin(name: str | None = None, strength: float = 1.0, **changes):
-        from rearl_jax.discovery.smoothing import thinned
+        from rearl_jax.discovery.read.smoothing import thinned
 
         return tuple(map(thinned, recordings_of(name, strength, **changes)))
 
@@ -56,7 +56,7 @@ def measured_of(tables_of):
 
     @cache
     def measure_first(name: str | None = None, strength: float = 1.0, **changes):
-        from rearl_jax.discovery.reading import measure
+        from rearl_jax.discovery.read.reading import measure
 
         return measure(tables_of(name, strength, **changes)[:1])
 
@@ -66,9 +66,9 @@ def measured_of(tables_of):
 @pytest.fixture(scope="session")
 def solver(measured_of):
     """A solver for the control."""
-    from rearl_jax.discovery.layout import layout_of
-    from rearl_jax.discovery.moments import Programs
-    from rearl_jax.discovery.solver import Solver
+    from rearl_jax.discovery.observe.layout import layout_of
+    from rearl_jax.discovery.observe.moments import Programs
+    from rearl_jax.discovery.observe.solver import Solver
 
     data = measured_of()
     return Solver(Programs(layout_of(data), data.dt))
@@ -77,6 +77,6 @@ def solver(measured_of):
 @pytest.fixture(scope="session")
 def calibrated(solver, measured_of):
     """The control, calibrated, and its noise."""
-    from rearl_jax.discovery.noise import calibrate
+    from rearl_jax.discovery.observe.noise import calibrate
 
     return calibrate(solver, measured_of())

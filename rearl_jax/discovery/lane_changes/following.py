@@ -8,8 +8,8 @@ seem to count where they do not.
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rearl_jax.discovery.drivers import Prior
 from rearl_jax.discovery.lane_changes.incentives import acceleration
+from rearl_jax.discovery.observe.drivers import Prior
 
 MEMORY = 3.0
 """Time after which the error of an acceleration is a new one [s]: twice the correlation time of drivers' noise.

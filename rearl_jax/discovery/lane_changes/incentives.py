@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.core.car_following import CAR_FOLLOWING
-from rearl_jax.discovery.drivers import IDM_PRIOR, Prior
-from rearl_jax.discovery.solver import World
+from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
+from rearl_jax.discovery.observe.solver import World
 
 
 @dataclass(frozen=True)

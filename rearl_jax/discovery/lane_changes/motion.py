@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from rearl_jax.discovery.smoothing import cut_off, position_noise, smoothed
+from rearl_jax.discovery.read.smoothing import cut_off, position_noise, smoothed
 
 
 def with_motion(table: pd.DataFrame, dt: float) -> pd.DataFrame:

@@ -19,7 +19,7 @@ from rearl_jax.discovery.lane_changes.following import likely_parameters
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers, acceleration
 from rearl_jax.discovery.lane_changes.motion import with_motion
 from rearl_jax.discovery.lane_changes.neighbours import Pair, next_on_lanes
-from rearl_jax.discovery.smoothing import thinned
+from rearl_jax.discovery.read.smoothing import thinned
 
 PERIOD = 0.5
 """Time from one opportunity to the next, within which a change counts as taken [s]."""

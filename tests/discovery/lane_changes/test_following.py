@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from rearl_jax.discovery.drivers import IDM_PRIOR
 from rearl_jax.discovery.lane_changes.following import likely_parameters
 from rearl_jax.discovery.lane_changes.incentives import acceleration
+from rearl_jax.discovery.observe.drivers import IDM_PRIOR
 
 CAR, SPREAD = np.array(IDM_PRIOR.usual_car), IDM_PRIOR.spread
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from rearl_jax.discovery.drivers import IDM_PRIOR
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers
-from rearl_jax.discovery.noise import USUAL
-from rearl_jax.discovery.solver import new_world
+from rearl_jax.discovery.observe.drivers import IDM_PRIOR
+from rearl_jax.discovery.observe.noise import USUAL
+from rearl_jax.discovery.observe.solver import new_world
 
 
 def test_calibrated_drivers_keep_their_own_parameters_and_others_get_their_populations(measured_of, solver):

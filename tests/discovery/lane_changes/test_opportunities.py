@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rearl_jax.discovery.drivers import IDM_PRIOR
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers
 from rearl_jax.discovery.lane_changes.opportunities import REST, opportunities
+from rearl_jax.discovery.observe.drivers import IDM_PRIOR
 
 PARAMETERS = np.array([30.0, 1.0, 2.0, 1.0, 2.0])
 N = 9

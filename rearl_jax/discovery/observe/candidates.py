@@ -1,0 +1,204 @@
+"""What may be missing from the model: one vector of numbers, theta, that is all candidates at once.
+
+At its reference value nothing acts. A candidate owns some places of the vector: directions that are looked at where
+nothing acts yet (the screen), and places that are free when it is fitted (the refit).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from rearl_jax.core.effects import EFFECTS
+from rearl_jax.core.effects.effect import Effect
+from rearl_jax.discovery.observe.curves import CentredCurve, DesiredSpeedCurve, TimeGapCurve
+from rearl_jax.discovery.observe.drivers import Prior
+from rearl_jax.discovery.observe.lens import Lens
+
+FLAT = 1e6
+"""Scale of a prior that says nothing."""
+
+POSITION_KNOTS, TIME_KNOTS, CURVE_KNOTS, LENS_KNOTS = 17, 7, 5, 21
+
+NAMED = tuple(name for name, effect in EFFECTS.items() if effect.depends_on)
+"""Effects whose strengths are themselves the directions of the screen."""
+
+PLACED = {"grade": "position", "speed_limit": "position", "weather": "time"}
+"""Effects that begin somewhere: the screen looks along a curve over place or time, the refit fits the section."""
+
+TWINS = {"speed_limit": ("bend",)}
+"""Effects that do the same to a follower: what would tell them apart lies outside the trajectories."""
+
+CURVES = (
+    "time",
+    "lane",
+    "lateral_offset",
+    "length",
+    "leader_length",
+    "time_since_change",
+    "vehicles_beside",
+    "speed",
+    "gap",
+    "approach_rate",
+    "leader_acceleration",
+    "second_gap",
+    "follower_gap",
+    "speed_beside",
+)
+"""Variables of `dependence.VARIABLES` that an unnamed effect is looked for in; place is what `grade` looks along."""
+
+TIME_GAP_CURVES = ("lateral_offset", "leader_length", "vehicles_beside", "time_since_change", "follower_gap")
+"""Variables that the time gap may depend on; what hardly changes within a drive is the driver's own."""
+
+RANGES = {
+    "lateral_offset": (0.0, 0.6),
+    "length": (4.0, 14.0),
+    "leader_length": (4.0, 14.0),
+    "time_since_change": (0.0, 20.0),
+    "vehicles_beside": (0.0, 4.0),
+    "speed_beside": (-10.0, 15.0),
+}
+"""Outer knots of curves over variables whose usual range is known; of the others the range in the data."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Something that may be missing.
+
+    Attributes:
+        name: As in the verdict.
+        kind: `driver`, `road`, `generic`, `artefact`.
+        look: Places of theta whose directions the screen looks along.
+        free: Places that are fitted.
+        variables: What it depends on.
+    """
+
+    name: str
+    kind: str
+    look: tuple[int, ...]
+    free: tuple[int, ...]
+    variables: tuple[str, ...]
+
+
+class Knots(eqx.Module):
+    """Where curves have their knots; arrays, so that other data need no other program.
+
+    Attributes:
+        position: Along the road [m].
+        time: [s].
+        lens: Of the camera's distortion [m].
+        curve: Of the curves over other variables, by variable.
+        centre: Mean weight of these knots in the data [-].
+    """
+
+    position: Float[Any, " position_knots"]
+    time: Float[Any, " time_knots"]
+    lens: Float[Any, " lens_knots"]
+    curve: dict[str, Float[Any, " curve_knots"]]
+    centre: dict[str, Float[Any, " curve_knots"]]
+
+
+Numbers = dict[str, Float[Array, "knots *#n"]]
+"""What was added, under the names of `Layout.places`."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where everything is in theta.
+
+    Attributes:
+        candidates: By name.
+        reference: Theta at which nothing acts, and shapes have their usual values.
+        low, high: Bounds.
+        scale: Standard deviation of the prior.
+        unit: Length of a step of the search, near what changes the fit noticeably.
+        places: Place of `effect.parameter` and of the curves' knots.
+        knots: Where curves have their knots.
+        prior: What is taken for usual of drivers.
+    """
+
+    candidates: dict[str, Candidate]
+    reference: Float[np.ndarray, " parameters"]
+    low: Float[np.ndarray, " parameters"]
+    high: Float[np.ndarray, " parameters"]
+    scale: Float[np.ndarray, " parameters"]
+    unit: Float[np.ndarray, " parameters"]
+    places: dict[str, tuple[int, ...]]
+    knots: Knots
+    prior: Prior
+
+    @property
+    def size(self) -> int:
+        """Length of theta."""
+        return len(self.reference)
+
+    def by_name(self, theta: Float[Array, "parameters *n"]) -> Numbers:
+        """The numbers in theta under the names of `places`."""
+        return {name: theta[place[0] : place[-1] + 1] for name, place in self.places.items()}
+
+    def at(self, numbers: Numbers, places: Sequence[int]) -> list[Float[Array, "some *n"]]:
+        """The numbers at places of theta, in their order: runs of neighbours under one name in one piece."""
+        home = {place: (name, k) for name, own in self.places.items() for k, place in enumerate(own)}
+        runs: list[tuple[str, int, int]] = []
+        for name, k in (home[place] for place in places):
+            if runs and runs[-1][0] == name and runs[-1][2] == k:
+                runs[-1] = (name, runs[-1][1], k + 1)
+            else:
+                runs.append((name, k, k + 1))
+        return [numbers[name][first:end] for name, first, end in runs]
+
+
+def effects_at(numbers: Numbers, knots: Knots, active: Sequence[str] | None = None) -> tuple[Effect, ...]:
+    """Effects and curves with these numbers.
+
+    Args:
+        numbers: Of `Layout.by_name`.
+        knots: Of the curves.
+        active: Names of the candidates that are built; None for all, and for everything the screen looks along.
+    """
+
+    def rows(name: str) -> Float[Array, "knots *#n"]:
+        return numbers[name]
+
+    def named(name: str) -> Effect:
+        return EFFECTS[name](*(rows(f"{name}.{parameter.name}")[0] for parameter in EFFECTS[name].parameters))
+
+    def along_road() -> Effect:
+        return CentredCurve(rows("position"), knots.position, jnp.zeros(POSITION_KNOTS), "position")
+
+    def curve(variable: str) -> Effect:
+        return CentredCurve(rows(f"curve.{variable}"), knots.curve[variable], knots.centre[variable], variable)
+
+    def time_gap_curve(variable: str) -> Effect:
+        return TimeGapCurve(rows(f"time_gap.{variable}"), knots.curve[variable], knots.centre[variable], variable)
+
+    if active is None:
+        return (
+            *(named(name) for name in (*NAMED, *PLACED)),
+            along_road(),
+            DesiredSpeedCurve(rows("desired_speed"), knots.position, "position"),
+            DesiredSpeedCurve(rows("weather_speed"), knots.time, "time"),
+            TimeGapCurve(rows("weather_time_gap"), knots.time, jnp.zeros(TIME_KNOTS), "time"),
+            *(curve(variable) for variable in knots.curve),
+            *(time_gap_curve(variable) for variable in knots.curve if variable in TIME_GAP_CURVES),
+        )
+    effects = []
+    for name in active:
+        if name in EFFECTS:
+            effects.append(named(name))
+        elif name == "dependence.position":
+            effects.append(along_road())
+        elif name.startswith("dependence."):
+            effects.append(curve(name.removeprefix("dependence.")))
+        elif name.startswith("time_gap_dependence."):
+            effects.append(time_gap_curve(name.removeprefix("time_gap_dependence.")))
+    return tuple(effects)
+
+
+def lens_at(numbers: Numbers, knots: Knots) -> Lens:
+    """The camera's distortion with these numbers, those of `Layout.by_name`."""
+    return Lens(numbers["lens"], jnp.asarray(knots.lens))

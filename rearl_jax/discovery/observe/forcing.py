@@ -1,0 +1,207 @@
+"""What any acceleration beside the model would do to the innovations, and how much of it is there.
+
+An acceleration b(t) changes the innovations by what the observer makes of it; whatever a driver's own mean and own
+parameters could imitate is taken out. The rest, least squares on white innovations, says how much of b there is:
+without bias (b knows nothing of the future) and with the smallest error. Every question is answered from one small
+matrix and vector per driver, so drivers can be resampled and left out at no cost.
+
+Source: score test, Rao (1948); partial regression, Frisch & Waugh, Econometrica 1 (1933) 387.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float
+
+from rearl_jax.core.car_following.model import CarFollowing
+from rearl_jax.core.effects.stimulus import Stimulus
+from rearl_jax.core.following import begin_effects, follow
+from rearl_jax.discovery.observe.candidates import effects_at
+from rearl_jax.discovery.observe.closed_loop import FARTHEST
+from rearl_jax.discovery.observe.residuals import Residuals, smoothed_acceleration
+from rearl_jax.discovery.observe.solver import Solver
+
+AT_ONCE = 64
+"""Accelerations that are passed through the observer side by side."""
+
+FORGOTTEN = 1e-12
+"""Innovation [m] or acceleration [m/s^2] that is none."""
+
+
+@dataclass(frozen=True)
+class Votes:
+    """What each driver says about how much there is of each acceleration, own mean and own parameters taken out.
+
+    Attributes:
+        gram: Products of the columns.
+        score: Products of the columns with the innovations.
+        square: Of the innovations.
+        variance: Mean squared innovation [m^2].
+    """
+
+    gram: Float[np.ndarray, "drivers columns columns"]
+    score: Float[np.ndarray, "drivers columns"]
+    square: Float[np.ndarray, " drivers"]
+    variance: float
+
+    def of(self, columns: Sequence[int] | np.ndarray | slice) -> "Votes":
+        """Of some columns."""
+        return Votes(self.gram[:, columns][:, :, columns], self.score[:, columns], self.square, self.variance)
+
+
+@dataclass(frozen=True)
+class Answers:
+    """How the model's acceleration answers in every moment.
+
+    Attributes:
+        x: Its derivative by the own place [1/s^2].
+        v: By the own speed [1/s].
+        own: By the logarithms of the driver's own parameters [m/s^2].
+    """
+
+    x: Float[np.ndarray, "steps pieces"]
+    v: Float[np.ndarray, "steps pieces"]
+    own: Float[np.ndarray, "own steps pieces"]
+
+
+def drivers_of(left: Residuals) -> CarFollowing:
+    """Car following of the drivers, moment by moment."""
+    data = left.world.data
+    return left.prior.drivers(jnp.asarray(left.world.z[data.driver].T), data.is_truck.astype(float)).full(left.x.shape)
+
+
+def answers(left: Residuals) -> Answers:
+    """Derivatives of the car-following model where the observer was; added effects change them little."""
+    data, seen, usual = left.world.data, left.stimulus(), drivers_of(left)
+
+    def wanted(x: Array, v: Array, logs: Array) -> Array:
+        driver = left.prior.model(*(value * jnp.exp(log) for value, log in zip(usual.rows(), logs, strict=True)))
+        moved = replace(seen, gap=seen.gap - (x - seen.position), speed=v)
+        return follow(moved, driver, (), (), jnp.zeros_like(v), data.dt)[0]
+
+    at = (jnp.asarray(left.x), jnp.asarray(left.v), jnp.zeros((left.prior.size, *left.x.shape)))
+    _, back = jax.vjp(wanted, *at)
+    x, v, own = back(jnp.ones(left.x.shape, at[0].dtype))
+    return Answers(np.asarray(x, float), np.asarray(v, float), np.asarray(own, float))
+
+
+def felt(
+    pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers
+) -> Float[np.ndarray, "columns steps pieces"]:
+    """Change of the innovations [m] by accelerations of 1 m/s^2 times `pushed`."""
+    out = np.empty(pushed.shape, np.float32)
+    for first in range(0, len(pushed), AT_ONCE):
+        out[first : first + AT_ONCE] = _felt(pushed[first : first + AT_ONCE], left, answer)
+    return _flushed(out)
+
+
+def _felt(pushed: np.ndarray, left: Residuals, answer: Answers) -> np.ndarray:
+    data = left.world.data
+    dt, gain, looks = data.dt, left.noise.gain(data.dt, data.stride), data.looks()
+    out = np.empty_like(pushed)
+    x, v, o, w, last = (np.zeros((len(pushed), pushed.shape[2])) for _ in range(5))
+    for t in range(pushed.shape[1]):
+        slope = out[:, t] = -x - w
+        known = looks[t] * slope
+        x, v, o, w = x + gain[0] * known, v + gain[1] * known, o + gain[2] * known, w + gain[5] * known
+        wanted = answer.x[t] * (x + v * (dt / 2) + last * (dt * dt / 8)) + answer.v[t] * (v + last * (dt / 2))
+        last = wanted + pushed[:, t] + o
+        # Bounded: right behind a leader that is measured too close, a linear answer runs away.
+        x, v = np.clip(x + dt * (v + last * (dt / 2)), -FARTHEST, FARTHEST), np.clip(v + dt * last, -FARTHEST, FARTHEST)
+        o, w = gain[3] * o, gain[6] * w
+    return out
+
+
+def votes(pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers) -> Votes:
+    """Votes of all drivers on accelerations; +1 of a column is 1 m/s^2 times `pushed`."""
+    columns, n_own = _left_behind(pushed, left, answer)
+    return _voted(columns, left.innovation, n_own, left)
+
+
+def votes_and_seen(
+    pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers
+) -> tuple[Votes, Votes]:
+    """The same, and what the votes would be on the acceleration residual, for shares that people can read."""
+    columns, n_own = _left_behind(pushed, left, answer)
+    data, seen = left.world.data, np.empty_like(columns)
+    for first in range(0, len(columns), AT_ONCE):
+        part = np.moveaxis(columns[first : first + AT_ONCE], 1, 0)  # [steps, columns, pieces]
+        weight = np.broadcast_to(data.weight[:, None], part.shape).reshape(len(part), -1)
+        smooth = smoothed_acceleration(part.reshape(len(part), -1), weight, left.noise, data.dt, data.stride)
+        seen[first : first + AT_ONCE] = np.moveaxis(smooth.reshape(part.shape), 0, 1)
+    return _voted(columns, left.innovation, n_own, left), _voted(_flushed(seen), left.acceleration, n_own, left)
+
+
+def _left_behind(pushed: np.ndarray, left: Residuals, answer: Answers) -> tuple[np.ndarray, int]:
+    """Innovations that accelerations leave where the model has none of them, drivers' own first; how many those are."""
+    own = np.concatenate([np.ones((1, *left.x.shape)), answer.own])
+    return -np.concatenate([felt(own, left, answer), felt(pushed, left, answer)]), len(own)
+
+
+def _flushed(values: np.ndarray) -> np.ndarray:
+    """Nothing where next to nothing is left: processors are slow with denormal numbers."""
+    return np.where(np.abs(values) < FORGOTTEN, np.float32(0), values)
+
+
+def plain_votes(
+    target: Float[np.ndarray, "steps pieces"],
+    pushed: Float[np.ndarray, "columns steps pieces"],
+    left: Residuals,
+    answer: Answers,
+) -> Votes:
+    """Votes on how much of accelerations another one is made of, moment by moment [m/s^2]."""
+    own = np.concatenate([np.ones((1, *left.x.shape)), answer.own])
+    return _voted(np.concatenate([own, pushed]).astype(np.float32), target, len(own), left)
+
+
+def added_acceleration(solver: Solver, left: Residuals) -> Float[np.ndarray, "steps pieces"]:
+    """By how much what was added to the model changes its acceleration, moment by moment [m/s^2]."""
+    data, layout = left.world.data, solver.layout
+    driver = left.prior.drivers(jnp.asarray(left.world.z[data.driver].T), data.is_truck.astype(float))
+    theta = jnp.repeat(jnp.asarray(left.world.theta)[:, None], len(data.driver), axis=1)
+    effects = effects_at(layout.by_name(theta), jax.tree.map(jnp.asarray, layout.knots), left.world.active)
+
+    def step(carry: tuple, now: Stimulus) -> tuple[tuple, Array]:
+        memory, last = carry
+        with_it, memory = follow(now, driver, effects, memory, last, data.dt)
+        return (memory, with_it), with_it - follow(now, driver, (), (), last, data.dt)[0]
+
+    seen = left.stimulus()
+    memory = begin_effects(effects, jax.tree.map(lambda values: values[0], seen), driver, data.dt)
+    first = memory, jnp.zeros(left.x.shape[1:])
+    return np.asarray(jax.jit(lambda carry, rows: lax.scan(step, carry, rows)[1])(first, seen), float)
+
+
+def _voted(
+    columns: Float[np.ndarray, "columns steps pieces"],
+    target: Float[np.ndarray, "steps pieces"],
+    n_own: int,
+    left: Residuals,
+) -> Votes:
+    """Products driver by driver, the first `n_own` columns taken out."""
+    data = left.world.data
+    counts, target = (data.weight > 0).astype(np.float32), target.astype(np.float32)
+    found = []
+    for driver in range(data.n_drivers):
+        pieces = np.flatnonzero(data.driver == driver)
+        rows = (columns[:, :, pieces] * counts[:, pieces]).reshape(len(columns), -1)
+        found.append(_products(rows, (target[:, pieces] * counts[:, pieces]).ravel(), n_own))
+    gram, score, square = (np.stack([np.asarray(one[k], float) for one in found]) for k in range(3))
+    return Votes(gram, score, square, float(square.sum() / max(counts.sum(), 1.0)))
+
+
+@partial(jax.jit, static_argnums=2)
+def _products(
+    rows: Float[Array, "columns moments"], target: Float[Array, " moments"], n_own: int
+) -> tuple[Float[Array, "others others"], Float[Array, " others"], Float[Array, ""]]:
+    """Of the other rows with each other and with the target, and of the target with itself, the own rows taken out."""
+    own, rest = rows[:n_own], rows[n_own:]
+    size = jnp.sqrt(jnp.mean(own**2, axis=1, keepdims=True)) + 1e-12
+    basis = jnp.linalg.qr((own / size).T)[0]
+    rest, target = rest - (rest @ basis) @ basis.T, target - basis @ (basis.T @ target)
+    return rest @ rest.T, rest @ target, target @ target

@@ -1,0 +1,137 @@
+"""Laying theta out for a data set: places, bounds, priors and knots of everything that may be missing."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.core.effects import EFFECTS
+from rearl_jax.core.effects.dependence import VARIABLES, hat_weights
+from rearl_jax.core.effects.effect import Parameter
+from rearl_jax.discovery.observe.candidates import (
+    CURVE_KNOTS,
+    CURVES,
+    FLAT,
+    LENS_KNOTS,
+    NAMED,
+    PLACED,
+    POSITION_KNOTS,
+    RANGES,
+    TIME_GAP_CURVES,
+    TIME_KNOTS,
+    Candidate,
+    Knots,
+    Layout,
+)
+from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
+from rearl_jax.discovery.observe.observer import stimulus
+from rearl_jax.discovery.read.measured import Measured
+
+
+def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
+    """The vector theta for these data: its curves span the places, times and values that occur."""
+    used = data.weight > 0
+    positions, times = data.y[used], data.around.time[used]
+    position_knots = np.linspace(positions.min(), positions.max(), POSITION_KNOTS)
+    margin = (positions.max() - positions.min()) / (LENS_KNOTS - 3)
+    lens_knots = np.linspace(positions.min() - margin, positions.max() + margin, LENS_KNOTS)
+    time_knots = np.linspace(times.min(), times.max(), TIME_KNOTS)
+    builder = _Builder()
+    for name in NAMED:
+        builder.effect(name)
+    for name in PLACED:
+        builder.parameters(name)
+    builder.curve("position", POSITION_KNOTS, 0.3)
+    builder.curve("desired_speed", POSITION_KNOTS, 0.25)
+    builder.curve("weather_speed", TIME_KNOTS, 0.2)
+    builder.curve("weather_time_gap", TIME_KNOTS, 0.2)
+    place = builder.places
+    builder.candidate("grade", "road", place["position"], builder.all_of("grade"), ("position",))
+    builder.candidate("speed_limit", "road", place["desired_speed"], builder.all_of("speed_limit"), ("position",))
+    weather = place["weather_speed"] + place["weather_time_gap"]
+    builder.candidate("weather", "road", weather, builder.all_of("weather"), ("time",))
+    builder.candidate("dependence.position", "generic", place["position"], place["position"], ("position",))
+    knots, centres = {}, {}
+    for variable in CURVES:
+        values = curve_values(data, variable)[used]
+        low, high = RANGES.get(variable, tuple(np.quantile(values, [0.02, 0.98])))
+        if variable == "time":
+            low, high = times.min(), times.max()
+        if not values.max() - values.min() > 1e-6 or not high - low > 1e-6:
+            continue  # nobody could react to what never changes
+        knots[variable] = np.linspace(low, high, CURVE_KNOTS)
+        centres[variable] = np.asarray(hat_weights(jnp.asarray(values), jnp.asarray(knots[variable]))).mean(axis=1)
+        builder.curve(f"curve.{variable}", CURVE_KNOTS, 0.3)
+        where = builder.places[f"curve.{variable}"]
+        builder.candidate(f"dependence.{variable}", "generic", where, where, (variable,))
+        if variable in TIME_GAP_CURVES:
+            builder.curve(f"time_gap.{variable}", CURVE_KNOTS, 0.3)
+            where = builder.places[f"time_gap.{variable}"]
+            builder.candidate(f"time_gap_dependence.{variable}", "generic", where, where, (variable,))
+    builder.curve("lens", LENS_KNOTS, 2.0)
+    builder.candidate("lens", "artefact", builder.places["lens"], builder.places["lens"], ("position",))
+    low, high, off, scale, unit = (np.array(part) for part in zip(*builder.rows, strict=True))
+    return Layout(
+        candidates=builder.candidates,
+        reference=off,
+        low=low,
+        high=high,
+        scale=scale,
+        unit=unit,
+        places=builder.places,
+        knots=Knots(position_knots, time_knots, lens_knots, knots, centres),
+        prior=prior,
+    )
+
+
+class _Builder:
+    """Collects places of theta one after the other."""
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[float, float, float, float, float]] = []
+        self.places: dict[str, tuple[int, ...]] = {}
+        self.candidates: dict[str, Candidate] = {}
+
+    def parameters(self, name: str) -> None:
+        """Places of an effect's parameters."""
+        for parameter in EFFECTS[name].parameters:
+            self.places[f"{name}.{parameter.name}"] = (len(self.rows),)
+            unit = _STEPS.get(parameter.unit, parameter.scale) if parameter.name in _UNKNOWN else parameter.scale
+            self.rows.append((parameter.low, parameter.high, parameter.off, _prior(parameter), unit))
+
+    def effect(self, name: str) -> None:
+        """An effect whose strengths are looked along."""
+        self.parameters(name)
+        strengths = (p.name for p in EFFECTS[name].parameters if p.is_strength)
+        look = tuple(self.places[f"{name}.{strength}"][0] for strength in strengths)
+        self.candidate(name, EFFECTS[name].kind, look, self.all_of(name), EFFECTS[name].depends_on)
+
+    def all_of(self, name: str) -> tuple[int, ...]:
+        """Places of all parameters of an effect."""
+        return tuple(self.places[f"{name}.{parameter.name}"][0] for parameter in EFFECTS[name].parameters)
+
+    def curve(self, name: str, n_knots: int, scale: float) -> None:
+        """Places of a curve's values."""
+        self.places[name] = tuple(range(len(self.rows), len(self.rows) + n_knots))
+        self.rows += [(-20.0, 20.0, 0.0, scale, scale)] * n_knots
+
+    def candidate(
+        self, name: str, kind: str, look: tuple[int, ...], free: tuple[int, ...], variables: tuple[str, ...]
+    ) -> None:
+        """Registers a candidate."""
+        self.candidates[name] = Candidate(name, kind, look, free, variables)
+
+
+def _prior(parameter: Parameter) -> float:
+    """Where a section lies is not known before."""
+    return FLAT if parameter.name in _UNKNOWN else parameter.scale
+
+
+_UNKNOWN = ("start", "end", "onset", "limit", "lateral_acceleration")
+_STEPS = {"m": 50.0, "s": 5.0, "m/s": 3.0, "m/s^2": 1.0}
+
+
+def curve_values(data: Measured, variable: str) -> Float[np.ndarray, "steps pieces"]:
+    """A variable as it was measured in every moment."""
+    seen = stimulus(data.smooth, data.smooth_speed, data.length, data.is_truck.astype(float), data.around)
+    values = np.asarray(VARIABLES[variable][1](seen), float)
+    return np.broadcast_to(values, data.y.shape)

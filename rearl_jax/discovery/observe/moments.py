@@ -1,0 +1,175 @@
+"""Sums over time of what the observer fails to predict, and of its derivatives, for every piece.
+
+The least-squares steps, the screen and the evidence need no more of the derivatives than their products summed over
+time, so these are formed where they are computed and the derivatives themselves are never kept.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from rearl_jax.core.batch import ScenarioMap, select_scenarios
+from rearl_jax.core.effects import EFFECTS
+from rearl_jax.core.effects.effect import Effect
+from rearl_jax.discovery.observe.candidates import Knots, Layout, effects_at, lens_at
+from rearl_jax.discovery.observe.observer import Pieces, innovations
+from rearl_jax.discovery.observe.robust import kept_share, robust_square
+from rearl_jax.discovery.observe.sensitivity import look_along
+
+_MADE: dict[tuple, dict[tuple, ScenarioMap]] = {}
+"""Programs of every configuration this process has met: time step, places of theta, car following."""
+
+_SHAPES: set[tuple] = set()
+"""What they have been compiled for: configuration, program, number of steps and of pieces."""
+
+MOST_SHAPES = 120
+"""So many are kept: each takes about two hundred memory maps, and Linux gives a process 65,530 (vm.max_map_count)."""
+
+
+class Programs:
+    """The compiled programs of one data configuration: time step and places of theta.
+
+    A program holds what is active and nothing else: with one effect it takes a twentieth of the time of all at once.
+    Programs are shared with other data of the same configuration: a process that looks at one data set after the other
+    compiles once.
+    """
+
+    def __init__(self, layout: Layout, dt: float) -> None:
+        if len(_SHAPES) > MOST_SHAPES:
+            _MADE.clear()
+            _SHAPES.clear()
+            jax.clear_caches()
+        self.layout, self.dt = layout, dt
+        self._configuration = (dt, tuple(layout.places.items()), layout.prior)
+        self._made = _MADE.setdefault(self._configuration, {})
+
+    def free(self, active: tuple[str, ...]) -> tuple[int, ...]:
+        """Places of theta that belong to active candidates, in order."""
+        return tuple(place for name in active for place in self.layout.candidates[name].free)
+
+    def innovations(self, active: tuple[str, ...]) -> Callable[[dict], np.ndarray]:
+        """Measured minus predicted positions [m] with these candidates."""
+
+        def run(a: dict) -> Array:
+            return self._surprise(a["z"], a["theta"], a["knots"], a["pieces"], active)
+
+        return self._program(("innovations", active), run, WIDEST)
+
+    def sums(self, active: tuple[str, ...]) -> Callable[[dict], dict]:
+        """Sums with the derivatives by the drivers' own parameters and by those of the active candidates."""
+        if not any(_remembers(name) for name in active):
+            return self._sums_from_one_pass(active)
+        places = jnp.asarray(self.free(active), int)
+
+        def run(a: dict) -> dict:
+            n_own, n = a["z"].shape
+            theta = jnp.broadcast_to(a["theta"], (self.layout.size, n))
+
+            def surprise(point: Array) -> Array:
+                changed = theta.at[places].set(point[n_own:]) if len(places) else theta
+                return self._surprise(point[:n_own], changed, a["knots"], a["pieces"], active)
+
+            point = jnp.concatenate([a["z"], theta[places]])
+            return _sums(surprise, point, a["pieces"])
+
+        return self._program(("sums", active), run, WIDEST if len(places) < 8 else WIDEST // 4)
+
+    def _sums_from_one_pass(self, active: tuple[str, ...]) -> Callable[[dict], dict]:
+        """The same where nothing is remembered: one reverse pass per moment serves all directions."""
+        places = self.free(active)
+
+        def run(a: dict) -> dict:
+            knots, n = _squeezed(a["knots"]), a["z"].shape[1]
+            theta = jnp.broadcast_to(a["theta"], (self.layout.size, n))
+            following = jnp.zeros((0, a["pieces"].y.shape[0], n))
+            found = look_along(
+                a["z"], theta, a["pieces"], self.layout, knots, places, (), len(places), following, self.dt, active
+            )
+            return {name: found[name] for name in ("square", "count", "gradient")} | {"gram": found["nuisance"]}
+
+        return self._program(("sums", active), run, WIDEST)
+
+    def look(self, places: tuple[int, ...], groups: tuple[tuple[int, ...], ...], n_kept: int) -> Callable[[dict], dict]:
+        """`sensitivity.look_along` for these places."""
+
+        def run(a: dict) -> dict:
+            knots = _squeezed(a["knots"])
+            return look_along(
+                a["z"], a["theta"], a["pieces"], self.layout, knots, places, groups, n_kept, a["following"], self.dt
+            )
+
+        return self._program(("look", places, groups, n_kept), run, WIDEST // 2)
+
+    def _surprise(
+        self, z: Array, theta: Array, knots: Knots, pieces: Pieces, active: tuple[str, ...]
+    ) -> Float[Array, "steps pieces"]:
+        knots = _squeezed(knots)
+        numbers = self.layout.by_name(theta)
+        effects = effects_at(numbers, knots, active)
+        lens = lens_at(numbers, knots) if "lens" in active else None
+        return innovations(pieces, self.layout.prior.drivers(z, pieces.is_truck), effects, lens, self.dt)
+
+    def _program(self, key: tuple, run: Callable[[dict], object], widest: int) -> Callable[[dict], Any]:
+        if key not in self._made:
+            self._made[key] = ScenarioMap(run, chunk=widest)
+        program = self._made[key]
+
+        def call(arguments: dict) -> Any:
+            n, width = arguments["z"].shape[-1], _width(arguments["z"].shape[-1], widest)
+            _SHAPES.add((self._configuration, key, len(arguments["pieces"].y), width))
+            knots = jax.tree.map(lambda values: np.asarray(values)[:, None], self.layout.knots)
+            result = program(_widened(arguments | {"knots": knots}, n, width))
+            return jax.tree.map(lambda values: values[..., :n], result)
+
+        return call
+
+
+WIDEST = 128
+"""Pieces that one core takes at a time in programs of few directions."""
+
+_WIDTHS = (2, 4, 6, 8, 12, 16, 20, 24, 28, 32, 40, 48, 64, 80, 96, 112, 128)
+
+
+def _width(n: int, widest: int) -> int:
+    """Pieces to fill up to: few different numbers, so that few programs are compiled."""
+    cores = len(jax.local_devices())
+    share = -(-n // cores)
+    return n if share > widest else cores * next(width for width in _WIDTHS if width >= share)
+
+
+def _widened(arguments: dict, n: int, width: int) -> dict:
+    """Arguments filled up with their own last piece."""
+    columns = np.minimum(np.arange(width), n - 1)
+    return select_scenarios(arguments, columns, n) if width > n else arguments
+
+
+def _remembers(name: str) -> bool:
+    return name in EFFECTS and EFFECTS[name].remember is not Effect.remember
+
+
+def _squeezed(knots: Knots) -> Knots:
+    return jax.tree.map(lambda values: values[:, 0], knots)
+
+
+def _sums(surprise: Callable[[Array], Array], point: Array, pieces: Pieces) -> dict[str, Array]:
+    """Innovations, then everything that is summed over time."""
+    p, n = point.shape
+
+    def along(tangent: Array) -> tuple[Array, Array]:
+        return jax.jvp(surprise, (point,), (tangent,))
+
+    unit = jnp.broadcast_to(jnp.eye(p)[:, :, None], (p, p, n))
+    value, slopes = jax.vmap(along, out_axes=(None, 0))(unit)  # slopes: [directions, steps, pieces]
+    weight = jnp.asarray(pieces.weight)
+    deviation = jnp.asarray(pieces.deviation)[None]
+    weighted = slopes * (weight * kept_share(value, deviation))[None]
+    return {
+        "square": jnp.sum(weight * robust_square(value, deviation), axis=0),
+        "count": jnp.sum(weight, axis=0),
+        "gradient": jnp.einsum("dtn,tn->dn", weighted, value),
+        "gram": jnp.einsum("dtn,etn->den", weighted, slopes),
+    }

@@ -1,0 +1,85 @@
+"""How much of a drive is random: the observer under which its errors are most likely."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rearl_jax.discovery.observe.observer import Noise
+from rearl_jax.discovery.observe.solver import Solver, World, new_world, with_gain
+from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.read.smoothing import lasting_noise
+
+ACCELERATIONS = (0.03, 0.05, 0.07, 0.1, 0.125, 0.15, 0.2, 0.25, 0.3, 0.45, 0.7, 1.0)
+"""Standard deviations of what drivers do beside the model that are tried [m/s^2]."""
+
+TIMES = (0.6, 1.5, 4.0)
+"""Correlation times that are tried [s]. Source of the middle: Zhang & Sun, arXiv:2210.03571 (highD, about 1.4 s)."""
+
+USUAL = Noise(0.15, 1.5, 0.1)
+
+
+LASTING = (0.2, 0.5, 1.0)
+"""Correlation times of position errors that are tried beside none [s]: of trackers and filters."""
+
+WORTH_LASTING = 5.0
+"""Gain [nats] from which position errors are taken to last."""
+
+
+def best_noise(solver: Solver, world: World, tried: Sequence[Noise]) -> tuple[Noise, float]:
+    """The noise under which what a world, as it is, fails to predict is most likely, and how likely it is then [nats].
+
+    The drivers' own parameters are integrated out: they have taken in part of the noise, the more of it the less there
+    is taken to be.
+
+    Source: restricted likelihood, Patterson & Thompson, Biometrika 58 (1971) 545.
+
+    Args:
+        solver: Runs the observers.
+        world: Calibrated already.
+        tried: Those to choose from.
+    """
+    # S is what each observer expects, not what fits best: the errors' size says how large the noise is.
+    trials = [with_gain(world, noise.gain(world.data.dt, world.data.stride)) for noise in tried]
+    solver.sums(trials)
+    likely = [float(trial.log_likelihood().sum()) - 0.5 * _log_width(trial) for trial in trials]
+    best = int(np.argmax(likely))
+    return tried[best], likely[best]
+
+
+def _log_width(world: World) -> float:
+    """Logarithm of how sharply the drivers' own parameters are known, against their population."""
+    assert world.sums is not None
+    n_own = world.z.shape[1]
+    own = world.sums.gram[:, :n_own, :n_own] / world.variance + np.eye(n_own)
+    return float(np.linalg.slogdet(own)[1].sum())
+
+
+def is_exact(solver: Solver, data: Measured) -> bool:
+    """Whether drivers do nothing beside the model, as nobody but a simulation does."""
+    _, noise = calibrate(solver, data)
+    return noise.acceleration <= ACCELERATIONS[0]
+
+
+def noises(like: Noise, accelerations: Sequence[float]) -> list[Noise]:
+    """Noises of drivers, with the measurement's as it is."""
+    return [replace(like, acceleration=sd, time=time) for sd in accelerations for time in TIMES]
+
+
+def calibrate(solver: Solver, data: Measured) -> tuple[World, Noise]:
+    """Drivers, their population and the noise, jointly, with nothing added to the model."""
+    usual = replace(USUAL, position=data.noise)
+    world = new_world(data, solver.layout, usual.gain(data.dt, data.stride))
+    solver.solve([world], iterations=8, tolerance=1.0)
+    noise, likely = best_noise(solver, world, noises(usual, ACCELERATIONS))
+    lasting = [
+        replace(noise, acceleration=sd, position=lasting_noise(data.noise, time, data.dt), position_time=time)
+        for time in LASTING
+        for sd in ACCELERATIONS
+    ]
+    other, with_lasting = best_noise(solver, world, lasting)
+    if with_lasting > likely + WORTH_LASTING:
+        noise, _ = best_noise(solver, world, noises(other, ACCELERATIONS))
+    world = with_gain(world, noise.gain(data.dt, data.stride))
+    solver.solve([world])
+    return world, noise

@@ -1,0 +1,146 @@
+"""What a calibrated model leaves of measured drives: innovations, an acceleration beside the model, a gap error.
+
+The acceleration residual is the smoothed state o of the observer: what the driver did beside the model, given the whole
+drive. Of the estimates at hand it errs least. The observer's own o comes late and takes back part of what lasts; o and
+the correction of the speed over a step are right on average but pass all measurement noise on; a differentiated speed
+less the model's wish needs a cut-off of its own. The smoothed o has no delay, keeps what lasts longer than a second,
+and follows from the innovations alone, so it is right for every effect that the observer can run.
+
+It is for people to look at. Drivers' noise moves speed and gap, so it goes together with both even where nothing is
+missing; what depends on what is therefore measured on the innovations (`forcing`), which no past explains.
+
+Source: fixed-interval smoother by backward recursion of the innovations, de Jong, Ann. Stat. 17 (1989) 1073.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.core.effects.stimulus import Stimulus
+from rearl_jax.discovery.observe.candidates import lens_at
+from rearl_jax.discovery.observe.closed_loop import FARTHEST
+from rearl_jax.discovery.observe.drivers import Prior
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.observer import CLOSED_LOOP, MEASURED, Noise, steady_state, stimulus, straightened
+from rearl_jax.discovery.observe.solver import Solver, World
+from rearl_jax.discovery.read.measured import Surroundings, is_new
+
+LAGS_FOR = 3.0
+"""Time over which autocorrelations are looked at [s]."""
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """What a world leaves.
+
+    Attributes:
+        world: Which.
+        prior: What is taken for usual of its drivers.
+        noise: Its observer's.
+        innovation: Measured minus predicted position [m].
+        acceleration: Smoothed acceleration beside the model [m/s^2].
+        gap: Simulated minus measured gap, simulated without correction with the same parameters [m].
+        x, v: Centre [m] and speed [m/s] of the driver halfway to the next moment, as the observer expects them from
+            what was measured before.
+        seen: What was around halfway, as the observer takes it.
+    """
+
+    world: World
+    prior: Prior
+    noise: Noise
+    innovation: Float[np.ndarray, "steps pieces"]
+    acceleration: Float[np.ndarray, "steps pieces"]
+    gap: Float[np.ndarray, "steps pieces"]
+    x: Float[np.ndarray, "steps pieces"]
+    v: Float[np.ndarray, "steps pieces"]
+    seen: Surroundings
+
+    def stimulus(self) -> Stimulus:
+        """What the drivers saw halfway, `[n_steps, n_pieces]`."""
+        data = self.world.data
+        truck = jnp.asarray(data.is_truck, float)
+        own = (jnp.asarray(self.x), jnp.asarray(self.v), jnp.asarray(data.length))
+        return jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(*own, truck, jax.tree.map(jnp.asarray, self.seen))
+
+    def autocorrelation(self) -> tuple[Float[np.ndarray, " lags"], Float[np.ndarray, " lags"]]:
+        """Times apart [s], up to LAGS_FOR, and the correlation of innovations that count and are so far apart [-]."""
+        data = self.world.data
+        counted, found = self.innovation * data.weight, []
+        furthest = min(max(round(LAGS_FOR / data.dt), data.stride), len(data.weight) - 1)
+        lags = np.arange(data.stride, furthest + 1, data.stride)
+        for lag in lags:
+            pairs = max((data.weight[lag:] * data.weight[:-lag]).sum(), 1.0)
+            found.append((counted[lag:] * counted[:-lag]).sum() / pairs)
+        variance = max((counted**2).sum() / max(data.weight.sum(), 1.0), 1e-12)
+        return lags * data.dt, np.array(found) / variance
+
+
+def residuals_of(solver: Solver, worlds: Sequence[World], fits: Sequence[Fit]) -> list[Residuals]:
+    """Residuals of solved worlds, one fit each for its noise."""
+    return [_residuals(solver, world, fit.noise) for world, fit in zip(worlds, fits, strict=True)]
+
+
+def _residuals(solver: Solver, world: World, noise: Noise) -> Residuals:
+    data = world.data
+    (innovation,) = (np.asarray(part, float) for part in solver.innovations([world]))
+    (gap,) = (
+        np.clip(np.asarray(part, float), -FARTHEST, FARTHEST) for part in solver.innovations([world], CLOSED_LOOP)
+    )
+    gain, seen = noise.gain(data.dt, data.stride), data.halfway()
+    expected = data.y.astype(np.float32).astype(float) - innovation
+    if "lens" in world.active:
+        lens = lens_at(solver.layout.by_name(jnp.asarray(world.theta)[:, None, None]), solver.layout.knots)
+        expected = expected - np.asarray(lens.bend(jnp.asarray(expected)))
+        seen = straightened(seen, lens)
+    corrected = expected + gain[0] * innovation * data.looks()[:, None]
+    later = np.concatenate([expected[1:], expected[-1:]])
+    v = (later - corrected) / data.dt
+    v[-1] = v[-2]
+    return Residuals(
+        world=world,
+        prior=solver.layout.prior,
+        noise=noise,
+        innovation=innovation,
+        acceleration=smoothed_acceleration(innovation, data.weight, noise, data.dt, data.stride),
+        gap=gap,
+        x=corrected + v * (data.dt / 2),
+        v=np.maximum(v, 0.0),
+        seen=seen,
+    )
+
+
+def smoothed_acceleration(
+    innovation: Float[np.ndarray, "steps pieces"],
+    weight: Float[np.ndarray, "steps pieces"],
+    noise: Noise,
+    dt: float,
+    stride: int,
+) -> Float[np.ndarray, "steps pieces"]:
+    """What drivers did beside the model in every moment, given the whole drive [m/s^2].
+
+    Args:
+        innovation: Of the observer with the gain of `noise` [m].
+        weight: 1 where a moment counts; after the last of them a drive has ended.
+        noise: As the observer takes it.
+        dt: Time between moments [s].
+        stride: Moments from one correction to the next.
+    """
+    steady = steady_state(noise, dt, stride)
+    gain = steady.gain
+    ended = np.cumsum(weight[::-1] > 0, axis=0)[::-1] == 0
+    looks = is_new(len(innovation), stride)
+    known = np.where(ended | ~looks[:, None], 0.0, innovation)
+    before, o = np.zeros_like(known), np.zeros(known.shape[1])
+    for t in range(len(known)):
+        before[t] = o
+        o = gain[3] * (o + gain[2] * known[t])
+    ahead, out = np.zeros((4, known.shape[1])), np.empty_like(known)
+    for t in range(len(known) - 1, -1, -1):
+        ahead = (steady.corrected if looks[t] else steady.step).T @ ahead
+        ahead += MEASURED[:, None] * known[t] / gain[4]
+        out[t] = before[t] + steady.covariance[t % stride][2] @ ahead
+    return np.where(ended, 0.0, out)

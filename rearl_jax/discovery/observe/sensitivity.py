@@ -1,0 +1,179 @@
+"""Derivatives of the innovations along many directions at once.
+
+Along every direction only the observer's own state (position, speed, what the driver does beside the model, the last
+acceleration) is carried; how the model's acceleration answers to state and parameters comes from one reverse pass per
+moment. Exact as long as what effects remember does not act, which is so where they are off; where such an effect has
+been added, `moments.Programs.sums` carries its memory along too.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float
+
+from rearl_jax.core.affected import if_any
+from rearl_jax.core.effects.effect import Effect
+from rearl_jax.core.following import begin_effects, follow
+from rearl_jax.discovery.observe.candidates import Knots, Layout, effects_at, lens_at
+from rearl_jax.discovery.observe.lens import Lens
+from rearl_jax.discovery.observe.observer import Pieces, stimulus, straightened, straightened_start, synchronised
+from rearl_jax.discovery.observe.robust import kept_share, robust_square
+from rearl_jax.discovery.read.measured import Surroundings
+
+
+class Tangents(NamedTuple):
+    """Derivatives of the observer's state along each direction, `[directions, pieces]`."""
+
+    x: Float[Array, "directions pieces"]
+    v: Float[Array, "directions pieces"]
+    o: Float[Array, "directions pieces"]
+    w: Float[Array, "directions pieces"]
+    last: Float[Array, "directions pieces"]
+
+
+def look_along(
+    z: Float[Array, "own pieces"],
+    theta: Float[Array, "parameters pieces"],
+    pieces: Pieces,
+    layout: Layout,
+    knots: Knots,
+    places: Sequence[int],
+    groups: Sequence[Sequence[int]],
+    n_kept: int,
+    following: Float[Array, "leaders steps pieces"],
+    dt: float,
+    active: tuple[str, ...] | None = None,
+) -> dict[str, Float[Array, "*any pieces"]]:
+    """Sums over time for the drivers' own directions and for single places of theta.
+
+    Args:
+        z: Standardised parameters of the drivers.
+        theta: What has been added.
+        pieces: What was measured.
+        layout: Where everything is in theta.
+        knots: Of the curves.
+        places: Places that are looked along, those that have been added already first.
+        groups: Which of the places belong together, as positions in `places`.
+        n_kept: How many have been added already.
+        following: 1 where a driver follows its k-th usual leader, whose clock may be ahead.
+        dt: Time between moments [s].
+        active: Candidates that are computed; None for all.
+
+    Returns:
+        `square` and `count` (robust squares of innovations, weights), `gradient` (innovation times derivative, own
+        directions first), `nuisance` (derivatives along own directions and what has been added, times all), `block_k`
+        (derivatives of group k times each other; the last group is the leaders' clocks, whose directions come last).
+    """
+    pieces, prior = jax.tree.map(jnp.asarray, pieces), layout.prior
+    n_own, n = z.shape
+    numbers = layout.by_name(theta)
+    is_actuated = any(type(effect).actuate is not Effect.actuate for effect in effects_at(numbers, knots, active))
+    bends = active is None or "lens" in active
+    lens, first_lens = lens_at(numbers, knots) if bends else None, layout.places["lens"][0]
+    n_clocks = following.shape[0]
+    size, n_nuisance = n_own + len(places) + n_clocks, n_own + n_kept
+    lens_rows = jnp.asarray([n_own + k for k, place in enumerate(places) if place in layout.places["lens"]], int)
+    lens_knots = jnp.asarray([place - first_lens for place in places if place in layout.places["lens"]], int)
+
+    def wanted(point: tuple, memory: tuple, now: Surroundings) -> tuple[Array, tuple]:
+        x, v, own, added, shift, last = point
+        around = now if lens is None else straightened(now, lens_at(added, knots))
+        around = synchronised(around, shift) if n_clocks else around
+        seen = stimulus(x, v, pieces.length, pieces.is_truck, around)
+        effects = effects_at(added, knots, active)
+        acceleration, memory = follow(seen, prior.drivers(own, pieces.is_truck), effects, memory, last, dt)
+        return jnp.sum(acceleration), (acceleration, memory)
+
+    answer = jax.grad(wanted, has_aux=True)
+
+    def step(carry: tuple, now: tuple) -> tuple[tuple, None]:
+        (x, v, o, w, last, memory), tangents, total = carry
+        y, weight, looks, around, extra, follows = now
+        if lens is None:
+            surprise, slope = y - x - w, -tangents.x - tangents.w
+        else:
+            surprise, slope = y - x - lens.bend(x) - w, -(1 + lens.slope(x))[None] * tangents.x - tangents.w
+            slope = slope.at[lens_rows].add(-lens.weights(x)[lens_knots])
+        weighted = (weight * kept_share(surprise, pieces.deviation))[None] * slope
+        total = {
+            "square": total["square"] + weight * robust_square(surprise, pieces.deviation),
+            "count": total["count"] + weight,
+            "gradient": total["gradient"] + weighted * surprise[None],
+            "nuisance": total["nuisance"] + weighted[:n_nuisance, None] * slope[None],
+            "blocks": tuple(
+                block + weighted[part][:, None] * slope[part][None]
+                for block, part in zip(total["blocks"], parts, strict=True)
+            ),
+        }
+        gain = pieces.gain
+        known, d_known = looks * surprise, looks[None] * slope
+        x, v, o, w = x + gain[0] * known, v + gain[1] * known, o + gain[2] * known, w + gain[5] * known
+        d = Tangents(
+            tangents.x + gain[:1] * d_known,
+            tangents.v + gain[1:2] * d_known,
+            tangents.o + gain[2:3] * d_known,
+            tangents.w + gain[5:6] * d_known,
+            tangents.last,
+        )
+        later = v + last * (dt / 2)
+        halfway = (x + v * (dt / 2) + last * (dt * dt / 8), jnp.maximum(later, 0.0))
+        by, (acceleration, memory) = answer((*halfway, z, numbers, jnp.zeros_like(x), last), memory, around)
+        # Behind a branch, or it is worked out again for every direction that it is multiplied with.
+        is_vehicle, nothing = pieces.length > 0, jnp.zeros_like(x)
+        by_x, by_v = if_any(is_vehicle, lambda: (by[0], jnp.where(later > 0, by[1], 0.0)), (nothing, nothing))
+        forcing = jnp.concatenate([by[2], *layout.at(by[3], places), by[4][None] * follows])
+        d_wanted = by_x[None] * (d.x + d.v * (dt / 2) + d.last * (dt * dt / 8))
+        d_wanted = d_wanted + by_v[None] * (d.v + d.last * (dt / 2)) + forcing
+        if is_actuated:
+            d_wanted = d_wanted + by[5][None] * d.last
+        acceleration, d_acceleration = acceleration + o + extra, d_wanted + d.o
+        free = v + acceleration * dt
+        faster, d_faster = jnp.maximum(free, 0.0), jnp.where((free > 0)[None], d.v + d_acceleration * dt, 0.0)
+        tangents = Tangents(d.x + dt * (d.v + d_faster) / 2, d_faster, gain[3:4] * d.o, gain[6:7] * d.w, d_acceleration)
+        carry = (x + dt * (v + faster) / 2, faster, gain[3] * o, gain[6] * w, acceleration, memory)
+        return (carry, tangents, total), None
+
+    groups = [*groups, range(len(places), len(places) + n_clocks)]
+    parts = [jnp.asarray([n_own + k for k in group], int) for group in groups]
+    nothing = jnp.zeros((size, n))
+    total = {
+        "square": nothing[0],
+        "count": nothing[0],
+        "gradient": nothing,
+        "nuisance": jnp.zeros((n_nuisance, size, n)),
+        "blocks": tuple(jnp.zeros((len(group), len(group), n)) for group in groups),
+    }
+    (x, v), d_x, d_v = pieces.start, nothing, nothing
+    if lens is not None:
+        (x, v), by_lens = _straightened_start_along(pieces.start, lens)
+        d_x, d_v = (nothing.at[lens_rows].set(by[lens_knots]) for by in by_lens)
+    first = jax.tree.map(lambda values: values[0], pieces.seen)
+    seen = stimulus(x, v, pieces.length, pieces.is_truck, first)
+    effects = effects_at(numbers, knots, active)
+    memory = begin_effects(effects, seen, prior.drivers(z, pieces.is_truck), dt)
+    zero = jnp.zeros_like(x)
+    tangents = Tangents(d_x, d_v, nothing, nothing, nothing)
+    carry = ((x, v, zero, zero, zero, memory), tangents, total)
+    extra = jnp.broadcast_to(pieces.known, pieces.y.shape)
+    (_, _, total), _ = lax.scan(
+        step, carry, (pieces.y, pieces.weight, pieces.looks, pieces.seen, extra, jnp.moveaxis(following, 1, 0))
+    )
+    blocks = {f"block_{k}": block for k, block in enumerate(total["blocks"])}
+    return {name: values for name, values in total.items() if name != "blocks"} | blocks
+
+
+def _straightened_start_along(
+    start: Float[Array, "two pieces"], lens: Lens
+) -> tuple[Float[Array, "two pieces"], Float[Array, "two knots pieces"]]:
+    """Position [m] and speed [m/s] at the first moment, and their derivatives by the values of the lens."""
+    values = jnp.broadcast_to(lens.values, (len(lens.values), start.shape[1]))
+
+    def begin(values: Array) -> Array:
+        return jnp.stack(straightened_start(start, replace(lens, values=values)))
+
+    unit = jnp.broadcast_to(jnp.eye(len(values))[:, :, None], (len(values), *values.shape))
+    return jax.vmap(lambda tangent: jax.jvp(begin, (values,), (tangent,)), out_axes=(None, 1))(unit)

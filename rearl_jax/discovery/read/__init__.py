@@ -1,0 +1,1 @@
+"""From recordings to measured drivers: positions, speeds and gaps, each with its noise."""

@@ -1,0 +1,128 @@
+"""A look at the data before any model: do their columns agree with each other, and how noisy are they?
+
+What is found here is a measurement artefact whatever drivers do.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rearl_jax.discovery.read.smoothing import Thinned, cut_off, position_noise, smoothed, track_bounds
+
+SMOOTHING = "smoothing"
+"""Name of the artefact that leaves nothing to claim about drivers: what they seem to do may be what it left of it."""
+
+CERTAIN = 5.0
+"""Standard deviations from which a disagreement is certain."""
+
+LEAST_LAG = 0.15
+"""Lag between columns that matters [s]."""
+
+LEAST_SCALE = 0.015
+"""Relative difference of columns that matters [-]."""
+
+NOISY = 0.25
+"""Standard deviation of positions [m] beyond what cameras over motorways have (highD, pNEUMA: below 0.1 to 0.2)."""
+
+LOWEST_FREQUENCY = 2.0
+"""Cut-off [rad/s] of the comparison: slower than any noise, faster than any drift."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An artefact that the columns themselves show.
+
+    Attributes:
+        name: As in the verdict.
+        parameter: Name of its number.
+        unit: Of the number.
+        value: The number.
+        deviation: Its standard deviation.
+        words: What was seen, in one sentence.
+    """
+
+    name: str
+    parameter: str
+    unit: str
+    value: float
+    deviation: float
+    words: str
+
+
+def amount(findings: Sequence[Finding], name: str) -> float:
+    """How much of an artefact was found, in its own unit; 0 for none."""
+    return next((finding.value for finding in findings if finding.name == name), 0.0)
+
+
+def gate(tables: Sequence[Thinned], smoothing: float) -> list[Finding]:
+    """What the columns show of lags, scales and noise.
+
+    Args:
+        tables: What was measured.
+        smoothing: Width of the kernel positions have been smoothed with [s]; 0 for none.
+    """
+    noise = [position_noise(table["position"].to_numpy(), *track_bounds(table)) for table, _ in tables]
+    lag, scale = _speed_against_position(tables, noise)
+    found = []
+    if lag is not None and abs(lag[0]) > max(LEAST_LAG, CERTAIN * lag[1]):
+        late, other = ("speed", "position") if lag[0] > 0 else ("position", "speed")
+        found.append(
+            Finding(
+                f"{late}_lag",
+                "lag",
+                "s",
+                abs(lag[0]),
+                lag[1],
+                f"the {late} column is {abs(lag[0]):.2f} s late against the {other} column",
+            )
+        )
+    if scale is not None and abs(scale[0]) > max(LEAST_SCALE, CERTAIN * scale[1]):
+        found.append(
+            Finding(
+                "speed_scale",
+                "factor",
+                "-",
+                1 + scale[0],
+                scale[1],
+                f"the speed column is {1 + scale[0]:.3f} times the derivative of the position column",
+            )
+        )
+    typical = float(np.median(noise))
+    if typical > NOISY:
+        spread = float(np.std(noise) / np.sqrt(len(noise))) if len(noise) > 1 else 0.05 * typical
+        words = f"positions scatter by {typical:.2f} m, more than a motorway camera's"
+        found.append(Finding("position_noise", "sd", "m", typical, spread, words))
+    if smoothing:
+        words = f"positions have been smoothed over about {smoothing:.1f} s before they were released"
+        found.append(Finding(SMOOTHING, "time", "s", smoothing, 0.2 * smoothing, words))
+    return found
+
+
+def _speed_against_position(
+    tables: Sequence[Thinned], noise: Sequence[float]
+) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
+    """Lag of the speed column [s] and its relative size [-] against the derivative of the position, with deviations."""
+    grams, sides = [], []
+    for (table, dt), scatter in zip(tables, noise, strict=True):
+        position, speed = table["position"].to_numpy(), table["speed"].to_numpy()
+        frequency = min(cut_off(scatter, dt), LOWEST_FREQUENCY)
+        for start, stop in zip(*track_bounds(table), strict=True):
+            if (stop - start) * dt < 6.0:
+                continue
+            _, v, a = smoothed(position[start:stop], dt, frequency)
+            # The integral of the column, smoothed in the same way: its derivative has lost what v has lost.
+            driven = np.concatenate([[0.0], np.cumsum((speed[start + 1 : stop] + speed[start : stop - 1]) / 2) * dt])
+            _, column, _ = smoothed(driven, dt, frequency)
+            inner = slice(int(1.5 / dt), -int(1.5 / dt))
+            basis = np.stack([v[inner], -a[inner]], axis=1)
+            grams.append(basis.T @ basis)
+            sides.append(basis.T @ (column - v)[inner])
+    if len(grams) < 3:
+        return None, None
+    gram, side = np.array(grams), np.array(sides)
+    fitted = np.linalg.solve(gram.sum(axis=0) + 1e-9 * np.eye(2), side.sum(axis=0))
+    votes = side - gram @ fitted
+    inverse = np.linalg.inv(gram.sum(axis=0) + 1e-9 * np.eye(2))
+    deviation = np.sqrt(np.diag(inverse @ (votes.T @ votes) @ inverse))
+    return (float(fitted[1]), float(deviation[1])), (float(fitted[0]), float(deviation[0]))

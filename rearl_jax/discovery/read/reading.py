@@ -1,0 +1,303 @@
+"""From recordings to measured drivers: positions smoothed, surroundings looked up, tracks cut into pieces."""
+
+from collections.abc import Sequence
+
+import jax
+import numpy as np
+import pandas as pd
+
+from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
+from rearl_jax.core.encounter import IN_SIGHT, MOST_GAP_LOST, NEVER_CHANGED, SLOWEST, TIME_GAPS
+from rearl_jax.core.following import HARDEST_BRAKING
+from rearl_jax.core.order import NOBODY
+from rearl_jax.data.records import Recording
+from rearl_jax.discovery.read.measured import Measured, Surroundings, is_new
+from rearl_jax.discovery.read.smoothing import Thinned, cut_off, jumps, position_noise, smoothed, track_bounds
+from rearl_jax.discovery.read.smoothness import Smoothness
+from rearl_jax.discovery.read.surroundings import look_around
+
+SHORTEST = 6.0
+"""Shortest record of a driver that is used [s]."""
+
+LONGEST = 65.0
+"""Longest piece of a record [s]; longer ones are cut."""
+
+SETTLING = 1.5
+"""Time the observer needs to settle at the start of a piece, or after a stretch that is left out [s]."""
+
+BEFORE_JUMP = 0.5
+"""Time before a jump of a position in which smoothing feels it [s]."""
+
+LEAST_USED = 4.0
+"""Least time that must be left for a driver to be used [s]."""
+
+LEAST_NOISE, EXACT_NOISE = 0.02, 0.05
+"""Least standard deviation of positions [m], of measured ones and of a simulation without noise. Better ones get noise
+added up to it: closer than that, it is only the steps in time that are compared, of the model and of whoever made the
+data. Exact drives of IDM itself were called `unexplained` with 0.02 m.
+"""
+
+APART = 2.0
+"""Moments that say something new in smoothed positions are this many kernel widths apart."""
+
+EDGE = 3.0
+"""So many kernel widths from its ends a smoothed track is bent, where there was nothing beyond to smooth with, and from
+another leader, whom a smoothed driver reacts to before he is there.
+"""
+
+SMOOTHED_NOISE = 0.005
+"""Standard deviation of smoothed positions [m]: smoothing hides noise and does not undo it."""
+
+UNSMOOTHED = Smoothness()
+
+_STEPS_UNIT = 64
+"""Numbers of steps are rounded up to multiples of it, so that few programs are compiled."""
+
+_OWN = ("y", "weight", "smooth", "smooth_speed")
+
+
+def one_frame_rate(recordings: Sequence[Recording]) -> None:
+    """Makes sure that all recordings have the same.
+
+    Raises:
+        ValueError: They have not.
+    """
+    rates = sorted({recording.info.frame_rate for recording in recordings})
+    if len(rates) > 1:
+        raise ValueError(
+            f"the recordings have different frame rates ({', '.join(f'{rate:g}' for rate in rates)} 1/s): "
+            "choose recordings of one rate with data.recordings"
+        )
+
+
+def measure(
+    tables: Sequence[Thinned],
+    position_lag: float = 0.0,
+    smooth: Smoothness = UNSMOOTHED,
+    least_noise: float = LEAST_NOISE,
+) -> Measured:
+    """All drivers of the recordings who follow somebody long enough.
+
+    Args:
+        tables: Of the recordings, with the same time between moments.
+        position_lag: By how much positions are late [s]; lanes and places in them are put to the same clock.
+        smooth: What positions and their errors have been smoothed with.
+        least_noise: Standard deviation that the noise of unsmoothed positions is brought up to [m].
+
+    Raises:
+        ValueError: Nobody follows anybody long enough.
+    """
+    dt = tables[0][1]
+    rows = [_Rows(table, dt, round(position_lag / dt)) for table, _ in tables]
+    found = float(np.median([part.noise for part in rows]))
+    if smooth.drives:
+        noise, added = max(found, SMOOTHED_NOISE), 0.0
+    else:
+        noise = max(found, smooth.size, least_noise)
+        added = float(np.sqrt(noise**2 - max(found, smooth.size) ** 2))
+    stride, edge = max(1, round(APART * smooth.drives / dt)), round(EDGE * smooth.drives / dt)
+    most = max((part.longest for part in rows), default=0)
+    n_steps = min(int(LONGEST / dt), most)
+    n_steps = -(-n_steps // _STEPS_UNIT) * _STEPS_UNIT
+    pieces, offset = [], 0
+    for index, part in enumerate(rows):
+        rng = np.random.default_rng(index)
+        blur = added * rng.standard_normal(len(part.position))
+        for start, stop in zip(part.starts, part.stops, strict=True):
+            blur[start:stop] += smooth.complement(int(stop - start), dt, rng)
+        pieces.append(part.pieces(n_steps, stride, edge, noise, blur, index, offset))
+        offset += part.n_tracks
+    used = [piece for piece in pieces if len(piece.driver)]
+    if not used:
+        raise ValueError(
+            f"nobody follows a leader for {LEAST_USED:g} s in these recordings: the lanes or leaders may be missing, "
+            "or tracks may be cut into fragments; `rearl prepare` shows what was left out"
+        )
+    joined = Measured(
+        around=jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *(piece.around for piece in used)),
+        dt=dt,
+        stride=stride,
+        noise=noise,
+        jumps=sum(int(part.jumps.sum()) for part in rows),
+        **{
+            name: np.concatenate([getattr(piece, name) for piece in used], axis=-1)
+            for name in (*_OWN, "length", "is_truck", "driver", "vehicle", "leader", "recording")
+        },
+    )
+    return joined.select(np.arange(len(joined.driver)))
+
+
+class _Rows:
+    """The rows of one recording with everything that is seen from each."""
+
+    def __init__(self, table: pd.DataFrame, dt: float, late_by: int) -> None:
+        self.dt = dt
+        track = table["track_id"].to_numpy()
+        self.starts, self.stops = track_bounds(table)
+        self.n_tracks = int(track.max()) + 1 if len(track) else 0
+        if late_by:
+            first = np.repeat(self.starts, self.stops - self.starts)
+            before = np.maximum(np.arange(len(track)) - late_by, first)
+            earlier = {name: table[name].to_numpy()[before] for name in ("lane", "lateral", "leader_id")}
+            table = table.assign(**earlier)
+        self.table = table
+        self.position = table["position"].to_numpy()
+        self.noise = position_noise(self.position, self.starts, self.stops)
+        self.jumps = np.zeros(len(self.position), bool)
+        for start, stop in zip(self.starts, self.stops, strict=True):
+            self.jumps[start:stop] = jumps(self.position[start:stop], dt)
+        self.longest = int((self.stops - self.starts).max(initial=0))
+
+    def pieces(
+        self, n_steps: int, stride: int, edge: int, noise: float, blur: np.ndarray, recording: int, offset: int
+    ) -> Measured:
+        """All usable pieces of the recording, in which every `stride`-th moment says something new, the first and last
+        `edge` rows of a track are bent, and own positions get `blur` added.
+        """
+        dt, table = self.dt, self.table
+        x, v, a = (np.empty(len(self.position)) for _ in range(3))
+        frequency = cut_off(noise, dt)
+        for start, stop in zip(self.starts, self.stops, strict=True):
+            x[start:stop], v[start:stop], a[start:stop] = smoothed(self.position[start:stop], dt, frequency)
+        columns, leader, leader_row = self._columns(x, v, a)
+        weight = self._weight(leader, leader_row, edge)
+        cuts = [
+            (start + k, min(start + k + n_steps, stop))
+            for start, stop in zip(self.starts, self.stops, strict=True)
+            for k in range(0, stop - start, n_steps)
+        ]
+        cuts = [
+            (start, stop)
+            for start, stop in cuts
+            if (stop - start) * dt >= SHORTEST and weight[start + int(SETTLING / dt) : stop].sum() * dt >= LEAST_USED
+        ]
+        first = np.array([start for start, _ in cuts], int)
+        last = np.array([stop for _, stop in cuts], int)
+        index = np.minimum(first + np.arange(n_steps)[:, None], last - 1) if cuts else np.empty((n_steps, 0), int)
+        real = np.arange(n_steps)[:, None] < last - first
+        settled = np.arange(n_steps)[:, None] >= int(SETTLING / dt)
+        values = {name: column[index] for name, column in columns.items()}
+        track = table["track_id"].to_numpy()[index[0]].astype(np.int64) if cuts else np.empty(0, np.int64)
+        length = table["length"].to_numpy()
+        is_truck = (table["vehicle_class"] == "truck").to_numpy()
+        return Measured(
+            y=(self.position + blur)[index],
+            weight=weight[index] * real * settled * is_new(n_steps, stride)[:, None],
+            smooth=x[index],
+            smooth_speed=v[index],
+            around=Surroundings(**values),
+            length=length[index[0]],
+            is_truck=is_truck[index[0]],
+            driver=track + offset,
+            vehicle=track + offset,
+            leader=np.where(leader[index] >= 0, leader[index] + offset, NOBODY),
+            recording=np.full(len(cuts), recording),
+            dt=dt,
+            stride=stride,
+            noise=noise,
+        )
+
+    def _columns(
+        self, x: np.ndarray, v: np.ndarray, a: np.ndarray
+    ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+        """What is seen from every row, the leader's track, and its row."""
+        table = self.table
+        around = look_around(table, v)
+        length = table["length"].to_numpy()
+        is_truck = (table["vehicle_class"] == "truck").to_numpy()
+        track = table["track_id"].to_numpy().astype(np.int64)
+        lane = table["lane"].to_numpy(dtype=np.float64, na_value=0.0)
+        rightmost = pd.Series(lane).groupby(table["direction"].to_numpy()).transform("max").to_numpy()
+
+        def of(row: np.ndarray, values: np.ndarray, otherwise: np.ndarray | float | int) -> np.ndarray:
+            return np.where(row != NOBODY, values[row], otherwise)
+
+        one, rear = around.leader, x - length / 2
+        two = of(one, one, NOBODY).astype(int)
+        three = np.where(two != NOBODY, one[two], NOBODY)
+        front = x + length / 2
+        leader_speed = of(one, v, v)
+        second_speed = of(two, v, leader_speed)
+        leader = of(one, track, NOBODY).astype(np.int64)
+        gap = of(one, rear, front + OUT_OF_SIGHT) - front
+        since, lost, headway = _changes(self.starts, self.stops, leader, gap, v, self.dt)
+        columns = {
+            "time": table["time"].to_numpy(),
+            "lane": lane,
+            "is_leftmost": (lane == 0).astype(float),
+            "is_rightmost": (lane == rightmost).astype(float),
+            "lateral_offset": _offset_in_lane(table),
+            "has_leader": (one != NOBODY).astype(float),
+            "leader_rear": of(one, rear, front + OUT_OF_SIGHT),
+            "leader_centre": of(one, x, x + OUT_OF_SIGHT),
+            "leader_speed": leader_speed,
+            "leader_acceleration": np.clip(of(one, a, 0.0), HARDEST_BRAKING, -HARDEST_BRAKING),
+            "leader_length": of(one, length, 4.5),
+            "leader_is_truck": of(one, is_truck.astype(float), 0.0),
+            "has_second": (two != NOBODY).astype(float),
+            "second_rear": of(two, rear, front + OUT_OF_SIGHT) - of(two, of(one, length, 0.0), 0.0),
+            "second_speed": second_speed,
+            "has_third": (three != NOBODY).astype(float),
+            "third_speed": of(three, v, second_speed),
+            "has_follower": (around.follower != NOBODY).astype(float),
+            "follower_front": of(around.follower, front, rear - OUT_OF_SIGHT),
+            "follower_speed": of(around.follower, v, v),
+            "has_left": (around.left != NOBODY).astype(float),
+            "left_rear": of(around.left, rear, front + OUT_OF_SIGHT),
+            "left_speed": of(around.left, v, v),
+            "beside_speed": np.minimum(around.beside_speed, OUT_OF_SIGHT),
+            "n_beside": around.n_beside,
+            "time_since_change": since,
+            "gap_lost": lost,
+            "time_gap_at_change": headway,
+        }
+        return columns, leader, one
+
+    def _weight(self, leader: np.ndarray, leader_row: np.ndarray, edge: int) -> np.ndarray:
+        """1 where a leader has been seen for a moment: without one, it may be out of the picture; 0 where it or the
+        driver has jumped, or is within `edge` rows of the ends of its track, or of another leader.
+        """
+        n = max(1, round(1.0 / self.dt))
+        row = np.arange(len(leader))
+        first, stop = (np.repeat(bound, self.stops - self.starts) for bound in (self.starts, self.stops))
+        absent = np.r_[0, np.cumsum(leader == NOBODY)]
+        seen = absent[row + 1] == absent[np.maximum(row - n, first)]
+        jumped = np.r_[0, np.cumsum(self.jumps)]
+        before, after = (round(time / self.dt) for time in (BEFORE_JUMP, SETTLING))
+        is_calm = jumped[np.minimum(row + before, stop - 1) + 1] == jumped[np.maximum(row - after, first)]
+        seen &= is_calm & (is_calm[leader_row] | (leader_row == NOBODY))
+        if not edge:
+            return seen.astype(float)
+        is_inside = np.minimum(row - first, stop - 1 - row) >= edge
+        changes = np.r_[0, np.cumsum(np.r_[False, leader[1:] != leader[:-1]])]
+        keeps = changes[np.minimum(row + edge, stop - 1) + 1] == changes[np.maximum(row - edge, first) + 1]
+        return (seen & keeps & is_inside & is_inside[leader_row]).astype(float)
+
+
+def _offset_in_lane(table: pd.DataFrame) -> np.ndarray:
+    """Distance from the median lateral position of the lane [m], positive to the right; 0 where unknown."""
+    lateral = table["lateral"].to_numpy()
+    if not np.isfinite(lateral).any():
+        return np.zeros(len(table))
+    street = [table["direction"], table["lane"]]
+    centre = table.groupby(street, observed=True, dropna=False)["lateral"].transform("median").to_numpy()
+    return np.nan_to_num(lateral - centre)
+
+
+def _changes(
+    starts: np.ndarray, stops: np.ndarray, leader: np.ndarray, gap: np.ndarray, speed: np.ndarray, dt: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time since somebody else became the leader [s], the gap lost then [m], the time gap right after it [s]."""
+    n = len(leader)
+    since, lost, headway = np.full(n, NEVER_CHANGED), np.zeros(n), np.full(n, TIME_GAPS[1])
+    for start, stop in zip(starts, stops, strict=True):
+        changes = start + 1 + np.flatnonzero(leader[start + 1 : stop] != leader[start : stop - 1])
+        for k in changes:
+            if leader[k] == NOBODY:
+                since[k:stop], lost[k:stop] = NEVER_CHANGED, 0.0
+                continue
+            since[k:stop] = np.minimum(np.arange(stop - k) * dt, NEVER_CHANGED)
+            near = min(gap[k - 1], gap[k]) < IN_SIGHT
+            lost[k:stop] = np.clip(gap[k - 1] - gap[k], 0.0, MOST_GAP_LOST) if near else 0.0
+            headway[k:stop] = np.clip(gap[k] / max(speed[k], SLOWEST), *TIME_GAPS)
+    return since, lost, headway

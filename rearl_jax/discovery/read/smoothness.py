@@ -1,0 +1,111 @@
+"""How the power of measured positions falls with frequency: were the drives smoothed, or only the errors smooth?
+
+What drivers and engines do falls by a quarter an octave at most, as power of the acceleration; what a camera makes of
+it rises sixteenfold. Where it falls much steeper, a kernel has been at work. If the power has risen before it falls,
+there is more noise in it than driving: trackers leave such errors.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.discovery.read.smoothing import Thinned, track_bounds
+
+BANDS = (1.1, 1.6, 2.2, 3.2, 4.5, 6.4, 9.0, 12.8)
+"""Edges of frequency bands, half an octave each [rad/s]."""
+
+STEEPEST = 0.05
+"""Least ratio of the accelerations' power an octave apart without a kernel."""
+
+RISING = 2.0
+"""Ratio of the accelerations' power an octave apart from which it is noise that has been smoothed."""
+
+DRIVING, NOISE = 0.25, 16.0
+"""The ratio for drives and for white noise in positions [-]."""
+
+SPECTRUM_TIME = 10.0
+"""Window of the spectrum [s]."""
+
+LEAST_WINDOWS = 10
+
+MEDIAN_OVER_MEAN = float(np.log(2.0))
+"""Of a power, which is exponentially distributed [-]."""
+
+
+@dataclass(frozen=True)
+class Smoothness:
+    """Gaussian kernels that have been at work.
+
+    Attributes:
+        drives: Standard deviation of the kernel positions have been smoothed with [s]; 0 for none.
+        errors: Of the one that only errors have been smoothed with [s]; 0 for none.
+        size: Standard deviation of those errors before, white as they were [m].
+    """
+
+    drives: float = 0.0
+    errors: float = 0.0
+    size: float = 0.0
+
+    def complement(self, steps: int, dt: float, rng: np.random.Generator) -> Float[np.ndarray, " steps"]:
+        """Noise that makes the errors of one track white again [m].
+
+        Args:
+            steps: Moments of the track.
+            dt: Time between them [s].
+            rng: Draws it.
+        """
+        if not self.errors:
+            return np.zeros(steps)
+        frequency = 2 * np.pi * np.fft.rfftfreq(2 * steps, dt)
+        missing = np.sqrt(-np.expm1(-((frequency * self.errors) ** 2)))
+        drawn = np.fft.rfft(self.size * rng.standard_normal(2 * steps))
+        return np.fft.irfft(missing * drawn, 2 * steps)[:steps]
+
+
+def smoothness(tables: Sequence[Thinned]) -> Smoothness:
+    """What the spectrum of the positions says; all tables have the same time between moments."""
+    spectrum = _acceleration_power(tables)
+    if spectrum is None:
+        return Smoothness()
+    frequency, power, dt = spectrum
+    edges = [edge for edge in BANDS if edge < np.pi / dt / 2]
+    bands = list(zip(edges[:-1], edges[1:], strict=True))
+    middle = [np.sqrt(low * high) for low, high in bands]
+    level = [power[(frequency >= low) & (frequency < high)].mean() for low, high in bands]
+    if not min(level, default=0.0) > 0.0:
+        return Smoothness()  # nobody has ever accelerated
+    ratio = [later / earlier for earlier, later in zip(level[:-2], level[2:], strict=True)]
+    if not ratio or min(ratio) > STEEPEST:
+        return Smoothness()
+    k = int(np.argmin(ratio))
+    octave = middle[k + 2] ** 2 - middle[k] ** 2
+    if max(ratio[:k], default=0.0) < RISING:
+        return Smoothness(drives=float(np.sqrt(np.log(DRIVING / ratio[k]) / octave)))
+    width = float(np.sqrt(np.log(NOISE / ratio[k]) / octave))
+    top = int(np.argmax(level))
+    density = level[top] / middle[top] ** 4 * np.exp((middle[top] * width) ** 2) / MEDIAN_OVER_MEAN
+    return Smoothness(errors=width, size=float(np.sqrt(density / dt)))
+
+
+def _acceleration_power(
+    tables: Sequence[Thinned],
+) -> tuple[Float[np.ndarray, " frequencies"], Float[np.ndarray, " frequencies"], float] | None:
+    """Frequencies [rad/s], the usual power density of accelerations there [m^2/s^3], and the time between moments [s];
+    None where tracks are too short for it.
+    """
+    powers, window, dt = [], np.empty(0), 0.1
+    for table, dt in tables:
+        position = table["position"].to_numpy()
+        n = 2 * int(SPECTRUM_TIME / dt / 2)
+        window = np.hanning(n)
+        for start, stop in zip(*track_bounds(table), strict=True):
+            acceleration = np.diff(position[start:stop], 2) / dt**2
+            for k in range(0, len(acceleration) - n + 1, n):
+                piece = acceleration[k : k + n]
+                powers.append(np.abs(np.fft.rfft((piece - piece.mean()) * window)) ** 2)
+    if len(powers) < LEAST_WINDOWS:
+        return None
+    power = np.median(powers, axis=0) * dt / (window**2).sum()
+    return 2 * np.pi * np.fft.rfftfreq(len(window), dt), power, dt

@@ -1,0 +1,1 @@
+"""The verdict, with its tables, figures, page and repaired model."""

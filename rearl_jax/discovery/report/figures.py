@@ -1,0 +1,187 @@
+"""Figures of the evidence, the errors, the innovations, the drivers, and of one drive."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool, Int
+from matplotlib.patches import Patch
+from scipy.stats import norm
+
+from rearl_jax.discovery.observe.drivers import Prior
+from rearl_jax.discovery.observe.residuals import Residuals
+from rearl_jax.discovery.report.errors import ModelErrors
+from rearl_jax.discovery.search.null import Null
+from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, LIGHT_GREY, VERMILION, panels, png, set_title
+
+COLOURS = {"before": VERMILION, "after": BLUE}
+
+BARS = 14
+"""Candidates that are drawn."""
+
+FARTHEST_SIGMA = 5.0
+"""Standard deviations up to which innovations are drawn."""
+
+
+def draw_evidence(
+    rows: Sequence[Mapping], titles: Sequence[str], keys: Sequence[str], null: Null, surprise: float, *, generated: bool
+) -> bytes:
+    """PNG of the candidates' evidence with the null's band, and of what they gain.
+
+    Args:
+        rows: Candidates as in the verdict.
+        titles: What people call them.
+        keys: Their names in the null; unknown ones have no band.
+        null: Evidence where nothing is missing.
+        surprise: Standard deviations of the null from which a candidate fires.
+        generated: Whether the data are no measurements.
+    """
+    shown = list(zip(rows, titles, keys, strict=True))[:BARS]
+    places, threshold = np.arange(len(shown)), null.threshold(surprise)
+    figure, (axes,) = panels(7.2, 1.2 + 0.26 * max(len(shown), 3), generated=generated)
+    for place, (row, _, key) in zip(places, shown, strict=True):
+        if key in threshold:
+            axes.barh(place, threshold[key] - null.mean[key], 0.9, null.mean[key], color=LIGHT_GREY, zorder=0)
+        axes.plot(row["evidence"], place, "o", color=DARK_GREY, markersize=5, zorder=3)
+        for name, colour, marker in (("gain", VERMILION, "s"), ("check", BLUE, "D")):
+            if row[name] is not None:
+                axes.plot(row[name], place, marker, color=colour, markersize=4.5, mfc="none", zorder=3)
+    axes.set_yticks(places, [title for _, title, _ in shown])
+    axes.set_ylim(len(shown) - 0.5, -0.5)
+    axes.set_xscale("symlog", linthresh=10)
+    low, high = axes.get_xlim()
+    axes.set_xlim(min(low, -10.0), max(high, 20.0))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.axvline(0.0, color=GREY, linewidth=0.8)
+    axes.grid(axis="y", color=LIGHT_GREY, linewidth=0.5)
+    axes.set_xlabel("nats (linear up to 10)")
+    marks = [
+        axes.plot([], [], marker, color=colour, mfc=fill, linestyle="", label=label)[0]
+        for marker, colour, fill, label in (
+            ("o", DARK_GREY, DARK_GREY, "evidence of the screen"),
+            ("s", VERMILION, "none", "gain when fitted"),
+            ("D", BLUE, "none", "gain on other drivers"),
+        )
+    ]
+    handles = [*marks, Patch(color=LIGHT_GREY, label="by chance")]
+    labels = [str(handle.get_label()) for handle in handles]
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=8)
+    return png(figure)
+
+
+def draw_errors(errors: Mapping[str, ModelErrors], *, generated: bool) -> bytes:
+    """PNG of the closed-loop gap error of every report driver before and after, beside its own noise."""
+    before = errors["before"].by_driver["gap_rmse"]
+    last = "after" if "after" in errors else "before"
+    floor, order = errors[last].floor, np.argsort(before)
+    places = np.arange(len(before))
+    figure, (axes,) = panels(7.2, 3.4, generated=generated)
+    axes.plot(
+        places, floor[order], "_", color=GREY, markersize=6, markeredgewidth=1.5, label="drivers' own noise alone"
+    )
+    axes.plot(places, before[order], "o", color=VERMILION, markersize=4, label="before")
+    if last == "after":
+        after = errors[last].by_driver["gap_rmse"][order]
+        axes.vlines(places, after, before[order], color=GREY, linewidth=0.7, zorder=0)
+        axes.plot(places, after, "o", color=BLUE, markersize=4, label="after")
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("{x:g}")
+    axes.tick_params(axis="y", which="minor", labelsize=6)
+    axes.set(xlabel="report drivers, by error before", ylabel="closed-loop gap error [m]")
+    axes.legend(frameon=False, fontsize=FONT_SIZE)
+    return png(figure)
+
+
+def draw_innovations(left: Mapping[str, Residuals], *, generated: bool) -> bytes:
+    """PNG of autocorrelation and distribution of what the observer fails to predict."""
+    figure, (lags, spread) = panels(7.2, 3.0, columns=2, generated=generated)
+    for model, one in left.items():
+        data = one.world.data
+        lags.plot(*one.autocorrelation(), color=COLOURS[model], linewidth=1.4, label=model)
+        used = one.innovation[data.weight > 0]
+        edges = np.linspace(-FARTHEST_SIGMA, FARTHEST_SIGMA, 41)
+        density = np.histogram(used / used.std(), edges, density=True)[0]
+        spread.stairs(np.maximum(density, 1e-6), edges, color=COLOURS[model], linewidth=1.4, label=model)
+        if model == "before":
+            limit = 1.96 / np.sqrt(max(data.weight.sum(), 1.0))
+            lags.axhspan(-limit, limit, color=LIGHT_GREY, zorder=0, label="white noise, 95 %")
+    middle = np.linspace(-FARTHEST_SIGMA, FARTHEST_SIGMA, 101)
+    spread.plot(middle, norm.pdf(middle), "--", color=DARK_GREY, linewidth=1.0, label="normal")
+    spread.set(xlabel="innovation / its standard deviation [-]", ylabel="density [-]", yscale="log", ylim=(1e-5, 1))
+    lags.set(xlabel="time apart [s]", ylabel="autocorrelation [-]")
+    low, high = lags.get_ylim()
+    lags.set_ylim(min(low, -0.1), max(high, 0.1))
+    for panel in (lags, spread):
+        panel.legend(frameon=False, fontsize=8)
+    return png(figure)
+
+
+def draw_parameters(table: pd.DataFrame, prior: Prior, *, generated: bool) -> bytes:
+    """PNG of the fitted drivers' own parameters; `table` as drivers.parquet."""
+    figure, axes = panels(7.2, 2.6, columns=prior.size, generated=generated)
+    models = [model for model in COLOURS if model in set(table["model"])]
+    for panel, name, unit in zip(axes, prior.names, prior.units, strict=True):
+        for place, model in enumerate(models):
+            part = table.loc[table["model"] == model]
+            values = part[name].to_numpy()
+            beside = place + 0.5 * (np.argsort(np.argsort(values)) / max(len(values) - 1, 1) - 0.5)
+            truck = part["truck"].to_numpy(bool)
+            panel.plot(beside[~truck], values[~truck], "o", color=COLOURS[model], markersize=2.5)
+            panel.plot(beside[truck], values[truck], "s", color=COLOURS[model], markersize=4, mfc="none")
+            panel.hlines(np.median(values), place - 0.32, place + 0.32, color=DARK_GREY, linewidth=1.2)
+        panel.set_xticks(range(len(models)), models)
+        panel.set_xlim(-0.5, len(models) - 0.5)
+        panel.set_ylim(bottom=0)
+        panel.set_title(f"{name.replace('_', ' ')} [{unit.replace('^2', '²')}]", loc="left", fontsize=8)
+    return png(figure)
+
+
+def draw_example(left: Mapping[str, Residuals], errors: Mapping[str, ModelErrors], *, generated: bool) -> bytes:
+    """PNG of one report driver: the measured gap, simulated before and after, and what the model leaves."""
+    piece = example_piece(left["before"], errors)
+    figure, (above, below) = panels(7.2, 4.2, rows=2, generated=generated)
+    data = left["before"].world.data
+    rows, begins = stretches(data.weight[:, piece] > 0, data.stride)
+    time, leader = data.around.time[rows, piece], data.leader[rows, piece]
+    gap = (data.around.leader_rear - data.smooth - data.length / 2)[rows, piece]
+    # No line from one leader to the next.
+    seen = np.where(begins | np.r_[False, leader[1:] != leader[:-1]], np.nan, gap)
+    above.plot(time, seen, color=DARK_GREY, linewidth=2.0, label="measured")
+    for model, one in left.items():
+        # The simulated gap itself has no measurement noise.
+        noise = one.world.data.y[rows, piece] - one.world.data.smooth[rows, piece]
+        above.plot(
+            time, seen + one.gap[rows, piece] - noise, color=COLOURS[model], linewidth=1.3, label=f"simulated {model}"
+        )
+        acceleration = np.where(begins, np.nan, one.acceleration[rows, piece])
+        below.plot(time, acceleration, color=COLOURS[model], linewidth=1.2)
+    below.axhline(0.0, color=GREY, linewidth=0.8)
+    above.set_ylabel("gap [m]")
+    above.set_ylim(bottom=0)
+    above.legend(frameon=False, fontsize=FONT_SIZE, ncols=3)
+    below.set(xlabel="time [s]", ylabel="acceleration left [m/s²]")
+    set_title(above, f"report driver {data.driver[piece]}, the middle one by what changed")
+    return png(figure)
+
+
+def stretches(
+    counts: Bool[np.ndarray, " steps"], stride: int
+) -> tuple[Int[np.ndarray, " counted"], Bool[np.ndarray, " counted"]]:
+    """Moments of a piece that count, and whether something was left out before each.
+
+    Args:
+        counts: Whether each moment does.
+        stride: Moments from one that says something new to the next.
+    """
+    rows = np.flatnonzero(counts)
+    return rows, np.diff(rows, prepend=rows[:1]) > stride
+
+
+def example_piece(left: Residuals, errors: Mapping[str, ModelErrors]) -> int:
+    """The longest piece of the report driver in the middle by the change of its error, or by its error."""
+    before = errors["before"].by_driver["gap_rmse"]
+    change = before - errors["after"].by_driver["gap_rmse"] if "after" in errors else before
+    driver = int(np.argsort(change)[len(change) // 2])
+    pieces = np.flatnonzero(left.world.data.driver == driver)
+    return int(pieces[left.world.data.weight[:, pieces].sum(axis=0).argmax()])

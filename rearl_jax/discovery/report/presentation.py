@@ -1,0 +1,180 @@
+"""Residuals, maps, figures and the page of a discovery; nothing here decides anything."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config import DiscoverTask
+from rearl_jax.discovery.observe.fit import on_others
+from rearl_jax.discovery.observe.parts import Parts
+from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
+from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.report.errors import ModelErrors
+from rearl_jax.discovery.report.tables import driver_table
+from rearl_jax.discovery.search.atlas import Atlas, added_curves, atlas_of, ballot_of, chart_of
+from rearl_jax.discovery.search.procedure import FIRING_SURPRISE, Search
+from rearl_jax.evaluation.layout import data_sources
+from rearl_jax.results import Study
+
+PARTS = ("fitted", "checked", "reported")
+
+CHOSEN_FROM = 2
+"""Parts that the open-ended finder looks at: not the one that is reported on."""
+
+KEPT_EVERY = 0.2
+"""Least time between the moments that residuals.parquet holds [s]."""
+
+DRAWS = 300
+"""Resamples of drivers for the bands of maps."""
+
+
+def present(
+    study: Study,
+    solver: Solver,
+    search: Search,
+    parts: Parts,
+    reported: Measured,
+    errors: Mapping[str, ModelErrors],
+    verdict: Mapping[str, Any],
+    config: DiscoverTask,
+) -> None:
+    """Writes `residuals.parquet`, `maps.parquet`, `planes.parquet`, the figures and `page.html`.
+
+    Args:
+        study: The folder.
+        solver: Runs the observers.
+        search: What was found.
+        parts: The data.
+        reported: The report drivers as the final model takes them, see `procedure.in_time`.
+        errors: Of the report drivers, `before` and, where something was added, `after`.
+        verdict: As in verdict.json.
+        config: The task.
+    """
+    options, generated = config.discover, verdict["data"]["generated"]
+    left = all_residuals(solver, search, parts, reported)
+    chart = chart_of(left["before"][0])
+    atlases = {
+        model: atlas_of(
+            chart, [ballot_of(part, chart) for part in found], CHOSEN_FROM, options.confidence, DRAWS, options.seed
+        )
+        for model, found in left.items()
+    }
+    added = added_curves(solver, left["after"][0], chart) if search.added else {}
+    # Only what depends on one variable is a curve of it.
+    known = {trial.candidate.variables for trial in search.added}
+    added = {name: values for name, values in added.items() if (name,) in known}
+    seeds = {"seeds": f"discover.seed={options.seed}"}
+    study.write_table("residuals", residual_table(left), **seeds)
+    study.write_table("maps", map_table(atlases, added), **seeds)
+    study.write_table("planes", plane_table(atlases), **seeds)
+
+    # Only now, so that whoever needs the tables alone does not wait for matplotlib and jinja2.
+    from rearl_jax.discovery.report import figures, map_figures
+    from rearl_jax.discovery.report.page import write_page
+    from rearl_jax.discovery.report.words import described, is_lane_choice
+
+    rows = [row for row in verdict["candidates"] if not is_lane_choice(row)]
+    keys = [row["name"] if row["name"] in search.null.mean else f"{row['name']}.{row['variables'][0]}" for row in rows]
+    titles = [described(row) for row in rows]
+    of_report = {model: found[-1] for model, found in left.items()}
+    drawn = {
+        "maps": map_figures.draw_maps(atlases, added, generated=generated),
+        "evidence": figures.draw_evidence(rows, titles, keys, search.null, FIRING_SURPRISE, generated=generated),
+        "closed_loop": figures.draw_errors(errors, generated=generated),
+        "example": figures.draw_example(of_report, errors, generated=generated),
+        "innovations": figures.draw_innovations(
+            {model: found[0] for model, found in left.items()}, generated=generated
+        ),
+        "planes": map_figures.draw_planes(atlases, generated=generated),
+        "parameters": figures.draw_parameters(driver_table(solver, search), solver.layout.prior, generated=generated),
+    }
+    for name, png in drawn.items():
+        study.write_bytes(f"{name}.png", png)
+    study.write_text("page.html", write_page(config, verdict, atlases, drawn, data_sources(parts.infos)))
+
+
+def all_residuals(solver: Solver, search: Search, parts: Parts, reported: Measured) -> dict[str, list[Residuals]]:
+    """Residuals of the fitted, checked and reported drivers, `before` and, where something was added, `after`."""
+    models = {"before": (search.before, (parts.checked, parts.reported))}
+    if search.added or search.clocks is not None:
+        models["after"] = search.last, (search.checked, reported)
+    found = {}
+    for model, (fit, others) in models.items():
+        worlds = [fit.world, *(on_others(solver, part, [fit])[0] for part in others)]
+        found[model] = [residuals_of(solver, [world], [fit])[0] for world in worlds]
+    return found
+
+
+def residual_table(left: Mapping[str, Sequence[Residuals]]) -> pd.DataFrame:
+    """What is left in moments that count, about KEPT_EVERY apart, driver by driver, before and after."""
+    tables = []
+    for number, part in enumerate(PARTS):
+        data = left["before"][number].world.data
+        step = data.stride * max(1, round(KEPT_EVERY / (data.stride * data.dt)))
+        kept = np.argwhere(data.weight[::step].T > 0)
+        piece, t = kept[:, 0], kept[:, 1] * step
+        table: dict[str, Any] = {
+            "part": part,
+            "driver": data.driver[piece].astype(np.int32),
+            "vehicle": data.vehicle[piece].astype(np.int32),
+            "recording": data.recording[piece].astype(np.int32),
+            "time": data.around.time[t, piece].astype(np.float32),
+        }
+        for model, found in left.items():
+            for name in ("innovation", "acceleration", "gap"):
+                table[f"{name}_{model}"] = getattr(found[number], name)[t, piece].astype(np.float32)
+        tables.append(pd.DataFrame(table))
+    return pd.concat(tables, ignore_index=True)
+
+
+def map_table(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray]) -> pd.DataFrame:
+    """The maps knot by knot, with how far they carry and how often the finder selected their variable."""
+    tables = []
+    for model, atlas in atlases.items():
+        selected = {one.variable: one for one in atlas.selected}
+        for name, curve in atlas.curves.items():
+            basis, one = curve.basis, selected[name]
+            table = {
+                "model": model,
+                "variable": name,
+                "unit": basis.variable.unit,
+                "knot": basis.knots,
+                "value": curve.value,
+                "low": curve.low,
+                "high": curve.high,
+                "added": pd.array(added.get(name, [None] * len(basis.knots)), "Float64"),
+                "acts_on": curve.acts_on,
+                "share": curve.share,
+                "gain": curve.gain,
+                "selected": one.frequency,
+                "selected_first": one.first,
+                "shape": atlas.shapes[name],
+            }
+            tables.append(pd.DataFrame(table))
+    return pd.concat(tables, ignore_index=True)
+
+
+def plane_table(atlases: Mapping[str, Atlas]) -> pd.DataFrame:
+    """The maps over two variables field by field; no value where too few moments are."""
+    rows = []
+    for model, atlas in atlases.items():
+        for plane in atlas.planes.values():
+            for (up, across), value in np.ndenumerate(plane.value):
+                rows.append(
+                    {
+                        "model": model,
+                        "across": plane.across.name,
+                        "across_low": plane.across_edges[across],
+                        "across_high": plane.across_edges[across + 1],
+                        "up": plane.up.name,
+                        "up_low": plane.up_edges[up],
+                        "up_high": plane.up_edges[up + 1],
+                        "value": None if np.isnan(value) else float(value),
+                    }
+                )
+    table = pd.DataFrame(rows)
+    table["value"] = table["value"].astype("Float64")
+    return table

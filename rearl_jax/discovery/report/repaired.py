@@ -1,0 +1,120 @@
+"""What was found, as a model that every task can load."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rearl_jax import __version__
+from rearl_jax.core.effects import EFFECTS
+from rearl_jax.discovery.lane_changes.findings import LaneEffect
+from rearl_jax.discovery.observe.candidates import Candidate, Layout
+from rearl_jax.discovery.observe.drivers import Prior
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.search.decision import Trial
+from rearl_jax.models.record import CAR, TRUCK, DriverClass, EffectValues, RepairedModel, Source
+
+LEAST_SHARE = 0.02
+"""Share of trucks below which they are no class of their own [-]."""
+
+
+def repaired_model(
+    first: Fit,
+    last: Fit,
+    added: Sequence[Trial],
+    lanes: Sequence[LaneEffect],
+    data: Measured,
+    layout: Layout,
+    data_id: str,
+    study: str,
+) -> RepairedModel:
+    """The calibrated drivers with and without the effects that were found; artefacts are no part of a model.
+
+    Args:
+        first: The calibrated model without additions.
+        last: With all of them.
+        added: What was added.
+        lanes: What counts in the choice of the lane; what no effect of the library does is left out.
+        data: The drivers it was fitted to.
+        layout: Where numbers are in theta.
+        data_id: Identity of the recordings.
+        study: Name of the study.
+    """
+    effects = [
+        effect_values(trial.candidate, last.world.theta, layout)
+        for trial in added
+        if trial.candidate.kind != "artefact"
+    ]
+    effects += [lane_effect_values(effect) for effect in lanes if effect.name in EFFECTS]
+    return RepairedModel(
+        source=Source(data_id, study, __version__),
+        population=population(last, data, layout.prior),
+        baseline=population(first, data, layout.prior),
+        effects=tuple(effects),
+        car_following=layout.prior.name,
+    )
+
+
+def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]:
+    """Drivers by class, with the scatter of the calibrated drivers around their mean."""
+    world, found = fit.world, {}
+    truck = world.truck
+    lengths = np.zeros(data.n_drivers)
+    lengths[data.driver] = data.length
+    spread = prior.spread
+    for number, (name, usual) in enumerate(zip((CAR, TRUCK), prior.usual, strict=True)):
+        members = truck == number
+        share = float(members.mean())
+        if share < LEAST_SHARE:
+            continue
+        away = (world.z[members] - world.mean[number]) * spread
+        # The calibrated scatter shrinks where the data say little about a parameter: the prior fills that up.
+        own = away.T @ away / max(members.sum(), 1)
+        covariance = own + np.diag(np.maximum(spread**2 - np.diag(own), 0.0)) * _unknown(fit, members)
+        found[name] = DriverClass(
+            share=share,
+            log_mean=dict(zip(prior.names, (np.log(usual) + spread * world.mean[number]).tolist(), strict=True)),
+            log_covariance=((covariance + covariance.T) / 2).tolist(),
+            noise_sd=fit.noise.acceleration,
+            noise_time=fit.noise.time,
+            length=float(lengths[members].mean()),
+            length_sd=float(lengths[members].std()),
+        )
+    total = sum(one.share for one in found.values())
+    return {name: DriverClass(**{**one.__dict__, "share": one.share / total}) for name, one in found.items()}
+
+
+def _unknown(fit: Fit, members: np.ndarray) -> np.ndarray:
+    """Share of each parameter's prior variance that the data left, on average [-]."""
+    assert fit.world.sums is not None
+    n_own = fit.world.z.shape[1]
+    gram = fit.world.sums.gram[members][:, :n_own, :n_own] / fit.world.variance
+    left = np.einsum("dii->di", np.linalg.inv(gram + np.eye(n_own)))
+    return np.clip(left.mean(axis=0), 0.0, 1.0)
+
+
+def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> EffectValues:
+    """A candidate as the effect of the library that does the same."""
+    if candidate.name in EFFECTS:
+        names = [parameter.name for parameter in EFFECTS[candidate.name].parameters]
+        return EffectValues(candidate.name, dict(zip(names, (float(theta[p]) for p in candidate.free), strict=True)))
+    (variable,) = candidate.variables
+    values = theta[list(candidate.free)]
+    if variable == "position":
+        knots, centre = layout.knots.position, np.zeros(len(values))
+    else:
+        knots, centre = layout.knots.curve[variable], layout.knots.centre[variable]
+    # Weights sum to 1, so a curve less its mean is the curve of the values less that mean.
+    values = values - values @ np.asarray(centre)
+    parameters = {"values": values.tolist(), "knots": np.asarray(knots).tolist()}
+    return EffectValues(candidate.name.partition(".")[0], parameters, variable)
+
+
+def lane_effect_values(effect: LaneEffect) -> EffectValues:
+    """An effect on the choice of the lane as the library's, within its bounds; what was not estimated is as usual."""
+    found = {name: estimate.value for name, estimate in effect.parameters.items()}
+    values = {
+        one.name: float(np.clip(found.get(one.name, one.off), one.low, one.high))
+        for one in EFFECTS[effect.name].parameters
+    }
+    return EffectValues(effect.name, values)

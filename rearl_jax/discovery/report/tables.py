@@ -1,0 +1,138 @@
+"""What was found as tables, and the error block and summary of the verdict."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.uncertainty import known
+from rearl_jax.discovery.report.errors import MEASURES, Interval, ModelErrors, with_interval
+from rearl_jax.discovery.search.null import Null
+from rearl_jax.discovery.search.procedure import Search
+
+MAIN_MEASURE = "gap_rmse"
+
+
+def null_table(null: Null) -> pd.DataFrame:
+    """Evidence of each candidate where nothing is missing."""
+    names = list(null.mean)
+    return pd.DataFrame(
+        {
+            "candidate": names,
+            "mean": [null.mean[name] for name in names],
+            "spread": [null.spread[name] for name in names],
+            "replicates": null.replicates,
+        }
+    )
+
+
+def read_null(path: Path) -> Null:
+    """The null of a run that was killed."""
+    table = pd.read_parquet(path)
+    names = table["candidate"]
+    return Null(
+        dict(zip(names, table["mean"].astype(float), strict=True)),
+        dict(zip(names, table["spread"].astype(float), strict=True)),
+        int(table["replicates"].iloc[0]),
+    )
+
+
+def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int, seed: int) -> dict[str, Any]:
+    """`error` of the verdict: every measure before and after, and the floor, with intervals over drivers."""
+    block: dict[str, Any] = {"measure": MAIN_MEASURE, "n_drivers": len(errors["before"].floor)}
+    last = "after" if "after" in errors else "oracle" if "oracle" in errors else "before"
+    figures = {}
+    for measure in MEASURES:
+        found = with_interval(
+            [errors["before"].by_driver[measure], errors[last].by_driver[measure]], measure, confidence, draws, seed
+        )
+        figures[measure] = {"before": found[0], "after": found[1], "change": found[2]}
+    main = figures[MAIN_MEASURE]
+    floor = with_interval([errors[last].floor], MAIN_MEASURE, confidence, draws, seed)[0]
+    block["before"] = plain(main["before"])
+    block["after"] = plain(main["after"]) if last != "oracle" else None
+    block["change"] = plain(main["change"])
+    block["floor"] = plain(floor)
+    block["oracle"] = plain(main["after"]) if last == "oracle" else None
+    block["explained_share"] = _explained(main["before"].value, main["after"].value, floor.value)
+    block["all"] = {measure: {name: plain(value) for name, value in row.items()} for measure, row in figures.items()}
+    return block
+
+
+def _explained(before: float, after: float, floor: float) -> float | None:
+    """Share of the squared error above the floor that is gone [-]; None where the error was at the floor already."""
+    above = before**2 - floor**2
+    return None if above <= 0.02 * before**2 else float((before**2 - after**2) / above)
+
+
+def plain(value: Interval) -> dict[str, float]:
+    """An interval as in verdict.json."""
+    return {"value": value.value, "low": value.low, "high": value.high}
+
+
+def error_table(errors: Mapping[str, ModelErrors]) -> pd.DataFrame:
+    """Every measure of every report driver and model."""
+    parts = []
+    for model, one in errors.items():
+        part = pd.DataFrame({"model": model, "driver": np.arange(len(one.floor)), "floor": one.floor})
+        parts.append(part.assign(**one.by_driver))
+    return pd.concat(parts, ignore_index=True)
+
+
+def driver_table(solver: Solver, found: Search) -> pd.DataFrame:
+    """Calibrated parameters of the fitted drivers before and after, see `fit_table`."""
+    parts = []
+    for model, fit in (("before", found.first), ("after", found.last)):
+        part = fit_table(solver, fit)
+        part.insert(0, "model", model)
+        parts.append(part)
+    return pd.concat(parts, ignore_index=True)
+
+
+def fit_table(solver: Solver, fit: Fit) -> pd.DataFrame:
+    """Calibrated parameters of the drivers of a fit, with the standard deviations of their logarithms."""
+    world = fit.world
+    prior = solver.layout.prior
+    values = prior.values(world.z, world.truck)
+    deviations = known(solver, world).drivers * prior.spread
+    table = pd.DataFrame({"driver": np.arange(len(world.z)), "truck": world.truck.astype(bool)})
+    for k, name in enumerate(prior.names):
+        table[name], table[f"{name}_log_sd"] = values[:, k], deviations[:, k]
+    assert world.sums is not None
+    table["one_step"] = np.sqrt(world.sums.square / np.maximum(world.sums.count, 1.0))
+    return table
+
+
+def candidate_table(verdict: dict[str, Any]) -> list[dict[str, Any]]:
+    """Candidates as flat rows."""
+    return [{**row, "variables": ",".join(row["variables"])} for row in verdict["candidates"]]
+
+
+def summary(verdict: dict[str, Any]) -> dict[str, Any]:
+    """The verdict in flat figures."""
+    error = verdict["error"]
+    return {
+        "verdict": verdict["verdict"],
+        "effects": [
+            {
+                "name": effect["name"],
+                "kind": effect["kind"],
+                "variables": ",".join(effect["variables"]),
+                "confidence": effect["confidence"],
+                **{key: number["value"] for key, number in effect["parameters"].items()},
+            }
+            for effect in verdict["effects"]
+        ],
+        "measure": error["measure"],
+        **{
+            f"{name}_{end}": None if error[name] is None else error[name][end]
+            for name in ("before", "after", "floor", "oracle")
+            for end in ("value", "low", "high")
+        },
+        "n_drivers": error["n_drivers"],
+        "seconds": verdict["seconds"],
+    }

@@ -1,0 +1,252 @@
+"""The verdict: what was missing, how sure, and what could not be told apart; as the content of verdict.json.
+
+verdict      named | artefact | unexplained | nothing
+effects      [{name, kind: driver | road | artefact | generic, parameters: {name: {value, low, high, unit}},
+               variables, confidence, evidence}]; low and high are null for what was not estimated
+candidates   [{name, kind, variables, evidence, surprise, gain, check, ambiguous, told_apart_by}], the best first; those
+             of car following, then those of the choice of the lane, whose surprise is in standard deviations of the
+             slope between drivers
+unseen       [{name, parameter, strength, unit}]: what an effect would have needed to be seen in these data
+error        {measure, n_drivers, before, after, change, floor, oracle, explained_share, all}: `measure` in figures
+             {value, low, high}, the share of the squared error above the floor that is gone, and before, after and
+             change of every measure
+adequacy     {kurtosis, autocorrelation, misjudgement, staleness, remaining, ...}: what is left after all that was added
+lane_choice  {changes, opportunities, loss: {before, after, change}}: lane changes by choice, the chances for one, and
+             the mean log-loss of the report drivers' choices [nats], null where there were too few; what was found
+             is in `effects` and `candidates`, see `words.is_lane_choice`
+data         {id, recordings, generated, drivers: {fitted, checked, reported}, driver_seconds, step, position_noise,
+             findings, notes}
+seconds      how long it took
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rearl_jax.core.effects import EFFECTS
+from rearl_jax.discovery.observe.candidates import TWINS, Candidate, Layout
+from rearl_jax.discovery.observe.clocks import NAME
+from rearl_jax.discovery.observe.uncertainty import interval
+from rearl_jax.discovery.read.gate import SMOOTHING, Finding, amount
+from rearl_jax.discovery.search.adequacy import Adequacy
+from rearl_jax.discovery.search.clock_check import ClockCheck
+from rearl_jax.discovery.search.decision import Trial
+from rearl_jax.discovery.search.families import told_apart_by
+from rearl_jax.discovery.search.procedure import Round, Search
+
+MISJUDGED = (
+    "what drivers do beside the model grows with what a misjudged gap or an old decision would make them do: they "
+    "misjudge gaps, or decide now and then and hold on to it"
+)
+"""What a reader is told then."""
+
+SURE_SURPRISE = 8.0
+"""Standard deviations above the null from which something is missing even if no candidate fits it."""
+
+DOUBTFUL = 0.5
+"""Upper bound of the confidence in an effect that leaves a dependence on what it acts by, or more than noise."""
+
+STRETCH = 1.75
+"""Intervals of parameters are wider than curvature and scatter say, by this [-]: what the driver model gets wrong
+moves them too. Of 59 generated truths inside 90 % intervals were 83 % with 1.5, and two thirds of 46 with 1.
+"""
+
+DELAY_GRAIN = 0.15
+"""Standard deviation of a delay for the length of a moment alone [moments]: delays of 0.35 and 0.7 s were found 0.01 to
+0.04 s too short in moments of 0.1 s.
+"""
+
+RELIABILITY = 0.98
+"""Upper bound of a stated confidence: what the procedure has reached on generated data."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """One entry of `effects`."""
+
+    name: str
+    kind: str
+    parameters: dict[str, dict[str, Any]]
+    variables: tuple[str, ...]
+    confidence: float
+    evidence: float | None
+
+    def plain(self) -> dict[str, Any]:
+        """As in verdict.json."""
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "parameters": self.parameters,
+            "variables": list(self.variables),
+            "confidence": self.confidence,
+            "evidence": self.evidence,
+        }
+
+
+def public_name(candidate: Candidate) -> str:
+    """Name of a candidate in files: curves are told apart by their variable, not by their name."""
+    return candidate.name.partition(".")[0]
+
+
+def named_trial(
+    trial: Trial,
+    others: Sequence[Trial],
+    theta: np.ndarray,
+    deviations: np.ndarray,
+    layout: Layout,
+    confidence: float,
+    reliability: float,
+) -> Named:
+    """A believed candidate as an effect of the verdict.
+
+    Args:
+        trial: The candidate.
+        others: What was fitted beside it.
+        theta: Numbers of the final model.
+        deviations: Standard deviations of the candidate's places, in order.
+        layout: Where its numbers are.
+        confidence: Of the intervals.
+        reliability: Upper bound of the confidence in the effect.
+    """
+    candidate = trial.candidate
+    parameters = {}
+    for name, unit, place, deviation in zip(
+        parameter_names(candidate), parameter_units(candidate), candidate.free, deviations, strict=True
+    ):
+        value = float(theta[place])
+        if candidate.name == "reaction_delay":
+            deviation = np.hypot(deviation, DELAY_GRAIN * trial.fit.world.data.dt)
+        low, high = interval(value, STRETCH * float(deviation), confidence)
+        low, high = max(low, float(layout.low[place])), min(high, float(layout.high[place]))
+        parameters[name] = {"value": value, "low": low, "high": high, "unit": unit}
+    rivals = [0.0, *(one.total for one in others if one is not trial)]
+    share = 1.0 / (1.0 + float(np.exp(np.clip(np.array(rivals) - trial.total, -50, 50)).sum()))
+    return Named(
+        public_name(candidate),
+        candidate.kind,
+        parameters,
+        candidate.variables,
+        min(share, reliability),
+        trial.total,
+    )
+
+
+def parameter_names(candidate: Candidate) -> list[str]:
+    """Names of what is fitted."""
+    if candidate.name in EFFECTS:
+        return [parameter.name for parameter in EFFECTS[candidate.name].parameters]
+    return [f"value_{k}" for k in range(len(candidate.free))]
+
+
+def parameter_units(candidate: Candidate) -> list[str]:
+    """Units of what is fitted."""
+    if candidate.name in EFFECTS:
+        return [parameter.unit for parameter in EFFECTS[candidate.name].parameters]
+    unit = {"lens": "m", "time_gap_dependence": "-"}.get(public_name(candidate), "m/s^2")
+    return [unit] * len(candidate.free)
+
+
+def found_in_columns(finding: Finding, confidence: float) -> Named:
+    """An artefact that the columns show, as an effect of the verdict; nothing was fitted, so there is no evidence."""
+    low, high = interval(finding.value, finding.deviation, confidence)
+    number = {"value": finding.value, "low": low, "high": high, "unit": finding.unit}
+    return Named(finding.name, "artefact", {finding.parameter: number}, (), RELIABILITY, None)
+
+
+def differing_clocks(check: ClockCheck, reliability: float) -> Named:
+    """Clocks that differ, as an effect of the verdict with its stated confidence."""
+    return Named(
+        NAME,
+        "artefact",
+        {"sd": {"value": check.spread, "low": None, "high": None, "unit": "s"}},
+        ("clock",),
+        reliability,
+        check.total,
+    )
+
+
+def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) -> str:
+    """One word: named, artefact, unexplained or nothing."""
+    added = [trial.candidate.kind for trial in search.added]
+    if amount(findings, SMOOTHING):
+        return "artefact"
+    if any(kind in ("driver", "road") for kind in added):
+        is_doubtful = any(search.is_doubtful(one) for one in search.added) or leaves_shifts(search)
+        return "unexplained" if is_doubtful or not adequacy.is_enough else "named"
+    if findings:
+        return "artefact"
+    if search.clocks is not None and not adequacy.is_of_clocks:
+        return "unexplained"
+    if "artefact" in added:
+        return "artefact" if adequacy.is_enough and not search.is_contradicted else "unexplained"
+    if search.clocks is not None:
+        return "artefact"
+    if added or search.rejected or _is_sure(search.rounds[-1]) or leaves_shifts(search) or not adequacy.is_enough:
+        return "unexplained"
+    return "nothing"
+
+
+def leaves_shifts(search: Search) -> bool:
+    """Whether something is left that shifts pairs of vehicles in time, and is neither clocks nor what was added."""
+    return search.clocks is None and search.rounds[-1].clock_surprise > SURE_SURPRISE
+
+
+def _is_sure(last: Round) -> bool:
+    """Whether something is left that the other drivers do not confirm in any form, and that is not chance."""
+    return any(surprise > SURE_SURPRISE for surprise in last.surprise.values())
+
+
+def candidate_rows(search: Search) -> list[dict[str, Any]]:
+    """All candidates of the first round, those that were fitted first and by their total, then by evidence."""
+    first = search.rounds[0]
+    trials = {trial.candidate.name: trial for one in reversed(search.rounds) for trial in one.trials}
+    ambiguous = {trial.candidate.name for one in search.rounds for trial in one.alternatives}
+    chosen = [trial.candidate.name for trial in search.added]
+    for name in chosen:
+        ambiguous |= set(TWINS.get(name, ()))
+    names = sorted(
+        first.evidence, key=lambda name: (-trials[name].total if name in trials else np.inf, -first.surprise[name])
+    )
+    rows = []
+    for name in names:
+        candidate, trial = search.layout.candidates[name], trials.get(name)
+        rows.append(
+            {
+                "name": public_name(candidate),
+                "kind": candidate.kind,
+                "variables": list(candidate.variables),
+                "evidence": first.evidence[name],
+                "surprise": first.surprise[name],
+                "gain": None if trial is None else trial.gain,
+                "check": None if trial is None else trial.check,
+                "ambiguous": name in ambiguous,
+                "told_apart_by": told_apart_by(name, chosen) if name in ambiguous else None,
+            }
+        )
+    for name in chosen:
+        for twin in TWINS.get(name, ()):
+            place, row = next((place, row) for place, row in enumerate(rows) if row["name"] == name)
+            others = {"name": twin, "ambiguous": True, "told_apart_by": told_apart_by(twin, chosen)}
+            rows.insert(place + 1, row | others)
+    return rows
+
+
+def unseen(search: Search, threshold: dict[str, float]) -> list[dict[str, Any]]:
+    """For every named effect, the strength from which it would have been seen in these data.
+
+    Args:
+        search: With the scores of the first round.
+        threshold: Evidence from which a candidate fires [nats].
+    """
+    rows = []
+    for name, score in search.first_scores.items():
+        candidate = search.layout.candidates.get(name)
+        if candidate is None or name not in EFFECTS or candidate.look != candidate.free[: len(candidate.look)]:
+            continue
+        parameter = EFFECTS[name].parameters[0]
+        needed = max(threshold[name], 3.0) + 0.5 * np.log1p(score.information[0, 0] * parameter.scale**2)
+        strength = float(np.sqrt(2 * needed / max(score.information[0, 0], 1e-12)))
+        rows.append({"name": name, "parameter": parameter.name, "strength": strength, "unit": parameter.unit})
+    return rows

@@ -1,0 +1,1 @@
+"""Candidates screened, fitted, checked on other drivers, and decided on."""

@@ -1,0 +1,171 @@
+"""All maps of one model's residual, and what the open-ended finder makes of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rearl_jax.discovery.observe.forcing import Votes, added_acceleration, answers, plain_votes, votes, votes_and_seen
+from rearl_jax.discovery.observe.residuals import Residuals
+from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.search.finder import Group, Selected, stability_selection
+from rearl_jax.discovery.search.maps import (
+    Basis,
+    Curve,
+    Plane,
+    basis_of,
+    centred,
+    curve_of,
+    edges_of,
+    fields,
+    fitted,
+    plane_of,
+)
+from rearl_jax.discovery.search.reactions import reactions
+from rearl_jax.discovery.search.shapes import shape_of, shape_words
+
+PLANES = (("gap", "approach_rate"), ("position", "time"))
+"""Pairs of variables over which planes are made: across, up."""
+
+CURVE_SCALE = {"acceleration": 0.3, "time_gap": 0.3}
+"""Standard deviation of the prior of a curve's values in the finder: as for the curves of the screen [m/s^2], [-]."""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Where curves and planes have their knots and edges, the same for all models and parts of the data.
+
+    Attributes:
+        bases: Of the variables.
+        edges: Of the planes.
+    """
+
+    bases: tuple[Basis, ...]
+    edges: dict[str, np.ndarray]
+
+    def groups(self) -> list[Group]:
+        """The curves as the finder takes them, in the order of the columns: accelerations, then time gaps."""
+        found, first = [], 0
+        for acts_on in CURVE_SCALE:
+            for basis in self.bases:
+                size = len(basis.knots)
+                columns = np.arange(first, first + size)
+                found.append(Group(basis.variable.name, acts_on, columns, CURVE_SCALE[acts_on]))
+                first += size
+        return found
+
+
+@dataclass(frozen=True)
+class Ballot:
+    """What the drivers of one part of the data say.
+
+    Attributes:
+        curves: On the columns of all groups.
+        seen: The same on the acceleration residual.
+        planes: On the fields of each plane.
+        shares: Of the moments in the fields of each plane [-].
+    """
+
+    curves: Votes
+    seen: Votes
+    planes: dict[tuple[str, str], Votes]
+    shares: dict[tuple[str, str], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """Maps of one model.
+
+    Attributes:
+        curves: By variable.
+        planes: By their variables.
+        selected: By the finder, the most stable first.
+        shapes: What each curve does in words, by variable.
+    """
+
+    curves: dict[str, Curve]
+    planes: dict[tuple[str, str], Plane]
+    selected: list[Selected]
+    shapes: dict[str, str]
+
+
+def chart_of(left: Residuals) -> Chart:
+    """Knots and edges at the quantiles of one part of the data."""
+    weight, variables = left.world.data.weight, {one.name: one for one in reactions(left)}
+    bases = [basis_of(variable, weight) for variable in variables.values()]
+    edges = {name: edges_of(variables[name], weight) for pair in PLANES for name in pair}
+    return Chart(tuple(basis for basis in bases if basis is not None), edges)
+
+
+def ballot_of(left: Residuals, chart: Chart) -> Ballot:
+    """Votes of the drivers of one part of the data."""
+    variables, answer, data = {one.name: one for one in reactions(left)}, answers(left), left.world.data
+    pushed = np.concatenate([basis.columns(variables[basis.variable.name].values) for basis in chart.bases])
+    planes, shares = {}, {}
+    used = data.weight > 0
+    for pair in PLANES:
+        inside = fields([variables[name].values for name in pair], [chart.edges[name] for name in pair])
+        planes[pair], shares[pair] = votes(inside, left, answer), inside[:, used].mean(axis=1)
+    both = np.concatenate([pushed, pushed * answer.own[left.prior.names.index("time_gap")]])
+    return Ballot(*votes_and_seen(both, left, answer), planes, shares)
+
+
+def joined(parts: Sequence[Votes]) -> Votes:
+    """Votes of several parts of the data."""
+    gram, score, square = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("gram", "score", "square")
+    )
+    drivers = np.array([len(part.square) for part in parts])
+    return Votes(gram, score, square, float(drivers @ [part.variance for part in parts] / drivers.sum()))
+
+
+def atlas_of(
+    chart: Chart, ballots: Sequence[Ballot], n_chosen_from: int, confidence: float, draws: int, seed: int
+) -> Atlas:
+    """All maps.
+
+    Args:
+        chart: Knots and edges.
+        ballots: Of the parts of the data.
+        n_chosen_from: How many of the first parts the finder may look at.
+        confidence: Of the bands [-].
+        draws: Resamples of drivers.
+        seed: Of everything random.
+    """
+    curves, seen = joined([ballot.curves for ballot in ballots]), joined([ballot.seen for ballot in ballots])
+    groups = chart.groups()
+    found = {}
+    for basis in chart.bases:
+        own = [group for group in groups if group.variable == basis.variable.name]
+        pairs = {group.acts_on: (curves.of(group.columns), seen.of(group.columns)) for group in own}
+        found[basis.variable.name] = curve_of(basis, pairs, confidence, draws, seed)
+    variables = {basis.variable.name: basis.variable for basis in chart.bases}
+    planes = {}
+    for pair in PLANES:
+        if all(name in variables for name in pair):
+            share = np.mean([ballot.shares[pair] for ballot in ballots], axis=0)
+            both = joined([ballot.planes[pair] for ballot in ballots])
+            planes[pair] = plane_of(
+                [variables[name] for name in pair], [chart.edges[name] for name in pair], share, both
+            )
+    looked_at = joined([ballot.curves for ballot in ballots[:n_chosen_from]])
+    shapes = {
+        basis.variable.name: shape_words(curve := found[basis.variable.name], shape_of(curve, curves.of(group.columns)))
+        for basis, group in zip(chart.bases, groups, strict=False)
+    }
+    return Atlas(found, planes, stability_selection(looked_at, groups, seed), shapes)
+
+
+def added_curves(solver: Solver, left: Residuals, chart: Chart) -> dict[str, np.ndarray]:
+    """The acceleration that was added to the model [m/s^2] as a curve of every variable, at its knots: what the maps
+    should have looked like before. Empty where nothing was added that accelerates.
+    """
+    added = added_acceleration(solver, left)
+    if np.abs(added).max(initial=0.0) < 1e-6:
+        return {}
+    variables, answer = {one.name: one for one in reactions(left)}, answers(left)
+    pushed = np.concatenate([basis.columns(variables[basis.variable.name].values) for basis in chart.bases])
+    found, cast = {}, plain_votes(added, pushed, left, answer)
+    for basis, group in zip(chart.bases, chart.groups(), strict=False):
+        found[basis.variable.name] = centred(fitted(cast.of(group.columns)), basis)
+    return found

@@ -1,0 +1,78 @@
+"""The last word of the drivers that were checked: what is added must not make their simulation worse.
+
+Evidence is gathered from one moment to the next, where noise that is not as the observer takes it may look like an
+effect; a simulation adds up what an effect does.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.discovery.observe.closed_loop import gap_errors
+from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.search.procedure import Search, is_free
+
+CERTAINTY = 0.95
+"""Share of resamples in which the error must be larger for an addition to be rejected [-]."""
+
+DRAWS = 1000
+
+ROUNDING = 1e-9
+"""Change of the squared error that is of the arithmetic, as a share of it [-]."""
+
+
+def confirmed(solver: Solver, found: Search, seed: int) -> Search:
+    """The search, without additions with which the closed-loop gap error of the checked drivers is larger.
+
+    They go from the last one on: free curves that were added later, which fit what the form of the earlier additions
+    has left, where they more likely make it larger than smaller; then all as long as it surely is larger than before.
+
+    Args:
+        solver: Simulates.
+        found: What was found.
+        seed: Of the resampling of drivers.
+    """
+    if not found.added:
+        return found
+    errors = gap_errors(solver, found.checked, [found.first, *(one.fit for one in found.added)])
+    kept = len(found.added)
+    while kept > 1 and is_free(found.added[kept - 1]) and _share_worse(errors[kept - 1], errors[kept], seed) > 0.5:
+        kept -= 1
+    while kept and _share_worse(errors[0], errors[kept], seed) >= CERTAINTY:
+        kept -= 1
+    if kept == len(found.added):
+        return found
+    rounds = [*found.rounds[:kept], replace(found.rounds[kept], held=[])]
+    return replace(found, rounds=rounds, rejected=found.added[kept:])
+
+
+def clocks_confirmed(solver: Solver, found: Search, checked: Measured, seed: int) -> bool:
+    """Whether the closed-loop gap error of the checked drivers is more likely smaller than larger with their clocks put
+    right, those of `checked` as they were measured. The search takes other irregularities for clocks too, a simulation
+    does not.
+    """
+    if found.clocks is None:
+        return True
+    (before,) = gap_errors(solver, checked, [found.before])
+    (after,) = gap_errors(solver, found.checked, [found.first])
+    return _share_worse(before, after, seed) < 0.5
+
+
+def lens_confirmed(solver: Solver, found: Search, seed: int) -> bool:
+    """Whether the closed-loop gap error of the checked drivers is more likely smaller than larger with the camera's
+    distortion, which takes other irregularities in as well.
+    """
+    for turn in found.rounds:
+        if turn.chosen is not None and turn.chosen.candidate.name == "lens":
+            before, after = gap_errors(solver, found.checked, [turn.base, turn.chosen.fit])
+            return _share_worse(before, after, seed) < 0.5
+    return True
+
+
+def _share_worse(before: Float[np.ndarray, " drivers"], after: Float[np.ndarray, " drivers"], seed: int) -> float:
+    """Share of resamples of drivers in which the squared error is larger after than before [-]."""
+    worse = after**2 - before**2
+    drawn = np.random.default_rng(seed).integers(0, len(worse), (DRAWS, len(worse)))
+    return float((worse[drawn].mean(axis=1) > ROUNDING * (before**2).mean()).mean())

@@ -1,0 +1,117 @@
+"""Which of the fitted candidates is believed: gain where it was fitted, and on other drivers, against its freedom."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.discovery.observe.candidates import Candidate
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.solver import Solver, World
+from rearl_jax.discovery.observe.uncertainty import price
+
+MOST_FROM_ONE = 12.0
+"""Bound of what one driver can contribute [nats]: no single driver decides."""
+
+LEAST_GAIN, LEAST_TOTAL, WORST_CHECK = 3.0, 16.0, -3.0
+"""A candidate must gain where it was fitted, gain in all, and not be contradicted by the other drivers [nats]. Own
+choice.
+"""
+
+SET_WIDTH = 5.0
+"""Candidates within this of the best [nats] are not told apart."""
+
+FREEDOM_PRICE = 3.0
+"""What free curves and artefacts with a number per vehicle pay for fitting anything [nats]."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """How a candidate fared.
+
+    Attributes:
+        candidate: Which.
+        fit: With it.
+        fitted: Gain of each driver where it was fitted [nats].
+        checked: Gain of each other driver, all of whom found their own parameters anew [nats].
+        price: Paid for its freedom [nats].
+        luck: What all drivers together gain where nothing is missing [nats].
+    """
+
+    candidate: Candidate
+    fit: Fit
+    fitted: Float[np.ndarray, " drivers"]
+    checked: Float[np.ndarray, " others"]
+    price: float
+    luck: float = 0.0
+
+    @property
+    def gain(self) -> float:
+        """Gain where it was fitted, paid for [nats]."""
+        return float(np.clip(self.fitted, -MOST_FROM_ONE, MOST_FROM_ONE).sum() - self.price)
+
+    @property
+    def check(self) -> float:
+        """Gain on the other drivers [nats]."""
+        return float(np.clip(self.checked, -MOST_FROM_ONE, MOST_FROM_ONE).sum())
+
+    @property
+    def total(self) -> float:
+        """What candidates are compared by [nats]."""
+        return self.gain + self.check - self.luck
+
+    def beats(self, other: "Trial") -> bool:
+        """Whether it fares better than another by more than what tells candidates apart."""
+        return self.total > other.total + SET_WIDTH
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is believed as far as the drivers go."""
+        return self.gain > LEAST_GAIN and self.total > LEAST_TOTAL and self.check > WORST_CHECK
+
+
+def trial(solver: Solver, fit: Fit, base: World, other: World, other_base: World, luck: float) -> Trial:
+    """How a fitted candidate fared against the model without it.
+
+    Args:
+        solver: Has fitted it.
+        fit: With the candidate.
+        base: Without it, the same drivers.
+        other: With it, other drivers.
+        other_base: Without it, other drivers.
+        luck: Evidence for it where nothing is missing [nats].
+    """
+    candidate = fit.candidate
+    assert candidate is not None
+    cost = price(solver, fit.world, candidate.free)
+    if candidate.kind == "generic":
+        cost += FREEDOM_PRICE
+    return Trial(
+        candidate,
+        fit,
+        fit.world.penalised() - base.penalised(),
+        other.penalised() - other_base.penalised(),
+        cost,
+        luck,
+    )
+
+
+def ranked(trials: list[Trial]) -> list[Trial]:
+    """Those that hold, the best first."""
+    return sorted((one for one in trials if one.holds), key=lambda one: -one.total)
+
+
+def believed(trials: list[Trial]) -> list[Trial]:
+    """Those that hold, the best first; before them, where any holds, what fares better still.
+
+    What convinces other drivers by so much more is the better account, also where the fitted ones hardly paid for its
+    freedom.
+    """
+    held = ranked(trials)
+    better = [one for one in trials if held and one.gain > 0 and one.beats(held[0])]
+    return sorted(better, key=lambda one: -one.total) + held
+
+
+def not_told_apart(best: list[Trial]) -> list[Trial]:
+    """The best and those whose total comes within SET_WIDTH of it."""
+    return [one for one in best if best[0].total - one.total < SET_WIDTH]

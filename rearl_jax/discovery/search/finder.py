@@ -1,0 +1,125 @@
+"""The open-ended finder: on which variables the residual depends, without a list of effects.
+
+Sparse regression over curves of every variable, as an acceleration and as a change of the time gap, the whole curve of
+a variable in or out (a group). Groups are added one after the other while the evidence for the best of them is beyond
+what the best of as many would reach by chance. Repeated on random halves of the drivers, the share of the halves in
+which a variable is selected says how stable it is: what rests on a few drivers is not.
+
+Source: stability selection with complementary halves, Shah & Samworth, J. R. Stat. Soc. B 75 (2013) 55; forward
+selection of groups, Lozano, Swirszcz & Abe, NeurIPS (2009); Laplace evidence, MacKay, Neural Comput. 4 (1992) 415.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from rearl_jax.discovery.observe.forcing import Votes
+
+PAIRS = 25
+"""Pairs of complementary halves."""
+
+STABLE = 0.8
+"""Share of the halves from which a variable is taken to matter [-]."""
+
+CERTAINTY = 3.0
+"""Evidence [nats] beyond the logarithm of the number of groups, of which the best is looked at."""
+
+MOST = 4
+"""Groups that are selected in one half at most."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """The curve of one variable.
+
+    Attributes:
+        variable: Its name.
+        acts_on: `acceleration` or `time_gap`.
+        columns: Places of its knots among the columns.
+        scale: Standard deviation of the prior of its values.
+    """
+
+    variable: str
+    acts_on: str
+    columns: Int[np.ndarray, " knots"]
+    scale: float
+
+
+@dataclass(frozen=True)
+class Selected:
+    """How a variable fared.
+
+    Attributes:
+        variable: Its name.
+        acts_on: In which of the two ways it was selected more often.
+        frequency: Share of the halves in which it was selected, in either way [-].
+        first: Share of the halves in which it was selected before all others [-].
+    """
+
+    variable: str
+    acts_on: str
+    frequency: float
+    first: float
+
+
+def stability_selection(votes: Votes, groups: Sequence[Group], seed: int) -> list[Selected]:
+    """All variables, the most stable first.
+
+    Args:
+        votes: Of the drivers, on the columns of all groups.
+        groups: What can be selected.
+        seed: Of the halves.
+    """
+    rng = np.random.default_rng(seed)
+    n, chosen, first = len(votes.score), Counter(), Counter()
+    ways: Counter[tuple[str, str]] = Counter()
+    for _ in range(PAIRS):
+        order = rng.permutation(n)
+        for half in (order[: n // 2], order[n // 2 : 2 * (n // 2)]):
+            found = forward_selection(votes, half, groups)
+            chosen.update({group.variable for group in found})
+            first.update(group.variable for group in found[:1])
+            ways.update((group.variable, group.acts_on) for group in found)
+    n_halves = 2 * PAIRS
+    names = dict.fromkeys(group.variable for group in groups)
+    selected = [
+        Selected(name, _usual_way(ways, name), chosen[name] / n_halves, first[name] / n_halves) for name in names
+    ]
+    return sorted(selected, key=lambda one: (-one.first, -one.frequency))
+
+
+def _usual_way(ways: "Counter[tuple[str, str]]", name: str) -> str:
+    return max(("acceleration", "time_gap"), key=lambda way: ways[name, way])
+
+
+def forward_selection(votes: Votes, drivers: Int[np.ndarray, " some"], groups: Sequence[Group]) -> list[Group]:
+    """Groups in the order in which they are added for some drivers."""
+    gram, score = votes.gram[drivers].sum(axis=0), votes.score[drivers].sum(axis=0)
+    for group in groups:
+        gram[group.columns, group.columns] += votes.variance / group.scale**2
+    left, found = list(groups), []
+    bound = np.log(len(groups)) + CERTAINTY
+    while left and len(found) < MOST:
+        evidence = [_evidence(gram, score, group, votes.variance) for group in left]
+        best = int(np.argmax(evidence))
+        if evidence[best] < bound:
+            break
+        group = left.pop(best)
+        found.append(group)
+        # What is left once the group explains all it can.
+        across = np.linalg.solve(gram[np.ix_(group.columns, group.columns)], gram[group.columns])
+        score = score - across.T @ score[group.columns]
+        gram = gram - gram[:, group.columns] @ across
+    return found
+
+
+def _evidence(
+    gram: Float[np.ndarray, "columns columns"], score: Float[np.ndarray, " columns"], group: Group, variance: float
+) -> float:
+    """Laplace evidence for a group [nats]; its prior is in the diagonal of `gram`."""
+    block, own = gram[np.ix_(group.columns, group.columns)], score[group.columns]
+    width = np.linalg.slogdet(block * (group.scale**2 / variance))[1]
+    return float(0.5 * own @ np.linalg.solve(block, own) / variance - 0.5 * width)

@@ -1,0 +1,53 @@
+"""The choice of the lane beside car following: what is found about it, and how it goes into a verdict."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from rearl_jax.config import DiscoverConfig
+from rearl_jax.data.records import Recording
+from rearl_jax.discovery.lane_changes import KnownDrivers, LaneChangeFindings, lane_change_findings, too_few_changes
+from rearl_jax.discovery.observe.fit import on_others
+from rearl_jax.discovery.observe.parts import Parts
+from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.read.gate import SMOOTHING, amount
+from rearl_jax.discovery.search.procedure import Search
+
+
+def lane_choice(
+    solver: Solver, found: Search, parts: Parts, recordings: Sequence[Recording], options: DiscoverConfig
+) -> LaneChangeFindings:
+    """What counts in the choice of the lane, with the drivers as they were calibrated, split as they were.
+
+    Args:
+        solver: Calibrates the drivers that were checked.
+        found: What was found about car following.
+        parts: The drivers, numbered by `measure`.
+        recordings: Those that `measure` got, in the same order.
+        options: Confidence and seed.
+    """
+    few = too_few_changes(recordings)
+    if few is not None:
+        return few  # before anybody is calibrated for it
+    known = KnownDrivers.of([found.first.world, *on_others(solver, found.checked, [found.first])], solver.layout.prior)
+    split = [part.vehicle for part in (parts.fitted, parts.checked, parts.reported)]
+    lanes = lane_change_findings(recordings, known, split, options.confidence, options.seed)
+    if lanes.effects and amount(parts.findings, SMOOTHING):
+        # As with car following: candidates, not claims.
+        return replace(lanes, effects=(), words=f"{lanes.words}; not claimed, for the positions have been smoothed")
+    return lanes
+
+
+def with_lane_choice(verdict: dict[str, Any], lanes: LaneChangeFindings) -> dict[str, Any]:
+    """A verdict on car following, and what was found about the choice of the lane behind it."""
+    found = lanes.as_verdict_parts()
+    word = verdict["verdict"]
+    if word == "nothing" and lanes.effects:
+        word = "named" if any(effect.kind == "driver" for effect in lanes.effects) else "unexplained"
+    return verdict | {
+        "verdict": word,
+        "effects": [*verdict["effects"], *found["effects"]],
+        "candidates": [*verdict["candidates"], *found["candidates"]],
+        "lane_choice": found["lane_choice"],
+        "data": verdict["data"] | {"notes": [*verdict["data"]["notes"], lanes.words]},
+    }

@@ -1,0 +1,206 @@
+"""Mean acceleration residual as a function of everything it could depend on, with bands, and how far that carries.
+
+A map is a curve through knots at quantiles of its variable, fitted to the innovations of all drivers at once
+(`forcing`). Its band comes from resampling drivers; its share and gain are those of curves that were fitted to half of
+the drivers, on the other half.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.discovery.observe.forcing import Votes
+from rearl_jax.discovery.search.reactions import Reaction
+
+KNOTS = 7
+"""Knots of a curve."""
+
+OUTER = 0.02
+"""Share of the moments beyond each of the outer knots [-]."""
+
+LEAST_SHARE = 0.005
+"""Share of the moments that a value of a counted variable, or a field of a plane, must have to be shown [-]."""
+
+USUAL = 1.0
+"""Standard deviation of the prior of a curve's values [m/s^2]: only what the data say nothing about is held back."""
+
+USUAL_IN_FIELDS = 0.2
+"""The same for the fields of a plane, of which each holds few moments [m/s^2]."""
+
+HALVINGS = 10
+"""Times the drivers are cut in halves."""
+
+FIELDS = 7
+"""Fields of a plane in each direction."""
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Where the curve of one variable has its knots.
+
+    Attributes:
+        variable: As in `reactions`.
+        knots: In its unit; the values themselves of a counted variable.
+        share: Mean weight of each knot over all moments [-].
+    """
+
+    variable: Reaction
+    knots: Float[np.ndarray, " knots"]
+    share: Float[np.ndarray, " knots"]
+
+    def columns(self, values: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, "knots steps pieces"]:
+        """Weight of each knot [-]: of linear interpolation, or of the nearest value."""
+        if self.variable.is_counted:
+            nearest = np.abs(values[None] - self.knots[:, None, None]).argmin(axis=0)
+            return (nearest[None] == np.arange(len(self.knots))[:, None, None]).astype(float)
+        unit = np.eye(len(self.knots))
+        return np.stack([np.interp(values, self.knots, row) for row in unit])
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A map.
+
+    Attributes:
+        basis: Of its variable.
+        value, low, high: Mean acceleration residual at the knots, without its mean over all moments [m/s^2].
+        acts_on: `acceleration`, or `time_gap` where a curve of the time gap carries further.
+        share: Of the variance of the acceleration residual that it explains on other drivers, acting so [-].
+        gain: Of log-likelihood on other drivers, acting so [nats].
+    """
+
+    basis: Basis
+    value: Float[np.ndarray, " knots"]
+    low: Float[np.ndarray, " knots"]
+    high: Float[np.ndarray, " knots"]
+    acts_on: str
+    share: float
+    gain: float
+
+    @property
+    def reach(self) -> float:
+        """Largest less smallest value [m/s^2]."""
+        return float(np.ptp(self.value))
+
+
+def basis_of(variable: Reaction, weight: Float[np.ndarray, "steps pieces"]) -> Basis | None:
+    """Knots at quantiles; None for a variable that hardly changes."""
+    used = variable.values[weight > 0]
+    if variable.is_counted:
+        values, counts = np.unique(np.round(used), return_counts=True)
+        knots = values[counts > LEAST_SHARE * len(used)]
+    else:
+        knots = np.unique(np.quantile(used, np.linspace(OUTER, 1 - OUTER, KNOTS)))
+        apart = np.diff(knots, prepend=-np.inf) > 0.02 * max(np.ptp(knots), 1e-9)
+        knots = knots[apart]
+    if len(knots) < 2 or np.ptp(knots) < 1e-6:
+        return None
+    empty = Basis(variable, knots, np.zeros(len(knots)))
+    return Basis(variable, knots, empty.columns(used[:, None]).mean(axis=(1, 2)))
+
+
+def fitted(
+    votes: Votes, drivers: Float[np.ndarray, " drivers"] | None = None, usual: float = USUAL
+) -> Float[np.ndarray, " columns"]:
+    """Values that explain the innovations best; `drivers` says how often each driver counts, `usual` how large values
+    are usually.
+    """
+    gram, score = (
+        (votes.gram.sum(axis=0), votes.score.sum(axis=0))
+        if drivers is None
+        else (np.tensordot(drivers, votes.gram, 1), drivers @ votes.score)
+    )
+    return np.linalg.solve(gram + votes.variance / usual**2 * np.eye(len(score)), score)
+
+
+def curve_of(basis: Basis, votes: Mapping[str, tuple[Votes, Votes]], confidence: float, draws: int, seed: int) -> Curve:
+    """The map of one variable.
+
+    Args:
+        basis: Of the variable.
+        votes: On its columns, and the same on the acceleration residual, by what they act on.
+        confidence: Of the band [-].
+        draws: Resamples of drivers.
+        seed: Of the resampling and the halves.
+    """
+    rng = np.random.default_rng(seed)
+    own = votes["acceleration"][0]
+    n = len(own.score)
+    counts = rng.multinomial(n, np.full(n, 1 / n), draws)
+    drawn = centred(np.stack([fitted(own, row) for row in counts.astype(float)]), basis)
+    low, high = np.quantile(drawn, [(1 - confidence) / 2, (1 + confidence) / 2], axis=0)
+    carried = {acts_on: on_other_halves(*pair, np.random.default_rng(seed)) for acts_on, pair in votes.items()}
+    acts_on = max(carried, key=lambda key: carried[key][1])
+    return Curve(basis, centred(fitted(own), basis), low, high, acts_on, *carried[acts_on])
+
+
+def centred(values: Float[np.ndarray, "*draws knots"], basis: Basis) -> Float[np.ndarray, "*draws knots"]:
+    """Values at the knots without their mean over all moments."""
+    return values - (values @ basis.share)[..., None] / basis.share.sum()
+
+
+def on_other_halves(votes: Votes, seen: Votes, rng: np.random.Generator) -> tuple[float, float]:
+    """Share of the acceleration residual's variance [-] and log-likelihood [nats] that a fit to half of the drivers
+    explains in the other half, the mean over several cuts.
+    """
+    n, shares, gains = len(votes.score), [], []
+    for _ in range(HALVINGS):
+        half = np.zeros(n)
+        half[rng.permutation(n)[: n // 2]] = 1.0
+        parts = [(fitted(votes, fit), 1.0 - fit) for fit in (half, 1.0 - half)]
+        gains.append(sum(_less(votes, values, scored) for values, scored in parts) / (2 * votes.variance))
+        shares.append(sum(_less(seen, values, scored) for values, scored in parts) / max(seen.square.sum(), 1e-12))
+    return float(np.mean(shares)), float(np.mean(gains))
+
+
+def _less(votes: Votes, values: np.ndarray, drivers: np.ndarray) -> float:
+    """By how much the squares of some drivers fall."""
+    return float(drivers @ (2 * votes.score @ values - (votes.gram @ values) @ values))
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A map over two variables.
+
+    Attributes:
+        across, up: The variables.
+        across_edges, up_edges: Of the fields, in their units.
+        value: Mean acceleration residual [m/s^2]; NaN where too few moments are.
+    """
+
+    across: Reaction
+    up: Reaction
+    across_edges: Float[np.ndarray, " across_edges"]
+    up_edges: Float[np.ndarray, " up_edges"]
+    value: Float[np.ndarray, "up across"]
+
+
+def edges_of(variable: Reaction, weight: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, " edges"]:
+    """Edges of fields that hold equally many moments, outliers left out."""
+    edges = np.quantile(variable.values[weight > 0], np.linspace(OUTER / 2, 1 - OUTER / 2, FIELDS + 1))
+    return edges + np.arange(FIELDS + 1) * 1e-9
+
+
+def fields(
+    values: Sequence[Float[np.ndarray, "steps pieces"]], edges: Sequence[Float[np.ndarray, " edges"]]
+) -> Float[np.ndarray, "fields steps pieces"]:
+    """1 in the field of two variables that a moment lies in, the second variable slower."""
+    across, up = (np.clip(np.searchsorted(e, v) - 1, 0, FIELDS - 1) for v, e in zip(values, edges, strict=True))
+    return ((up * FIELDS + across)[None] == np.arange(FIELDS**2)[:, None, None]).astype(float)
+
+
+def plane_of(
+    variables: Sequence[Reaction], edges: Sequence[np.ndarray], share: Float[np.ndarray, " fields"], votes: Votes
+) -> Plane:
+    """The map of two variables; `share` of the moments in each field."""
+    values = fitted(votes, usual=USUAL_IN_FIELDS)
+    values = values - values @ share
+    value = np.where(share > LEAST_SHARE, values, np.nan).reshape(FIELDS, FIELDS)
+    return Plane(variables[0], variables[1], edges[0], edges[1], value)
+
+
+def ranked(curves: Mapping[str, Curve]) -> list[Curve]:
+    """The maps that gain most on other drivers first."""
+    return sorted(curves.values(), key=lambda one: -one.gain)

@@ -1,0 +1,157 @@
+"""What evidence looks like where nothing is missing: drives simulated from the calibrated model, measured again."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.discovery.observe.observer import CLOSED_LOOP, Noise
+from rearl_jax.discovery.observe.solver import Solver, World, copied
+from rearl_jax.discovery.read.smoothing import cut_off, smoothed
+from rearl_jax.discovery.search.screen import evidences, scores
+
+AT_ONCE = 1200
+"""Pieces that are simulated and fitted side by side."""
+
+LEAST_MEAN, LEAST_SPREAD = -3.0, 1.0
+"""Bounds of the mean and the standard deviation of null evidence [nats]: fewer replicates must not make a threshold
+sharp.
+"""
+
+
+@dataclass(frozen=True)
+class Null:
+    """Mean and standard deviation of each candidate's evidence where nothing is missing [nats]."""
+
+    mean: dict[str, float]
+    spread: dict[str, float]
+    replicates: int
+
+    def excess(self, evidence: dict[str, float]) -> dict[str, float]:
+        """Evidence above the null's mean [nats]."""
+        return {name: value - max(self.mean[name], LEAST_MEAN) for name, value in evidence.items()}
+
+    def luck(self, name: str) -> float:
+        """Evidence for a candidate that is to be had where nothing is missing [nats]."""
+        return max(self.mean[name], 0.0)
+
+    def surprise(self, evidence: dict[str, float]) -> dict[str, float]:
+        """Evidence above the null's mean in standard deviations of the null [-]."""
+        excess = self.excess(evidence)
+        return {name: value / max(self.spread[name], LEAST_SPREAD) for name, value in excess.items()}
+
+    def threshold(self, surprise: float) -> dict[str, float]:
+        """Evidence of each candidate at a surprise [nats]."""
+        return {
+            name: max(self.mean[name], LEAST_MEAN) + surprise * max(self.spread[name], LEAST_SPREAD)
+            for name in self.mean
+        }
+
+
+def driver_noise(
+    noise: Noise, shape: tuple[int, int], dt: float, rng: np.random.Generator
+) -> Float[np.ndarray, "steps pieces"]:
+    """Realisations of what drivers do beside the model [m/s^2]: a stationary Ornstein-Uhlenbeck process."""
+    return _lasting(noise.acceleration, noise.time, shape, dt, rng)
+
+
+def position_errors(
+    noise: Noise, shape: tuple[int, int], dt: float, rng: np.random.Generator
+) -> Float[np.ndarray, "steps pieces"]:
+    """Realisations of the errors of measured positions [m]."""
+    if not noise.position_time:
+        return noise.position * rng.standard_normal(shape)
+    return _lasting(noise.position, noise.position_time, shape, dt, rng)
+
+
+def _lasting(
+    sd: float, time: float, shape: tuple[int, int], dt: float, rng: np.random.Generator
+) -> Float[np.ndarray, "steps pieces"]:
+    kept = np.exp(-dt / time)
+    shocks = rng.standard_normal(shape) * sd
+    values = np.empty(shape)
+    values[0] = shocks[0]
+    for k in range(1, shape[0]):
+        values[k] = kept * values[k - 1] + np.sqrt(1 - kept**2) * shocks[k]
+    return values
+
+
+def behind_noisy_drive(
+    solver: Solver, world: World, noise: Noise, rng: np.random.Generator
+) -> Float[np.ndarray, "steps pieces"]:
+    """Measured positions less those of a drive with the drivers' own noise behind the same leaders [m]."""
+    known = driver_noise(noise, world.data.y.shape, world.data.dt, rng)
+    (behind,) = solver.innovations([replace(world, pieces=replace(world.pieces, known=known))], CLOSED_LOOP)
+    return behind
+
+
+def simulate_again(solver: Solver, world: World, noise: Noise, rng: np.random.Generator) -> World:
+    """The world with other drives: simulated with its model behind the same leaders, then measured with noise."""
+    data = world.data
+    driven = data.y - behind_noisy_drive(solver, world, noise, rng)
+    y = driven + position_errors(noise, driven.shape, data.dt, rng)
+    frequency = cut_off(data.noise, data.dt)
+    x, v = np.empty_like(y), np.empty_like(y)
+    for piece in range(y.shape[1]):
+        x[:, piece], v[:, piece], _ = smoothed(y[:, piece], data.dt, frequency)
+    pieces = replace(world.pieces, y=y, start=np.stack([x[0], v[0]]))
+    return copied(world, data=replace(data, y=y, smooth=x, smooth_speed=v), pieces=pieces)
+
+
+def noise_alone(solver: Solver, world: World, noise: Noise, replicates: int, seed: int) -> Iterator[list[World]]:
+    """Worlds with other drives in which nothing is missing, calibrated anew, as many at once as are worth it.
+
+    Args:
+        solver: Simulates and fits.
+        world: Calibrated, with what has been added so far.
+        noise: As calibrated.
+        replicates: How many times the drives are made again.
+        seed: Of the random numbers.
+    """
+    group = max(1, AT_ONCE // max(1, len(world.data.driver)))
+    for first in range(0, replicates, group):
+        worlds = [
+            simulate_again(solver, world, noise, np.random.default_rng([seed, replicate]))
+            for replicate in range(first, min(first + group, replicates))
+        ]
+        solver.solve(worlds, iterations=12, tolerance=0.1)
+        yield worlds
+
+
+def null_of(
+    solver: Solver,
+    world: World,
+    noise: Noise,
+    replicates: int,
+    seed: int,
+    progress: Callable[[int, int], None] | None = None,
+) -> Null:
+    """The null of a calibrated world.
+
+    Args:
+        solver: Fits and looks.
+        world: Calibrated, with what has been added so far.
+        noise: As calibrated.
+        replicates: How many times the drives are made again.
+        seed: Of the random numbers.
+        progress: Called with the replicates done and wanted.
+    """
+    found: list[dict[str, float]] = []
+    for worlds in noise_alone(solver, world, noise, replicates, seed):
+        seen = scores(solver, worlds)
+        found += [evidences(one, score, solver.layout) for one, score in zip(worlds, seen, strict=True)]
+        if progress is not None:
+            progress(len(found), replicates)
+    return summarise(found)
+
+
+def summarise(found: Sequence[dict[str, float]]) -> Null:
+    """Mean and spread over replicates."""
+    names = found[0]
+    values = {name: np.array([one[name] for one in found]) for name in names}
+    return Null(
+        mean={name: float(value.mean()) for name, value in values.items()},
+        spread={name: float(value.std(ddof=1)) if len(value) > 1 else 1.0 for name, value in values.items()},
+        replicates=len(found),
+    )

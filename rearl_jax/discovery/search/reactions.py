@@ -1,0 +1,139 @@
+"""Everything a driver or a road could react to, whether or not an effect is known for it, moment by moment."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.core.effects.dependence import VARIABLES
+from rearl_jax.core.effects.stimulus import Stimulus
+from rearl_jax.discovery.observe.residuals import Residuals
+
+REACTION = 1.0
+"""How long ago a driver may have seen what it reacts to [s]."""
+
+MEMORY = 10.0
+"""Time over which a driver may remember its own speed [s]."""
+
+LONGEST_TIME_GAP = 6.0
+"""Time gap beyond which nobody follows [s]."""
+
+FASTEST_APPROACH = 10.0
+"""Bound of approach rates to others than the leader [m/s]."""
+
+COUNTED = ("lane", "leader_class", "vehicles_beside")
+"""Variables with few values."""
+
+UNITS = {name: unit for name, (unit, _) in VARIABLES.items() if name != "length"} | {
+    "time_gap": "s",
+    "approach_rate_before": "m/s",
+    "leader_acceleration_before": "m/s^2",
+    "second_approach_rate": "m/s",
+    "follower_approach_rate": "m/s",
+    "speeds_ahead": "-",
+    "past_speed": "m/s",
+    "leader_class": "-",
+}
+"""Every variable with its unit. What never changes within a drive (the own length, the own class) is not among them:
+it is the driver's own.
+"""
+
+
+@dataclass(frozen=True)
+class Reaction:
+    """A variable in every moment.
+
+    Attributes:
+        name: One of UNITS.
+        values: In its unit.
+    """
+
+    name: str
+    values: Float[np.ndarray, "steps pieces"]
+
+    @property
+    def unit(self) -> str:
+        """In brackets in every text."""
+        return UNITS[self.name]
+
+    @property
+    def is_counted(self) -> bool:
+        """Whether it has few values."""
+        return self.name in COUNTED
+
+    @property
+    def title(self) -> str:
+        """As people say it."""
+        return title_of(self.name)
+
+
+def title_of(name: str) -> str:
+    """A variable as people say it."""
+    return _TITLES.get(name, name.replace("_", " "))
+
+
+_TITLES = {
+    "approach_rate_before": f"approach rate {REACTION:g} s ago",
+    "leader_acceleration_before": f"leader's accel. {REACTION:g} s ago",
+    "leader_acceleration": "leader's acceleration",
+    "leader_length": "leader's length",
+    "second_gap": "gap to the second leader",
+    "second_approach_rate": "approach to the second leader",
+    "follower_gap": "follower's gap",
+    "follower_approach_rate": "follower's approach",
+    "speed_beside": "speed above slowest beside",
+    "speeds_ahead": "unequal speeds ahead",
+    "past_speed": f"own speed, mean of {MEMORY:g} s",
+    "lateral_offset": "offset in the lane, right positive",
+    "leader_class": "leader's class, 1 truck",
+    "time_since_change": "time since the leader changed",
+    "lane": "lane, 0 leftmost",
+}
+
+
+def reactions(left: Residuals) -> list[Reaction]:
+    """The variables in the middle between each moment and the next, the own motion as expected from the past.
+
+    A variable that saw the future of the driver would go together with the driver's noise, and look like a cause.
+    """
+    data = left.world.data
+    seen = left.stimulus()
+    ago = max(1, round(REACTION / data.dt))
+
+    def before(values: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.repeat(values[:1], ago, axis=0), values[:-ago]])
+
+    values = {name: np.asarray(VARIABLES[name][1](seen), float) for name in VARIABLES if name in UNITS}
+    gap, speed = np.asarray(seen.gap), np.asarray(seen.speed)
+    has_second, has_follower = np.asarray(seen.has_second), np.asarray(seen.has_follower)
+    values |= {
+        "time_gap": np.clip(gap / np.maximum(speed, 2.0), 0.0, LONGEST_TIME_GAP),
+        "approach_rate_before": before(values["approach_rate"]),
+        "leader_acceleration_before": before(values["leader_acceleration"]),
+        "second_approach_rate": has_second * _bounded(speed - np.asarray(seen.second_speed)),
+        "follower_approach_rate": has_follower * _bounded(np.asarray(seen.follower_speed) - speed),
+        "speeds_ahead": _unequal(seen),
+        "past_speed": _mean_of_past(speed, max(1, round(MEMORY / data.dt))),
+        "lateral_offset": np.asarray(seen.lateral_offset),  # a curve needs no symmetry
+        "leader_class": np.asarray(seen.leader_is_truck),
+    }
+    return [Reaction(name, np.broadcast_to(values[name], data.y.shape)) for name in UNITS]
+
+
+def _bounded(speed: np.ndarray) -> np.ndarray:
+    return np.clip(speed, -FASTEST_APPROACH, FASTEST_APPROACH)
+
+
+def _unequal(seen: Stimulus) -> np.ndarray:
+    """Coefficient of variation of the speeds of the three vehicles ahead [-]; 0 where fewer are seen."""
+    speeds = np.stack([np.asarray(one) for one in (seen.leader_speed, seen.second_speed, seen.third_speed)])
+    varied = speeds.std(axis=0) / np.maximum(speeds.mean(axis=0), 1.0)
+    return np.minimum(varied, 1.0) * np.asarray(seen.has_leader) * np.asarray(seen.has_second)
+
+
+def _mean_of_past(values: np.ndarray, n: int) -> np.ndarray:
+    """Mean over the last n moments, or over as many as there are."""
+    total = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
+    last = np.arange(1, len(values) + 1)
+    first = np.maximum(last - n, 0)
+    return (total[last] - total[first]) / (last - first)[:, None]

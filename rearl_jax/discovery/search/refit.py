@@ -1,0 +1,170 @@
+"""Candidates fitted in full: the model with each of them, from several starts, with the noise found anew."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rearl_jax.discovery.observe.candidates import Candidate, Layout
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.noise import ACCELERATIONS, best_noise, noises
+from rearl_jax.discovery.observe.solver import Solver, World, copied, with_gain
+from rearl_jax.discovery.search.screen import Score
+
+TRIED = 7
+"""How many sizes of the drivers' noise are tried under a candidate."""
+
+DELAYS = (0.25, 0.8)
+"""Reaction delays the search starts from [s]."""
+
+LIMITS = (0.6, 0.75, 0.88)
+"""Speed limits the search starts from, as shares of the mean desired speed [-]."""
+
+SECTIONS = 2
+"""Sections of the road, or moments, that the search for an edge starts from."""
+
+LONGEST_SECTION = 8
+"""Knots a section may span at the start."""
+
+
+def starts(candidate: Candidate, score: Score, world: World, layout: Layout) -> list[np.ndarray]:
+    """Values of theta from which a candidate is searched."""
+    theta = world.theta
+    if candidate.name == "reaction_delay":
+        return [_with(theta, layout, {"reaction_delay.delay": delay}) for delay in DELAYS]
+    if candidate.name in ("grade", "speed_limit"):
+        return _sections(candidate.name, score, world, layout)
+    if candidate.name == "weather":
+        return _onsets(score, theta, layout)
+    start = theta.copy()
+    if set(candidate.look) <= set(candidate.free):
+        # Half of the linear fit: the right side of zero, and not beyond what the model bears.
+        fitted = np.clip(score.fitted() / 2, -1, 1) * np.minimum(1.0, layout.scale[list(candidate.look)])
+        start[list(candidate.look)] += np.nan_to_num(fitted)
+    return [np.clip(start, layout.low, layout.high)]
+
+
+def _with(theta: np.ndarray, layout: Layout, values: dict[str, float]) -> np.ndarray:
+    theta = theta.copy()
+    for name, value in values.items():
+        place = layout.places[name][0]
+        theta[place] = np.clip(value, layout.low[place], layout.high[place])
+    return theta
+
+
+def _sections(name: str, score: Score, world: World, layout: Layout) -> list[np.ndarray]:
+    """Sections that explain most of the score as a step, from the linear fit of the curve along the road."""
+    knots, n = layout.knots.position, len(layout.knots.position)
+    step = knots[1] - knots[0]
+    found = []
+    for first in range(n):
+        for last in range(first, min(first + LONGEST_SECTION, n)):
+            inside = np.zeros(n)
+            inside[first : last + 1] = 1.0
+            width = inside @ score.information @ inside
+            if width > 0:
+                gain = inside @ score.score
+                found.append((gain**2 / width, first, last, gain / width))
+    found.sort(reverse=True)
+    chosen: list[tuple] = []
+    for section in found:
+        # A second start only where it is another place.
+        if all(section[2] < other[1] or section[1] > other[2] for other in chosen):
+            chosen.append(section)
+        if len(chosen) == SECTIONS:
+            break
+    result = []
+    for _, first, last, size in chosen:
+        edges = {f"{name}.start": knots[first] - step / 2, f"{name}.end": knots[last] + step / 2}
+        if name == "grade":
+            result.append(_with(world.theta, layout, {"grade.push": float(np.clip(size, -1, 1)), **edges}))
+        else:
+            mean_driver = layout.prior.values(world.mean[:1], np.zeros(1, int))[0]
+            usual = float(mean_driver[layout.prior.names.index("desired_speed")])
+            result += [_with(world.theta, layout, {"speed_limit.limit": usual * share, **edges}) for share in LIMITS]
+    # A car-following model that never comes near its desired speed shows nothing of a limit: it begins where none acts.
+    return result or [world.theta.copy()]
+
+
+def _onsets(score: Score, theta: np.ndarray, layout: Layout) -> list[np.ndarray]:
+    """Moments from which on everything differs, that explain most of the score as a step."""
+    knots = layout.knots.time
+    n = len(knots)
+    found = []
+    for first in range(1, n):
+        after = np.zeros((2, 2 * n))
+        after[0, first:n], after[1, n + first :] = 1.0, 1.0
+        information = after @ score.information @ after.T + 1e-9 * np.eye(2)
+        size = np.linalg.solve(information, after @ score.score)
+        found.append((float(size @ (after @ score.score)), first, size))
+    found.sort(key=lambda item: -item[0])
+    return [
+        _with(
+            theta,
+            layout,
+            {
+                "weather.slower": float(np.clip(-size[0], -0.5, 0.5)),
+                "weather.wider": float(np.clip(size[1], -0.5, 0.5)),
+                "weather.onset": (knots[first - 1] + knots[first]) / 2,
+            },
+        )
+        for _, first, size in found[:SECTIONS]
+    ]
+
+
+def refit(
+    solver: Solver,
+    base: Fit,
+    candidates: Sequence[Candidate],
+    found: dict[str, Score],
+    progress: Callable[[int, int], None] | None = None,
+) -> dict[str, Fit]:
+    """Every candidate added to the model and fitted.
+
+    Args:
+        solver: Searches.
+        base: The model without them.
+        candidates: What is added, one at a time.
+        found: Their scores.
+        progress: Called with the candidates done and wanted.
+    """
+    # Adding an effect can only lower what is left to chance.
+    lower = [sd for sd in ACCELERATIONS if sd <= base.noise.acceleration] or [ACCELERATIONS[0]]
+    fits = {}
+    for number, candidate in enumerate(candidates):
+        active = (*base.world.active, candidate.name)
+        worlds = [
+            copied(base.world, theta=theta, active=active)
+            for theta in starts(candidate, found[candidate.name], base.world, solver.layout)
+        ]
+        solver.solve(worlds, iterations=15, tolerance=0.3)
+        best = min(worlds, key=lambda world: world.log[-1])
+        noise, _ = best_noise(solver, best, noises(base.noise, lower[-TRIED:]))
+        best = with_gain(best, noise.gain(best.data.dt, best.data.stride))
+        solver.solve([best], iterations=20, tolerance=0.05)
+        fits[candidate.name] = Fit(candidate, best, noise)
+        if progress is not None:
+            progress(number + 1, len(candidates))
+    return fits
+
+
+def rebased(solver: Solver, base: Fit, fits: dict[str, Fit]) -> Fit:
+    """The model without the candidates, fitted again from each one's drivers, under its noise: a stuck baseline would
+    hand every candidate the same false gain.
+    """
+    places, kept = np.arange(solver.layout.size), solver.free(base.world)
+    starts, noises_of = [], []
+    for fit in fits.values():
+        theta = np.where(np.isin(places, kept), fit.world.theta, solver.layout.reference)
+        data = base.world.data
+        for noise in dict.fromkeys((base.noise, fit.noise)):
+            start = with_gain(base.world, noise.gain(data.dt, data.stride))
+            start.theta, start.z, start.mean = theta, fit.world.z.copy(), fit.world.mean.copy()
+            starts.append(start)
+            noises_of.append(noise)
+    if starts:
+        solver.solve(starts, iterations=15, tolerance=0.05)
+    best, noise = min(
+        zip([base.world, *starts], [base.noise, *noises_of], strict=True), key=lambda pair: pair[0].log[-1]
+    )
+    return replace(base, world=best, noise=noise)

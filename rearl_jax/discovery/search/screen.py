@@ -1,0 +1,144 @@
+"""The screen: how much evidence there is for each candidate, from one look at the derivatives.
+
+The score of a candidate is what the innovations have in common with its derivative once everything that drivers' own
+parameters, their population and what has been added already can imitate is taken out. Its Laplace evidence pays for
+the width of the prior; the least over leaving out one driver asks that no single driver makes the case.
+
+Source: score (Lagrange multiplier) test, Rao (1948); Laplace approximation of the evidence, MacKay, Neural Comput. 4
+(1992) 415.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.discovery.observe import clocks
+from rearl_jax.discovery.observe.candidates import Layout
+from rearl_jax.discovery.observe.solver import CLASSES, Solver, World
+
+PRIOR_WIDTHS = (0.35, 1.0, 2.0)
+"""Widths of the prior, as multiples of the usual one, of which the best is taken [-]."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """Score and information of one candidate's directions, everything that imitates them taken out.
+
+    Attributes:
+        score: Of all drivers together.
+        information: Of all drivers together.
+        driver_score, driver_information: Of each driver.
+    """
+
+    score: Float[np.ndarray, " directions"]
+    information: Float[np.ndarray, "directions directions"]
+    driver_score: Float[np.ndarray, "drivers directions"]
+    driver_information: Float[np.ndarray, "drivers directions directions"]
+
+    def fitted(self) -> Float[np.ndarray, " directions"]:
+        """The linear fit of theta, without a prior."""
+        return np.linalg.lstsq(self.information, self.score, rcond=1e-9)[0]
+
+
+def scores(solver: Solver, worlds: Sequence[World]) -> list[dict[str, Score]]:
+    """Scores of every candidate in worlds that have been solved with the same additions."""
+    layout = solver.layout
+    kept = solver.programs.free(worlds[0].active)
+    looked = sorted({place for candidate in layout.candidates.values() for place in candidate.look} - set(kept))
+    places = (*kept, *looked)
+    where = {place: k for k, place in enumerate(places)}
+    names = {name: tuple(where[place] for place in candidate.look) for name, candidate in layout.candidates.items()}
+    groups = tuple(sorted(set(names.values())))
+    numbered = {name: (groups.index(group), group) for name, group in names.items()}
+    numbered[clocks.NAME] = len(groups), tuple(range(len(places), len(places) + clocks.MOST_LEADERS))
+    return [
+        _scores(world, sums, numbered, np.array(kept, int), layout)
+        for world, sums in zip(worlds, solver.look(worlds, places, groups), strict=True)
+    ]
+
+
+def _scores(
+    world: World,
+    sums: dict[str, np.ndarray],
+    groups: dict[str, tuple[int, tuple[int, ...]]],
+    free: np.ndarray,
+    layout: Layout,
+) -> dict[str, Score]:
+    variance, n_kept, n_own = world.variance, len(free), layout.prior.size
+    gradient, nuisance = sums["gradient"] / variance, sums["nuisance"] / variance
+    away = world.z - world.mean[world.truck]
+    block = nuisance[:, :n_own, :n_own] + np.eye(n_own)
+    coupling = nuisance[:, :n_own, n_own:]
+    slope = gradient[:, :n_own] + away
+    solved = np.linalg.solve(block, np.concatenate([slope[:, :, None], coupling], axis=2))
+    step, response = solved[:, :, 0], solved[:, :, 1:]
+    driver_score = -(gradient[:, n_own:] - np.einsum("dij,di->dj", coupling, step))
+    score = driver_score.sum(axis=0)
+    kept = nuisance[:, n_own:, n_own:] - np.einsum("dij,dik->djk", coupling[:, :, :n_kept], response)
+    kept = kept.sum(axis=0)  # [kept, places]
+    pulls = []
+    if not world.holds_population:
+        inverse = np.linalg.inv(block)
+        for c in range(CLASSES):
+            members = world.truck == c
+            if not members.any():
+                continue
+            mean_block = (np.eye(n_own) - inverse[members]).sum(axis=0) + np.eye(n_own)
+            pull = response[members].sum(axis=0)
+            rest = world.mean[c] - away[members].sum(axis=0) + step[members].sum(axis=0)
+            answer = np.linalg.solve(mean_block, pull)
+            score = score + answer.T @ rest
+            kept = kept - pull[:, :n_kept].T @ answer
+            pulls.append((pull, answer))
+    across = np.zeros((score.size, n_kept))
+    if n_kept:
+        scale = layout.scale[free]
+        inner = kept[:, :n_kept] + np.diag(scale**-2.0)
+        across = np.linalg.solve(inner, kept).T
+        score = score - across @ (score[:n_kept] - (world.theta - layout.reference)[free] / scale**2)
+    found = {}
+    for name, (number, group) in groups.items():
+        index = np.array(group)
+        own = sums[f"block_{number}"] / variance
+        own = own - np.einsum("dij,dik->djk", coupling[:, :, index], response[:, :, index])
+        information = own.sum(axis=0) - across[index] @ kept[:, index]
+        for pull, answer in pulls:
+            information = information - pull[:, index].T @ answer[:, index]
+        found[name] = Score(score[index], (information + information.T) / 2, driver_score[:, index], own)
+    return found
+
+
+def clock_evidence(world: World, found: dict[str, Score]) -> float:
+    """Evidence [nats] for clocks that differ, from the scores of a world."""
+    score = found[clocks.NAME]
+    return clocks.Clocks(world.data).evidence(score.driver_score, score.driver_information)
+
+
+def evidences(world: World, found: dict[str, Score], layout: Layout) -> dict[str, float]:
+    """Evidence [nats] of every candidate; the least over leaving out one driver where it is positive."""
+    evidence = {clocks.NAME: clock_evidence(world, found)}
+    for name, candidate in layout.candidates.items():
+        score, scale = found[name], layout.scale[list(candidate.look)]
+        value = float(_evidence(score.score[None], score.information[None], scale)[0])
+        if value > 0 and len(score.driver_score) > 1:
+            without = score.score - score.driver_score
+            rest = score.information - score.driver_information
+            value = float(min(value, _evidence(without, rest, scale).min()))
+        evidence[name] = value
+    return evidence
+
+
+def _evidence(score: np.ndarray, information: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Laplace evidence of a linear model with a Gaussian prior, the best of PRIOR_WIDTHS [nats]."""
+    best = np.full(len(score), -np.inf)
+    identity = np.eye(score.shape[1])
+    for width in PRIOR_WIDTHS:
+        root = width * scale
+        inner = identity + root[:, None] * information * root[None, :]
+        scaled = score * root
+        fitted = np.linalg.solve(inner, scaled[:, :, None])[:, :, 0]
+        value = 0.5 * (scaled * fitted).sum(axis=1) - 0.5 * np.linalg.slogdet(inner)[1]
+        best = np.maximum(best, value)
+    return best

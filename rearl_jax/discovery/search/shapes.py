@@ -1,0 +1,79 @@
+"""The shape of a curve in words: what it does, by how much, and where."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.discovery.observe.forcing import Votes
+from rearl_jax.discovery.observe.uncertainty import CONTENT
+from rearl_jax.discovery.search.maps import Curve, fitted
+
+PRICE = 0.5 * CONTENT
+"""Of a number that a shape needs [nats], as for a parameter of a candidate."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A simple shape that says nearly all a curve does.
+
+    Attributes:
+        kind: `flat`, `line`, `step`, `bump` or `curve`.
+        size: Change from one end to the other, from one side of the step to the other, or inside the bump [m/s^2].
+        start, end: Where it happens, in the unit of the variable; equal for a step.
+    """
+
+    kind: str
+    size: float
+    start: float
+    end: float
+
+
+def shape_of(curve: Curve, votes: Votes) -> Shape:
+    """The simplest shape that the votes do not contradict."""
+    knots, n = curve.basis.knots, len(curve.basis.knots)
+    middle = (knots[1:] + knots[:-1]) / 2
+    ends = (float(knots[0]), float(knots[-1]))
+    tried = [(0.0, Shape("flat", 0.0, *ends))]
+    slope, gain = _scaled((knots - knots.mean()) / np.ptp(knots), votes)
+    tried.append((gain - PRICE, Shape("line", slope, *ends)))
+    for k in range(1, n):
+        size, gain = _scaled((np.arange(n) >= k).astype(float), votes)
+        at = float(middle[k - 1])
+        tried.append((gain - 2 * PRICE, Shape("step", size, at, at)))
+        for last in range(k + 1, n):
+            size, gain = _scaled(((np.arange(n) >= k) & (np.arange(n) < last)).astype(float), votes)
+            tried.append((gain - 3 * PRICE, Shape("bump", size, float(middle[k - 1]), float(middle[last - 1]))))
+    free = fitted(votes)
+    gain = float(free @ votes.score.sum(axis=0) - 0.5 * free @ votes.gram.sum(axis=0) @ free) / votes.variance
+    low, high = sorted((float(knots[curve.value.argmin()]), float(knots[curve.value.argmax()])))
+    tried.append((gain - n * PRICE, Shape("curve", curve.reach, low, high)))
+    return max(tried, key=lambda item: item[0])[1]
+
+
+def _scaled(form: Float[np.ndarray, " knots"], votes: Votes) -> tuple[float, float]:
+    """How much of a form there is, and what it gains [nats]."""
+    score, square = float(form @ votes.score.sum(axis=0)), float(form @ votes.gram.sum(axis=0) @ form)
+    size = score / max(square, 1e-12)
+    return size, 0.5 * score * size / votes.variance
+
+
+def shape_words(curve: Curve, shape: Shape) -> str:
+    """A sentence part, as in `falls by 0.31 m/s^2 from 2 to 14 m`."""
+    unit = "" if curve.basis.variable.unit == "-" else f" {curve.basis.variable.unit}"
+    size = f"{abs(shape.size):.2f} m/s^2"
+    direction = shape.size > 0
+    if shape.kind == "flat":
+        return "does not change"
+    if shape.kind == "line":
+        return f"{'rises' if direction else 'falls'} by {size} from {shape.start:.3g} to {shape.end:.3g}{unit}"
+    if shape.kind == "step":
+        return f"steps {'up' if direction else 'down'} by {size} at about {shape.start:.3g}{unit}"
+    if shape.kind == "bump":
+        inside = "higher" if direction else "lower"
+        return f"is {inside} by {size} between about {shape.start:.3g} and {shape.end:.3g}{unit}"
+    knots, value = curve.basis.knots, curve.value
+    return (
+        f"varies by {size}, lowest at about {knots[value.argmin()]:.3g}{unit}, "
+        f"highest at about {knots[value.argmax()]:.3g}{unit}"
+    )

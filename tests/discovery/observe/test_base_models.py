@@ -1,0 +1,95 @@
+"""Discovery on any car-following model: who drives by a model is calibrated by it, written, and simulated again."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rearl_jax.config.driver import CALIBRATED, MODELS, record_of
+from rearl_jax.core.car_following import CAR_FOLLOWING
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.rollout import rollout
+from rearl_jax.core.spawn import spawn
+from rearl_jax.discovery.observe.drivers import prior_of
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.layout import layout_of
+from rearl_jax.discovery.observe.moments import Programs
+from rearl_jax.discovery.observe.noise import USUAL, calibrate
+from rearl_jax.discovery.observe.observer import CLOSED_LOOP
+from rearl_jax.discovery.observe.solver import Solver, new_world
+from rearl_jax.discovery.report.repaired import repaired_model
+from rearl_jax.discovery.report.tables import fit_table
+from rearl_jax.models.file import read_model, write_model
+from rearl_jax.models.population import population_of_model
+from rearl_jax.models.traffic import populate
+
+NOISE = 0.02
+"""Of the measured positions [m]."""
+
+
+@pytest.fixture(
+    scope="module",
+    params=[
+        "constant_time_headway",
+        *(pytest.param(name, marks=pytest.mark.thorough) for name in CALIBRATED if name != "constant_time_headway"),
+    ],
+)
+def calibrated_by(request, measured_of):
+    """A model, drivers who drive by it behind measured leaders, and what calibration finds."""
+    name, data = request.param, measured_of()
+    prior = prior_of(record_of(name)())
+    solver = Solver(Programs(layout_of(data, prior), data.dt))
+    world = new_world(data, solver.layout, USUAL.gain(data.dt, data.stride))
+    rng = np.random.default_rng(5)
+    world.z = 0.8 * rng.normal(size=world.z.shape)
+    (left,) = solver.innovations([world], CLOSED_LOOP)
+    places = data.y - np.asarray(left, float) + NOISE * rng.normal(size=data.y.shape)
+    driven = replace(data, y=places, noise=NOISE)
+    fit = Fit(None, *calibrate(solver, driven))
+    return name, prior, solver, world, driven, fit
+
+
+def test_parameters_are_those_of_the_model(calibrated_by):
+    name, prior, solver, _, _, fit = calibrated_by
+    assert prior.names == MODELS[name].names
+    assert fit.world.z.shape[1] == len(MODELS[name].parameters)
+    columns = fit_table(solver, fit).columns
+    assert {*prior.names, *(f"{one}_log_sd" for one in prior.names)} <= set(columns)
+
+
+def test_time_gaps_are_found_again(calibrated_by):
+    _, prior, solver, world, _, fit = calibrated_by
+    place = prior.names.index("time_gap")
+    truth = np.log(prior.values(world.z, world.truck)[:, place])
+    found = np.log(fit_table(solver, fit)["time_gap"].to_numpy())
+    assert truth.std() > 0.15  # there is something to be found
+    assert np.corrcoef(truth, found)[0, 1] > 0.9
+    assert abs((found - truth).mean()) < 0.1
+    # What is left is little more than the error of the positions.
+    assert np.sqrt(fit.world.variance) < 3 * NOISE
+
+
+def test_what_is_found_drives_traffic(calibrated_by, tmp_path):
+    name, _, solver, _, data, fit = calibrated_by
+    model = repaired_model(fit, fit, (), (), data, solver.layout, "generated-0", "here")
+    assert model.car_following == name
+    write_model(tmp_path / "model.yaml", model)
+    assert read_model(tmp_path / "model.yaml") == model
+    road = TrafficModel(speed_limit=None, collisions=False)
+    population = population_of_model(model, np.dtype("float64"), with_effects=False)
+    keys = jax.vmap(jax.random.key)(jnp.arange(4))
+
+    @jax.jit
+    def drive(keys):
+        state, drivers = spawn(keys, road, n_vehicles=6, dtype=jnp.dtype("float64"))
+        state, drivers = populate(state, drivers, keys, population, road)
+        return drivers, rollout(state, drivers, road, n_seconds=5)[1]
+
+    drivers, frames = drive(keys)
+    assert isinstance(drivers.car_following, CAR_FOLLOWING[name])
+    usual = np.exp(model.population["car"].log_mean["time_gap"])
+    assert np.median(drivers.car_following.time_gap) == pytest.approx(usual, rel=0.3)
+    assert np.isfinite(frames.x).all()
+    assert (frames.speed >= -1e-9).all()

@@ -1,0 +1,94 @@
+"""The observer and the derivatives of what it fails to predict."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_are
+
+from rearl_jax.discovery.observe.observer import CLOSED_LOOP, DAMPING, PULL, Noise
+from rearl_jax.discovery.observe.solver import new_world
+from rearl_jax.discovery.search.null import driver_noise, simulate_again
+
+
+def test_gain_is_that_of_the_steady_state_filter():
+    noise, dt = Noise(0.2, 1.5, 0.1), 0.1
+    kept = np.exp(-dt / noise.time)
+    step = np.array([[1, dt, dt * dt / 2], [-PULL * dt, 1 - DAMPING * dt, dt], [0, 0, kept]])
+    shock = np.diag([0.0, 0.0, noise.acceleration**2 * (1 - kept**2)])
+    seen = np.array([[1.0, 0.0, 0.0]])
+    ahead = solve_discrete_are(step.T, seen.T, shock, np.array([[noise.position**2]]))
+    variance = ahead[0, 0] + noise.position**2
+    gain = noise.gain(dt)
+    np.testing.assert_allclose(gain[:3], ahead[:, 0] / variance, rtol=1e-4)
+    assert gain[3] == pytest.approx(kept)
+    assert gain[4] == pytest.approx(variance, rel=1e-4)
+
+
+def test_drivers_noise_has_the_deviation_and_the_memory_it_is_asked_for():
+    values = driver_noise(Noise(0.3, 2.0, 0.1), (4000, 30), 0.1, np.random.default_rng(0))
+    assert values.std() == pytest.approx(0.3, rel=0.05)
+    assert (values[1:] * values[:-1]).mean() / values.var() == pytest.approx(np.exp(-0.05), abs=0.01)
+
+
+def test_innovations_of_the_right_model_are_white_and_of_the_wrong_gain_are_not(solver, calibrated):
+    world, _ = calibrated
+    noise = Noise(0.2, 1.5, 0.1)
+    again = simulate_again(solver, world, noise, np.random.default_rng(1))
+    again.z, again.mean = world.z, world.mean
+
+    def lag_one(gain: np.ndarray) -> float:
+        (errors,) = solver.innovations([again], gain)
+        weight = world.data.weight
+        pair = weight[1:] * weight[:-1]
+        return float((errors[1:] * errors[:-1] * pair).sum() / (errors**2 * weight).sum())
+
+    # The gain is that of a driver who reacts as is usual: a little is left of the reaction.
+    assert abs(lag_one(noise.gain(world.data.dt))) < 0.1
+    assert lag_one(CLOSED_LOOP) > 0.9
+
+
+def test_a_closed_loop_of_its_own_drive_errs_nowhere(solver, calibrated):
+    world, _ = calibrated
+    still = Noise(1e-9, 1.5, 1e-9)
+    again = simulate_again(solver, world, still, np.random.default_rng(0))
+    pieces = replace(again.pieces, start=world.pieces.start)
+    again = replace(again, pieces=pieces, z=world.z, mean=world.mean)
+    (errors,) = solver.innovations([again], CLOSED_LOOP)
+    assert np.abs(errors).max() < 1e-6
+    assert np.abs(np.diff(again.pieces.y, axis=0)).max() > 0.5, "nobody drove"
+
+
+@pytest.mark.parametrize("name", ["leader_acceleration", "lens"])
+def test_derivatives_are_those_of_finite_differences(solver, calibrated, name):
+    # At a camera that already bends the picture: where drives begin depends on it too.
+    world, _ = calibrated
+    step = 1e-5 if name != "lens" else 1e-3
+    layout = solver.layout
+    look = layout.candidates[name].look
+    start = layout.reference.copy()
+    start[list(look)] += 2.0 * np.sin(np.arange(len(look))) if name == "lens" else 0.0
+    place = look[min(4, len(look) - 1)]
+
+    def errors(change: float) -> np.ndarray:
+        theta = start.copy()
+        theta[place] += change
+        moved = replace(world, theta=theta, active=(name,))
+        return solver.innovations([moved])[0]
+
+    slope = (errors(step) - errors(-step)) / (2 * step) * world.data.weight
+    here = replace(world, theta=start, active=(name,))
+    solver.sums([here])
+    k = 5 + layout.candidates[name].free.index(place)
+    square = np.bincount(world.data.driver, (slope**2).sum(axis=0))
+    gradient = np.bincount(world.data.driver, (slope * errors(0.0)).sum(axis=0))
+    assert square.min() > 0
+    np.testing.assert_allclose(here.sums.gram[:, k, k], square, rtol=1e-4)
+    np.testing.assert_allclose(here.sums.gradient[:, k], gradient, rtol=1e-3, atol=1e-6)
+
+
+def test_a_new_world_begins_at_usual_drivers(solver, measured_of):
+    world = new_world(measured_of(), solver.layout, Noise(0.1, 1.5, 0.1).gain(0.1))
+    assert not world.z.any()
+    assert world.active == ()
+    np.testing.assert_array_equal(world.theta, solver.layout.reference)

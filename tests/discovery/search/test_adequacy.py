@@ -1,0 +1,85 @@
+"""Whether what drivers do beside the model is noise, or an answer to what the model wants."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.layout import layout_of
+from rearl_jax.discovery.observe.moments import Programs
+from rearl_jax.discovery.observe.noise import calibrate
+from rearl_jax.discovery.observe.residuals import residuals_of
+from rearl_jax.discovery.observe.solver import Solver, with_gain
+from rearl_jax.discovery.search.adequacy import CERTAIN_GROWTH, Adequacy, by_noise_alone, misjudgement, staleness
+from rearl_jax.discovery.search.null import noise_alone
+
+
+def growth_in(data, solver, calibrated):
+    world, noise = calibrated
+    fit = Fit(None, world, noise)
+    parts, chance = residuals_of(solver, [world], [fit]), by_noise_alone(solver, [world], fit, 7)
+    assert np.abs(parts[0].acceleration).max() > 0.01, "drivers did nothing beside the model"
+    return misjudgement(parts, chance), staleness(parts, chance)
+
+
+def test_noise_does_not_ask_what_the_model_wants(measured_of, solver, calibrated):
+    assert max(growth_in(measured_of(), solver, calibrated)) < CERTAIN_GROWTH
+
+
+@pytest.mark.parametrize("name", ["action_points", "perception_noise"])
+def test_old_decisions_and_misjudged_gaps_do(measured_of, name):
+    data = measured_of(name)
+    solver = Solver(Programs(layout_of(data), data.dt))
+    assert max(growth_in(data, solver, calibrate(solver, data))) > 2.0
+
+
+def test_every_driver_has_a_vote_whichever_part_they_are_in(measured_of):
+    data = measured_of("action_points")
+    solver = Solver(Programs(layout_of(data), data.dt))
+    world, noise = calibrate(solver, data)
+    fit = Fit(None, world, noise)
+    (left,) = residuals_of(solver, [world], [fit])
+    chance = [again for (again,) in by_noise_alone(solver, [world], fit, 7)]
+    for ask in (misjudgement, staleness):
+        alone = ask([left], [[again] for again in chance])
+        assert alone != 0.0
+        assert ask([left, left], [[again, again] for again in chance]) == pytest.approx(np.sqrt(2) * alone)
+
+
+def test_restless_drivers_are_not_taken_for_late_ones(solver, calibrated):
+    """The speed that noise leaves changes what drivers want, just where the noise has been large."""
+    world, noise = calibrated
+    restless = replace(noise, acceleration=1.0)
+    (again,) = next(noise_alone(solver, world, restless, 1, 3))
+    again = with_gain(again, restless.gain(again.data.dt, again.data.stride))
+    solver.solve([again])
+    fit = Fit(None, again, restless)
+    (left,), chance = residuals_of(solver, [again], [fit]), by_noise_alone(solver, [again], fit, 7)
+    silent = [[replace(left, acceleration=np.zeros_like(left.acceleration))]]
+    by_chance = [staleness(parts, silent) for parts in chance]
+    assert np.mean(by_chance) > 3 * np.std(by_chance) / np.sqrt(len(by_chance))
+    assert abs(staleness([left], chance)) < staleness([left], silent)
+
+
+LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "autocorrelation": 0.01,
+        "unequal_noise": {}, "misjudgement": -1.0, "staleness": 0.5, "remaining": ("grade", 1.0),
+        "driver_minutes": 70.0}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("figures", "expected"),
+    [
+        ({}, True),
+        ({"autocorrelation": 0.3}, False),
+        ({"autocorrelation": -0.3}, False),
+        ({"misjudgement": 3.6}, False),
+        ({"staleness": 3.6}, False),
+        ({"staleness": 5.2, "driver_minutes": 700.0}, True),
+        ({"staleness": 9.0, "driver_minutes": 700.0}, False),
+        ({"kurtosis": 0.5}, False),
+        ({"kurtosis": 0.5, "kurtosis_before": 2.0}, True),
+    ],
+)
+def test_what_is_left_is_enough_only_if_it_is_noise(figures, expected):
+    assert Adequacy(**(LEFT | figures)).is_enough is expected

@@ -1,0 +1,86 @@
+"""What makes simulations of other drivers worse is not kept."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.solver import copied
+from rearl_jax.discovery.search.clock_check import ClockCheck
+from rearl_jax.discovery.search.confirmation import clocks_confirmed, confirmed, lens_confirmed
+from rearl_jax.discovery.search.null import Null
+from rearl_jax.discovery.search.procedure import Round, Search
+
+
+def search_with(solver, calibrated, delay):
+    """A search that has added a reaction delay, right or wrong."""
+    return search_that_added(solver, calibrated, ("reaction_delay", [delay]))
+
+
+def search_that_added(solver, calibrated, *added):
+    """A search that has added candidates with some numbers, one after the other."""
+    from rearl_jax.discovery.search.decision import Trial
+
+    world, noise = calibrated
+    rounds, fit = [], Fit(None, world, noise)
+    gains = world.penalised() * 0.0 + 10.0
+    for name, values in added:
+        candidate = solver.layout.candidates[name]
+        theta = fit.world.theta.copy()
+        theta[list(candidate.free)] = values
+        changed = copied(world, theta=theta, active=(*fit.world.active, name))
+        solver.sums([changed])
+        trial = Trial(candidate, Fit(candidate, changed, noise), gains, gains, 0.0)
+        rounds.append(Round(fit, {}, {}, {}, frozenset(), [trial], [trial]))
+        fit = trial.fit
+    rounds.append(Round(fit, {}, {}, {}, frozenset(), [], []))
+    return Search(solver.layout, Null({}, {}, 1), {}, world.data, None, rounds)
+
+
+def test_an_addition_that_makes_simulations_worse_is_taken_back(solver, calibrated):
+    found = search_with(solver, calibrated, 1.2)
+    assert found.added
+    kept = confirmed(solver, found, 0)
+    assert not kept.added
+    assert kept.rejected == found.added
+    assert kept.last is found.first
+
+
+def test_an_addition_that_does_nothing_is_left_alone(solver, calibrated):
+    found = search_with(solver, calibrated, 0.0)
+    assert confirmed(solver, found, 0) is found
+
+
+@pytest.mark.parametrize(
+    ("delay", "later", "values", "kept"),
+    [
+        (0.0, "dependence.speed", np.cos(2 * np.arange(5)), 1),
+        (0.0, "dependence.speed", np.zeros(5), 2),
+        (0.0, "leader_acceleration", np.array([1.5, 60.0]), 1),  # no driver's own parameters make up for it
+        (1.2, "leader_class", np.zeros(1), 0),
+    ],
+)
+def test_a_later_addition_that_makes_simulations_worse_goes_alone(solver, calibrated, delay, later, values, kept):
+    found = search_that_added(solver, calibrated, ("reaction_delay", [delay]), (later, values))
+    left = confirmed(solver, found, 0)
+    assert left.added == found.added[:kept]
+    assert left.rejected == found.added[kept:]
+    assert left.last.world is [found.first.world, *(one.fit.world for one in found.added)][kept]
+
+
+def test_a_distortion_that_makes_simulations_worse_is_not_believed(solver, calibrated):
+    assert lens_confirmed(solver, search_with(solver, calibrated, 1.2), 0)  # there is none
+    wave = np.cos(np.arange(len(solver.layout.candidates["lens"].free)))
+    assert lens_confirmed(solver, search_that_added(solver, calibrated, ("lens", 0.0 * wave)), 0)  # no worse
+    assert not lens_confirmed(solver, search_that_added(solver, calibrated, ("lens", 12.0 * wave)), 0)
+
+
+def test_clocks_that_make_simulations_worse_are_not_believed(solver, calibrated):
+    data = calibrated[0].data
+    check = ClockCheck(Fit(None, *calibrated), 9.0, 9.0, 0.3, data, data)
+    found = replace(search_with(solver, calibrated, 0.0), clocks=check)
+    late = replace(data, around=replace(data.around, leader_rear=data.around.leader_rear + 8.0))
+    assert not clocks_confirmed(solver, replace(found, checked=late), data, 0)
+    assert clocks_confirmed(solver, found, data, 0)  # no worse
+    assert clocks_confirmed(solver, replace(found, clocks=None), data, 0)

@@ -1,0 +1,315 @@
+"""Calibration, screen and decision."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rearl_jax.discovery.observe import clocks
+from rearl_jax.discovery.observe.drivers import IDM_PRIOR
+from rearl_jax.discovery.observe.fit import Fit, with_others
+from rearl_jax.discovery.observe.noise import calibrate
+from rearl_jax.discovery.observe.observer import Noise
+from rearl_jax.discovery.observe.solver import copied
+from rearl_jax.discovery.observe.uncertainty import interval, known, price
+from rearl_jax.discovery.read.gate import Finding
+from rearl_jax.discovery.report.verdict import candidate_rows, verdict_of
+from rearl_jax.discovery.search import decision, families
+from rearl_jax.discovery.search.adequacy import Adequacy
+from rearl_jax.discovery.search.clock_check import ClockCheck
+from rearl_jax.discovery.search.null import Null, simulate_again, summarise
+from rearl_jax.discovery.search.procedure import Round, Search
+from rearl_jax.discovery.search.screen import evidences, scores
+
+
+def test_standard_parameters_are_usual_drivers():
+    params = IDM_PRIOR.drivers(np.zeros((IDM_PRIOR.size, 2)), np.array([0.0, 1.0]))
+    assert params.desired_speed.tolist() == pytest.approx([32.0, 25.0])
+    one = IDM_PRIOR.drivers(np.eye(IDM_PRIOR.size)[:, :1], np.zeros(1))
+    assert float(one.desired_speed[0]) == pytest.approx(IDM_PRIOR.usual_car[0] * np.exp(IDM_PRIOR.spread[0]))
+
+
+def test_drivers_are_found_again(solver, calibrated):
+    """Drives simulated from known drivers, seen through noise: the calibration finds them where the data can tell."""
+    world, noise = calibrated
+    again = simulate_again(solver, world, noise, np.random.default_rng(3))
+    truth = world.z.copy()
+    solver.solve([again], iterations=25)
+    deviations = known(solver, again).drivers
+    told = deviations < 0.5
+    assert told.sum() > 10
+    errors = (again.z - truth)[told] / deviations[told]
+    assert np.abs(again.z - truth)[told].max() > 1e-3, "nothing was searched"
+    assert np.sqrt(np.mean(errors**2)) < 2.0
+    assert np.mean(np.abs(errors) < 1.645) > 0.7
+
+
+@pytest.mark.slow
+def test_what_is_planted_in_the_model_is_what_the_screen_sees(solver, calibrated):
+    """Drives simulated with leader acceleration, screened without it."""
+    world, _ = calibrated
+    layout, name = solver.layout, "leader_acceleration"
+    theta = layout.reference.copy()
+    theta[layout.places[f"{name}.gain"][0]] = 0.5
+    planted = replace(world, theta=theta, active=(name,))
+    again = simulate_again(solver, planted, Noise(0.1, 1.5, 0.1), np.random.default_rng(0))
+    again = replace(again, active=(), theta=layout.reference.copy(), z=world.z.copy(), mean=world.mean.copy())
+    solver.solve([again], iterations=12)
+    (found,) = scores(solver, [again])
+    evidence = evidences(again, found, layout)
+    best = max(evidence, key=lambda key: evidence[key])
+    assert best in (name, f"dependence.{name}")
+    assert evidence[name] > 10
+    place = layout.candidates[name].look.index(layout.places[f"{name}.gain"][0])
+    assert found[name].fitted()[place] == pytest.approx(0.5, abs=0.25)
+    assert price(solver, replace(planted, sums=_sums(solver, planted)), layout.candidates[name].free) > 0
+
+
+def _sums(solver, world):
+    solver.sums([world])
+    return world.sums
+
+
+@pytest.mark.slow
+def test_candidates_on_top_of_what_was_added_are_scored_without_it(solver, calibrated):
+    """Once an effect is in the model, its own direction has nothing left to say."""
+    world, _ = calibrated
+    name = "speed_dependent_time_gap"
+    added = replace(world, active=(name,), z=world.z.copy(), mean=world.mean.copy(), log=[])
+    solver.solve([added], iterations=15)
+    (found,) = scores(solver, [added])
+    assert abs(found[name].score[0]) < 1e-2 * np.sqrt(found["asymmetry"].information[0, 0]) + 1.0
+    assert found[name].information[0, 0] < 1 / solver.layout.scale[list(solver.layout.candidates[name].look)][0] ** 2
+
+
+def test_the_screen_sees_with_everybody_what_the_fitted_alone_hardly_show(solver, calibrated):
+    """A small effect in drives of all, one half of whom is fitted."""
+    world, noise = calibrated
+    layout, name = solver.layout, "leader_acceleration"
+    theta = layout.reference.copy()
+    theta[layout.places[f"{name}.gain"][0]] = 0.3
+    planted = simulate_again(solver, replace(world, theta=theta, active=(name,)), noise, np.random.default_rng(1))
+    data = replace(world.data, y=planted.pieces.y)
+    halves = [data.select(np.flatnonzero(data.driver % 2 == half)) for half in (0, 1)]
+    alone = Fit(None, *calibrate(solver, halves[0]))
+    both = with_others(solver, alone, halves[1])
+    assert both.world.data.n_drivers == len(both.world.z) == data.n_drivers
+    evidence = [evidences(one.world, scores(solver, [one.world])[0], layout)[name] for one in (alone, both)]
+    assert evidence[1] > 1.5 * evidence[0] > 0
+
+
+def test_null_counts_nats_above_what_nothing_gives():
+    null = summarise([{"a": -1.0, "b": 4.0}, {"a": 1.0, "b": 8.0}])
+    assert null.mean == {"a": 0.0, "b": 6.0}
+    assert null.replicates == 2
+    assert null.excess({"a": 5.0, "b": 5.0}) == {"a": 5.0, "b": -1.0}
+    surprise = null.surprise({"a": 5.0, "b": 12.0})
+    assert surprise["a"] == pytest.approx(5.0 / np.sqrt(2))
+    # A mean far below zero and a tiny spread must not make the threshold sharp.
+    sharp = Null({"a": -50.0}, {"a": 1e-3}, 30)
+    assert sharp.surprise({"a": 0.0}) == {"a": 3.0}
+    assert sharp.threshold(4.5) == {"a": 1.5}
+
+
+@pytest.fixture
+def trial(calibrated):
+    """A trial with given gains."""
+    from rearl_jax.discovery.observe.candidates import Candidate
+
+    def make(name, fitted, checked, price=2.0, kind="driver", variable="speed", luck=0.0):
+        candidate, fit = Candidate(name, kind, (0,), (0,), (variable,)), Fit(None, *calibrated)
+        return decision.Trial(candidate, fit, np.asarray(fitted, float), np.asarray(checked, float), price, luck)
+
+    return make
+
+
+def test_no_single_driver_decides_and_others_must_agree(trial):
+    loud = trial("a", [500.0] + [0.0] * 9, [0.0] * 10)
+    assert loud.gain == pytest.approx(decision.MOST_FROM_ONE - 2.0)
+    broad = trial("b", [2.0] * 10, [2.0] * 10)
+    assert broad.holds
+    assert not trial("c", [2.0] * 10, [-1.0] * 10).holds
+    assert not trial("d", [0.3] * 10, [5.0] * 10).holds
+    assert not trial("little in all", [1.0] * 10, [0.7] * 10).holds
+    assert trial("a little more", [1.0] * 10, [0.9] * 10).holds
+    close = trial("e", [1.9] * 10, [2.0] * 10)
+    best = decision.ranked([trial("f", [0.1] * 10, [0.1] * 10), close, broad])
+    assert [one.candidate.name for one in best] == ["b", "e"]
+    assert [one.candidate.name for one in decision.not_told_apart(best)] == ["b", "e"]
+
+
+def test_what_is_to_be_had_where_nothing_is_missing_does_not_count(trial):
+    sound, lucky = (trial(name, [1.5] * 10, [1.0] * 10, luck=luck) for name, luck in (("a", 0.0), ("b", 8.0)))
+    assert (sound.gain, sound.check) == (lucky.gain, lucky.check)
+    assert sound.total - lucky.total == 8.0
+    assert sound.holds
+    assert not lucky.holds
+    assert Null({"a": 8.0, "b": -1.0}, {}, 30).luck("a") == 8.0
+    assert Null({"a": 8.0, "b": -1.0}, {}, 30).luck("b") == 0.0
+
+
+def test_what_convinces_others_far_more_is_believed_before_what_holds(trial):
+    holds, hardly = trial("holds", [0.7] * 10, [1.5] * 10), trial("hardly", [0.3] * 10, [4.0] * 10)
+    loses, close = trial("loses", [0.1] * 10, [4.0] * 10), trial("close", [0.3] * 10, [2.0] * 10)
+    assert [one.holds for one in (holds, hardly, loses, close)] == [True, False, False, False]
+    assert [one.candidate.name for one in decision.believed([holds, hardly, loses, close])] == ["hardly", "holds"]
+    assert decision.believed([hardly, loses]) == []
+
+
+@pytest.mark.parametrize(("fires", "doubtful"), [(True, True), (False, False)])
+def test_what_is_beaten_by_something_not_believed_is_doubtful(trial, solver, calibrated, fires, doubtful):
+    holds, loses = trial("holds", [0.6] * 10, [1.3] * 10), trial("loses", [0.1] * 10, [2.5] * 10)
+    assert decision.believed([holds, loses]) == [holds]
+    firing = frozenset({"holds", "loses"} if fires else {"holds"})
+    turn = Round(Fit(None, *calibrated), {}, {}, {}, firing, [holds, loses], [holds])
+    search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=[turn])
+    assert search.is_doubtful(holds) == doubtful
+
+
+@pytest.mark.parametrize(("moments", "counts"), [(0.5, False), (-0.5, False), (3.0, True)])
+def test_a_delay_of_less_than_a_moment_is_of_the_numerics(trial, calibrated, moments, counts):
+    holds, delay = trial("holds", [0.6] * 10, [1.3] * 10), trial("reaction_delay", [0.1] * 10, [2.5] * 10)
+    world, noise = calibrated
+    theta = world.theta.copy()
+    theta[list(delay.candidate.free)] = moments * world.data.dt
+    delay = replace(delay, fit=Fit(delay.candidate, copied(world, theta=theta), noise))
+    firing = frozenset({"holds", "reaction_delay"})
+    assert Round(Fit(None, world, noise), {}, {}, {}, firing, [holds, delay], [holds]).is_beaten == counts
+
+
+@pytest.mark.parametrize(("kinds", "doubtful"), [(("driver", "generic"), False), (("generic", "driver"), True)])
+def test_a_name_after_a_free_curve_is_doubtful(trial, solver, calibrated, kinds, doubtful):
+    """What the curve left may be of what the curve itself stands for."""
+    added = {kind: trial(kind, [0.6] * 10, [0.3] * 10, kind=kind, variable=kind) for kind in kinds}
+    turns = [Round(Fit(None, *calibrated), {}, {}, {}, frozenset({kind}), [one], [one]) for kind, one in added.items()]
+    search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=turns)
+    assert search.is_doubtful(added["driver"]) == doubtful
+    assert not search.is_doubtful(added["generic"])
+
+
+@pytest.mark.parametrize(
+    ("kind", "variable", "doubtful"), [("generic", "speed", True), ("generic", "gap", False), ("driver", "gap", True)]
+)
+def test_a_curve_that_was_taken_back_leaves_its_dependence_and_an_effect_a_contradiction(
+    trial, solver, calibrated, kind, variable, doubtful
+):
+    named = trial("named", [0.6] * 10, [0.3] * 10, variable="speed")
+    back = trial("back", [0.6] * 10, [0.3] * 10, kind=kind, variable=variable)
+    turn = Round(Fit(None, *calibrated), {}, {}, {}, frozenset({"named"}), [named], [named])
+    search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=[turn], rejected=[back])
+    assert search.is_doubtful(named) == doubtful
+
+
+@pytest.mark.parametrize(("staleness", "expected"), [(0.0, "artefact"), (5.0, "unexplained")])
+def test_clocks_that_leave_more_than_noise_do_not_explain_it(solver, calibrated, staleness, expected):
+    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -1.0, staleness, ("grade", 1.0), 70.0)
+    ends = Round(fit, {}, {}, {}, frozenset(), [], [])
+    data = calibrated[0].data
+    check = ClockCheck(fit, 40.0, 40.0, 0.2, data, data)
+    found = Search(solver.layout, Null({}, {}, 1), {}, data, check, rounds=[ends])
+    assert verdict_of(found, [], left) == expected
+    assert verdict_of(replace(found, clocks=None), [], left) == ("nothing" if staleness == 0.0 else "unexplained")
+    assert verdict_of(found, [Finding("position_noise", "sd", "m", 0.3, 0.01, "noisy")], left) == "artefact"
+
+
+def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, calibrated):
+    fit, data = Fit(None, *calibrated), calibrated[0].data
+    ends = Round(fit, {}, {}, {}, frozenset(), [], [])
+    found = Search(solver.layout, Null({}, {}, 1), {}, data, ClockCheck(fit, 9.0, 9.0, 0.2, data, data), rounds=[ends])
+    rough = Adequacy(0.3, 0.02, 0.3, 0.0, {}, -4.0, -1.0, ("grade", 1.0), 70.0)
+    assert not rough.is_enough
+    assert verdict_of(found, [], rough) == "artefact"
+    assert verdict_of(found, [], replace(rough, staleness=2.4)) == "unexplained"
+    assert verdict_of(found, [], replace(rough, autocorrelation=0.3)) == "unexplained"
+
+
+@pytest.mark.parametrize(("surprise", "expected"), [(2.0, "named"), (12.0, "unexplained")])
+def test_what_leaves_shifts_between_pairs_is_not_named(trial, solver, calibrated, surprise, expected):
+    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -4.0, -1.0, ("grade", 1.0), 70.0)
+    holds = replace(trial("holds", [0.6] * 10, [0.3] * 10), candidate=solver.layout.candidates["several_leaders"])
+    first = Round(fit, {}, {}, {}, frozenset(), [holds], [holds], 12.0)
+    found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
+    found.rounds = [first, replace(first, trials=[], held=[], clock_surprise=surprise)]
+    assert verdict_of(found, [], left) == expected
+    found.rounds = [replace(first, trials=[], held=[], clock_surprise=surprise)]
+    assert verdict_of(found, [], left) == {"named": "nothing"}.get(expected, expected)
+
+
+def test_confusable_candidates_compete_together():
+    assert families.with_families({"grade"}, {"grade", "speed_limit", "asymmetry"}) == {"grade", "speed_limit"}
+    assert families.are_kin("reaction_delay", "leader_acceleration")
+    assert not families.are_kin("leader_class", "grade")
+    assert "map" in families.told_apart_by("bend", ["speed_limit"])
+    assert families.told_apart_by("time_gap_dependence.leader_length", ["leader_class"]).startswith("trucks")
+    assert families.told_apart_by("dependence.follower_gap", ["leader_class"]).startswith("more drivers")
+
+
+def test_a_twin_stands_behind_the_candidate_that_it_looks_like(solver, calibrated):
+    names = ("reaction_delay", "speed_limit", "asymmetry")
+    fit, evidence = Fit(None, *calibrated), dict(zip(names, (50.0, 40.0, 1.0), strict=True))
+    first, second = (
+        decision.Trial(solver.layout.candidates[name], fit, np.full(10, gain), np.full(10, gain), 0.0)
+        for name, gain in (("reaction_delay", 5.0), ("speed_limit", 4.0))
+    )
+    rounds = [
+        Round(fit, evidence, evidence, evidence, frozenset(evidence), [first, second], held)
+        for held in ([first], [second], [])
+    ]
+    rows = candidate_rows(Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=rounds))
+    assert [row["name"] for row in rows] == ["reaction_delay", "speed_limit", "bend", "asymmetry"]
+    assert [row["ambiguous"] for row in rows] == [False, False, True, False]
+    assert "map" in rows[2]["told_apart_by"]
+
+
+def test_clocks_are_told_from_shifts_that_are_no_clocks(measured_of):
+    """Scores made from known offsets are explained by offsets; scores of unrelated shifts are not."""
+    data = measured_of()
+    leaders = clocks.usual_leaders(data)
+    own = np.zeros(data.n_drivers, int)
+    own[data.driver] = data.vehicle
+    rng = np.random.default_rng(0)
+    offset = dict(zip(np.unique(np.r_[own, leaders.ravel()]), rng.normal(0, 0.2, 99), strict=False))
+    information = np.zeros((data.n_drivers, clocks.MOST_LEADERS, clocks.MOST_LEADERS))
+    truth = np.zeros((data.n_drivers, clocks.MOST_LEADERS))
+    for driver, names in enumerate(leaders):
+        for k, name in enumerate(names):
+            if name >= 0:
+                information[driver, k, k] = 400.0
+                truth[driver, k] = offset[name] - offset[own[driver]]
+    score = information.diagonal(axis1=1, axis2=2) * truth
+    by_clock, by_pair = clocks.Clocks(data), clocks.Pairs(data)
+    assert by_clock.evidence(score, information) > max(by_pair.evidence(score, information), 10.0)
+    found = by_clock.estimate(by_clock.values, score, information).values
+    away = dict(zip(by_clock.vehicle.tolist(), found[0], strict=True))
+    pairs = [(own[driver], name) for driver, names in enumerate(leaders) for name in names if name >= 0]
+    expected, seen = ([known[name] - known[driver] for driver, name in pairs] for known in (offset, away))
+    np.testing.assert_allclose(seen, expected, atol=0.1)
+    shuffled = rng.permutation(truth.ravel()).reshape(truth.shape) * (information.diagonal(axis1=1, axis2=2) > 0)
+    score = information.diagonal(axis1=1, axis2=2) * shuffled
+    assert by_clock.evidence(score, information) < by_pair.evidence(score, information)
+    # Putting the data right moves leaders by what their clocks were ahead.
+    moved = by_clock.corrected(found)
+    step, piece = np.argwhere(data.leader >= 0)[0]
+    shift = away[int(data.leader[step, piece])] - away[int(data.vehicle[piece])]
+    change = moved.around.leader_rear[step, piece] - data.around.leader_rear[step, piece]
+    assert change == pytest.approx(shift * data.around.leader_speed[step, piece])
+    assert abs(change) > 0
+
+
+def test_intervals_are_those_of_a_gaussian():
+    low, high = interval(1.0, 0.5, 0.9)
+    assert (low + high) / 2 == pytest.approx(1.0)
+    assert high - low == pytest.approx(2 * 1.6449 * 0.5, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["grade", "speed_limit"])
+def test_a_search_has_a_start_even_where_nothing_is_seen_of_a_candidate(solver, calibrated, name):
+    # As of a speed limit where drivers follow so closely that their desired speed does not matter.
+    from rearl_jax.discovery.search.refit import starts
+    from rearl_jax.discovery.search.screen import Score
+
+    world, candidate = calibrated[0], solver.layout.candidates[name]
+    n, n_drivers = len(candidate.look), world.data.n_drivers
+    unseen = Score(np.zeros(n), np.zeros((n, n)), np.zeros((n_drivers, n)), np.zeros((n_drivers, n, n)))
+    (start,) = starts(candidate, unseen, world, solver.layout)
+    np.testing.assert_array_equal(start, world.theta)
