@@ -1,4 +1,4 @@
-"""Documented numbers of modules as a table."""
+"""Documented numbers of modules, and the thresholds of discovery, as tables."""
 
 import ast
 from collections.abc import Iterator
@@ -7,10 +7,19 @@ from inspect import getsource
 from types import ModuleType
 from typing import Any
 
+from rearl_jax.discovery.thresholds import THRESHOLDS, meanings
+
 
 def constants(*modules: str) -> str:
     """Every public number that a module documents: its name, its value and what it is."""
     rows = [row for name in modules for row in _rows(import_module(name))]
+    return "\n".join(["| | value | meaning |", "|---|---|---|", *rows])
+
+
+def thresholds() -> str:
+    """Every threshold of discovery: its name, its value and what it is."""
+    texts = {name: text.replace("|", r"\|") for name, text in meanings().items()}
+    rows = [f"| `{name}` | {_written(value)} | {texts[name]} |" for name, value in THRESHOLDS.plain().items()]
     return "\n".join(["| | value | meaning |", "|---|---|---|", *rows])
 
 

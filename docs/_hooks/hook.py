@@ -34,6 +34,7 @@ GENERATED: dict[str, Callable[..., str]] = {
     "sweeps": config_keys.sweeps,
     "table-columns": tables_of_code.table_columns,
     "tasks": config_keys.tasks_and_keys,
+    "thresholds": code_constants.thresholds,
     "verdicts": kept_results.verdicts,
 }
 """Functions of the words that follow the name."""

@@ -1,6 +1,7 @@
 """The order that makes a study blind: the code is written down, then a seed is drawn, then the truth is sealed.
 
-`protocol.json` holds the hash of the code, the master seed and the hash of `truth.json`; both files are finished before
+`protocol.json` holds the hashes of the code and of the thresholds of discovery, the master seed and the hash of
+`truth.json`; both files are finished before
 discovery sees the first data set, and only the scorer opens the truth.
 """
 
@@ -17,6 +18,7 @@ from rearl_jax.blind.sumo import sumo_truth
 from rearl_jax.blind.traffic.dataset import hidden_truth
 from rearl_jax.blind.traffic.simulation import simulate
 from rearl_jax.code_version import code_hash
+from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.whole_files import replacing
 
 PROTOCOL, TRUTH = "protocol.json", "truth.json"
@@ -32,6 +34,7 @@ class Protocol:
         seed_drawn: Whether the master seed was drawn, not given.
         master_seed: Of all data sets; None until the code was written down.
         truth_sha256: Of the sealed truth; None until it is.
+        thresholds_hash: Of every number that decides what discovery claims; None in a protocol without it.
     """
 
     code_hash: str
@@ -39,17 +42,18 @@ class Protocol:
     seed_drawn: bool
     master_seed: int | None = None
     truth_sha256: str | None = None
+    thresholds_hash: str | None = None
 
 
 def open_protocol(folder: Path, config_hash: str, seed: int | None) -> tuple[Protocol, bool]:
     """The protocol of a study and whether it goes on from before.
 
-    A study of other code or of another configuration begins anew.
+    A study of other code, other thresholds or another configuration begins anew.
     """
     path = folder / PROTOCOL
-    fresh = Protocol(code_hash(), config_hash, seed_drawn=seed is None)
+    fresh = Protocol(code_hash(), config_hash, seed_drawn=seed is None, thresholds_hash=THRESHOLDS.fingerprint())
     found = stored_protocol(folder)
-    if found is not None and (found.code_hash, found.config_hash) == (fresh.code_hash, fresh.config_hash):
+    if found is not None and _fixed(found) == _fixed(fresh):
         goes_on = found.truth_sha256 is not None
         if found.master_seed is not None:
             return found, goes_on
@@ -58,6 +62,11 @@ def open_protocol(folder: Path, config_hash: str, seed: int | None) -> tuple[Pro
     drawn = replace(fresh, master_seed=secrets.randbits(32) if seed is None else seed)
     _write(path, drawn)
     return drawn, False
+
+
+def _fixed(protocol: Protocol) -> tuple[str | None, ...]:
+    """What a study must share with the one it continues."""
+    return protocol.code_hash, protocol.config_hash, protocol.thresholds_hash
 
 
 def stored_protocol(folder: Path) -> Protocol | None:

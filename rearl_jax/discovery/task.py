@@ -35,9 +35,7 @@ from rearl_jax.discovery.report import tables, terminal
 from rearl_jax.discovery.report.errors import model_errors
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.verdict import (
-    DOUBTFUL,
     MISJUDGED,
-    RELIABILITY,
     Named,
     candidate_rows,
     differing_clocks,
@@ -51,9 +49,10 @@ from rearl_jax.discovery.search.adequacy import Adequacy, adequacy
 from rearl_jax.discovery.search.confirmation import clocks_confirmed, confirmed, lens_confirmed
 from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
 from rearl_jax.discovery.search.null import Null, null_of
-from rearl_jax.discovery.search.procedure import FIRING_SURPRISE, Search, in_time, search, split_drivers
+from rearl_jax.discovery.search.procedure import Search, in_time, search, split_drivers
 from rearl_jax.discovery.search.refit import rebased, refit
 from rearl_jax.discovery.search.screen import scores
+from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.models.file import write_model
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
@@ -109,10 +108,10 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
     notes = _each_once([note for one in recordings for note in one.info.notes])
     if data.jumps:
         notes += (f"positions jump {data.jumps} times: left out around them",)
-    if data.n_drivers < 9:
+    if data.n_drivers < THRESHOLDS.least_drivers:
         raise ValueError(
-            f"{data.n_drivers} drivers follow a leader long enough, at least 9 are needed to fit, check and report on "
-            "different ones: choose more recordings (data.recordings), or longer ones"
+            f"{data.n_drivers} drivers follow a leader long enough, at least {THRESHOLDS.least_drivers} are needed "
+            "to fit, check and report on different ones: choose more recordings (data.recordings), or longer ones"
         )
     fitted, checked, reported = split_drivers(data, SHARES, config.discover.seed)
     infos = tuple(one.info for one in recordings)
@@ -173,7 +172,7 @@ def _verdict(
         "verdict": verdict_of(found, parts.findings, left),
         "effects": [effect.plain() for effect in effects],
         "candidates": candidate_rows(found),
-        "unseen": unseen(found, found.null.threshold(FIRING_SURPRISE)),
+        "unseen": unseen(found, found.null.threshold(THRESHOLDS.candidate_z_score)),
         "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
         "adequacy": {
             "kurtosis": left.kurtosis,
@@ -185,6 +184,7 @@ def _verdict(
             "remaining": {"name": left.remaining[0], "surprise": left.remaining[1]},
         },
         "data": _described(parts, solver, (*parts.notes, *([MISJUDGED] if left.misjudges else ()))),
+        "thresholds": THRESHOLDS.plain(),
     }
     verdict = with_lane_choice(following, lanes)
     seeds = {"seeds": f"discover.seed={options.seed}"}
@@ -211,9 +211,10 @@ def _effects(
     effects = [found_in_columns(finding, confidence) for finding in findings]
     if amount(findings, SMOOTHING):
         return effects  # what drivers seem to do may be what the smoothing left of it: candidates, not claims
-    usual = RELIABILITY if left.is_enough and not leaves_shifts(found) else DOUBTFUL
+    most, doubtful = THRESHOLDS.most_confidence, THRESHOLDS.doubtful_confidence
+    usual = most if left.is_enough and not leaves_shifts(found) else doubtful
     if found.clocks is not None:
-        effects.append(differing_clocks(found.clocks, RELIABILITY if left.is_of_clocks else DOUBTFUL))
+        effects.append(differing_clocks(found.clocks, most if left.is_of_clocks else doubtful))
     deviations = known(solver, found.last.world).theta
     first = 0
     for one in found.rounds:
@@ -222,7 +223,7 @@ def _effects(
             continue
         size = len(trial.candidate.free)
         own = deviations[first : first + size]
-        reliability = DOUBTFUL if found.is_doubtful(trial) else usual
+        reliability = doubtful if found.is_doubtful(trial) else usual
         effects.append(
             named_trial(trial, one.trials, found.last.world.theta, own, solver.layout, confidence, reliability)
         )

@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pandas as pd
@@ -110,6 +110,7 @@ def test_code_is_written_down_before_a_seed_is_drawn(tmp_path, monkeypatch):
     def draw(bits):
         stored = json.loads((tmp_path / "protocol.json").read_text())
         assert stored["code_hash"] == sealing.code_hash()
+        assert stored["thresholds_hash"] == sealing.THRESHOLDS.fingerprint()
         assert stored["master_seed"] is None
         return 77
 
@@ -120,6 +121,15 @@ def test_code_is_written_down_before_a_seed_is_drawn(tmp_path, monkeypatch):
     assert again == protocol
     other, goes_on = open_protocol(tmp_path, "another configuration", 5)
     assert (other.master_seed, other.seed_drawn, goes_on) == (5, False, False)
+
+
+def test_other_thresholds_begin_a_study_anew(tmp_path, monkeypatch):
+    from rearl_jax.blind import sealing
+
+    open_protocol(tmp_path, "c", 5)
+    assert open_protocol(tmp_path, "c", 6)[0].master_seed == 5
+    monkeypatch.setattr(sealing, "THRESHOLDS", replace(sealing.THRESHOLDS, least_total=15.0))
+    assert open_protocol(tmp_path, "c", 6)[0].master_seed == 6
 
 
 def test_verdicts_do_not_go_unnoticed(tmp_path, caplog):

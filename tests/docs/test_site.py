@@ -140,7 +140,7 @@ def test_every_public_name_is_shown(site):
 def test_what_is_generated_is_there(site):
     for page in site.rglob("*.html"):
         assert "<!-- generated:" not in page.read_text(encoding="utf-8"), page
-    assert "FIRING_SURPRISE" in shown(site, "discovery/index.html")
+    assert "candidate_z_score" in shown(site, "discovery/index.html")
     measured = shown(site, "measured.html")
     assert "closed-loop gap error" in measured
     assert "controls with an effect named" in measured

@@ -21,29 +21,11 @@ from rearl_jax.discovery.lane_changes.motion import count_changes
 from rearl_jax.discovery.lane_changes.opportunities import opportunities
 from rearl_jax.discovery.lane_changes.parts import N_PARTS, part_of_rows
 from rearl_jax.discovery.lane_changes.trials import Trial, Tried, tried
-
-LEAST_CHANGES, LEAST_IN_PART = 150, 25
-"""Changes below which nothing is said, in all and in each part."""
-
-OWN_GAIN_COUNTS = 3.0
-"""Standard deviations by which the own gain must raise the chance of a change [-]; else changes are not by choice."""
-
-MOST_EFFECTS = 3
-"""Effects that are added at most."""
-
-LATER_TOTAL, LATER_SHARE = 12.0, 0.1
-"""Least total of an effect beside others [nats], and as a share of the first one's."""
-
-ALIKE = 5.0
-"""Difference of totals [nats] within which candidates are not told apart."""
-
-RELIABILITY = 0.98
-"""Upper bound of a stated confidence [-]."""
-
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 UNSEEN = "choice of the lane: could not have been seen here"
 
-_NEEDED = f"{LEAST_CHANGES} are needed"
+_NEEDED = f"{THRESHOLDS.least_lane_changes} are needed"
 
 
 def too_few_changes(recordings: Sequence[Recording]) -> LaneChangeFindings | None:
@@ -52,7 +34,7 @@ def too_few_changes(recordings: Sequence[Recording]) -> LaneChangeFindings | Non
     It costs a look at one column, so whoever has to calibrate drivers first asks it before.
     """
     n_changes = sum(count_changes(recording.table) for recording in recordings)
-    if n_changes >= LEAST_CHANGES:
+    if n_changes >= THRESHOLDS.least_lane_changes:
         return None
     return nothing_seen(n_changes, 0, f"{UNSEEN}, too few lane changes: {n_changes}, {_NEEDED}")
 
@@ -78,13 +60,14 @@ def lane_change_findings(
         return few
     table, why = opportunities(recordings, KnownDrivers.of([]) if drivers is None else drivers)
     n_changes, n = int(table.changes.sum()), len(table.side)
-    if n_changes < LEAST_CHANGES:
+    if n_changes < THRESHOLDS.least_lane_changes:
         words = f"{UNSEEN}: {why}" if why else f"{UNSEEN}, too few lane changes by choice: {n_changes}, {_NEEDED}"
         return nothing_seen(n_changes, n, words)
     part = part_of_rows(table, split, seed)
     fewest = min(int(table.changes[part == number].sum()) for number in range(N_PARTS))
-    if fewest < LEAST_IN_PART:
-        words = f"{UNSEEN}, too few lane changes in a third of the drivers: {fewest}, {LEAST_IN_PART} are needed"
+    if fewest < THRESHOLDS.least_lane_changes_in_part:
+        words = f"{UNSEEN}, too few lane changes in a third of the drivers: {fewest}, "
+        words += f"{THRESHOLDS.least_lane_changes_in_part} are needed"
         return nothing_seen(n_changes, n, words)
     every = Tried(table, part, seed)
     if not _gain_counts(every):
@@ -110,16 +93,16 @@ def _gain_counts(every: Tried) -> bool:
     """Whether drivers are the more likely to change the more they gain."""
     data = every.data.take(every.rows(0, 1))
     line = fit(np.column_stack([np.ones(len(data.gain)), data.gain]), data.taken, data.driver)
-    return bool(line.coefficients[1] > OWN_GAIN_COUNTS * np.sqrt(line.covariance[1, 1]))
+    return bool(line.coefficients[1] > THRESHOLDS.own_gain_z_score * np.sqrt(line.covariance[1, 1]))
 
 
 def _selected(every: Tried) -> tuple[list[Trial], list[list[Trial]]]:
     """What is added, in order, and everything that was tried in each round."""
     added: list[Trial] = []
     rounds: list[list[Trial]] = []
-    while len(added) < MOST_EFFECTS:
+    while len(added) < THRESHOLDS.most_lane_effects:
         rounds.append(tried(every, added))
-        least = max(LATER_TOTAL, LATER_SHARE * added[0].total) if added else 0.0
+        least = max(THRESHOLDS.later_lane_total, THRESHOLDS.later_lane_share * added[0].total) if added else 0.0
         held = [one for one in rounds[-1] if one.is_confirmed and one.total > least]
         if not held:
             break
@@ -147,7 +130,12 @@ def _effects(
         candidate = one.candidate
         found.append(
             LaneEffect(
-                candidate.name, candidate.kind, parameters, candidate.variables, min(share, RELIABILITY), one.total
+                candidate.name,
+                candidate.kind,
+                parameters,
+                candidate.variables,
+                min(share, THRESHOLDS.most_confidence),
+                one.total,
             )
         )
     return tuple(found)
@@ -160,7 +148,7 @@ def _ranked(every: Tried, added: Sequence[Trial], rounds: Sequence[Sequence[Tria
         other.candidate.key
         for one, trials in zip(added, rounds, strict=False)
         for other in trials
-        if other.is_confirmed and one.total - other.total < ALIKE
+        if other.is_confirmed and one.total - other.total < THRESHOLDS.indistinct_lane_total
     } - named
     rows = [
         RankedCandidate(

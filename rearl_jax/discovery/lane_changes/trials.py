@@ -14,17 +14,15 @@ from rearl_jax.discovery.lane_changes.candidates import CANDIDATES, Form, LaneCa
 from rearl_jax.discovery.lane_changes.hazard import knots, score_test
 from rearl_jax.discovery.lane_changes.opportunities import Opportunities
 from rearl_jax.discovery.lane_changes.strengths import Choices, IncentiveModel, fit_incentive
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
-FALSE_RATE = 0.01
-"""Chance that a column without influence passes the score test, over all columns together [-]."""
-
-CHECK_SHARE, RESAMPLES = 0.05, 1000
-"""Quantile of the gain on drivers not fitted to that must be above 0, and resamples of drivers behind it."""
+RESAMPLES = 1000
+"""Resamples of drivers behind the gain on drivers not fitted to."""
 
 NAMEABLE = tuple(one for one in CANDIDATES if not one.is_circumstance)
 """Candidates that may be added."""
 
-NEEDED = float(norm.isf(FALSE_RATE / 2 / sum(len(one.forms) for one in NAMEABLE)))
+NEEDED = float(norm.isf(THRESHOLDS.lane_false_rate / 2 / sum(len(one.forms) for one in NAMEABLE)))
 """Standard deviations a column's slope must have (Bonferroni over all of them)."""
 
 
@@ -134,7 +132,7 @@ def tried(all_of: Tried, added: Sequence[Trial]) -> list[Trial]:
             wider = np.column_stack([effects, extra])
             more = all_of.fitted(wider, 0, 1).log_likelihood(all_of.data, wider) - before
             other = all_of.unseen(wider) - unseen
-            is_confirmed = bool(np.quantile(all_of.resampled(other, 0, 1), CHECK_SHARE) > 0.0)
+            is_confirmed = bool(np.quantile(all_of.resampled(other, 0, 1), THRESHOLDS.lane_check_quantile) > 0.0)
             gain, check = float(more[rows].sum()), float(other.sum())
             forms.append(Trial(candidate, form, z, gain, check, is_confirmed))
         trials.append(max(forms, key=lambda one: (one.is_confirmed, one.total, abs(one.z))))

@@ -9,6 +9,7 @@ from rearl_jax.discovery.observe.observer import Noise
 from rearl_jax.discovery.observe.solver import Solver, World, new_world, with_gain
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.smoothing import lasting_noise
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 ACCELERATIONS = (0.03, 0.05, 0.07, 0.1, 0.125, 0.15, 0.2, 0.25, 0.3, 0.45, 0.7, 1.0)
 """Standard deviations of what drivers do beside the model that are tried [m/s^2]."""
@@ -21,9 +22,6 @@ USUAL = Noise(0.15, 1.5, 0.1)
 
 LASTING = (0.2, 0.5, 1.0)
 """Correlation times of position errors that are tried beside none [s]: of trackers and filters."""
-
-WORTH_LASTING = 5.0
-"""Gain [nats] from which position errors are taken to last."""
 
 
 def best_noise(solver: Solver, world: World, tried: Sequence[Noise]) -> tuple[Noise, float]:
@@ -78,7 +76,7 @@ def calibrate(solver: Solver, data: Measured) -> tuple[World, Noise]:
         for sd in ACCELERATIONS
     ]
     other, with_lasting = best_noise(solver, world, lasting)
-    if with_lasting > likely + WORTH_LASTING:
+    if with_lasting > likely + THRESHOLDS.lasting_noise_gain:
         noise, _ = best_noise(solver, world, noises(other, ACCELERATIONS))
     world = with_gain(world, noise.gain(data.dt, data.stride))
     solver.solve([world])

@@ -9,8 +9,9 @@ from scipy.stats import norm
 
 from rearl_jax.discovery.observe.candidates import FLAT
 from rearl_jax.discovery.observe.solver import Solver, World
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
-CONTENT = np.log(60.0)
+CONTENT = np.log(THRESHOLDS.independent_observations)
 """Logarithm of a usual number of independent observations of one number [-]."""
 
 

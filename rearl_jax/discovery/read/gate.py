@@ -9,21 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rearl_jax.discovery.read.smoothing import Thinned, cut_off, position_noise, smoothed, track_bounds
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 SMOOTHING = "smoothing"
 """Name of the artefact that leaves nothing to claim about drivers: what they seem to do may be what it left of it."""
 
-CERTAIN = 5.0
-"""Standard deviations from which a disagreement is certain."""
-
-LEAST_LAG = 0.15
-"""Lag between columns that matters [s]."""
-
-LEAST_SCALE = 0.015
-"""Relative difference of columns that matters [-]."""
-
-NOISY = 0.25
-"""Standard deviation of positions [m] beyond what cameras over motorways have (highD, pNEUMA: below 0.1 to 0.2)."""
 
 LOWEST_FREQUENCY = 2.0
 """Cut-off [rad/s] of the comparison: slower than any noise, faster than any drift."""
@@ -65,7 +55,7 @@ def gate(tables: Sequence[Thinned], smoothing: float) -> list[Finding]:
     noise = [position_noise(table["position"].to_numpy(), *track_bounds(table)) for table, _ in tables]
     lag, scale = _speed_against_position(tables, noise)
     found = []
-    if lag is not None and abs(lag[0]) > max(LEAST_LAG, CERTAIN * lag[1]):
+    if lag is not None and abs(lag[0]) > max(THRESHOLDS.least_lag, THRESHOLDS.columns_z_score * lag[1]):
         late, other = ("speed", "position") if lag[0] > 0 else ("position", "speed")
         found.append(
             Finding(
@@ -77,7 +67,7 @@ def gate(tables: Sequence[Thinned], smoothing: float) -> list[Finding]:
                 f"the {late} column is {abs(lag[0]):.2f} s late against the {other} column",
             )
         )
-    if scale is not None and abs(scale[0]) > max(LEAST_SCALE, CERTAIN * scale[1]):
+    if scale is not None and abs(scale[0]) > max(THRESHOLDS.least_scale_error, THRESHOLDS.columns_z_score * scale[1]):
         found.append(
             Finding(
                 "speed_scale",
@@ -89,7 +79,7 @@ def gate(tables: Sequence[Thinned], smoothing: float) -> list[Finding]:
             )
         )
     typical = float(np.median(noise))
-    if typical > NOISY:
+    if typical > THRESHOLDS.noisy_positions:
         spread = float(np.std(noise) / np.sqrt(len(noise))) if len(noise) > 1 else 0.05 * typical
         words = f"positions scatter by {typical:.2f} m, more than a motorway camera's"
         found.append(Finding("position_noise", "sd", "m", typical, spread, words))

@@ -15,9 +15,7 @@ from rearl_jax.discovery.read.measured import Measured, Surroundings, is_new
 from rearl_jax.discovery.read.smoothing import Thinned, cut_off, jumps, position_noise, smoothed, track_bounds
 from rearl_jax.discovery.read.smoothness import Smoothness
 from rearl_jax.discovery.read.surroundings import look_around
-
-SHORTEST = 6.0
-"""Shortest record of a driver that is used [s]."""
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 LONGEST = 65.0
 """Longest piece of a record [s]; longer ones are cut."""
@@ -28,8 +26,6 @@ SETTLING = 1.5
 BEFORE_JUMP = 0.5
 """Time before a jump of a position in which smoothing feels it [s]."""
 
-LEAST_USED = 4.0
-"""Least time that must be left for a driver to be used [s]."""
 
 LEAST_NOISE, EXACT_NOISE = 0.02, 0.05
 """Least standard deviation of positions [m], of measured ones and of a simulation without noise. Better ones get noise
@@ -110,8 +106,8 @@ def measure(
     used = [piece for piece in pieces if len(piece.driver)]
     if not used:
         raise ValueError(
-            f"nobody follows a leader for {LEAST_USED:g} s in these recordings: the lanes or leaders may be missing, "
-            "or tracks may be cut into fragments; `rearl prepare` shows what was left out"
+            f"nobody follows a leader for {THRESHOLDS.least_used_time:g} s in these recordings: the lanes or leaders "
+            "may be missing, or tracks may be cut into fragments; `rearl prepare` shows what was left out"
         )
     joined = Measured(
         around=jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *(piece.around for piece in used)),
@@ -169,7 +165,8 @@ class _Rows:
         cuts = [
             (start, stop)
             for start, stop in cuts
-            if (stop - start) * dt >= SHORTEST and weight[start + int(SETTLING / dt) : stop].sum() * dt >= LEAST_USED
+            if (stop - start) * dt >= THRESHOLDS.shortest_record
+            and weight[start + int(SETTLING / dt) : stop].sum() * dt >= THRESHOLDS.least_used_time
         ]
         first = np.array([start for start, _ in cuts], int)
         last = np.array([stop for _, stop in cuts], int)

@@ -12,15 +12,11 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.read.smoothing import Thinned, track_bounds
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 BANDS = (1.1, 1.6, 2.2, 3.2, 4.5, 6.4, 9.0, 12.8)
 """Edges of frequency bands, half an octave each [rad/s]."""
 
-STEEPEST = 0.05
-"""Least ratio of the accelerations' power an octave apart without a kernel."""
-
-RISING = 2.0
-"""Ratio of the accelerations' power an octave apart from which it is noise that has been smoothed."""
 
 DRIVING, NOISE = 0.25, 16.0
 """The ratio for drives and for white noise in positions [-]."""
@@ -28,7 +24,6 @@ DRIVING, NOISE = 0.25, 16.0
 SPECTRUM_TIME = 10.0
 """Window of the spectrum [s]."""
 
-LEAST_WINDOWS = 10
 
 MEDIAN_OVER_MEAN = float(np.log(2.0))
 """Of a power, which is exponentially distributed [-]."""
@@ -77,11 +72,11 @@ def smoothness(tables: Sequence[Thinned]) -> Smoothness:
     if not min(level, default=0.0) > 0.0:
         return Smoothness()  # nobody has ever accelerated
     ratio = [later / earlier for earlier, later in zip(level[:-2], level[2:], strict=True)]
-    if not ratio or min(ratio) > STEEPEST:
+    if not ratio or min(ratio) > THRESHOLDS.steepest_power_ratio:
         return Smoothness()
     k = int(np.argmin(ratio))
     octave = middle[k + 2] ** 2 - middle[k] ** 2
-    if max(ratio[:k], default=0.0) < RISING:
+    if max(ratio[:k], default=0.0) < THRESHOLDS.rising_power_ratio:
         return Smoothness(drives=float(np.sqrt(np.log(DRIVING / ratio[k]) / octave)))
     width = float(np.sqrt(np.log(NOISE / ratio[k]) / octave))
     top = int(np.argmax(level))
@@ -105,7 +100,7 @@ def _acceleration_power(
             for k in range(0, len(acceleration) - n + 1, n):
                 piece = acceleration[k : k + n]
                 powers.append(np.abs(np.fft.rfft((piece - piece.mean()) * window)) ** 2)
-    if len(powers) < LEAST_WINDOWS:
+    if len(powers) < THRESHOLDS.least_spectrum_windows:
         return None
     power = np.median(powers, axis=0) * dt / (window**2).sum()
     return 2 * np.pi * np.fft.rfftfreq(len(window), dt), power, dt

@@ -14,8 +14,9 @@ from rearl_jax.discovery.report.words import (
     verdict_words,
 )
 from rearl_jax.discovery.search.atlas import Atlas
-from rearl_jax.discovery.search.finder import STABLE, Selected
+from rearl_jax.discovery.search.finder import Selected
 from rearl_jax.discovery.search.reactions import title_of
+from rearl_jax.discovery.thresholds import THRESHOLDS, meanings
 from rearl_jax.evaluation.layout import render_page
 
 CANDIDATES, VARIABLES = 8, 5
@@ -87,6 +88,7 @@ def write_page(
         variables=[_variable(one, atlases["before"]) for one in _shown(atlases["before"])],
         doubts=_doubts(verdict, atlases),
         unseen=[_least(row) for row in verdict["unseen"]],
+        thresholds=_thresholds(verdict),
         definitions=_definitions(verdict, config),
         data={
             "summary": f"{data['recordings']} recordings, {data['driver_seconds'] / 60:.0f} driver-minutes of "
@@ -176,7 +178,7 @@ def _finder(atlases: Mapping[str, Atlas]) -> str:
 
 
 def _stable(atlas: Atlas) -> str:
-    return ", ".join(title_of(one.variable) for one in atlas.selected if one.frequency >= STABLE)
+    return ", ".join(title_of(one.variable) for one in atlas.selected if one.frequency >= THRESHOLDS.stable_share)
 
 
 def _doubts(verdict: Mapping[str, Any], atlases: Mapping[str, Atlas]) -> list[str]:
@@ -207,6 +209,15 @@ def _doubts(verdict: Mapping[str, Any], atlases: Mapping[str, Atlas]) -> list[st
     return lines
 
 
+def _thresholds(verdict: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Thresholds of a verdict with their meanings; none where it does not hold them."""
+    texts = meanings()
+    return [
+        {"title": name.replace("_", " "), "figure": f"{value:g}", "words": texts.get(name, "")}
+        for name, value in verdict.get("thresholds", {}).items()
+    ]
+
+
 def _least(row: Mapping[str, Any]) -> dict[str, str]:
     unit = "" if row["unit"] == "-" else f" {row['unit']}"
     return {
@@ -226,6 +237,6 @@ def _definitions(verdict: Mapping[str, Any], config: DiscoverTask) -> list[str]:
         "Gain: log-likelihood of the fitted drivers less the price of freedom; on others: that of drivers whose own "
         "parameters alone were fitted anew.",
         f"Selected: share of random halves of the drivers in which sparse regression takes the variable in; from "
-        f"{100 * STABLE:.0f} % on it is taken to matter.",
+        f"{100 * THRESHOLDS.stable_share:.0f} % on it is taken to matter.",
         "Share: of the variance of the acceleration left, on drivers the curve was not fitted to.",
     ]

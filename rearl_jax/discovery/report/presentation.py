@@ -15,7 +15,8 @@ from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report.errors import ModelErrors
 from rearl_jax.discovery.report.tables import driver_table
 from rearl_jax.discovery.search.atlas import Atlas, added_curves, atlas_of, ballot_of, chart_of
-from rearl_jax.discovery.search.procedure import FIRING_SURPRISE, Search
+from rearl_jax.discovery.search.procedure import Search
+from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.evaluation.layout import data_sources
 from rearl_jax.results import Study
 
@@ -82,7 +83,9 @@ def present(
     of_report = {model: found[-1] for model, found in left.items()}
     drawn = {
         "maps": map_figures.draw_maps(atlases, added, generated=generated),
-        "evidence": figures.draw_evidence(rows, titles, keys, search.null, FIRING_SURPRISE, generated=generated),
+        "evidence": figures.draw_evidence(
+            rows, titles, keys, search.null, THRESHOLDS.candidate_z_score, generated=generated
+        ),
         "closed_loop": figures.draw_errors(errors, generated=generated),
         "example": figures.draw_example(of_report, errors, generated=generated),
         "innovations": figures.draw_innovations(

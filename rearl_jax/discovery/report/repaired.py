@@ -12,10 +12,8 @@ from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.decision import Trial
+from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.models.record import CAR, TRUCK, DriverClass, EffectValues, RepairedModel, Source
-
-LEAST_SHARE = 0.02
-"""Share of trucks below which they are no class of their own [-]."""
 
 
 def repaired_model(
@@ -65,7 +63,7 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
     for number, (name, usual) in enumerate(zip((CAR, TRUCK), prior.usual, strict=True)):
         members = truck == number
         share = float(members.mean())
-        if share < LEAST_SHARE:
+        if share < THRESHOLDS.least_truck_share:
             continue
         away = (world.z[members] - world.mean[number]) * spread
         # The calibrated scatter shrinks where the data say little about a parameter: the prior fills that up.

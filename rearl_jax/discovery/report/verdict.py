@@ -16,6 +16,7 @@ lane_choice  {changes, opportunities, loss: {before, after, change}}: lane chang
              is in `effects` and `candidates`, see `words.is_lane_choice`
 data         {id, recordings, generated, drivers: {fitted, checked, reported}, driver_seconds, step, position_noise,
              findings, notes}
+thresholds   {name: value}: every number that decided what is claimed, see `thresholds.py`
 seconds      how long it took
 """
 
@@ -35,31 +36,13 @@ from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.families import told_apart_by
 from rearl_jax.discovery.search.procedure import Round, Search
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MISJUDGED = (
     "what drivers do beside the model grows with what a misjudged gap or an old decision would make them do: they "
     "misjudge gaps, or decide now and then and hold on to it"
 )
 """What a reader is told then."""
-
-SURE_SURPRISE = 8.0
-"""Standard deviations above the null from which something is missing even if no candidate fits it."""
-
-DOUBTFUL = 0.5
-"""Upper bound of the confidence in an effect that leaves a dependence on what it acts by, or more than noise."""
-
-STRETCH = 1.75
-"""Intervals of parameters are wider than curvature and scatter say, by this [-]: what the driver model gets wrong
-moves them too. Of 59 generated truths inside 90 % intervals were 83 % with 1.5, and two thirds of 46 with 1.
-"""
-
-DELAY_GRAIN = 0.15
-"""Standard deviation of a delay for the length of a moment alone [moments]: delays of 0.35 and 0.7 s were found 0.01 to
-0.04 s too short in moments of 0.1 s.
-"""
-
-RELIABILITY = 0.98
-"""Upper bound of a stated confidence: what the procedure has reached on generated data."""
 
 
 @dataclass(frozen=True)
@@ -117,8 +100,8 @@ def named_trial(
     ):
         value = float(theta[place])
         if candidate.name == "reaction_delay":
-            deviation = np.hypot(deviation, DELAY_GRAIN * trial.fit.world.data.dt)
-        low, high = interval(value, STRETCH * float(deviation), confidence)
+            deviation = np.hypot(deviation, THRESHOLDS.delay_deviation * trial.fit.world.data.dt)
+        low, high = interval(value, THRESHOLDS.interval_stretch * float(deviation), confidence)
         low, high = max(low, float(layout.low[place])), min(high, float(layout.high[place]))
         parameters[name] = {"value": value, "low": low, "high": high, "unit": unit}
     rivals = [0.0, *(one.total for one in others if one is not trial)]
@@ -152,7 +135,7 @@ def found_in_columns(finding: Finding, confidence: float) -> Named:
     """An artefact that the columns show, as an effect of the verdict; nothing was fitted, so there is no evidence."""
     low, high = interval(finding.value, finding.deviation, confidence)
     number = {"value": finding.value, "low": low, "high": high, "unit": finding.unit}
-    return Named(finding.name, "artefact", {finding.parameter: number}, (), RELIABILITY, None)
+    return Named(finding.name, "artefact", {finding.parameter: number}, (), THRESHOLDS.most_confidence, None)
 
 
 def differing_clocks(check: ClockCheck, reliability: float) -> Named:
@@ -190,12 +173,12 @@ def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) 
 
 def leaves_shifts(search: Search) -> bool:
     """Whether something is left that shifts pairs of vehicles in time, and is neither clocks nor what was added."""
-    return search.clocks is None and search.rounds[-1].clock_surprise > SURE_SURPRISE
+    return search.clocks is None and search.rounds[-1].clock_surprise > THRESHOLDS.unexplained_z_score
 
 
 def _is_sure(last: Round) -> bool:
     """Whether something is left that the other drivers do not confirm in any form, and that is not chance."""
-    return any(surprise > SURE_SURPRISE for surprise in last.surprise.values())
+    return any(surprise > THRESHOLDS.unexplained_z_score for surprise in last.surprise.values())
 
 
 def candidate_rows(search: Search) -> list[dict[str, Any]]:

@@ -20,6 +20,7 @@ from rearl_jax.discovery.observe.solver import Solver, World
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.null import noise_alone
 from rearl_jax.discovery.search.procedure import Search
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MOST_ENERGY = 9.0
 """Bound of a squared acceleration over a driver's usual one [-]: no single moment decides."""
@@ -30,35 +31,6 @@ OF_LATE = 0.3
 REASONABLE = (-5.0, 3.0)
 """What a driver may want [m/s^2]; beyond it, a leader is measured too close."""
 
-
-MOST_KURTOSIS, CERTAIN_KURTOSIS = 0.1, 4.5
-"""Excess kurtosis of the innovations beyond which something not smooth is left [-], and in standard deviations."""
-
-CERTAIN_GROWTH = 3.5
-"""Standard deviations from which noise grows with what a misjudged gap, or a decision of some time ago, would do. On 26
-generated data sets with neither of them up to 3.3 were seen, the most where drivers change lanes as they like; on ten
-with one of them 5.3 or more with 72 drivers, 3.7 or more with 24.
-"""
-
-LEAST_GROWTH = 0.25
-"""The same over the root of the driver-minutes: with ever more data any difference between two simulations becomes
-certain. A known delay leaves 0.2 in 138 drivers of 5 min; distraction, the least that is to be flagged, 0.41 to 0.53.
-"""
-
-CERTAIN_BESIDE_CLOCKS = 1.75
-"""The same where clocks were put right, for old decisions come late as well: eleven generated sets of clocks left up to
-0.8; taken for clocks, distraction, SUMO's CACC and its Krauss left 2.4 to 5.
-"""
-
-MOST_AUTOCORRELATION = 0.1
-"""Correlation of neighbouring innovations beyond which a drive is left that the model does not follow [-]; of 66
-generated data sets all but one, with drivers who do not react to their leader, were between -0.04 and 0.04.
-"""
-
-KURTOSIS_LEFT = 0.6
-"""Share of the excess kurtosis that may be left by what was added: the right effect takes most of it, a wrong one does
-not [-].
-"""
 
 REPLICATES = 8
 """Times the drives are made again, to see what noise alone leaves: its mean is known to 0.35 standard deviations."""
@@ -96,7 +68,7 @@ class Adequacy:
     @property
     def misjudges(self) -> bool:
         """Whether drivers seem to misjudge gaps, or to act on what they saw some time ago."""
-        least = max(CERTAIN_GROWTH, LEAST_GROWTH * float(np.sqrt(self.driver_minutes)))
+        least = max(THRESHOLDS.growth_z_score, THRESHOLDS.growth_per_root_minute * float(np.sqrt(self.driver_minutes)))
         return max(self.misjudgement, self.staleness) > least
 
     @property
@@ -104,12 +76,12 @@ class Adequacy:
         """Whether clocks that were put right may be all there is. Innovations need not be smooth: who cuts in when is
         not put right.
         """
-        return max(self.misjudgement, self.staleness) < CERTAIN_BESIDE_CLOCKS and self.is_white
+        return max(self.misjudgement, self.staleness) < THRESHOLDS.growth_beside_clocks and self.is_white
 
     @property
     def is_white(self) -> bool:
         """Whether innovations have nothing to do with the ones before."""
-        return abs(self.autocorrelation) < MOST_AUTOCORRELATION
+        return abs(self.autocorrelation) < THRESHOLDS.most_autocorrelation
 
     @property
     def is_enough(self) -> bool:
@@ -119,8 +91,11 @@ class Adequacy:
     @property
     def is_smooth(self) -> bool:
         """Whether the innovations look like those of a smooth model, or as rough as rare emergencies leave them."""
-        explained = self.kurtosis < KURTOSIS_LEFT * self.kurtosis_before
-        return self.kurtosis <= max(MOST_KURTOSIS, CERTAIN_KURTOSIS * self.kurtosis_deviation) or explained
+        explained = self.kurtosis < THRESHOLDS.kurtosis_left * self.kurtosis_before
+        return (
+            self.kurtosis <= max(THRESHOLDS.most_kurtosis, THRESHOLDS.kurtosis_z_score * self.kurtosis_deviation)
+            or explained
+        )
 
 
 def adequacy(solver: Solver, found: Search, seed: int) -> Adequacy:

@@ -12,17 +12,12 @@ from rearl_jax.discovery.observe.clocks import NAME, Clocks, Estimate, Pairs, Sh
 from rearl_jax.discovery.observe.fit import Fit, on_others
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.search.decision import FREEDOM_PRICE, LEAST_GAIN, LEAST_TOTAL, MOST_FROM_ONE, WORST_CHECK
+from rearl_jax.discovery.search.decision import bounded_gain
 from rearl_jax.discovery.search.screen import scores
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 LOOKS = 3
 """How often shifts are looked at and put right."""
-
-CLOCK_LEAD = -5.0
-"""Gain [nats] by which clocks must lead over a shift of every driver against every leader, of all drivers together.
-With eight generated sets of clocks they led by -3 to 75; where lengths of leaders or SUMO's CACC look like clocks they
-were behind by 7 and 12.
-"""
 
 
 @dataclass(frozen=True)
@@ -74,11 +69,15 @@ def check_clocks(solver: Solver, base: Fit, checked: Measured) -> ClockCheck | N
     """
     parts = (base.world.data, checked)
     fitted, others = (put_right(solver, Clocks(part), base) for part in parts)
-    gain = fitted.gain - FREEDOM_PRICE
-    if gain < LEAST_GAIN or gain + others.gain < LEAST_TOTAL or others.gain < WORST_CHECK:
+    gain = fitted.gain - THRESHOLDS.freedom_price
+    if (
+        gain < THRESHOLDS.least_gain
+        or gain + others.gain < THRESHOLDS.least_total
+        or others.gain < THRESHOLDS.worst_check
+    ):
         return None
     by_pairs = sum(put_right(solver, Pairs(part), base).gain for part in parts)
-    if fitted.gain + others.gain < by_pairs + CLOCK_LEAD:
+    if fitted.gain + others.gain < by_pairs + THRESHOLDS.clock_lead:
         return None
     return ClockCheck(base, gain, others.gain, float(np.std(fitted.estimate.values)), fitted.data, others.data)
 
@@ -92,8 +91,7 @@ def put_right(solver: Solver, shifts: Shifts, base: Fit) -> PutRight:
         estimate = shifts.estimate(values, seen.driver_score, seen.driver_information)
         values, data = estimate.values, shifts.corrected(estimate.values)
         (world,) = on_others(solver, data, [base])
-        gained = np.clip(world.penalised() - before, -MOST_FROM_ONE, MOST_FROM_ONE).sum()
-        found = PutRight(data, estimate, float(gained - estimate.cost))
+        found = PutRight(data, estimate, bounded_gain(world.penalised() - before) - estimate.cost)
         best = found if best is None or found.gain > best.gain else best
     assert best is not None
     return best

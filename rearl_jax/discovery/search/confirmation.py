@@ -13,9 +13,7 @@ from rearl_jax.discovery.observe.closed_loop import gap_errors
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.procedure import Search, is_free
-
-CERTAINTY = 0.95
-"""Share of resamples in which the error must be larger for an addition to be rejected [-]."""
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 DRAWS = 1000
 
@@ -40,7 +38,7 @@ def confirmed(solver: Solver, found: Search, seed: int) -> Search:
     kept = len(found.added)
     while kept > 1 and is_free(found.added[kept - 1]) and _share_worse(errors[kept - 1], errors[kept], seed) > 0.5:
         kept -= 1
-    while kept and _share_worse(errors[0], errors[kept], seed) >= CERTAINTY:
+    while kept and _share_worse(errors[0], errors[kept], seed) >= THRESHOLDS.rejection_share:
         kept -= 1
     if kept == len(found.added):
         return found

@@ -9,20 +9,7 @@ from rearl_jax.discovery.observe.candidates import Candidate
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.solver import Solver, World
 from rearl_jax.discovery.observe.uncertainty import price
-
-MOST_FROM_ONE = 12.0
-"""Bound of what one driver can contribute [nats]: no single driver decides."""
-
-LEAST_GAIN, LEAST_TOTAL, WORST_CHECK = 3.0, 16.0, -3.0
-"""A candidate must gain where it was fitted, gain in all, and not be contradicted by the other drivers [nats]. Own
-choice.
-"""
-
-SET_WIDTH = 5.0
-"""Candidates within this of the best [nats] are not told apart."""
-
-FREEDOM_PRICE = 3.0
-"""What free curves and artefacts with a number per vehicle pay for fitting anything [nats]."""
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
 @dataclass(frozen=True)
@@ -48,12 +35,12 @@ class Trial:
     @property
     def gain(self) -> float:
         """Gain where it was fitted, paid for [nats]."""
-        return float(np.clip(self.fitted, -MOST_FROM_ONE, MOST_FROM_ONE).sum() - self.price)
+        return bounded_gain(self.fitted) - self.price
 
     @property
     def check(self) -> float:
         """Gain on the other drivers [nats]."""
-        return float(np.clip(self.checked, -MOST_FROM_ONE, MOST_FROM_ONE).sum())
+        return bounded_gain(self.checked)
 
     @property
     def total(self) -> float:
@@ -62,12 +49,22 @@ class Trial:
 
     def beats(self, other: "Trial") -> bool:
         """Whether it fares better than another by more than what tells candidates apart."""
-        return self.total > other.total + SET_WIDTH
+        return self.total > other.total + THRESHOLDS.indistinct_total
 
     @property
     def holds(self) -> bool:
         """Whether it is believed as far as the drivers go."""
-        return self.gain > LEAST_GAIN and self.total > LEAST_TOTAL and self.check > WORST_CHECK
+        return (
+            self.gain > THRESHOLDS.least_gain
+            and self.total > THRESHOLDS.least_total
+            and self.check > THRESHOLDS.worst_check
+        )
+
+
+def bounded_gain(gains: Float[np.ndarray, " drivers"]) -> float:
+    """Sum of the gains of all drivers, each within the bound of what one driver can contribute [nats]."""
+    most = THRESHOLDS.most_from_one_driver
+    return float(np.clip(gains, -most, most).sum())
 
 
 def trial(solver: Solver, fit: Fit, base: World, other: World, other_base: World, luck: float) -> Trial:
@@ -85,7 +82,7 @@ def trial(solver: Solver, fit: Fit, base: World, other: World, other_base: World
     assert candidate is not None
     cost = price(solver, fit.world, candidate.free)
     if candidate.kind == "generic":
-        cost += FREEDOM_PRICE
+        cost += THRESHOLDS.freedom_price
     return Trial(
         candidate,
         fit,
@@ -113,5 +110,5 @@ def believed(trials: list[Trial]) -> list[Trial]:
 
 
 def not_told_apart(best: list[Trial]) -> list[Trial]:
-    """The best and those whose total comes within SET_WIDTH of it."""
-    return [one for one in best if best[0].total - one.total < SET_WIDTH]
+    """The best and those whose total comes within `indistinct_total` of it."""
+    return [one for one in best if best[0].total - one.total < THRESHOLDS.indistinct_total]

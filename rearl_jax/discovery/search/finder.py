@@ -17,15 +17,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rearl_jax.discovery.observe.forcing import Votes
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 PAIRS = 25
 """Pairs of complementary halves."""
 
-STABLE = 0.8
-"""Share of the halves from which a variable is taken to matter [-]."""
-
-CERTAINTY = 3.0
-"""Evidence [nats] beyond the logarithm of the number of groups, of which the best is looked at."""
 
 MOST = 4
 """Groups that are selected in one half at most."""
@@ -101,7 +97,7 @@ def forward_selection(votes: Votes, drivers: Int[np.ndarray, " some"], groups: S
     for group in groups:
         gram[group.columns, group.columns] += votes.variance / group.scale**2
     left, found = list(groups), []
-    bound = np.log(len(groups)) + CERTAINTY
+    bound = np.log(len(groups)) + THRESHOLDS.finder_evidence
     while left and len(found) < MOST:
         evidence = [_evidence(gram, score, group, votes.variance) for group in left]
         best = int(np.argmax(evidence))

@@ -10,14 +10,10 @@ from rearl_jax.discovery.observe.observer import CLOSED_LOOP, Noise
 from rearl_jax.discovery.observe.solver import Solver, World, copied
 from rearl_jax.discovery.read.smoothing import cut_off, smoothed
 from rearl_jax.discovery.search.screen import evidences, scores
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 AT_ONCE = 1200
 """Pieces that are simulated and fitted side by side."""
-
-LEAST_MEAN, LEAST_SPREAD = -3.0, 1.0
-"""Bounds of the mean and the standard deviation of null evidence [nats]: fewer replicates must not make a threshold
-sharp.
-"""
 
 
 @dataclass(frozen=True)
@@ -30,7 +26,7 @@ class Null:
 
     def excess(self, evidence: dict[str, float]) -> dict[str, float]:
         """Evidence above the null's mean [nats]."""
-        return {name: value - max(self.mean[name], LEAST_MEAN) for name, value in evidence.items()}
+        return {name: value - max(self.mean[name], THRESHOLDS.least_null_mean) for name, value in evidence.items()}
 
     def luck(self, name: str) -> float:
         """Evidence for a candidate that is to be had where nothing is missing [nats]."""
@@ -39,12 +35,13 @@ class Null:
     def surprise(self, evidence: dict[str, float]) -> dict[str, float]:
         """Evidence above the null's mean in standard deviations of the null [-]."""
         excess = self.excess(evidence)
-        return {name: value / max(self.spread[name], LEAST_SPREAD) for name, value in excess.items()}
+        return {name: value / max(self.spread[name], THRESHOLDS.least_null_spread) for name, value in excess.items()}
 
     def threshold(self, surprise: float) -> dict[str, float]:
         """Evidence of each candidate at a surprise [nats]."""
         return {
-            name: max(self.mean[name], LEAST_MEAN) + surprise * max(self.spread[name], LEAST_SPREAD)
+            name: max(self.mean[name], THRESHOLDS.least_null_mean)
+            + surprise * max(self.spread[name], THRESHOLDS.least_null_spread)
             for name in self.mean
         }
 

@@ -18,37 +18,13 @@ from rearl_jax.discovery.search.families import are_kin, with_families
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.refit import rebased, refit
 from rearl_jax.discovery.search.screen import Score, clock_evidence, evidences, scores
-
-FIRING_SURPRISE = 4.5
-"""A candidate fires where its evidence lies this many standard deviations above that of the null, each of them at least
-`null.LEAST_SPREAD`.
-"""
-
-WORTH_FITTING = 2.0
-"""Excess [nats] from which one of the first is fitted even if it does not fire."""
-
-FITTED = 5
-"""How many of the first are fitted."""
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 UNDERSTATED = frozenset({"reaction_delay"})
 """What is fitted wherever it fires: drivers who were calibrated without a delay have taken most of it in, and
 the score, which looks at delays close to none, sees little.
 """
 
-LATER_SHARE = 0.05
-"""Least total of a later effect, as a share of the largest total before it [-]: no form fits without a remainder."""
-
-KIN_SHARE = 0.25
-"""Least total of an effect beside one that it may be a remainder of, as a share of that one's total [-]."""
-
-UNFIRED_TOTAL = 25.0
-"""Total [nats] from which a candidate is believed that does not fire where others do."""
-
-LEAST_FILLED = 0.7
-"""Share of what a part should hold, below which recordings are too unlike in size to be split whole [-]."""
-
-MOST_EFFECTS = 3
-"""Effects that are added one after the other at most."""
 
 Report = Callable[[str, int, int], None]
 
@@ -192,10 +168,13 @@ def search(
     (seen,) = scores(solver, [everybody.world])
     found = Search(solver.layout, null, seen, checked, excluded=excluded)
     clocks = None
-    if NAME not in excluded and null.surprise({NAME: clock_evidence(everybody.world, seen)})[NAME] > FIRING_SURPRISE:
+    if (
+        NAME not in excluded
+        and null.surprise({NAME: clock_evidence(everybody.world, seen)})[NAME] > THRESHOLDS.candidate_z_score
+    ):
         report("comparing clocks", 0, 1)
         clocks = check_clocks(solver, base, checked)
-    while len(found.added) <= MOST_EFFECTS:
+    while len(found.added) <= THRESHOLDS.most_effects:
         one = _round(solver, base, everybody.world, seen, found, report)
         if clocks is not None and not found.rounds and (one.chosen is None or clocks.total > one.chosen.total):
             # The data are put right, and the loop begins again.
@@ -224,14 +203,14 @@ def _round(solver: Solver, base: Fit, everybody: World, seen: dict[str, Score], 
     report(f"looking for effects, round {len(added) + 1}", 0, 1)
     left = {NAME, *layout.candidates} - {*base.world.active, *found.excluded - {NAME}}
     evidence = {name: value for name, value in evidences(everybody, seen, layout).items() if name in left}
-    fires = {name for name, surprise in null.surprise(evidence).items() if surprise > FIRING_SURPRISE}
+    fires = {name for name, surprise in null.surprise(evidence).items() if surprise > THRESHOLDS.candidate_z_score}
     clock_surprise = null.surprise({NAME: evidence.pop(NAME)})[NAME]
     excess, surprise, known = null.excess(evidence), null.surprise(evidence), set(evidence)
-    if len(added) == MOST_EFFECTS or not fires:
+    if len(added) == THRESHOLDS.most_effects or not fires:
         return Round(base, evidence, excess, surprise, frozenset(fires & known), [], [], clock_surprise)
     order = sorted(evidence, key=lambda name: -excess[name])
     firing = with_families(fires, known) & known
-    tried = {name for name in order[:FITTED] if excess[name] > WORTH_FITTING}
+    tried = {name for name in order[: THRESHOLDS.leading_fitted] if excess[name] > THRESHOLDS.fitting_excess}
     tried |= with_families({name for name in order[:2] if name in tried} | fires & {NAME}, known) & known
     tried |= fires & UNDERSTATED & known
     fits: dict[str, Fit] = {}
@@ -260,7 +239,7 @@ def _trials(solver: Solver, base: Fit, fits: dict[str, Fit], found: Search) -> l
 
 def _is_significant(one: Trial, firing: Collection[str]) -> bool:
     """Whether a candidate fires, or is so much better in full than at a glance that it needs not."""
-    return not _is_of_numerics(one) and (one.candidate.name in firing or one.total > UNFIRED_TOTAL)
+    return not _is_of_numerics(one) and (one.candidate.name in firing or one.total > THRESHOLDS.total_below_z_score)
 
 
 def _is_of_numerics(one: Trial) -> bool:
@@ -273,13 +252,13 @@ def _is_of_numerics(one: Trial) -> bool:
 
 def _is_news(one: Trial, added: list[Trial]) -> bool:
     """Whether an effect is more than what another form of an earlier one would have taken in."""
-    if added and one.total < LATER_SHARE * max(other.total for other in added):
+    if added and one.total < THRESHOLDS.later_share * max(other.total for other in added):
         return False
 
     def may_be_remainder(other: Trial) -> bool:
         return is_free(one) or is_free(other) or are_kin(one.candidate.name, other.candidate.name)
 
-    return all(one.total > KIN_SHARE * other.total for other in added if may_be_remainder(other))
+    return all(one.total > THRESHOLDS.confounded_share * other.total for other in added if may_be_remainder(other))
 
 
 def split_drivers(data: Measured, shares: tuple[float, ...], seed: int) -> list[Measured]:
@@ -297,7 +276,7 @@ def split_drivers(data: Measured, shares: tuple[float, ...], seed: int) -> list[
         part = int(np.argmin(filled / np.array(shares)))
         owner[data.recording == numbers[one]] = part
         filled[part] += sizes[one]
-    if (filled < LEAST_FILLED * np.array(shares) * sizes.sum()).any():
+    if (filled < THRESHOLDS.least_part_filled * np.array(shares) * sizes.sum()).any():
         rng = np.random.default_rng(seed)
         order = rng.permutation(data.n_drivers)
         edges = np.round(np.cumsum(shares) * data.n_drivers).astype(int)

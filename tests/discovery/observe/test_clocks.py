@@ -7,7 +7,8 @@ import pytest
 
 from rearl_jax.discovery.observe.clocks import Clocks, Pairs, usual_leaders
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.search.clock_check import CLOCK_LEAD, check_clocks, put_right
+from rearl_jax.discovery.search.clock_check import check_clocks, put_right
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
 def late(data, offset):
@@ -40,7 +41,7 @@ def test_clocks_are_put_right(solver, calibrated, chains):
         [known[leader] - known[driver] for driver, leader in pairs] for known in (offset, found.estimate.values[0])
     )
     assert np.corrcoef(ahead, seen)[0, 1] > 0.8
-    assert found.gain > put_right(solver, Pairs(data), base).gain + CLOCK_LEAD
+    assert found.gain > put_right(solver, Pairs(data), base).gain + THRESHOLDS.clock_lead
 
 
 def test_clocks_that_are_right_are_left_alone(solver, calibrated, measured_of):

@@ -72,3 +72,10 @@ def test_map_table_has_no_value_where_nothing_was_added():
 
 def test_maps_are_drawn_with_fewer_variables_than_panels():
     assert draw_maps({"before": atlas(), "after": atlas()}, {"gap": np.ones(3)}, generated=True).startswith(b"\x89PNG")
+
+
+def test_page_has_the_thresholds_of_the_verdict():
+    assert "Thresholds of the decision" not in write_page(DiscoverTask(), VERDICT, {"before": atlas()}, {}, [])
+    verdict = VERDICT | {"thresholds": {"least_total": 16.25}}
+    page = write_page(DiscoverTask(), verdict, {"before": atlas()}, {}, [])
+    assert re.search(r"<td>least total</td><td>16.25</td><td class=\"text\">Gain and check, .*\[nats\]", page)

@@ -11,8 +11,9 @@ from rearl_jax.discovery.observe.moments import Programs
 from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.residuals import residuals_of
 from rearl_jax.discovery.observe.solver import Solver, with_gain
-from rearl_jax.discovery.search.adequacy import CERTAIN_GROWTH, Adequacy, by_noise_alone, misjudgement, staleness
+from rearl_jax.discovery.search.adequacy import Adequacy, by_noise_alone, misjudgement, staleness
 from rearl_jax.discovery.search.null import noise_alone
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
 def growth_in(data, solver, calibrated):
@@ -24,7 +25,7 @@ def growth_in(data, solver, calibrated):
 
 
 def test_noise_does_not_ask_what_the_model_wants(measured_of, solver, calibrated):
-    assert max(growth_in(measured_of(), solver, calibrated)) < CERTAIN_GROWTH
+    assert max(growth_in(measured_of(), solver, calibrated)) < THRESHOLDS.growth_z_score
 
 
 @pytest.mark.parametrize("name", ["action_points", "perception_noise"])

@@ -20,6 +20,7 @@ from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.null import Null, simulate_again, summarise
 from rearl_jax.discovery.search.procedure import Round, Search
 from rearl_jax.discovery.search.screen import evidences, scores
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
 def test_standard_parameters_are_usual_drivers():
@@ -125,7 +126,7 @@ def trial(calibrated):
 
 def test_no_single_driver_decides_and_others_must_agree(trial):
     loud = trial("a", [500.0] + [0.0] * 9, [0.0] * 10)
-    assert loud.gain == pytest.approx(decision.MOST_FROM_ONE - 2.0)
+    assert loud.gain == pytest.approx(THRESHOLDS.most_from_one_driver - 2.0)
     broad = trial("b", [2.0] * 10, [2.0] * 10)
     assert broad.holds
     assert not trial("c", [2.0] * 10, [-1.0] * 10).holds
