@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe.fit import Fit, on_others
-from rearl_jax.discovery.observe.observer import CLOSED_LOOP
+from rearl_jax.discovery.observe.kalman import CLOSED_LOOP
 from rearl_jax.discovery.observe.solver import Solver, World, copied, replace_gain
 from rearl_jax.discovery.read.measured import Measured
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rearl_jax.discovery.observe.candidates import Candidate
+from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, best_noise, noises
-from rearl_jax.discovery.observe.observer import Noise
 from rearl_jax.discovery.observe.solver import Solver, World, new_world, with_gain
 from rearl_jax.discovery.read.measured import Measured
 

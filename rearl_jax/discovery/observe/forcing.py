@@ -23,6 +23,7 @@ from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.following import begin_effects, follow
 from rearl_jax.discovery.observe.candidates import effects_at
 from rearl_jax.discovery.observe.closed_loop import FARTHEST
+from rearl_jax.discovery.observe.kalman import State, correct, halfway, predict
 from rearl_jax.discovery.observe.residuals import Residuals, smoothed_acceleration
 from rearl_jax.discovery.observe.solver import Solver
 
@@ -104,16 +105,17 @@ def _felt(pushed: np.ndarray, left: Residuals, answer: Answers) -> np.ndarray:
     data = left.world.data
     dt, gain, looks = data.dt, left.noise.gain(data.dt, data.stride), data.looks()
     out = np.empty_like(pushed)
-    x, v, o, w, last = (np.zeros((len(pushed), pushed.shape[2])) for _ in range(5))
+    *state, last = (np.zeros((len(pushed), pushed.shape[2])) for _ in range(5))
+    change = State(*state)
     for t in range(pushed.shape[1]):
-        slope = out[:, t] = -x - w
-        known = looks[t] * slope
-        x, v, o, w = x + gain[0] * known, v + gain[1] * known, o + gain[2] * known, w + gain[5] * known
-        wanted = answer.x[t] * (x + v * (dt / 2) + last * (dt * dt / 8)) + answer.v[t] * (v + last * (dt / 2))
-        last = wanted + pushed[:, t] + o
+        slope = out[:, t] = -change.x - change.w
+        change = correct(change, looks[t] * slope, gain)
+        x, v = halfway(change, last, dt)
+        last = answer.x[t] * x + answer.v[t] * v + pushed[:, t] + change.o
+        change = predict(change, change.v + dt * last, gain, dt)
         # Bounded: right behind a leader that is measured too close, a linear answer runs away.
-        x, v = np.clip(x + dt * (v + last * (dt / 2)), -FARTHEST, FARTHEST), np.clip(v + dt * last, -FARTHEST, FARTHEST)
-        o, w = gain[3] * o, gain[6] * w
+        x, v = (np.clip(values, -FARTHEST, FARTHEST) for values in (change.x, change.v))
+        change = change._replace(x=x, v=v)
     return out
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rearl_jax.discovery.observe.observer import Noise
+from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.solver import Solver, World, new_world, with_gain
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.smoothing import lasting_noise

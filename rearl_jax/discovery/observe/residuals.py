@@ -25,7 +25,8 @@ from rearl_jax.discovery.observe.candidates import lens_at
 from rearl_jax.discovery.observe.closed_loop import FARTHEST
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.observer import CLOSED_LOOP, MEASURED, Noise, steady_state, stimulus, straightened
+from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, MEASURED, Noise, steady_state
+from rearl_jax.discovery.observe.observer import stimulus, straightened
 from rearl_jax.discovery.observe.solver import Solver, World
 from rearl_jax.discovery.read.measured import Surroundings, is_new
 
@@ -96,7 +97,7 @@ def _residuals(solver: Solver, world: World, noise: Noise) -> Residuals:
         lens = lens_at(solver.layout.by_name(jnp.asarray(world.theta)[:, None, None]), solver.layout.knots)
         expected = expected - np.asarray(lens.bend(jnp.asarray(expected)))
         seen = straightened(seen, lens)
-    corrected = expected + gain[0] * innovation * data.looks()[:, None]
+    corrected = expected + gain.x * innovation * data.looks()[:, None]
     later = np.concatenate([expected[1:], expected[-1:]])
     v = (later - corrected) / data.dt
     v[-1] = v[-2]
@@ -137,10 +138,10 @@ def smoothed_acceleration(
     before, o = np.zeros_like(known), np.zeros(known.shape[1])
     for t in range(len(known)):
         before[t] = o
-        o = gain[3] * (o + gain[2] * known[t])
+        o = gain.kept_o * (o + gain.o * known[t])
     ahead, out = np.zeros((4, known.shape[1])), np.empty_like(known)
     for t in range(len(known) - 1, -1, -1):
         ahead = (steady.corrected if looks[t] else steady.step).T @ ahead
-        ahead += MEASURED[:, None] * known[t] / gain[4]
+        ahead += MEASURED[:, None] * known[t] / gain.variance
         out[t] = before[t] + steady.covariance[t % stride][2] @ ahead
     return np.where(ended, 0.0, out)

@@ -8,7 +8,6 @@ been added, `moments.Programs.sums` carries its memory along too.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -19,20 +18,11 @@ from rearl_jax.core.affected import if_any
 from rearl_jax.core.effects.effect import Effect
 from rearl_jax.core.following import begin_effects, follow
 from rearl_jax.discovery.observe.candidates import Knots, Layout, effects_at, lens_at
+from rearl_jax.discovery.observe.kalman import State, correct, halfway, predict
 from rearl_jax.discovery.observe.lens import Lens
 from rearl_jax.discovery.observe.observer import Pieces, stimulus, straightened, straightened_start, synchronised
 from rearl_jax.discovery.observe.robust import kept_share, robust_square
 from rearl_jax.discovery.read.measured import Surroundings
-
-
-class Tangents(NamedTuple):
-    """Derivatives of the observer's state along each direction, `[directions, pieces]`."""
-
-    x: Float[Array, "directions pieces"]
-    v: Float[Array, "directions pieces"]
-    o: Float[Array, "directions pieces"]
-    w: Float[Array, "directions pieces"]
-    last: Float[Array, "directions pieces"]
 
 
 def look_along(
@@ -91,12 +81,13 @@ def look_along(
     answer = jax.grad(wanted, has_aux=True)
 
     def step(carry: tuple, now: tuple) -> tuple[tuple, None]:
-        (x, v, o, w, last, memory), tangents, total = carry
+        (state, last, memory), (d, d_last), total = carry
+        x, w = state.x, state.w
         y, weight, looks, around, extra, follows = now
         if lens is None:
-            surprise, slope = y - x - w, -tangents.x - tangents.w
+            surprise, slope = y - x - w, -d.x - d.w
         else:
-            surprise, slope = y - x - lens.bend(x) - w, -(1 + lens.slope(x))[None] * tangents.x - tangents.w
+            surprise, slope = y - x - lens.bend(x) - w, -(1 + lens.slope(x))[None] * d.x - d.w
             slope = slope.at[lens_rows].add(-lens.weights(x)[lens_knots])
         weighted = (weight * kept_share(surprise, pieces.deviation))[None] * slope
         total = {
@@ -110,32 +101,22 @@ def look_along(
             ),
         }
         gain = pieces.gain
-        known, d_known = looks * surprise, looks[None] * slope
-        x, v, o, w = x + gain[0] * known, v + gain[1] * known, o + gain[2] * known, w + gain[5] * known
-        d = Tangents(
-            tangents.x + gain[:1] * d_known,
-            tangents.v + gain[1:2] * d_known,
-            tangents.o + gain[2:3] * d_known,
-            tangents.w + gain[5:6] * d_known,
-            tangents.last,
-        )
-        later = v + last * (dt / 2)
-        halfway = (x + v * (dt / 2) + last * (dt * dt / 8), jnp.maximum(later, 0.0))
-        by, (acceleration, memory) = answer((*halfway, z, numbers, jnp.zeros_like(x), last), memory, around)
+        state, d = correct(state, looks * surprise, gain), correct(d, looks[None] * slope, gain)
+        (middle_x, middle_v), (d_middle_x, d_middle_v) = halfway(state, last, dt), halfway(d, d_last, dt)
+        middle = (middle_x, jnp.maximum(middle_v, 0.0))
+        by, (acceleration, memory) = answer((*middle, z, numbers, jnp.zeros_like(x), last), memory, around)
         # Behind a branch, or it is worked out again for every direction that it is multiplied with.
         is_vehicle, nothing = pieces.length > 0, jnp.zeros_like(x)
-        by_x, by_v = if_any(is_vehicle, lambda: (by[0], jnp.where(later > 0, by[1], 0.0)), (nothing, nothing))
+        by_x, by_v = if_any(is_vehicle, lambda: (by[0], jnp.where(middle_v > 0, by[1], 0.0)), (nothing, nothing))
         forcing = jnp.concatenate([by[2], *layout.at(by[3], places), by[4][None] * follows])
-        d_wanted = by_x[None] * (d.x + d.v * (dt / 2) + d.last * (dt * dt / 8))
-        d_wanted = d_wanted + by_v[None] * (d.v + d.last * (dt / 2)) + forcing
+        d_wanted = by_x[None] * d_middle_x + by_v[None] * d_middle_v + forcing
         if is_actuated:
-            d_wanted = d_wanted + by[5][None] * d.last
-        acceleration, d_acceleration = acceleration + o + extra, d_wanted + d.o
-        free = v + acceleration * dt
-        faster, d_faster = jnp.maximum(free, 0.0), jnp.where((free > 0)[None], d.v + d_acceleration * dt, 0.0)
-        tangents = Tangents(d.x + dt * (d.v + d_faster) / 2, d_faster, gain[3:4] * d.o, gain[6:7] * d.w, d_acceleration)
-        carry = (x + dt * (v + faster) / 2, faster, gain[3] * o, gain[6] * w, acceleration, memory)
-        return (carry, tangents, total), None
+            d_wanted = d_wanted + by[5][None] * d_last
+        acceleration, d_acceleration = acceleration + state.o + extra, d_wanted + d.o
+        free = state.v + acceleration * dt
+        speed, d_speed = jnp.maximum(free, 0.0), jnp.where((free > 0)[None], d.v + d_acceleration * dt, 0.0)
+        state, d = predict(state, speed, gain, dt), predict(d, d_speed, gain, dt)
+        return ((state, acceleration, memory), (d, d_acceleration), total), None
 
     groups = [*groups, range(len(places), len(places) + n_clocks)]
     parts = [jnp.asarray([n_own + k for k in group], int) for group in groups]
@@ -156,8 +137,8 @@ def look_along(
     effects = effects_at(numbers, knots, active)
     memory = begin_effects(effects, seen, prior.drivers(z, pieces.is_truck), dt)
     zero = jnp.zeros_like(x)
-    tangents = Tangents(d_x, d_v, nothing, nothing, nothing)
-    carry = ((x, v, zero, zero, zero, memory), tangents, total)
+    tangents = State(d_x, d_v, o=nothing, w=nothing), nothing
+    carry = ((State(x, v, o=zero, w=zero), zero, memory), tangents, total)
     extra = jnp.broadcast_to(pieces.known, pieces.y.shape)
     (_, _, total), _ = lax.scan(
         step, carry, (pieces.y, pieces.weight, pieces.looks, pieces.seen, extra, jnp.moveaxis(following, 1, 0))

@@ -19,8 +19,9 @@ from jaxtyping import Float, Int
 
 from rearl_jax.discovery.observe.candidates import Layout
 from rearl_jax.discovery.observe.clocks import following
+from rearl_jax.discovery.observe.kalman import Gain
 from rearl_jax.discovery.observe.moments import Programs
-from rearl_jax.discovery.observe.observer import Pieces, pieces_of
+from rearl_jax.discovery.observe.observer import Pieces, pieces_of, repeated
 from rearl_jax.discovery.read.measured import Measured
 
 CLASSES = 2
@@ -99,7 +100,7 @@ class DriverSums:
     count: Float[np.ndarray, " drivers"]
 
 
-def new_world(data: Measured, layout: Layout, gain: Float[np.ndarray, "7"]) -> World:
+def new_world(data: Measured, layout: Layout, gain: Gain) -> World:
     """A world at the usual parameters, with nothing added."""
     return World(
         data=data,
@@ -108,14 +109,14 @@ def new_world(data: Measured, layout: Layout, gain: Float[np.ndarray, "7"]) -> W
         mean=np.zeros((CLASSES, layout.prior.size)),
         theta=layout.reference.copy(),
         active=(),
-        variance=float(gain[4]),
+        variance=gain.variance,
     )
 
 
-def with_gain(world: World, gain: Float[np.ndarray, "7"]) -> World:
+def with_gain(world: World, gain: Gain) -> World:
     """The same world under another observer; S starts at what that observer expects."""
     pieces = replace_gain(world.pieces, gain)
-    return copied(world, pieces=pieces, variance=float(gain[4]))
+    return copied(world, pieces=pieces, variance=gain.variance)
 
 
 def copied(world: World, **changes: object) -> World:
@@ -124,10 +125,10 @@ def copied(world: World, **changes: object) -> World:
     return replace(world, **(own | changes))
 
 
-def replace_gain(pieces: Pieces, gain: Float[np.ndarray, "7"]) -> Pieces:
+def replace_gain(pieces: Pieces, gain: Gain) -> Pieces:
     """Pieces under another observer."""
     n = pieces.length.shape[0]
-    return replace(pieces, gain=np.repeat(np.asarray(gain)[:, None], n, axis=1), deviation=np.full(n, np.sqrt(gain[4])))
+    return replace(pieces, gain=repeated(gain, n), deviation=np.full(n, np.sqrt(gain.variance)))
 
 
 class Solver:
@@ -203,7 +204,7 @@ class Solver:
             for world, columns in zip(worlds, _columns(worlds), strict=True)
         ]
 
-    def innovations(self, worlds: Sequence[World], gain: Float[np.ndarray, "7"] | None = None) -> list[np.ndarray]:
+    def innovations(self, worlds: Sequence[World], gain: Gain | None = None) -> list[np.ndarray]:
         """Measured minus predicted positions [m] of each world, `[n_steps, n_pieces]`; under another gain if given."""
         pieces = [world.pieces if gain is None else replace_gain(world.pieces, gain) for world in worlds]
         result = self.programs.innovations(worlds[0].active)(self._arguments(worlds, _joined(pieces)))

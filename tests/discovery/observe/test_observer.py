@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from rearl_jax.discovery.observe.observer import CLOSED_LOOP, DAMPING, PULL, Noise
+from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, PULL, Gain, Noise
 from rearl_jax.discovery.observe.solver import new_world
 from rearl_jax.discovery.search.null import driver_noise, simulate_again
 
@@ -21,8 +21,8 @@ def test_gain_is_that_of_the_steady_state_filter():
     variance = ahead[0, 0] + noise.position**2
     gain = noise.gain(dt)
     np.testing.assert_allclose(gain[:3], ahead[:, 0] / variance, rtol=1e-4)
-    assert gain[3] == pytest.approx(kept)
-    assert gain[4] == pytest.approx(variance, rel=1e-4)
+    assert gain.kept_o == pytest.approx(kept)
+    assert gain.variance == pytest.approx(variance, rel=1e-4)
 
 
 def test_drivers_noise_has_the_deviation_and_the_memory_it_is_asked_for():
@@ -37,7 +37,7 @@ def test_innovations_of_the_right_model_are_white_and_of_the_wrong_gain_are_not(
     again = simulate_again(solver, world, noise, np.random.default_rng(1))
     again.z, again.mean = world.z, world.mean
 
-    def lag_one(gain: np.ndarray) -> float:
+    def lag_one(gain: Gain) -> float:
         (errors,) = solver.innovations([again], gain)
         weight = world.data.weight
         pair = weight[1:] * weight[:-1]

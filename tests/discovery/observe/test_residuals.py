@@ -11,9 +11,10 @@ from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.forcing import Votes, answers, felt, votes_and_seen
+from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, MEASURED, PULL, Noise, steady_state
 from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.moments import Programs
-from rearl_jax.discovery.observe.observer import CLOSED_LOOP, DAMPING, MEASURED, PULL, Noise, pieces_of, steady_state
+from rearl_jax.discovery.observe.observer import pieces_of
 from rearl_jax.discovery.observe.residuals import residuals_of, smoothed_acceleration
 from rearl_jax.discovery.observe.solver import Solver, new_world, replace_gain
 from rearl_jax.discovery.read.measured import is_new
@@ -114,7 +115,7 @@ def smoothing_error(noise: Noise, dt: float, stride: int) -> float:
     """Standard deviation of the smoothed acceleration around the true one where something new is measured [m/s^2]."""
     steady = steady_state(noise, dt, stride)
     period = np.linalg.matrix_power(steady.step, stride - 1) @ steady.corrected
-    information = np.outer(MEASURED, MEASURED) / steady.gain[4]
+    information = np.outer(MEASURED, MEASURED) / steady.gain.variance
     ahead = np.linalg.solve(np.eye(16) - np.kron(period.T, period.T), information.ravel()).reshape(4, 4)
     left = steady.covariance[0] - steady.covariance[0] @ ahead @ steady.covariance[0]
     return float(np.sqrt(max(left[2, 2], 0.0)))
@@ -133,11 +134,12 @@ def test_smoothed_acceleration_errs_as_little_as_it_says(stride):
     for t in range(shape[0]):
         innovation[t] = y[t] - state[0]
         if t % stride == 0:
-            state = state + gain[:3, None] * innovation[t]
+            state = state + np.array(gain[:3])[:, None] * innovation[t]
         answer = state[2] - PULL * state[0] - DAMPING * state[1]
-        state = np.stack([state[0] + dt * state[1] + dt**2 / 2 * state[2], state[1] + dt * answer, gain[3] * state[2]])
+        place, speed = state[0] + dt * state[1] + dt**2 / 2 * state[2], state[1] + dt * answer
+        state = np.stack([place, speed, gain.kept_o * state[2]])
     looked, later = innovation[::stride], innovation[stride // 2 :: stride]
-    assert looked[8:].var() == pytest.approx(gain[4], rel=0.1)
+    assert looked[8:].var() == pytest.approx(gain.variance, rel=0.1)
     assert stride == 1 or later[8:].var() < looked[8:].var()  # less time to err
     error = smoothed_acceleration(innovation, np.ones(shape), NOISE, dt, stride) - known
     error = error[7 * stride : -7 * stride : stride]

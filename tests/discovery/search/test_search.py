@@ -8,8 +8,8 @@ import pytest
 from rearl_jax.discovery.observe import clocks
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR
 from rearl_jax.discovery.observe.fit import Fit, with_others
+from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.noise import calibrate
-from rearl_jax.discovery.observe.observer import Noise
 from rearl_jax.discovery.observe.solver import copied
 from rearl_jax.discovery.observe.uncertainty import interval, known, price
 from rearl_jax.discovery.read.gate import Finding
