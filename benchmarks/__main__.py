@@ -2,6 +2,7 @@
 
 import argparse
 import inspect
+import json
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -30,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("benchmark", nargs="?")
     parser.add_argument("keys", nargs="*", metavar="key=value")
     parser.add_argument("-h", "--help", action="store_true", help="the keys of a benchmark, with their defaults")
-    parser.add_argument("--json", action="store_true", help="the summary as one line of JSON on standard output")
+    parser.add_argument("--json", action="store_true", help="summary.json as one line on standard output")
     said = parser.parse_intermixed_args(arguments)
     try:
         if said.benchmark is None or (said.help and said.benchmark not in BENCHMARKS):
@@ -43,11 +44,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with ended_by_signals(), standard_output_apart() if said.json else nullcontext() as output:
             runtime.start()
             summary = import_module(f"benchmarks.{said.benchmark}").run(config)
-            folder = str(Path(config.results.root) / config.study)
+            folder = Path(config.results.root) / config.study
             if output is None:
                 print(f"results: {folder}")
             else:
-                write_object({"task": f"bench {said.benchmark}", "results": folder} | summary, output)
+                stored = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+                write_object({"task": stored["task"], "results": str(folder)} | stored, output)
         return SLOWER if summary.get("n_slower") else DONE
     except KeyboardInterrupt as stop:
         print(f"benchmarks: interrupted by {name_of(stop)}", file=sys.stderr)

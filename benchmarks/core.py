@@ -14,11 +14,10 @@ from benchmarks.options import CoreBenchmark, CoreOptions, OptionError
 from benchmarks.programs import GPU, OURS, TITLES, Absent, Session, open_programs, start_ours
 from benchmarks.terminal import print_table
 from rearl_jax import runtime
-from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 from rearl_jax.runtime import machine_line
 from rearl_jax.timing.measurement import Measurement, Series
-from rearl_jax.timing.turns import Report, take_turns, warm_up
+from rearl_jax.timing.turns import Report, reporting, take_turns, warm_up
 
 
 def run(config: CoreBenchmark) -> dict:
@@ -59,26 +58,21 @@ def measure(bench: CoreOptions) -> CoreResults:
     agreements: list[Agreement] = []
     absent: dict[str, Absent] = {}
     memory: Measurement | None = None
-    with progress_bar() as progress:
-        steps = len(bench.vehicles) * len(TITLES) + len(bench.chunks) + len(threads)
-        bar = progress.add_task("starting", total=steps * (bench.repetitions + 1) + (bench.memory_rollouts > 0))
-
-        def report(doing: str, advance: int = 0) -> None:
-            progress.update(bar, description=doing, advance=advance)
-
-        for position, n_vehicles in enumerate(bench.vehicles):
-            report(f"N = {n_vehicles}: compiling")
+    rounds = bench.repetitions + 1
+    n_steps = (len(bench.vehicles) * len(TITLES) + len(bench.chunks) + len(threads)) * rounds
+    with reporting(n_steps) as report:
+        for n_vehicles in bench.vehicles:
+            report(f"N = {n_vehicles}: compiling", 0)
             with open_programs(n_vehicles, bench) as (sessions, missing):
                 absent |= {item.program: item for item in missing}
                 series += measure_in_turn(sessions, n_vehicles, bench, report)
                 if GPU in sessions:
                     agreements.append(compare_scenes(sessions, n_vehicles, bench))
-            # Absent programs take no steps.
-            progress.update(bar, completed=(position + 1) * len(TITLES) * (bench.repetitions + 1))
+            report(f"N = {n_vehicles}: absent programs", (len(TITLES) - len(sessions)) * rounds)
         by_chunk = measure_alone(bench, "chunk", bench.chunks, lambda n: {"chunk": n, "threads": 1}, report)
         by_threads = measure_alone(bench, "cores", threads, lambda n: {"threads": n}, report)
         if bench.memory_rollouts:
-            report(f"peak memory of {bench.memory_rollouts:,} rollouts")
+            report(f"peak memory of {bench.memory_rollouts:,} rollouts", 0)
             memory = measure_memory(bench)
     found = tuple(series), tuple(absent.values()), memory, load, runtime.describe_machine()
     return CoreResults(*found, by_chunk, by_threads, tuple(agreements))

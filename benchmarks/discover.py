@@ -42,7 +42,7 @@ MEANINGS = {
     "wall_s_d{D}_s{S}": "elapsed time of the whole command with D drivers and S recorded seconds [s]",
     "cpu_s_d{D}_s{S}": "its CPU time over all threads [s]",
     "peak_memory_gib_d{D}_s{S}": "resident memory at its peak [GiB]",
-    "n_drivers_d{D}_s{S}": "drivers that were used",
+    "n_drivers_d{D}_s{S}": "drivers that were used: fitted, checked and reported",
     "load_average": "processes that wanted to run when the measurements began",
 }
 """Keys of `summary.json` besides the machine's (`cpu_model` and so on), and what they mean."""
@@ -102,7 +102,8 @@ def measure(options: DiscoverOptions, drivers: int, seconds: int) -> dict[str, A
         if done.returncode:
             said = "\n".join(done.stderr.splitlines()[-20:])
             raise RuntimeError(f"{' '.join(command)} ended with code {done.returncode}. Its last words:\n{said}")
-        n_drivers = len(pd.read_parquet(folder / "found" / "drivers.parquet"))
+        verdict = json.loads((folder / "found" / "verdict.json").read_text(encoding="utf-8"))
+        n_drivers = sum(verdict["data"]["drivers"].values())
         cost = json.loads(done.stdout.splitlines()[-1])
     return {"drivers": drivers, "seconds": seconds, "n_drivers": n_drivers, "wall_s": wall_s, **cost}
 

@@ -14,12 +14,11 @@ from benchmarks.loop_results import GOAL, Cell, LoopResults, effect_of
 from benchmarks.options import LoopBenchmark, LoopOptions
 from benchmarks.terminal import print_table
 from rearl_jax import runtime
-from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 from rearl_jax.timing.decision_steps import BASE, PAPER_MS, count_reports, measure_steps, scene_of
 from rearl_jax.timing.measurement import Simulator
 from rearl_jax.timing.process import open_sessions
-from rearl_jax.timing.turns import Report, take_turns, warm_up
+from rearl_jax.timing.turns import Report, reporting, take_turns, warm_up
 
 ROLLOUTS = "benchmarks.loop_programs:rollouts"
 
@@ -31,12 +30,7 @@ def run(config: LoopBenchmark) -> dict:
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
     load = runtime.load_average()
-    with progress_bar() as progress:
-        bar = progress.add_task("starting", total=count_steps(loop))
-
-        def report(doing: str, advance: int = 0) -> None:
-            progress.update(bar, description=doing, advance=advance)
-
+    with reporting(count_steps(loop)) as report:
         cells = [measure_rollouts(loop, n, batch, report) for n in loop.vehicles for batch in loop.batches]
         steps = [Cell(loop.steps_vehicles, n, measure_steps(loop, n, report)) for n in loop.steps_batches]
         effects = measure_effects(loop, report)

@@ -2,9 +2,8 @@
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
 
-from rearl_jax.config import ResultsConfig
+from rearl_jax.config import ResultsConfig, _group, _study
 from rearl_jax.config._key import key
 from rearl_jax.config._ranges import check_least, check_positive, check_rising
 from rearl_jax.config.study import StepsConfig
@@ -159,14 +158,6 @@ class DiscoverOptions:
         check_least(self, 0, "seed")
         if self.drivers[0] < 9:
             raise ValueError(f"drivers must be at least 9 each, three for each part of the data, got {self.drivers[0]}")
-
-
-def _group(record: type) -> Any:
-    return key(record, (record.__doc__ or "").partition("\n")[0])
-
-
-def _study(name: str) -> Any:
-    return key(name, "name of the folder under results.root; the same name again replaces its files")
 
 
 @dataclass(unsafe_hash=True)

@@ -21,6 +21,7 @@ from rearl_jax.study.language_model_steps import fresh_client, measure_model_ste
 from rearl_jax.study.report import Report, finish
 from rearl_jax.study.table4_tables import Timing, conclusions, long_timings, shown_timings, summary_of, timings_of
 from rearl_jax.timing.decision_steps import count_reports, measure_steps
+from rearl_jax.timing.turns import reporting
 
 log = logging.getLogger(__name__)
 
@@ -106,12 +107,7 @@ def _measured(config: StudyTable4Task) -> tuple[pd.DataFrame, dict[str, Any]]:
     if not part.owns(STEPS):
         machine = runtime.machine_line(runtime.describe_machine(), None)
         measured_on = {"machine": machine, "load_average": runtime.load_average()}
-        with progress_bar() as bar:
-            line = bar.add_task("starting", total=count_reports(config.loop))
-
-            def report(doing: str, advance: int) -> None:
-                bar.update(line, description=doing, advance=advance)
-
+        with reporting(count_reports(config.loop)) as report:
             rows = [
                 {"program": program, "batch": batch, "repetition": number, **asdict(run)}
                 | {"compile_s": series.facts["compile_s"]}

@@ -4,13 +4,23 @@ Within a repetition the programs run one after the other, in the reverse order t
 the machine meets all alike.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import TypeAlias
 
+from rearl_jax.progress import progress_bar
 from rearl_jax.timing.measurement import Measurement, Series, Simulator
 
 Report: TypeAlias = Callable[[str, int], None]
 """Told what is done next, and how many steps are done since the last time."""
+
+
+@contextmanager
+def reporting(n_steps: int) -> Iterator[Report]:
+    """A progress bar of so many steps."""
+    with progress_bar() as bar:
+        line = bar.add_task("starting", total=n_steps)
+        yield lambda doing, advance: bar.update(line, description=doing, advance=advance)
 
 
 def warm_up(sessions: Mapping[str, Simulator], seed: int, label: str, report: Report) -> dict[str, Measurement]:

@@ -24,7 +24,7 @@ from benchmarks.options import LoopBenchmark, LoopOptions, LoopPolicy, OptionErr
 from rearl_jax import results
 from rearl_jax.config import ResultsConfig
 from rearl_jax.core.effects import EFFECTS
-from rearl_jax.timing import decision_steps
+from rearl_jax.timing import decision_steps, turns
 from rearl_jax.timing.decision_steps import BASE, DECISION, DETECTION, LOOP, PARTS
 from rearl_jax.timing.measurement import Measurement
 
@@ -171,7 +171,7 @@ def test_benchmark_writes_everything_and_its_bar_ends_full(log, tmp_path, capsys
     def bar():
         yield Bar(advanced)
 
-    monkeypatch.setattr(module, "progress_bar", bar)
+    monkeypatch.setattr(turns, "progress_bar", bar)
     summary = run(task)
     assert sum(advanced) == count_steps(loop)
     folder = tmp_path / "tiny"

@@ -8,6 +8,7 @@ import pytest
 from benchmarks import __main__ as module
 from benchmarks.__main__ import BENCHMARKS, configured, keys_help, main
 from benchmarks.options import OptionError, Peer
+from rearl_jax.results import Study
 
 
 def test_keys_are_read_in_the_types_of_the_record():
@@ -56,18 +57,22 @@ def test_help_names_every_benchmark(capsys):
 
 
 @pytest.mark.parametrize(("n_slower", "code"), [(0, 0), (2, 1)])
-def test_json_is_one_line_and_slower_is_a_failure(n_slower, code, monkeypatch, capfd):
+def test_json_is_the_summary_in_one_line_and_slower_is_a_failure(n_slower, code, monkeypatch, capfd, tmp_path):
     class Core:
         @staticmethod
         def run(config):
             os.write(1, b"a table\n")  # as a library that is not Python's would
-            return {"n_slower": n_slower, "substeps_per_cpu_s_n10": 2.0}
+            summary = {"n_slower": n_slower, "substeps_per_cpu_s_n10": 2.0}
+            Study(config.results.root, config.study, config, "bench core").write_summary(summary)
+            return summary
 
     monkeypatch.setattr(module, "import_module", {"benchmarks.core": Core}.get)
-    assert main(["core", "study=x", "--json"]) == code
+    assert main(["core", "study=x", f"results.root={tmp_path}", "--json"]) == code
     said = capfd.readouterr()
-    expected = {"task": "bench core", "results": "results/x", "n_slower": n_slower, "substeps_per_cpu_s_n10": 2.0}
-    assert json.loads(said.out) == expected
+    shown = json.loads(said.out)
+    stored = json.loads((tmp_path / "x" / "summary.json").read_text())
+    assert shown == {"results": str(tmp_path / "x"), **stored}
+    assert (shown["task"], shown["substeps_per_cpu_s_n10"]) == ("bench core", 2.0)
     assert "a table" in said.err
 
 
