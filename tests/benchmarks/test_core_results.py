@@ -1,5 +1,6 @@
 import json
 import re
+from pathlib import Path
 
 import pytest
 from PIL import Image
@@ -10,6 +11,8 @@ from benchmarks.figure import draw_costs
 from benchmarks.options import OptionError, Peer
 from benchmarks.programs import C_ALL, GPU, OURS, Absent
 from rearl_jax.timing.measurement import Measurement, Series, Spread
+
+KEPT = Path(__file__).resolve().parents[2] / "results" / "kept" / "bench_core"
 
 MACHINE = {"cpu_model": "a processor", "cpu_cores": 2, "jax_version": "1"}
 
@@ -162,7 +165,7 @@ def test_ratios_are_read_from_a_file_or_its_folder(tmp_path):
 
 
 def test_ratios_are_read_from_the_kept_benchmark():
-    assert read_ratios("results/kept/bench_core", Peer.c)[10].median == pytest.approx(1.66, abs=0.01)
+    assert read_ratios(str(KEPT), Peer.c)[10].median == pytest.approx(1.66, abs=0.01)
 
 
 @pytest.mark.parametrize("text", ["no JSON", "[]", '{"task": "bench loop"}'])

@@ -49,16 +49,12 @@ def test_defaults_of_the_loop_are_valid():
         ({"vehicles": (1, 10)}, "vehicles must be at least 2 each"),
         ({"batches": (), "steps_batches": ()}, "batches and steps_batches are both empty"),
         ({"batches": (0, 1)}, "batches must be positive, rising numbers"),
-        ({"steps_batches": (2, 2)}, "steps_batches must be positive, rising numbers"),
+        ({"steps": 0}, "steps must be at least 1"),
         ({"policies": ()}, "policies must name each policy once"),
         ({"policies": (LoopPolicy.idle, LoopPolicy.idle)}, "policies must name each policy once"),
-        ({"steps": 0}, "steps must be at least 1"),
-        ({"reference_vehicles": 1}, "reference_vehicles must be at least 2"),
         ({"repetition_cpu_s": 0.0}, "repetition_cpu_s must be > 0"),
         ({"rounds": 0}, "rounds must be at least 1 or null"),
-        ({"seed": -1}, "seed must be at least 0"),
         ({"seconds": 61}, r"reference_seconds must be at least seconds \(61\), got 60"),
-        ({"steps": 70}, r"reference_seconds must be at least steps \(70\), got 60"),
     ],
 )
 def test_ranges_of_the_loop(changed, message):
