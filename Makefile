@@ -9,11 +9,12 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet -c const
 RUNS := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint pytest docs llm clean
+.PHONY: help run test lint pytest bench docs llm clean
 
 help:
 	@echo "make run    set up $(VENV), evaluate the Base model on the shipped US-101 recordings, write results/"
 	@echo "make test   set up $(VENV), run the linter, the type checker and the tests"
+	@echo "make bench  set up $(VENV), measure the speed of the traffic core, write results/bench_core; ARGS as in make run"
 	@echo "make docs   set up $(VENV), build the documentation into build/docs, without the network"
 	@echo "make llm    add a small language model and its server, for decision.server=local"
 	@echo "make lint   linter and type checker only"
@@ -31,6 +32,9 @@ lint: $(VENV)/.installed-test
 
 pytest: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+bench: $(VENV)/.installed
+	$(BIN)/python -m benchmarks core $(ARGS)
 
 # The theme's advertisement of its successor is no warning about these pages.
 docs: $(VENV)/.installed-test
@@ -68,4 +72,4 @@ $(BIN)/python:
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .ruff_cache .hypothesis .import_linter_cache
-	find rearl_jax tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	find benchmarks rearl_jax tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-MODULES = sorted((ROOT / "rearl_jax").rglob("*.py"))
+MODULES = sorted(file for folder in ("benchmarks", "rearl_jax") for file in (ROOT / folder).rglob("*.py"))
 TESTS = sorted((ROOT / "tests").rglob("*.py"))
 TEXTS = [
     *MODULES,
@@ -54,7 +54,7 @@ def test_every_import_is_a_declared_dependency():
     wanted = sum(project["optional-dependencies"].values(), project["dependencies"])
     declared = {normalised(re.split(r"[<>=\[ ]", name)[0]) for name in wanted}
     homes = packages_distributions()
-    own = {*sys.stdlib_module_names, "rearl_jax"}
+    own = {*sys.stdlib_module_names, "benchmarks", "rearl_jax"}
     for file in MODULES:
         for node in ast.walk(tree(file)):
             if isinstance(node, ast.Import):
@@ -105,7 +105,7 @@ def test_public_names_are_those_the_type_checker_sees():
     assert seen == rearl_jax._HOMES
 
 
-@pytest.mark.parametrize("file", MODULES, ids=lambda file: str(file.relative_to(ROOT / "rearl_jax")))
+@pytest.mark.parametrize("file", MODULES, ids=lambda file: str(file.relative_to(ROOT)))
 def test_module(file):
     """Imports without error, says what it is, stays within its size, bears a name that says something."""
     module = ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")

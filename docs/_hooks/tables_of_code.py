@@ -9,10 +9,9 @@ from rearl_jax.data.schema import COLUMNS
 from rearl_jax.metrics import METRICS
 
 BENCH = {
-    "core": "rearl_jax.bench.results",
-    "loop": "rearl_jax.bench.loop_results",
-    "requests": "rearl_jax.bench.requests_results",
-    "startup": "rearl_jax.bench.startup_results",
+    "core": "benchmarks.core_results",
+    "loop": "benchmarks.loop_results",
+    "discover": "benchmarks.discover",
 }
 """Where the meanings of the keys of a speed measurement stand."""
 
@@ -59,7 +58,7 @@ def metrics() -> str:
 
 
 def bench_keys(name: str) -> str:
-    """What the figures of `rearl bench NAME` mean."""
+    """What the figures of `python -m benchmarks NAME` mean."""
     meanings: dict[str, str] = import_module(BENCH[name]).MEANINGS
     rows = [f"| `{key}` | {_cell(meaning)} |" for key, meaning in meanings.items()]
     return "\n".join(["| key | meaning |", "|---|---|", *rows])

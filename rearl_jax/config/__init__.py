@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from rearl_jax.config._key import key
-from rearl_jax.config.bench import BenchConfig, BenchLoopConfig, BenchRequestsConfig
 from rearl_jax.config.blind import BlindConfig
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, KlConfig
 from rearl_jax.config.core import CoreConfig, InitConfig
@@ -34,7 +33,7 @@ from rearl_jax.config.scenes import (
     SplitConfig,
     TracksConfig,
 )
-from rearl_jax.config.study import Table1Config, Table4Config
+from rearl_jax.config.study import StepsConfig, Table1Config, Table4Config
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.config.validation import ValidationConfig
 
@@ -220,24 +219,6 @@ class ValidateTask:
     validation: ValidationConfig = _group(ValidationConfig)
 
 
-@dataclass(unsafe_hash=True)
-class BenchCoreTask:
-    """The speed of the traffic core."""
-
-    study: str = _study("bench_core")
-    results: ResultsConfig = _group(ResultsConfig)
-    bench: BenchConfig = _group(BenchConfig)
-
-
-@dataclass(unsafe_hash=True)
-class BenchLoopTask:
-    """The cost of detection and decisions."""
-
-    study: str = _study("bench_loop")
-    results: ResultsConfig = _group(ResultsConfig)
-    loop: BenchLoopConfig = _group(BenchLoopConfig)
-
-
 _ROWS_DECIDE = "base; the rows decide what drives the vehicles"
 
 
@@ -303,9 +284,7 @@ class StudyTable4Task:
 
     study: str = _study("study_table4")
     results: ResultsConfig = _group(ResultsConfig)
-    loop: BenchLoopConfig = key(
-        lambda: BenchLoopConfig(batches=()), "Decision steps; loop.batches adds whole rollouts as `bench loop` has them"
-    )
+    loop: StepsConfig = _group(StepsConfig)
     table4: Table4Config = _group(Table4Config)
     decision: DecisionConfig = _group(DecisionConfig)
     llm: LlmConfig = _group(LlmConfig)
@@ -318,16 +297,6 @@ class StudyTable4Task:
                 f"decision.policy={self.decision.policy.name} has no row in this table; table4.llm=true adds a "
                 "language model"
             )
-
-
-@dataclass(unsafe_hash=True)
-class BenchRequestsTask:
-    """The speed of asking a language model."""
-
-    study: str = _study("bench_requests")
-    results: ResultsConfig = _group(ResultsConfig)
-    requests: BenchRequestsConfig = _group(BenchRequestsConfig)
-    llm: LlmConfig = _group(LlmConfig)
 
 
 @dataclass(unsafe_hash=True)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least, check_positive, check_rising
 
 
 @dataclass(unsafe_hash=True)
@@ -42,3 +43,29 @@ class Table4Config:
             raise ValueError(f"llm_batches must be different positive numbers, got {list(self.llm_batches)}")
         if self.llm_repetitions < 1:
             raise ValueError(f"llm_repetitions must be at least 1, got {self.llm_repetitions}")
+
+
+@dataclass(unsafe_hash=True)
+class StepsConfig:
+    """Consecutive decision steps whose time is taken"""
+
+    density: float = key(2.0, "vehicles_density of the initial scenes [-]; highway-env, REARL (Bi et al.)")
+    seed: int = key(0, "seed of initial scenes and references; every repetition draws new scenes")
+    n_references: int = key(15, "synthetic references the traffic is held against; REARL (Bi et al.)")
+    reference_seconds: int = key(60, "length of the references [s]; REARL (Bi et al.)")
+    reference_vehicles: int = key(10, "vehicles of a reference; REARL (Bi et al.)")
+    steps: int = key(10, "consecutive decision steps whose time is taken; REARL (Bi et al.)")
+    steps_vehicles: int = key(10, "vehicles per scenario of these steps; REARL (Bi et al.)")
+    steps_batches: tuple[int, ...] = key((1, 256), "scenarios at a time in these steps; empty leaves them out")
+    steps_repetitions: int = key(20, "measurements of these steps")
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its range."""
+        if self.steps_batches:
+            check_rising(self, "steps_batches")
+        check_least(self, 1, "n_references", "steps", "steps_repetitions")
+        check_least(self, 2, "reference_vehicles", "steps_vehicles")
+        check_positive(self, "density")
+        check_least(self, 0, "seed")
+        if self.reference_seconds < self.steps:
+            raise ValueError(f"reference_seconds must be at least steps ({self.steps}), got {self.reference_seconds}")

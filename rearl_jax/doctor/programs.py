@@ -8,7 +8,7 @@ from rearl_jax.doctor.check import Check, fail, ok, warn
 
 _USES = {
     "test": "the checks of the code (make test)",
-    "bench": "SUMO in `rearl bench core` and `rearl discover blind`",
+    "bench": "SUMO in `python -m benchmarks core` and `rearl discover blind`",
     "llm": "decision.server=local",
     "joblib": "hydra/launcher=joblib",
     "ray": "hydra/launcher=ray",

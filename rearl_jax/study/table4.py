@@ -1,7 +1,7 @@
 """The task `rearl study table4`: the time of ten consecutive decisions beside the paper's Table 4.
 
-The steps are measured by `rearl bench loop` in `steps/`, those with a language model in `llm/`. Writes `table4.parquet`
-(one row per program and batch), `table4.png`, `page.html`, `config.json` and, last of all, `summary.json`.
+Measurements are kept in `steps/`, those with a language model in `llm/`. Writes `table4.parquet` (one row per program
+and batch), `table4.png`, `page.html`, `config.json` and, last of all, `summary.json`.
 """
 
 import json
@@ -9,20 +9,24 @@ import logging
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
-from rearl_jax.bench import loop
-from rearl_jax.bench.fresh_client import fresh_client
-from rearl_jax.bench.language_model_steps import measure_model_steps
-from rearl_jax.config import BenchLoopTask, StudyTable4Task
+from rearl_jax import runtime
+from rearl_jax.config import StudyTable4Task
 from rearl_jax.progress import progress_bar, shown
-from rearl_jax.results import Study
-from rearl_jax.study.parts import carry_out, part_record
+from rearl_jax.results import Study, read_metadata
+from rearl_jax.study.language_model_steps import fresh_client, measure_model_steps
 from rearl_jax.study.report import Report, finish
 from rearl_jax.study.table4_tables import Timing, conclusions, long_timings, shown_timings, summary_of, timings_of
+from rearl_jax.timing.decision_steps import count_reports, measure_steps
+from rearl_jax.timing.turns import reporting
 
 log = logging.getLogger(__name__)
+
+STEPS = "steps"
+"""Name of the table of the measurements."""
 
 MODEL_STEPS = "llm_steps"
 """Name of the table of the measurements with a language model."""
@@ -57,20 +61,18 @@ def run(config: StudyTable4Task) -> dict:
     study = Study(config.results.root, config.study, config, "study table4")
     study.write_config()
     with_model = _measured_with_model(config) if config.table4.llm else None
-    folder = carry_out(loop.run, part_record(BenchLoopTask, config, f"{config.study}/steps"))
-    measured = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    timings = timings_of(pd.read_parquet(folder / "bench_loop.parquet"), with_model)
+    steps, measured_on = _measured(config)
+    timings = timings_of(steps, with_model)
     n_steps = config.loop.steps
     said = conclusions(timings, n_steps)
-    load = measured["load_average"]
-    machine = f"{measured['cpu_model']}, {measured['cpu_cores']} cores, jax {measured['jax_version']}"
+    machine, load = measured_on["machine"], measured_on["load_average"]
     report = Report(
         title="Inference time beside Table 4 of the paper",
         tables=(shown_timings(timings, n_steps, config.loop.steps_vehicles),),
         findings=tuple(said),
         differences=_DIFFERENCES,
         data={
-            "summary": f"No data were read: {measured['references']}. Measured on {machine}"
+            "summary": f"No data were read: {_references(config)}. Measured on {machine}"
             + ("" if load is None else f", load {load:.1f} at the start")
             + f"; median of {config.loop.steps_repetitions} measurements after a warm-up.",
             "sources": [],
@@ -88,6 +90,33 @@ def _draw(timings: list[Timing], n_steps: int) -> dict[str, bytes]:
     from rearl_jax.study.table4_figure import draw_timings
 
     return {"table4": draw_timings(timings, n_steps)}
+
+
+def _references(config: StudyTable4Task) -> str:
+    loop = config.loop
+    return (
+        f"{loop.n_references} synthetic ones of {loop.reference_seconds} s with {loop.reference_vehicles} vehicles"
+        f" from seed {loop.seed}"
+    )
+
+
+def _measured(config: StudyTable4Task) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """One row per program, batch and measurement, and the machine; from disk where it was measured before."""
+    part = Study(config.results.root, f"{config.study}/steps", config.loop, "study table4")
+    path = part.path / f"{STEPS}.parquet"
+    if not part.owns(STEPS):
+        machine = runtime.machine_line(runtime.describe_machine(), None)
+        measured_on = {"machine": machine, "load_average": runtime.load_average()}
+        with reporting(count_reports(config.loop)) as report:
+            rows = [
+                {"program": program, "batch": batch, "repetition": number, **asdict(run)}
+                | {"compile_s": series.facts["compile_s"]}
+                for batch in config.loop.steps_batches
+                for program, series in measure_steps(config.loop, batch, report).items()
+                for number, run in enumerate(series.measurements)
+            ]
+        part.write_table(STEPS, pd.DataFrame(rows), measured_on=json.dumps(measured_on))
+    return pd.read_parquet(path), json.loads(read_metadata(path)["measured_on"])
 
 
 def _measured_with_model(config: StudyTable4Task) -> pd.DataFrame:

@@ -1,6 +1,5 @@
 """The figure of the inference times: a line per program, a colour per batch, logarithmic."""
 
-from rearl_jax.bench.loop_results import PAPER_MS
 from rearl_jax.drawing import (
     BLUE,
     DARK_GREY,
@@ -15,6 +14,7 @@ from rearl_jax.drawing import (
     set_title,
 )
 from rearl_jax.study.table4_tables import MODEL, PAPER, TITLES, Timing
+from rearl_jax.timing.decision_steps import PAPER_MS
 
 _COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
 

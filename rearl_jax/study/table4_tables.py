@@ -6,11 +6,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rearl_jax.bench.loop_programs import BASE, DECISION, DETECTION, LOOP, PPO
-from rearl_jax.bench.loop_results import PAPER_MS
-from rearl_jax.bench.loop_terminal import PAPER_TITLES
-from rearl_jax.bench.spread import Spread, spread_of
 from rearl_jax.study.report import NONE, Cell, Line, Shown, long_table
+from rearl_jax.timing.decision_steps import BASE, DECISION, DETECTION, LOOP, PAPER_MS, PPO
+from rearl_jax.timing.measurement import Spread, spread_of
 
 MODEL = "llm"
 """Row of the steps with a language model."""
@@ -64,14 +62,13 @@ def timings_of(steps: pd.DataFrame, with_model: pd.DataFrame | None) -> list[Tim
     """The timings in the order of the table.
 
     Args:
-        steps: `bench_loop.parquet`.
+        steps: One row per measurement: `program`, `batch`, `wall_s` [s], `compile_s` [s].
         with_model: Measurements with a language model; None without.
     """
     found = []
     programs, batches = steps["program"].to_numpy(str), steps["batch"].to_numpy(int)
-    is_step = steps["measured"].to_numpy(str) == "steps"
-    for program, batch in dict.fromkeys(zip(programs[is_step].tolist(), batches[is_step].tolist(), strict=True)):
-        own = is_step & (programs == program) & (batches == batch)
+    for program, batch in dict.fromkeys(zip(programs.tolist(), batches.tolist(), strict=True)):
+        own = (programs == program) & (batches == batch)
         compile_s = float(steps["compile_s"].to_numpy(float)[own][0])
         found.append(Timing(program, batch, _spread_ms(steps, own), compile_s, int(own.sum())))
     if with_model is not None:
@@ -110,7 +107,7 @@ def shown_timings(timings: list[Timing], n_steps: int, n_vehicles: int) -> Shown
     if all(timing.program != MODEL for timing in timings):
         blank = (Cell(NONE),) * (len(headings) - 1)
         paper = Cell(f"{PAPER_MS['rearl']:,}")
-        lines.append(Line(f"paper: {PAPER_TITLES['rearl']} (language model)", (*blank, paper), is_paper=True))
+        lines.append(Line("paper: REARL (language model)", (*blank, paper), is_paper=True))
     title = f"Table 4: {n_steps} consecutive decision steps of {n_vehicles} vehicles, elapsed time of the whole batch"
     return Shown(title, headings, tuple(lines))
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rearl_jax.bench.measurement import Stopwatch
 from rearl_jax.config import EvaluateTask
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.runner import make_scorer
 from rearl_jax.evaluation.scoring import Scorer
+from rearl_jax.timing.measurement import Stopwatch
 
 BATCHES = (1, 10, 100, 1_000, 10_000)
 """Rollouts at a time, as far as there are so many."""

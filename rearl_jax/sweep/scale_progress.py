@@ -13,9 +13,9 @@ from pathlib import Path
 import pandas as pd
 from rich.progress import Progress
 
-from rearl_jax.bench.measurement import peak_memory_bytes
 from rearl_jax.progress import in_words
 from rearl_jax.results import Study
+from rearl_jax.timing.measurement import peak_memory_bytes
 
 PROGRESS = "progress"
 """The table."""

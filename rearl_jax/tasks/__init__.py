@@ -7,12 +7,11 @@ task runs.
 from rearl_jax.tasks.data import DATA
 from rearl_jax.tasks.folders import conf_dir, sweeps_dir
 from rearl_jax.tasks.maintenance import MAINTENANCE
-from rearl_jax.tasks.measurement import MEASUREMENT
 from rearl_jax.tasks.simulation import CLOSED_LOOP, SIMULATION
 from rearl_jax.tasks.studies import STUDIES
 from rearl_jax.tasks.task import Task
 
 __all__ = ["CLOSED_LOOP", "TASKS", "Task", "conf_dir", "sweeps_dir"]
 
-TASKS = (*DATA, *SIMULATION, *STUDIES, *MEASUREMENT, *MAINTENANCE)
+TASKS = (*DATA, *SIMULATION, *STUDIES, *MAINTENANCE)
 """All of them, in the order in which help lists them."""

@@ -41,8 +41,8 @@ STUDIES = (
         summary="the time of ten consecutive decisions beside the paper's Table 4",
         goes_on=True,
         description=(
-            "Measures ten consecutive decision steps as `rearl bench loop` does, one scenario and many at a time, "
-            "detection and decision apart, and puts them beside the paper's inference times. Reads no data: the "
+            "Measures ten consecutive decision steps, one scenario and many at a time, detection and decision "
+            "apart, and puts them beside the paper's inference times. Reads no data: the "
             "references are synthetic. Prints a table, writes Parquet, a figure and one HTML page."
         ),
         examples=("rearl study table4", "rearl study table4 table4.llm=true decision.server=http://HOST:8000/v1"),

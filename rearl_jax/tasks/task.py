@@ -34,7 +34,7 @@ class Task:
 
     @property
     def config_name(self) -> str:
-        """Name of the task's file in conf/ without its ending, `bench core` -> `bench_core`."""
+        """Name of the task's file in conf/ without its ending, `discover blind` -> `discover_blind`."""
         return self.words.replace(" ", "_")
 
     def load_config(self) -> type:

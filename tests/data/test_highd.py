@@ -253,7 +253,7 @@ def test_memory_does_not_grow_with_the_number_of_recordings(highd_files, tmp_pat
             (tmp_path / f"{number:02d}_{part}.csv").hardlink_to(tmp_path / f"01_{part}.csv")
     program = (
         "import sys\n"
-        "from rearl_jax.bench.measurement import peak_memory_bytes\n"
+        "from rearl_jax.timing.measurement import peak_memory_bytes\n"
         "from rearl_jax.config.data import DataConfig, DataFormat\n"
         "from rearl_jax.data.recordings import iterate_recordings\n"
         "data = DataConfig(DataFormat.highd, sys.argv[1], recordings=sys.argv[2])\n"

@@ -78,7 +78,11 @@ def check_pip(words):
 
 
 def check_python(words):
-    if "-m" in words:
+    if words[:2] == ["-m", "benchmarks"]:
+        from benchmarks.__main__ import configured
+
+        configured(words[2], words[3:])
+    elif "-m" in words:
         assert find_spec(words[words.index("-m") + 1]), words
 
 
@@ -152,6 +156,7 @@ def test_the_checks_see_what_is_wrong():
         "rearl evaluate metod=base",
         "rearl evaluate eval.n_runs=two",
         "rearl sweep scale n_rollouts=0",
+        "python -m benchmarks core bench.vehicle=[10]",
     ):
         with pytest.raises(ValueError, match="nearest|must be"):
             check(wrong.split())

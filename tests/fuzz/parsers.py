@@ -194,7 +194,7 @@ def _drives(found: RepairedModel) -> Result:
 
 def words(folder: Path) -> Callable[[Random], Result]:
     """Keys and values of the command line."""
-    tasks = [task for task in TASKS if task.words in ("report", "bench core", "discover", "train ppo", "prepare")]
+    tasks = [task for task in TASKS if task.words in ("report", "study table4", "discover", "train ppo", "prepare")]
     keys = {task.words: [key.name for key in keys_of(task.defaults()).values()] for task in tasks}
 
     def try_one(rng: Random) -> Result:

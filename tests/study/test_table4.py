@@ -6,14 +6,14 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from rearl_jax.bench import language_model_steps as module
-from rearl_jax.bench import loop_subjects
-from rearl_jax.bench.fresh_client import fresh_client
-from rearl_jax.bench.loop_programs import BASE, PARTS
-from rearl_jax.config.bench import BenchLoopConfig
 from rearl_jax.config.llm import LlmConfig, PromptConfig
+from rearl_jax.config.study import StepsConfig
+from rearl_jax.study import language_model_steps as module
+from rearl_jax.study.language_model_steps import fresh_client
 from rearl_jax.study.table4_figure import draw_timings
 from rearl_jax.study.table4_tables import MODEL, conclusions, long_timings, shown_timings, summary_of, timings_of
+from rearl_jax.timing import decision_steps
+from rearl_jax.timing.decision_steps import BASE, PARTS
 from tests.llm.stub import Stub
 
 
@@ -21,12 +21,12 @@ from tests.llm.stub import Stub
 def steps():
     cost = dict(zip(PARTS, (1.0, 3.0, 2.0, 0.25, 0.5), strict=True))
     rows = [
-        {"measured": "steps", "program": name, "batch": batch, "wall_s": cost[name] * batch * factor, "compile_s": 2.0}
+        {"program": name, "batch": batch, "wall_s": cost[name] * batch * factor, "compile_s": 2.0}
         for name in PARTS
         for batch in (1, 256)
         for factor in (0.9, 1.0, 1.4)
     ]
-    return pd.DataFrame([*rows, {**rows[0], "measured": "rollout", "wall_s": 1e6}])
+    return pd.DataFrame(rows)
 
 
 @pytest.fixture
@@ -78,9 +78,9 @@ def test_the_model_has_a_row_of_its_own(steps, with_model):
 @pytest.mark.slow
 def test_steps_with_a_language_model_ask_it_every_second(monkeypatch):
     monkeypatch.setattr(module, "LOOP_MODEL", replace(module.LOOP_MODEL, collisions=False))  # compile faster
-    monkeypatch.setattr(loop_subjects, "BASE_MODEL", replace(loop_subjects.BASE_MODEL, collisions=False))
-    monkeypatch.setattr(loop_subjects, "WARM_UP", 2)
-    loop = BenchLoopConfig(steps=3, steps_vehicles=4, reference_seconds=60)
+    monkeypatch.setattr(decision_steps, "BASE_MODEL", replace(decision_steps.BASE_MODEL, collisions=False))
+    monkeypatch.setattr(decision_steps, "WARM_UP", 2)
+    loop = StepsConfig(steps=3, steps_vehicles=4, reference_seconds=60)
     with Stub() as stub, fresh_client(LlmConfig(), stub.url) as client:
         (one, two) = module.measure_model_steps(client, PromptConfig(), loop, 1, 2)
     assert (one.n_steps, one.batch, one.repetition) == (3, 1, 0)

@@ -1,0 +1,103 @@
+"""Command line of the benchmarks: `python -m benchmarks core|loop|discover [key=value ...]`."""
+
+import argparse
+import inspect
+import json
+import sys
+from collections.abc import Sequence
+from contextlib import nullcontext
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from benchmarks import options
+from rearl_jax import runtime
+from rearl_jax.cli.interruption import ended_by_signals, exit_code, name_of
+from rearl_jax.cli.summary_output import standard_output_apart, write_object
+from rearl_jax.config._schema import finished, from_plain, groups_of, keys_of, nearest
+
+BENCHMARKS = {"core": options.CoreBenchmark, "loop": options.LoopBenchmark, "discover": options.DiscoverBenchmark}
+"""Records of their keys by name; the module of that name has the function `run`."""
+
+DONE, SLOWER, UNUSABLE = 0, 1, 2
+"""Exit codes; a benchmark that a signal has ended has 128 and its number."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Exit code: 0 done, 1 slower than the earlier benchmark, 2 a fault in the arguments, 130 interrupted."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__, add_help=False)
+    parser.add_argument("benchmark", nargs="?")
+    parser.add_argument("keys", nargs="*", metavar="key=value")
+    parser.add_argument("-h", "--help", action="store_true", help="the keys of a benchmark, with their defaults")
+    parser.add_argument("--json", action="store_true", help="summary.json as one line on standard output")
+    said = parser.parse_intermixed_args(arguments)
+    try:
+        if said.benchmark is None or (said.help and said.benchmark not in BENCHMARKS):
+            print(parser.format_help(), *map(_title, BENCHMARKS), sep="\n")
+            return DONE
+        if said.help:
+            print(keys_help(said.benchmark))
+            return DONE
+        config = configured(said.benchmark, said.keys)
+        with ended_by_signals(), standard_output_apart() if said.json else nullcontext() as output:
+            runtime.start()
+            summary = import_module(f"benchmarks.{said.benchmark}").run(config)
+            folder = Path(config.results.root) / config.study
+            if output is None:
+                print(f"results: {folder}")
+            else:
+                stored = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+                write_object({"task": stored["task"], "results": str(folder)} | stored, output)
+        return SLOWER if summary.get("n_slower") else DONE
+    except KeyboardInterrupt as stop:
+        print(f"benchmarks: interrupted by {name_of(stop)}", file=sys.stderr)
+        return exit_code(stop)
+    except (options.OptionError, OSError) as error:
+        print(f"benchmarks: {error}", file=sys.stderr)
+        return UNUSABLE
+
+
+def configured(benchmark: str, words: Sequence[str]) -> Any:
+    """The record of a benchmark with the keys that were given.
+
+    Raises:
+        OptionError: There is no such benchmark or key, or a value is not of its type or outside its range.
+    """
+    if benchmark not in BENCHMARKS:
+        raise options.OptionError(f"there is no benchmark {benchmark!r}; choices: {', '.join(BENCHMARKS)}")
+    record, plain = BENCHMARKS[benchmark], {}
+    keys = keys_of(record())
+    for word in words:
+        name, is_given, text = word.partition("=")
+        if not is_given or name not in keys:
+            near = f"nearest: {nearest(name, keys)}; choices: {', '.join(keys)}"
+            raise options.OptionError(f"{word!r} is no key=value of `python -m benchmarks {benchmark}`; {near}")
+        group, _, last = name.rpartition(".")
+        try:
+            (plain.setdefault(group, {}) if group else plain)[last] = yaml.safe_load(text)
+        except yaml.YAMLError as error:
+            raise options.OptionError(f"{word}: the value cannot be read; it must be {keys[name].type_name}") from error
+    try:
+        return finished(from_plain(record, plain))
+    except ValueError as error:
+        raise options.OptionError(str(error)) from error
+
+
+def keys_help(benchmark: str) -> str:
+    """Description of a benchmark and its keys with default, type and meaning."""
+    record = BENCHMARKS[benchmark]()
+    lines = [f"python -m benchmarks {benchmark} [--json] [key=value ...]", "", inspect.getdoc(record) or ""]
+    for group in groups_of(record):
+        lines += ["", f"{group.name}: {group.help}" if group.name else "keys:"]
+        lines += [f"  {key.name}={key.default}  ({key.type_name})\n      {key.help}" for key in group.keys]
+    return "\n".join(lines)
+
+
+def _title(benchmark: str) -> str:
+    return f"{benchmark:<9} {(BENCHMARKS[benchmark].__doc__ or '').partition(chr(10))[0]}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

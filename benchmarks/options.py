@@ -1,0 +1,198 @@
+"""Keys of the benchmarks, as records of defaults."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from rearl_jax.config import ResultsConfig, _group, _study
+from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least, check_positive, check_rising
+from rearl_jax.config.study import StepsConfig
+
+
+class OptionError(ValueError):
+    """A benchmark cannot be carried out as asked; the message says what to write instead."""
+
+
+class Peer(Enum):
+    """A program the traffic core is measured against."""
+
+    c = "c"
+    """The C program beside the benchmark, without collisions."""
+    highway_env = "highway_env"
+    libsumo = "libsumo"
+    highjax = "highjax"
+    gpu = "gpu"
+    """The same core on a GPU, where JAX sees one."""
+
+
+@dataclass(unsafe_hash=True)
+class CoreOptions:
+    """Vehicles, repetitions and programs of the core's benchmark"""
+
+    vehicles: tuple[int, ...] = key((2, 10, 30, 100, 300, 1000), "vehicles per scenario, each measured")
+    seconds: int = key(60, "simulated time of a rollout [s]; REARL (Bi et al.)")
+    density: float = key(2.0, "vehicles_density of the initial scenes [-]; highway-env, REARL (Bi et al.)")
+    seed: int = key(0, "seed of the initial scenes; every repetition draws new ones")
+    repetitions: int = key(5, "measurements of every program, taken in turn")
+    repetition_cpu_s: float = key(2.0, "CPU time a measurement aims at by its number of scenarios [s]")
+    scenarios: tuple[int, ...] | None = key(
+        None,
+        "scenarios of a measurement of ours, one number per entry of vehicles; null: what fills the time",
+    )
+    chunk: int | None = key(None, "scenarios a core simulates at a time; null: by the number of vehicles")
+    peers: tuple[Peer, ...] = key(tuple(Peer), "programs measured beside ours; absent ones are named")
+    peer_cpu_s: float = key(
+        3.0, "CPU time after which highway-env and HighJax end their scenes with the second they are in [s]"
+    )
+    varied_vehicles: int = key(10, "vehicles per scenario where chunk and threads are varied")
+    chunks: tuple[int, ...] = key(
+        (16, 144, 400, 1200, 4080), "scenarios a core takes at a time, each measured on one core; empty leaves them out"
+    )
+    threads: tuple[int, ...] | None = key(
+        None, "cores, each number measured; null: 1, 2, 4 ... and all there are, empty leaves them out"
+    )
+    memory_rollouts: int = key(100_000, "rollouts of the peak-memory measurement; 0 leaves it out")
+    memory_vehicles: int = key(10, "vehicles per scenario of the peak-memory measurement")
+    against: str | None = key(
+        None,
+        "summary.json of an earlier `python -m benchmarks core`, or its folder; exit code 1 where we are slower now",
+    )
+    reference: Peer = key(Peer.c, "program whose ratio to ours is held against the earlier one")
+    margin: float = key(0.15, "share of the earlier ratio that may be lost; own choice")
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its range."""
+        check_rising(self, "vehicles")
+        for name in ("chunks", "threads"):
+            if getattr(self, name):
+                check_rising(self, name)
+        check_least(self, 1, "seconds", "repetitions", "memory_vehicles", "varied_vehicles")
+        check_positive(self, "density", "repetition_cpu_s", "peer_cpu_s")
+        check_least(self, 0, "seed", "memory_rollouts")
+        if not 0 < self.margin < 1:
+            raise ValueError(f"margin must be between 0 and 1, got {self.margin:g}")
+        if self.against is not None and self.reference not in self.peers:
+            raise ValueError(
+                f"reference = {self.reference.name} is not measured: add it to peers, or choose one of them"
+            )
+        if self.chunk is not None and self.chunk < 1:
+            raise ValueError(f"chunk must be at least 1 or null, got {self.chunk}")
+        if self.scenarios is not None and (len(self.scenarios) != len(self.vehicles) or min(self.scenarios) < 1):
+            raise ValueError(
+                f"scenarios must hold one positive number for each of the {len(self.vehicles)} entries of"
+                f" vehicles, got {list(self.scenarios)}"
+            )
+        if len(set(self.peers)) != len(self.peers):
+            raise ValueError(f"peers names a program twice: {[peer.name for peer in self.peers]}")
+
+
+class LoopPolicy(Enum):
+    """A policy whose closed loop is measured."""
+
+    rank = "rank"
+    """The matcher, by order of speed and spacing."""
+    raw = "raw"
+    """The matcher, by speed and spacing themselves."""
+    idle = "idle"
+    """Keeps lane and target speed."""
+
+
+@dataclass(unsafe_hash=True)
+class LoopOptions(StepsConfig):
+    """Detection and decisions beside the traffic core"""
+
+    vehicles: tuple[int, ...] = key((10, 30), "vehicles per scenario, each measured")
+    batches: tuple[int, ...] = key(
+        (1, 16, 256, 1200), "scenarios simulated at a time on one core, each measured; empty leaves rollouts out"
+    )
+    policies: tuple[LoopPolicy, ...] = key(
+        (LoopPolicy.rank, LoopPolicy.raw, LoopPolicy.idle),
+        "policies of the measured closed loops: matcher by rank, matcher by raw values, idle",
+    )
+    seconds: int = key(60, "simulated time of a rollout [s]; REARL (Bi et al.)")
+    repetitions: int = key(5, "measurements of every program, taken in turn")
+    repetition_cpu_s: float = key(0.5, "CPU time a measurement of Base aims at; the others simulate as many [s]")
+    rounds: int | None = key(None, "batches of a measurement; null: what fills the time")
+    effects: tuple[str, ...] | None = key(
+        None,
+        "effects switched on one at a time, with the fewest vehicles and the largest batch; null: all, empty: none",
+    )
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its range."""
+        super().check()
+        check_rising(self, "vehicles")
+        if self.batches:
+            check_rising(self, "batches")
+        if not (self.batches or self.steps_batches):
+            raise ValueError("batches and steps_batches are both empty: name the scenarios at a time in one of them")
+        check_least(self, 1, "seconds", "repetitions")
+        check_positive(self, "repetition_cpu_s")
+        if self.vehicles[0] < 2:
+            raise ValueError(f"vehicles must be at least 2 each (a spacing needs two), got {list(self.vehicles)}")
+        if self.rounds is not None and self.rounds < 1:
+            raise ValueError(f"rounds must be at least 1 or null, got {self.rounds}")
+        if not self.policies or len(set(self.policies)) != len(self.policies):
+            raise ValueError(f"policies must name each policy once, got {[policy.name for policy in self.policies]}")
+        if self.reference_seconds < self.seconds:
+            raise ValueError(
+                f"reference_seconds must be at least seconds ({self.seconds}), got {self.reference_seconds}"
+            )
+
+
+@dataclass(unsafe_hash=True)
+class DiscoverOptions:
+    """Sizes of the data in which discovery looks for a hidden reaction delay"""
+
+    drivers: tuple[int, ...] = key((30, 60, 120, 240), "drivers that follow a leader, each number measured")
+    seconds: tuple[int, ...] = key(
+        (60, 240), "recorded time at 10 frames per second [s], each measured with every number of drivers"
+    )
+    replicates: int = key(30, "drives simulated without any missing effect, as discover.replicates")
+    seed: int = key(0, "seed of the generated recordings and of discovery")
+
+    def check(self) -> None:
+        """Raise ValueError for a value outside its range."""
+        check_rising(self, "drivers", "seconds")
+        check_least(self, 2, "replicates")
+        check_least(self, 0, "seed")
+        if self.drivers[0] < 9:
+            raise ValueError(f"drivers must be at least 9 each, three for each part of the data, got {self.drivers[0]}")
+
+
+@dataclass(unsafe_hash=True)
+class CoreBenchmark:
+    """Speed of the traffic core beside highway-env, SUMO, HighJax and a C program.
+
+    The ratios are the result. With bench.against=FILE they are held against an earlier benchmark, and the exit code is
+    1 where we have become slower.
+    """
+
+    study: str = _study("bench_core")
+    results: ResultsConfig = _group(ResultsConfig)
+    bench: CoreOptions = _group(CoreOptions)
+
+
+@dataclass(unsafe_hash=True)
+class LoopBenchmark:
+    """Cost of detection and decisions beside the traffic core, of decision steps and of every effect.
+
+    No data are read: the references are synthetic.
+    """
+
+    study: str = _study("bench_loop")
+    results: ResultsConfig = _group(ResultsConfig)
+    loop: LoopOptions = _group(LoopOptions)
+
+
+@dataclass(unsafe_hash=True)
+class DiscoverBenchmark:
+    """Elapsed time, CPU time and peak memory of discovery by number of drivers and recorded time.
+
+    Every size is measured in a process of its own, from generated recordings, with empty caches. What was measured
+    before an interruption is kept: the same command goes on.
+    """
+
+    study: str = _study("bench_discover")
+    results: ResultsConfig = _group(ResultsConfig)
+    discover: DiscoverOptions = _group(DiscoverOptions)

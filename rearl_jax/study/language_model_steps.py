@@ -1,0 +1,121 @@
+"""Time of consecutive decision steps where a language model decides: real questions to a real server.
+
+The steps are those of the program `loop` of the decision steps (traffic, references, everybody asked every second);
+only the policy is another one. Answers kept from earlier would cost nothing, so none are used.
+"""
+
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import jax
+
+from rearl_jax.config.llm import LlmConfig, PromptConfig
+from rearl_jax.config.study import StepsConfig
+from rearl_jax.decision.lockstep import rollout_in_lockstep
+from rearl_jax.llm.client import Client
+from rearl_jax.llm.local_server import server_at
+from rearl_jax.llm.policy import LanguageModelPolicy
+from rearl_jax.llm.prompts import Prompter
+from rearl_jax.llm.records import Cause
+from rearl_jax.llm.template import load_template
+from rearl_jax.timing.decision_steps import ALWAYS, LOOP_MODEL, Batch, Scenes, scene_of
+
+
+@dataclass(frozen=True)
+class ModelSteps:
+    """One measurement.
+
+    Attributes:
+        batch: Scenarios at a time.
+        repetition: Number of the measurement, from 0.
+        wall_s: Elapsed time of all steps, simulation included [s].
+        n_steps: Decision steps.
+        n_questions: Questions asked in them, one per vehicle that drives.
+        n_sent: Of these sent to the server; equal ones are sent once.
+        n_answered: Of the questions those that got an admissible answer.
+    """
+
+    batch: int
+    repetition: int
+    wall_s: float
+    n_steps: int
+    n_questions: int
+    n_sent: int
+    n_answered: int
+
+
+@contextmanager
+def fresh_client(llm: LlmConfig, server: str) -> Iterator[Client]:
+    """A client that knows no answer from before.
+
+    Args:
+        llm: Model, sampling and time-outs; its file of answers is left alone.
+        server: Address, or `local`.
+
+    Raises:
+        ImportError: server=local, and the server or its model is not installed.
+        OSError: There is no server, or it does not get ready.
+        ValueError: The server does not have the model or refuses us.
+    """
+    with tempfile.TemporaryDirectory() as folder, server_at(server) as address:
+        with Client(replace(llm, cache=str(Path(folder) / "answers.sqlite")), address) as client:
+            yield client
+
+
+def measure_model_steps(
+    client: Client, prompt: PromptConfig, loop: StepsConfig, batch: int, repetitions: int
+) -> list[ModelSteps]:
+    """Measurements after a warm-up of one step, each from other traffic.
+
+    Args:
+        client: Asks the server.
+        prompt: What is shown.
+        loop: Vehicles, steps, references and seed.
+        batch: Scenarios at a time.
+        repetitions: Number of measurements.
+    """
+    scene = scene_of(loop, loop.steps_vehicles, loop.steps, batch)
+    scenes = Scenes.of(scene["references"], loop.steps_vehicles, loop.density)
+    prepare = jax.jit(lambda keys: replace(scenes.draw_recorded(keys, loop.steps), recorded=None))
+    found = []
+    for number in range(-1, repetitions):
+        keys = jax.random.split(jax.random.key(loop.seed + 1 + number), batch)
+        n_steps = 1 if number < 0 else loop.steps
+        measured = _measure(client, prompt, jax.block_until_ready(prepare(keys)), number, n_steps)
+        if number >= 0:
+            found.append(measured)
+    return found
+
+
+def _measure(client: Client, prompt: PromptConfig, batch: Batch, repetition: int, n_steps: int) -> ModelSteps:
+    size = batch.state.x.shape[-1]
+    half = -(-size // 2)
+    template = load_template(prompt.template)
+
+    def policy_of(part: slice) -> LanguageModelPolicy:
+        prompter = Prompter(batch.table, LOOP_MODEL, prompt, ALWAYS.detection, template)
+        limits = jax.tree.map(lambda leaf: leaf[part], batch.thresholds)
+        return LanguageModelPolicy(client, prompter, limits, part.start)
+
+    before = len(client.requests_frame())
+    begin = time.perf_counter()
+    # Nobody is asked after the last second, so the last decisions are made one second earlier.
+    rollout_in_lockstep(
+        batch.state,
+        batch.drivers,
+        batch.keys,
+        batch.table,
+        batch.thresholds,
+        (policy_of(slice(0, half)), policy_of(slice(half, size))),
+        LOOP_MODEL,
+        ALWAYS,
+        n_seconds=n_steps + 1,
+    )
+    wall_s = time.perf_counter() - begin
+    asked = client.requests_frame().iloc[before:]
+    n_answered = int((asked["cause"] == Cause.answered.name).sum())
+    return ModelSteps(size, repetition, wall_s, n_steps, len(asked), int(asked["was_sent"].sum()), n_answered)

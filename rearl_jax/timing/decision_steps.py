@@ -1,0 +1,315 @@
+"""Consecutive decision steps as subjects of a measurement: Base, PPO, the closed loop, and its parts alone.
+
+References are synthetic, so that no data are read.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Key
+
+from rearl_jax.baselines.driving import rollout_with_actor
+from rearl_jax.baselines.weights import load_policy
+from rearl_jax.config.core import CoreConfig
+from rearl_jax.config.decision import ExecConfig, MatcherConfig, MatchSpace, PolicyName
+from rearl_jax.config.detection import Cues
+from rearl_jax.config.study import StepsConfig
+from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.rollout import Frames, observe, rollout, simulate_second
+from rearl_jax.core.spawn import spawn
+from rearl_jax.core.state import TrafficState
+from rearl_jax.decision.admissible import admissible_actions
+from rearl_jax.decision.execution import Orders, accept, count, model_under_decisions, no_orders
+from rearl_jax.decision.loop import (
+    Decisions,
+    LoopOptions,
+    Traffic,
+    decisions_of,
+    initial_traffic,
+    look,
+    rollout_with_policy,
+)
+from rearl_jax.decision.policies import make_policy
+from rearl_jax.decision.situation import Policy, Situation
+from rearl_jax.detection.detector import DetectionOptions, DetectorMemory, Thresholds, detect, initial_memory
+from rearl_jax.detection.table import ReferenceTable, tabulate
+from rearl_jax.timing.batches import Batches, Subject
+from rearl_jax.timing.measurement import TICKS_PER_SECOND, Series
+from rearl_jax.timing.process import open_sessions
+from rearl_jax.timing.synthetic_references import synthetic_references
+from rearl_jax.timing.turns import Report, take_turns, warm_up
+
+BASE = "base"
+"""IDM and MOBIL alone."""
+
+PPO = "ppo"
+"""All vehicles driven by the trained policy that comes with the package."""
+
+LOOP, DETECTION, DECISION = "loop", "detection", "decision"
+"""Whole steps of the closed loop with the matcher by rank; on recorded traffic the detection alone, and all that
+follows from it alone.
+"""
+
+PARTS = (BASE, PPO, LOOP, DETECTION, DECISION)
+"""Programs of the decision steps."""
+
+PAPER_MS = {"idm_mobil": 0.461, "ppo": 15.898, "rearl": 86_241.0}
+"""Inference time of 10 consecutive decisions [ms]. Source: REARL (Bi et al.), which leaves open whether it is the time
+of one decision or of all ten, and of how many vehicles.
+"""
+
+WARM_UP = 20
+"""Simulated time before decision steps are measured, so that vehicles have met [s]; own choice."""
+
+BASE_MODEL = TrafficModel(ticks_per_second=TICKS_PER_SECOND)
+
+LOOP_MODEL = model_under_decisions(BASE_MODEL, ExecConfig().longitudinal)
+"""The same road with the stages that a closed loop at its defaults adds to it."""
+
+ALWAYS = LoopOptions(DetectionOptions(cues=Cues.always))
+"""The closed loop at its defaults, triggered every second."""
+
+
+class Batch(eqx.Module):
+    """Input of a program.
+
+    Attributes:
+        state: Initial traffic.
+        drivers: Its drivers.
+        keys: Random keys of the policy.
+        table: The references.
+        thresholds: Infinite: they are passed by nothing, where they count.
+        recorded: Traffic at the end of successive seconds, for programs that only look at it; else None.
+        shown: What a policy is shown of it, for programs that only decide; else None.
+    """
+
+    state: TrafficState
+    drivers: Drivers
+    keys: Key[Array, " scenarios"]
+    table: ReferenceTable
+    thresholds: Thresholds
+    recorded: TrafficState | None = None
+    shown: Situation | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Scenes:
+    """Recipe of the batches.
+
+    Attributes:
+        n_vehicles: Vehicles per scenario.
+        density: highway-env's `vehicles_density` [-].
+        table: The references.
+    """
+
+    n_vehicles: int
+    density: float
+    table: ReferenceTable
+
+    @classmethod
+    def of(cls, references: Mapping[str, int], n_vehicles: int, density: float) -> "Scenes":
+        """Scenes held against synthetic references.
+
+        Args:
+            references: Arguments of `synthetic_references`.
+            n_vehicles: Vehicles per scenario.
+            density: highway-env's `vehicles_density` [-].
+        """
+        return cls(n_vehicles, density, tabulate(synthetic_references(**references), DetectionOptions().hist))
+
+    def draw(self, keys: Key[Array, " scenarios"]) -> Batch:
+        """Traffic as highway-env places it, one scenario per key."""
+        state, drivers = spawn(keys, BASE_MODEL, n_vehicles=self.n_vehicles, density=self.density)
+        nothing = jnp.full(keys.shape, jnp.inf, state.x.dtype)
+        return Batch(state, drivers, keys, self.table, Thresholds(nothing, nothing))
+
+    def draw_recorded(self, keys: Key[Array, " scenarios"], n_seconds: int) -> Batch:
+        """The same some time later, and the seconds before."""
+        batch = self.draw(keys)
+
+        def second(state: TrafficState, _: None) -> tuple[TrafficState, TrafficState]:
+            state = simulate_second(state, batch.drivers, BASE_MODEL)
+            return state, state
+
+        state, seconds = lax.scan(second, batch.state, None, length=WARM_UP + n_seconds)
+        recorded = jax.tree.map(lambda leaf: leaf[WARM_UP:], seconds)
+        return dataclasses.replace(batch, state=state, recorded=recorded)
+
+    def draw_shown(self, keys: Key[Array, " scenarios"], n_seconds: int) -> Batch:
+        """The same, and what a policy that is always asked is shown of the seconds before."""
+        batch = self.draw_recorded(keys, n_seconds)
+
+        def second(traffic: Traffic, state: TrafficState) -> tuple[Traffic, tuple[TrafficState, Situation]]:
+            traffic = dataclasses.replace(traffic, state=state)
+            traffic, situation = look(traffic, batch.drivers, batch.table, batch.thresholds, LOOP_MODEL, ALWAYS)
+            return traffic, (state, situation)
+
+        start = initial_traffic(batch.state, batch.keys, batch.table, LOOP_MODEL, ALWAYS)
+        recorded, shown = lax.scan(second, start, batch.recorded)[1]
+        return dataclasses.replace(batch, recorded=recorded, shown=shown)
+
+
+def scene_of(loop: StepsConfig, n_vehicles: int, seconds: int, batch: int) -> dict[str, Any]:
+    """Arguments of a program beside its name.
+
+    Args:
+        loop: Density and references.
+        n_vehicles: Vehicles per scenario.
+        seconds: Simulated time [s].
+        batch: Scenarios at a time.
+    """
+    references = {
+        "seed": loop.seed,
+        "n_references": loop.n_references,
+        "n_seconds": loop.reference_seconds,
+        "n_vehicles": loop.reference_vehicles,
+    }
+    scene = {"n_vehicles": n_vehicles, "seconds": seconds, "batch": batch}
+    return {**scene, "density": loop.density, "references": references}
+
+
+def measure_steps(loop: StepsConfig, batch: int, report: Report) -> dict[str, Series]:
+    """Consecutive decision steps, whole and in parts, in turn; a measurement is one call."""
+    label = f"{loop.steps} decision steps, {batch} at a time"
+    scene = scene_of(loop, loop.steps_vehicles, loop.steps, batch)
+    with open_sessions(f"{__name__}:decision_steps", PARTS, scene, label, report) as sessions:
+        warm_up(sessions, loop.seed, label, report)
+        n_scenarios = dict.fromkeys(sessions, batch)
+        repetitions = loop.steps_repetitions
+        return take_turns(sessions, loop.steps_vehicles, n_scenarios, repetitions, loop.seed, label, report)
+
+
+def count_reports(loop: StepsConfig) -> int:
+    """Steps of a progress bar: in every batch all programs are compiled, warmed up and measured."""
+    return len(loop.steps_batches) * len(PARTS) * (loop.steps_repetitions + 2)
+
+
+def decision_steps(
+    name: str, *, n_vehicles: int, density: float, seconds: int, batch: int, references: dict[str, int]
+) -> Batches:
+    """Some consecutive decision steps or a part of them, ready to be measured.
+
+    Args:
+        name: One of `PARTS`.
+        n_vehicles: Vehicles per scenario.
+        density: highway-env's `vehicles_density` [-].
+        seconds: Number of steps, which is their simulated time [s].
+        batch: Scenarios at a time.
+        references: Arguments of `synthetic_references`.
+
+    Raises:
+        ValueError: There is no such part.
+    """
+    scenes = Scenes.of(references, n_vehicles, density)
+
+    def prepare(keys: Key[Array, " scenarios"]) -> Batch:
+        if name == DECISION:
+            return scenes.draw_shown(keys, seconds)
+        batch = scenes.draw_recorded(keys, seconds)
+        return batch if name == DETECTION else dataclasses.replace(batch, recorded=None)
+
+    if name == BASE:
+        subject = rollout_subject(prepare, seconds)
+    elif name == LOOP:
+        subject = loop_subject(matcher(MatchSpace.rank), prepare, seconds)
+    elif name == PPO:
+        subject = _driven_subject(prepare, seconds)
+    elif name in (DETECTION, DECISION):
+        run = look_for_drift if name == DETECTION else decide_on_shown
+        subject = Subject(prepare, run, lambda batch, _: jax.vmap(_observe_base)(batch.recorded), lambda _: None)
+    else:
+        raise ValueError(f"there is no part {name!r} of a decision step: {', '.join(PARTS)}")
+    return Batches(subject, batch=batch, n_vehicles=n_vehicles, seconds=seconds)
+
+
+def _observe_base(state: TrafficState) -> Frames:
+    return observe(state, BASE_MODEL)
+
+
+def rollout_subject(prepare: Any, seconds: int) -> Subject:
+    """Rollouts from prepared traffic in which nobody intervenes."""
+
+    def run_base(batch: Batch) -> Frames:
+        return rollout(batch.state, batch.drivers, BASE_MODEL, n_seconds=seconds)[1]
+
+    return Subject(prepare, run_base, lambda _, frames: frames, lambda _: None)
+
+
+def loop_subject(policy: Policy, prepare: Any, seconds: int, cues: Cues = Cues.always) -> Subject:
+    """Rollouts of the closed loop from prepared traffic."""
+    options = LoopOptions(DetectionOptions(cues=cues))
+
+    def run_loop(batch: Batch) -> tuple[Frames, Decisions]:
+        _, frames, decisions = rollout_with_policy(
+            batch.state,
+            batch.drivers,
+            batch.keys,
+            batch.table,
+            batch.thresholds,
+            policy,
+            LOOP_MODEL,
+            options,
+            n_seconds=seconds,
+        )
+        return frames, decisions
+
+    return Subject(prepare, run_loop, lambda _, result: result[0], lambda result: result[1])
+
+
+def _driven_subject(prepare: Any, seconds: int) -> Subject:
+    """Rollouts from prepared traffic in which the trained policy of the package drives everybody.
+
+    Raises:
+        FileNotFoundError: The installation lacks the weights.
+    """
+    policy = load_policy(None, CoreConfig())
+
+    def run_driven(batch: Batch) -> tuple[Frames, Array]:
+        actor = jax.tree.map(jnp.asarray, policy.network.actor)
+        return rollout_with_actor(batch.state, batch.drivers, actor, BASE_MODEL, policy.options, n_seconds=seconds)
+
+    return Subject(prepare, run_driven, lambda _, result: result[0], lambda _: None)
+
+
+def matcher(space: MatchSpace) -> Policy:
+    """The matcher, its other options at their defaults."""
+    return make_policy(PolicyName.matcher, MatcherConfig(space=space), LOOP_MODEL)
+
+
+def look_for_drift(batch: Batch) -> tuple[Array, ...]:
+    """Findings of the detection in each second of the recorded traffic, as far as a rollout hands it over."""
+
+    def second(memory: DetectorMemory, state: TrafficState) -> tuple[DetectorMemory, tuple[Array, ...]]:
+        # In a rollout the state is there; here it is a slice, which XLA would cut anew for every use.
+        frame = observe(lax.optimization_barrier(state), LOOP_MODEL)
+        memory, found = detect(memory, frame, batch.table, batch.thresholds, ALWAYS.detection)
+        return memory, (found.reference, found.hellinger, found.mape, found.triggered, count(found.mask))
+
+    return lax.scan(second, initial_memory(batch.table, batch.keys, ALWAYS.detection), batch.recorded)[1]
+
+
+def decide_on_shown(batch: Batch) -> tuple[Orders, Decisions]:
+    """Decisions in each second of the recorded traffic: admissible actions, policy, orders.
+
+    As in a rollout the orders of a second are carried to the next one: measured on a CPU, XLA computes what is handed
+    over at once by another program, which takes 1.7 times as long.
+    """
+    policy = matcher(MatchSpace.rank)
+    # Prepared by `draw_shown`.
+    assert batch.recorded is not None
+    assert batch.shown is not None
+
+    def second(orders: Orders, seen: tuple[TrafficState, Situation]) -> tuple[Orders, Decisions]:
+        state, situation = lax.optimization_barrier(seen)
+        admissible = admissible_actions(state, batch.drivers, LOOP_MODEL, ALWAYS.admissible)
+        situation = dataclasses.replace(situation, admissible=admissible)
+        coming = accept(policy(situation, batch.table, batch.keys), situation.is_asked, admissible)
+        return coming, decisions_of(orders, situation)
+
+    return lax.scan(second, no_orders(batch.state), (batch.recorded, batch.shown))

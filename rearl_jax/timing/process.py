@@ -1,0 +1,158 @@
+"""Measured programs in processes of their own, which makes CPU time and memory theirs alone.
+
+The other process runs `python -m rearl_jax.timing.process SPECIFICATION`. In: a JSON object as argument (`program`, the
+address of a function or class as `module:name`, its `arguments`, and `cpu_devices`), then one JSON object per line on
+standard input (`n_scenarios`, `seed`). Out: one JSON object per line, first the facts of the program, then a
+`Measurement` each. Ends with its input.
+"""
+
+import dataclasses
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from importlib import import_module
+from typing import Any
+
+from rearl_jax.timing.measurement import Measurement, Simulator
+from rearl_jax.timing.turns import Report
+
+_SECONDS_TO_END = 10.0
+"""Patience with a process that was told to end [s]."""
+
+
+class ProcessSession:
+    """A program in a Python process of its own."""
+
+    def __init__(
+        self, program: str, *, cpu_devices: int | None = 1, on_cpu: bool = True, remedy: str = "", **arguments: Any
+    ) -> None:
+        """Starts the process and waits until it is warm.
+
+        Args:
+            program: Address `module:name` of what makes the simulator.
+            cpu_devices: CPU devices of JAX; None for one per core.
+            on_cpu: Whether JAX sees the CPU alone.
+            remedy: What to do where the program fails.
+            **arguments: What the function or class takes.
+
+        Raises:
+            RuntimeError: The program ended instead.
+        """
+        self._program, self._remedy = program, remedy
+        self._complaints = tempfile.TemporaryFile("w+", encoding="utf-8")
+        specification = {"program": program, "cpu_devices": cpu_devices, "arguments": arguments}
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "rearl_jax.timing.process", json.dumps(specification)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._complaints,
+            encoding="utf-8",
+            env=fresh_environment(on_cpu=on_cpu),
+        )
+        self._facts = self._answer()
+
+    @property
+    def facts(self) -> dict[str, float | int]:
+        """Facts of the program, known since it was ready."""
+        return self._facts
+
+    def measure(self, n_scenarios: int, seed: int) -> Measurement:
+        """One measurement.
+
+        Raises:
+            RuntimeError: The program ended instead.
+        """
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(json.dumps({"n_scenarios": n_scenarios, "seed": seed}) + "\n")
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            pass  # it has ended; the missing answer below says why
+        return Measurement(**self._answer())
+
+    def close(self) -> None:
+        """Ends the process, which ends by itself when its input does."""
+        if self._complaints.closed:
+            return
+        try:
+            self._process.communicate(timeout=_SECONDS_TO_END)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.communicate()
+        self._complaints.close()
+
+    def _answer(self) -> dict[str, Any]:
+        assert self._process.stdout is not None
+        line = self._process.stdout.readline()
+        if line:
+            return json.loads(line)
+        code = self._process.wait(_SECONDS_TO_END)
+        self._complaints.seek(0)
+        last = "\n".join(self._complaints.read().splitlines()[-20:])
+        self.close()
+        remedy = f"; {self._remedy}" if self._remedy else ""
+        raise RuntimeError(
+            f"the measured program {self._program} ended with code {code}{remedy}. Its last words:\n{last}"
+        )
+
+
+def fresh_environment(*, on_cpu: bool = True) -> dict[str, str]:
+    """Environment of a process that imports what this one can, and takes no compiled program from the cache: that would
+    hide the compile time.
+    """
+    return {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+        **({"JAX_PLATFORMS": "cpu"} if on_cpu else {}),
+        "JAX_ENABLE_COMPILATION_CACHE": "false",
+        "PYGAME_HIDE_SUPPORT_PROMPT": "1",
+    }
+
+
+@contextmanager
+def open_sessions(
+    program: str, names: Sequence[str], scene: Mapping[str, Any], label: str, report: Report
+) -> Iterator[dict[str, Simulator]]:
+    """Variants of a program by name, each compiled in a process of its own.
+
+    Args:
+        program: Address of the function that makes a simulator of a `name`.
+        names: What is measured.
+        scene: Its other arguments.
+        label: Begins what is reported.
+        report: Told of every step.
+    """
+    sessions: dict[str, Simulator] = {}
+    with ExitStack() as stack:
+        for name in names:
+            report(f"{label}: {name}, compiling", 0)
+            session = ProcessSession(program, name=name, **scene)
+            stack.callback(session.close)
+            sessions[name] = session
+            report(f"{label}: {name}, compiled", 1)
+        yield sessions
+
+
+def main() -> None:
+    """Serves measurements until the input ends."""
+    # Libraries greet and warn on standard output; what they write there must not mix with the answers.
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    specification = json.loads(sys.argv[1])
+    from rearl_jax import runtime
+
+    runtime.start(x64=False, cpu_devices=specification["cpu_devices"])
+    module, _, name = specification["program"].partition(":")
+    simulator: Simulator = getattr(import_module(module), name)(**specification["arguments"])
+    print(json.dumps(dict(simulator.facts)), file=answers, flush=True)
+    for line in sys.stdin:
+        measurement = simulator.measure(**json.loads(line))
+        print(json.dumps(dataclasses.asdict(measurement)), file=answers, flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,62 @@
+"""Programs measured in turn.
+
+Within a repetition the programs run one after the other, in the reverse order the next time, so that other load on
+the machine meets all alike.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TypeAlias
+
+from rearl_jax.progress import progress_bar
+from rearl_jax.timing.measurement import Measurement, Series, Simulator
+
+Report: TypeAlias = Callable[[str, int], None]
+"""Told what is done next, and how many steps are done since the last time."""
+
+
+@contextmanager
+def reporting(n_steps: int) -> Iterator[Report]:
+    """A progress bar of so many steps."""
+    with progress_bar() as bar:
+        line = bar.add_task("starting", total=n_steps)
+        yield lambda doing, advance: bar.update(line, description=doing, advance=advance)
+
+
+def warm_up(sessions: Mapping[str, Simulator], seed: int, label: str, report: Report) -> dict[str, Measurement]:
+    """A first measurement of each, of as few scenarios as are sensible."""
+    first = {}
+    for name, session in sessions.items():
+        report(f"{label}: {name}, warming up", 0)
+        first[name] = session.measure(int(session.facts["unit"]), seed)
+        report(f"{label}: {name}, warmed up", 1)
+    return first
+
+
+def take_turns(
+    sessions: Mapping[str, Simulator],
+    n_vehicles: int,
+    n_scenarios: Mapping[str, int],
+    repetitions: int,
+    seed: int,
+    label: str,
+    report: Report,
+) -> dict[str, Series]:
+    """The series of each program; a repetition draws the same scenes for all, and new ones every time.
+
+    Args:
+        sessions: Programs by name.
+        n_vehicles: Vehicles per scenario.
+        n_scenarios: Of one measurement of each.
+        repetitions: Measurements of each.
+        seed: Of the warm-up; repetitions take the ones after it.
+        label: Begins what is reported.
+        report: Told of every step.
+    """
+    measured: dict[str, list[Measurement]] = {name: [] for name in sessions}
+    for repetition in range(repetitions):
+        for name in list(sessions) if repetition % 2 == 0 else list(sessions)[::-1]:
+            report(f"{label}: {name}, {repetition + 1} of {repetitions}", 0)
+            measured[name].append(sessions[name].measure(n_scenarios[name], seed + 1 + repetition))
+            report(f"{label}: {name}, {repetition + 1} of {repetitions}", 1)
+    return {name: Series(name, n_vehicles, tuple(runs), sessions[name].facts) for name, runs in measured.items()}

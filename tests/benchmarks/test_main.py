@@ -1,0 +1,87 @@
+"""The command line: keys as they were given, and what is said where they cannot be used."""
+
+import json
+import os
+
+import pytest
+
+from benchmarks import __main__ as module
+from benchmarks.__main__ import BENCHMARKS, configured, keys_help, main
+from benchmarks.options import OptionError, Peer
+from rearl_jax.results import Study
+
+
+def test_keys_are_read_in_the_types_of_the_record():
+    words = ["study=quick", "bench.vehicles=[10]", "bench.peers=[c,gpu]", "bench.density=3", "bench.against=results/x"]
+    config = configured("core", [*words, "bench.chunk=null", "results.root=there"])
+    assert (config.study, config.results.root) == ("quick", "there")
+    bench = config.bench
+    assert (bench.vehicles, bench.peers, bench.density) == ((10,), (Peer.c, Peer.gpu), 3.0)
+    assert (bench.against, bench.chunk) == ("results/x", None)
+    assert configured("loop", ["loop.effects=[]", "loop.batches=[16]"]).loop.effects == ()
+    assert configured("discover", []) == BENCHMARKS["discover"]()
+
+
+@pytest.mark.parametrize(
+    ("benchmark", "word", "message"),
+    [
+        ("cor", "study=x", "choices: core, loop, discover"),
+        ("core", "bench.vehicle=[1]", r"nearest: bench.vehicles; choices: study, .*bench.margin"),
+        ("loop", "loop", "is no key=value"),
+        ("core", "bench.peers=[d]", r"bench.peers=d is none of c\|highway_env"),
+        ("core", "bench.vehicles=two", r"bench.vehicles=two is no \[int, ...\]"),
+        ("core", "bench.vehicles=[", r"it must be \[int, ...\]"),
+        ("discover", "discover.drivers=[3]", "discover.drivers must be at least 9 each"),
+    ],
+)
+def test_other_words_are_refused_with_the_choices(benchmark, word, message, capsys):
+    with pytest.raises(OptionError, match=message):
+        configured(benchmark, [word])
+    assert main([benchmark, word]) == 2
+    assert capsys.readouterr().err.startswith("benchmarks: ")
+
+
+@pytest.mark.parametrize("benchmark", BENCHMARKS)
+def test_help_names_every_key_with_its_default(benchmark, capsys):
+    assert main([benchmark, "--help"]) == 0
+    said = capsys.readouterr().out
+    assert said == keys_help(benchmark) + "\n"
+    assert f"  study=bench_{benchmark}  (str)" in said
+    assert "results.resume=false" in said
+
+
+def test_help_names_every_benchmark(capsys):
+    assert main([]) == main(["--help"]) == 0
+    said = capsys.readouterr().out
+    assert all(f"\n{name} " in said for name in BENCHMARKS)
+
+
+@pytest.mark.parametrize(("n_slower", "code"), [(0, 0), (2, 1)])
+def test_json_is_the_summary_in_one_line_and_slower_is_a_failure(n_slower, code, monkeypatch, capfd, tmp_path):
+    class Core:
+        @staticmethod
+        def run(config):
+            os.write(1, b"a table\n")  # as a library that is not Python's would
+            summary = {"n_slower": n_slower, "substeps_per_cpu_s_n10": 2.0}
+            Study(config.results.root, config.study, config, "bench core").write_summary(summary)
+            return summary
+
+    monkeypatch.setattr(module, "import_module", {"benchmarks.core": Core}.get)
+    assert main(["core", "study=x", f"results.root={tmp_path}", "--json"]) == code
+    said = capfd.readouterr()
+    shown = json.loads(said.out)
+    stored = json.loads((tmp_path / "x" / "summary.json").read_text())
+    assert shown == {"results": str(tmp_path / "x"), **stored}
+    assert (shown["task"], shown["substeps_per_cpu_s_n10"]) == ("bench core", 2.0)
+    assert "a table" in said.err
+
+
+def test_an_interruption_has_the_code_of_its_signal(monkeypatch, capsys):
+    class Loop:
+        @staticmethod
+        def run(config):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "import_module", {"benchmarks.loop": Loop}.get)
+    assert main(["loop"]) == 130
+    assert "interrupted by Ctrl-C" in capsys.readouterr().err
