@@ -10,10 +10,9 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from rearl_jax.core.affected import on_affected
 from rearl_jax.core.car_following.model import CarFollowing
+from rearl_jax.core.compaction import ONE_IN_CHANGES_LANES, Subset, apply_where, compact
 from rearl_jax.core.drivers import Drivers
-from rearl_jax.core.few import ONE_IN_CHANGES_LANES, Few, single_out
 from rearl_jax.core.mobil import closing_in, decides
 from rearl_jax.core.nearest import lane_bit
 from rearl_jax.core.neighbours import Leader, View, for_each_vehicle, is_large, row
@@ -40,7 +39,7 @@ def abort_conflicts(
     question with the answers of the round before settles it, in as many rounds as the longest chain of
     vehicles that give way to each other.
     """
-    # What is decided has no slope; and what drivers remember has other axes than few could be picked from.
+    # What is decided has no slope; and what drivers remember has other axes than those a subset is gathered from.
     known = replace(state, memory=None), replace(view, nearest=None), drivers.car_following, drivers.body.length
     state, view, own, length = lax.stop_gradient(known)
     changing = decides(state, drivers) & (view.lane != state.target_lane)
@@ -48,20 +47,20 @@ def abort_conflicts(
     def among_everybody() -> Int[Array, "vehicles *scenarios"]:
         return _where_concerned((decided_lane, changing, state, view, own, length))
 
-    def among(few: Few) -> Int[Array, "vehicles *scenarios"]:
-        own_state, *others = jax.tree.map(few.take, (state, view, own, length))
+    def among(subset: Subset) -> Int[Array, "vehicles *scenarios"]:
+        own_state, *others = jax.tree.map(subset.gather, (state, view, own, length))
 
         def if_there(lane: Array) -> Array:
-            return jnp.where(few.is_there, lane, NOWHERE)
+            return jnp.where(subset.is_filled, lane, NOWHERE)
 
         own_state = replace(own_state, target_lane=if_there(own_state.target_lane))
-        decided, changes = if_there(few.take(decided_lane)), few.take(changing) & few.is_there
-        return few.put(_where_concerned((decided, changes, own_state, *others)), decided_lane)
+        decided, changes = if_there(subset.gather(decided_lane)), subset.gather(changing) & subset.is_filled
+        return subset.scatter(_where_concerned((decided, changes, own_state, *others)), decided_lane)
 
     if not is_large(state.x.shape[0]):
         return among_everybody()
-    few = single_out((state.target_lane != view.lane) | (decided_lane != view.lane), ONE_IN_CHANGES_LANES)
-    return lax.cond(few.suffices, lambda: among(few), among_everybody)
+    subset = compact((state.target_lane != view.lane) | (decided_lane != view.lane), ONE_IN_CHANGES_LANES)
+    return lax.cond(subset.suffices, lambda: among(subset), among_everybody)
 
 
 def _where_concerned(question: _Question) -> Int[Array, "n *s"]:
@@ -83,7 +82,7 @@ def _where_concerned(question: _Question) -> Int[Array, "n *s"]:
 
     nobody = jnp.zeros((1, *changing.shape[1:]), jnp.int32)
     _, twice, given = for_each_vehicle(changing.shape[0], look_at, (nobody, nobody, nobody))
-    return on_affected(((twice & given) != 0)[0], _settle, question, decided_lane)
+    return apply_where(((twice & given) != 0)[0], _settle, question, decided_lane)
 
 
 def _settle(question: _Question) -> Int[Array, "n *s"]:

@@ -9,8 +9,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
-from rearl_jax.core.affected import if_any
 from rearl_jax.core.car_following.model import LEAST_DESIRED_SPEED, CarFollowing
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.driving import Driving
 from rearl_jax.core.encounter import Encounter, first_encounter, meet

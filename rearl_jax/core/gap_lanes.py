@@ -7,8 +7,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
-from rearl_jax.core.affected import if_any
 from rearl_jax.core.car_following.model import CarFollowing
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.effects.intentions import SimulatedStimulus
 from rearl_jax.core.lane_search import Neighbour, Traits, bumper_gap, find_ahead, find_behind, nobody

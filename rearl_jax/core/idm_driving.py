@@ -8,18 +8,17 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from rearl_jax.core.affected import if_any
 from rearl_jax.core.car_following.highway_env_idm import HighwayEnvIDM
+from rearl_jax.core.compaction import Block, gather, if_any, list_vehicles, process_in_blocks, scatter
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.driving import Driving
-from rearl_jax.core.lots import Lot, in_lots, list_vehicles, put, take
 from rearl_jax.core.mobil import decide_lanes, follow, is_due, lane_gains, weigh_lanes
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import Traffic, View, find_leader
 from rearl_jax.core.state import Controller, TrafficState
 
 ONE_IN_ASKED = 12
-"""One vehicle in so many has a place in a lot of those who look at lanes beside: one in 16 decides in a tick, and no
+"""One vehicle in so many has a place in a block of those who look at lanes beside: one in 16 decides in a tick, and no
 more are on their way to another lane.
 """
 
@@ -71,15 +70,15 @@ def _behind_other_leader(everybody: _Followers, lane: Array, looks: Bool[Array, 
     if view.nearest is None:
         return of_all()
     listed = list_vehicles(looks)
-    lot = listed.lot(0, _size_of_lot(state))
+    block = listed.block(0, _block_size(state))
 
     def of_lot() -> Float[Array, "n *s"]:
-        own_state, own_view, traffic = _as_seen_by(lot, state, view)
-        own_free, own_drivers, own_lane = _taken(lot, (free, drivers, lane), state)
+        own_state, own_view, traffic = _as_seen_by(block, state, view)
+        own_free, own_drivers, own_lane = _taken(block, (free, drivers, lane), state)
         followers = own_state, own_view, own_free, own_drivers
-        return put(_behind_leader(followers, own_lane, traffic), lot.place, lot.is_there, nothing)
+        return scatter(_behind_leader(followers, own_lane, traffic), block.index, block.is_filled, nothing)
 
-    return lax.cond(listed.count <= _size_of_lot(state), of_lot, of_all)
+    return lax.cond(listed.count <= _block_size(state), of_lot, of_all)
 
 
 def _choose_lanes(
@@ -95,30 +94,30 @@ def _choose_lanes(
     # What is decided has no slope.
     state, view, free, own, drivers = lax.stop_gradient((state, view, free, own, drivers))
 
-    def ask(lot: Lot, target_lane: Array) -> Array:
-        own_state, own_view, traffic = _as_seen_by(lot, state, view)
-        question = own_state, own_view, *_taken(lot, (free, own, drivers), state)
-        return put(_chosen(question, lot.is_there, model, traffic), lot.place, lot.is_there, target_lane)
+    def ask(block: Block, target_lane: Array) -> Array:
+        own_state, own_view, traffic = _as_seen_by(block, state, view)
+        question = own_state, own_view, *_taken(block, (free, own, drivers), state)
+        return scatter(_chosen(question, block.is_filled, model, traffic), block.index, block.is_filled, target_lane)
 
-    return in_lots(list_vehicles(due), _size_of_lot(state), ask, state.target_lane)
+    return process_in_blocks(list_vehicles(due), _block_size(state), ask, state.target_lane)
 
 
-def _size_of_lot(state: TrafficState) -> int:
+def _block_size(state: TrafficState) -> int:
     return state.x.size // ONE_IN_ASKED + 2
 
 
-def _taken(lot: Lot, values: Values, state: TrafficState) -> Values:
-    """A lot's own of all vehicles' values."""
-    return jax.tree.map(lambda leaf: take(leaf, lot.place, state.x.shape), values)
+def _taken(block: Block, values: Values, state: TrafficState) -> Values:
+    """A block's own of all vehicles' values."""
+    return jax.tree.map(lambda leaf: gather(leaf, block.index, state.x.shape), values)
 
 
-def _as_seen_by(lot: Lot, state: TrafficState, view: View) -> tuple[TrafficState, View, Traffic]:
+def _as_seen_by(block: Block, state: TrafficState, view: View) -> tuple[TrafficState, View, Traffic]:
     """Some vehicles of large traffic, what can be seen of them, and the traffic they look at."""
     assert view.nearest is not None  # large traffic is walked along
-    # What drivers remember has other axes than a lot could be taken from.
+    # What drivers remember has other axes than those a block is gathered from.
     traffic = Traffic(replace(state, memory=None), replace(view, nearest=None))
-    own = _taken(lot, traffic, state)
-    return own.state, replace(own.view, nearest=view.nearest.seen_by(lot.place)), traffic
+    own = _taken(block, traffic, state)
+    return own.state, replace(own.view, nearest=view.nearest.seen_by(block.index)), traffic
 
 
 def _chosen(

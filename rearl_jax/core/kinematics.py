@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from rearl_jax.core.affected import if_any
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.double_double import arctangent, rounded
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.elementary import arcsine, cosine, not_zero, sine

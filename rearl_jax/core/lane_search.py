@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from rearl_jax.core.effects.stimulus import BESIDE_RANGE, OUT_OF_SIGHT
 from rearl_jax.core.nearest import lane_bit
 from rearl_jax.core.neighbours import View, for_each_vehicle, row
-from rearl_jax.core.order import NOBODY, pick
+from rearl_jax.core.order import NOBODY, take_vehicles
 from rearl_jax.core.state import TrafficState
 
 
@@ -172,7 +172,11 @@ def _row(state: TrafficState, traits: Traits, other: Int[Array, ""]) -> Neighbou
 
 def _picked(state: TrafficState, traits: Traits, index: Int[Array, "vehicles *scenarios"]) -> Neighbour:
     """A vehicle for each vehicle; distances are signed."""
-    return Neighbour(index, pick(state.x, index) - state.x, jax.tree.map(lambda values: pick(values, index), traits))
+    return Neighbour(
+        index,
+        take_vehicles(state.x, index) - state.x,
+        jax.tree.map(lambda values: take_vehicles(values, index), traits),
+    )
 
 
 def _reversed(neighbour: Neighbour) -> Neighbour:

@@ -11,8 +11,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from rearl_jax.core.affected import if_any
 from rearl_jax.core.car_following.highway_env_idm import HighwayEnvIDM, projected_approach_rate
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
 from rearl_jax.core.neighbours import (

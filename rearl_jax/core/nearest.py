@@ -20,9 +20,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int, UInt32
 
-from rearl_jax.core.affected import if_any
-from rearl_jax.core.lots import Lot, in_lots, list_vehicles, put, take
-from rearl_jax.core.order import NOBODY, in_a_row, pick
+from rearl_jax.core.compaction import Block, gather, if_any, list_vehicles, process_in_blocks, scatter
+from rearl_jax.core.order import NOBODY, flat_index, take_vehicles
 
 Words = tuple[UInt32[Array, "..."], ...]
 """The fields of all lanes, as many to a number as have room."""
@@ -147,10 +146,10 @@ class NearestOnLanes(eqx.Module):
             index: The vehicles; means nothing for NOBODY.
             lane: The lanes.
         """
-        later = tuple(self.pick(word, index) for word in self.later)
+        later = tuple(self.take(word, index) for word in self.later)
         return self.fields.found(self.fields.on(later, lane))
 
-    def pick(self, values: Array, index: Int[Array, "vehicles *scenarios"]) -> Array:
+    def take(self, values: Array, index: Int[Array, "vehicles *scenarios"]) -> Array:
         """All vehicles' values at the given indices, each within the scenario of the vehicle that asks.
 
         Args:
@@ -160,7 +159,7 @@ class NearestOnLanes(eqx.Module):
         place = jnp.maximum(index, 0) * self.n_scenarios + self.scenario
         return values.ravel().at[place].get(mode="promise_in_bounds")
 
-    def seen_by(self, place: Int[Array, " lot"]) -> "NearestOnLanes":
+    def seen_by(self, place: Int[Array, " block"]) -> "NearestOnLanes":
         """The same for some vehicles of whichever scenarios, who alone may then ask.
 
         Args:
@@ -185,7 +184,7 @@ def walk_along_road(
         n_lanes: Lanes of the road.
     """
     fields, n_scenarios = Fields(order.shape[0], n_lanes), math.prod(order.shape[1:])
-    step = _by_step(in_a_row(order), filling=order.size)
+    step = _by_step(flat_index(order), filling=order.size)
     on = on_lanes.ravel().at[step].get(mode="fill", fill_value=0)
     own = fields.of(step // n_scenarios, on)
     later, earlier = (_by_vehicle(_met(own, fields, reverse), step, order.shape) for reverse in (True, False))
@@ -255,9 +254,9 @@ def _by_vehicle(words: Words, step: Int[Array, "length stretches *scenarios"], s
     return tuple(nobody.at[place].set(word.ravel(), mode="drop").reshape(shape) for word in words)
 
 
-def _taken(words: Words, place: Int[Array, " lot"]) -> Words:
+def _taken(words: Words, place: Int[Array, " block"]) -> Words:
     """What some vehicles of whichever scenarios have found, given where they are among all in a row."""
-    return tuple(take(word, place, word.shape) for word in words)
+    return tuple(gather(word, place, word.shape) for word in words)
 
 
 def _look_abreast(
@@ -272,23 +271,23 @@ def _look_abreast(
 
     Arguments as of `walk_along_road`, and who comes later and earlier.
     """
-    along, shape, n_scenarios = pick(x, order), order.shape, math.prod(order.shape[1:])
+    along, shape, n_scenarios = take_vehicles(x, order), order.shape, math.prod(order.shape[1:])
     is_level = jnp.pad(along[1:] == along[:-1], [(1, 0)] + [(0, 0)] * (along.ndim - 1))
-    is_level_in_a_row, vehicle = is_level.ravel(), in_a_row(order).ravel()
+    is_level_flat, vehicle = is_level.ravel(), flat_index(order).ravel()
 
     def step_back(place: Array) -> Array:
-        return place - n_scenarios * is_level_in_a_row[place].astype(jnp.int32)
+        return place - n_scenarios * is_level_flat[place].astype(jnp.int32)
 
-    def look(lot: Lot, found: tuple[Words, Words]) -> tuple[Words, Words]:
-        first_place = lax.while_loop(lambda place: jnp.any(is_level_in_a_row[place]), step_back, lot.place)
-        oneself, first = vehicle[lot.place], vehicle[first_place]
+    def look(block: Block, found: tuple[Words, Words]) -> tuple[Words, Words]:
+        first_place = lax.while_loop(lambda place: jnp.any(is_level_flat[place]), step_back, block.index)
+        oneself, first = vehicle[block.index], vehicle[first_place]
 
-        ahead = fields.first_of(fields.of(first // n_scenarios, take(on_lanes, first, shape)), _taken(later, first))
+        ahead = fields.first_of(fields.of(first // n_scenarios, gather(on_lanes, first, shape)), _taken(later, first))
         ahead = _but_oneself(oneself // n_scenarios, ahead, _taken(later, oneself), fields)
         new = ahead, _taken(earlier, first)
-        return jax.tree.map(lambda values, word: put(values, oneself, lot.is_there, word), new, found)
+        return jax.tree.map(lambda values, word: scatter(values, oneself, block.is_filled, word), new, found)
 
-    return in_lots(list_vehicles(is_level), order.size // 256 + 2, look, (later, earlier))
+    return process_in_blocks(list_vehicles(is_level), order.size // 256 + 2, look, (later, earlier))
 
 
 def _but_oneself(index: Int[Array, "vehicles *scenarios"], found: Words, later: Words, fields: Fields) -> Words:

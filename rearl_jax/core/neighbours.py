@@ -169,7 +169,7 @@ def find_leader(
     """
     if view.nearest is not None:
         its, index = among or Traffic(state, view), view.nearest.ahead_on(lane)
-        x, *speeds = (view.nearest.pick(values, index) for values in (its.state.x, its.view.speed_x, its.view.speed_y))
+        x, *speeds = (view.nearest.take(values, index) for values in (its.state.x, its.view.speed_x, its.view.speed_y))
         seen = Leader(x - state.x, *speeds)
         return _replace_where(index != NOBODY, seen, _nobody_ahead(state))
     bit = lane_bit(lane)
@@ -198,7 +198,7 @@ def find_follower(
     seen = (traffic.state.speed, its.cos_heading, its.sin_heading, its.speed_ratio)
     if view.nearest is not None:
         index = view.nearest.behind_on(lane)
-        x, *others = (view.nearest.pick(values, index) for values in (traffic.state.x, *seen))
+        x, *others = (view.nearest.take(values, index) for values in (traffic.state.x, *seen))
         new = Follower(state.x - x, *others)
         return _replace_where(index != NOBODY, new, _nobody_behind(state))
     bit = lane_bit(lane)

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from rearl_jax.core.affected import if_any
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.effects.intentions import SimulatedStimulus
 from rearl_jax.core.effects.side_lane import SideLane

@@ -6,9 +6,9 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.config.decision import AdmissibleConfig, LaneGate
-from rearl_jax.core.affected import if_any
 from rearl_jax.core.car_following.highway_env_idm import projected_approach_rate
 from rearl_jax.core.car_following.model import Spacing
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.nearest import lane_bit

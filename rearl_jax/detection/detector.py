@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float, Int, Key
 from rearl_jax.config.detection import Cues, DetectionConfig, ReferenceConfig, ReferenceMode, Scope
 from rearl_jax.config.metrics import HistConfig, MapeConfig, MapeDefinition
 from rearl_jax.config.scenes import SpacingConfig
-from rearl_jax.core.affected import if_any
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.rollout import Frames
 from rearl_jax.detection.table import ReferenceTable, at_second, draw_references, of_reference, root_shares
 from rearl_jax.metrics.histograms import histogram_distances, speed_counts, speed_edges

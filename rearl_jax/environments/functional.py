@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, Key, UInt32
 
 from rearl_jax._typing import PRNGKey
-from rearl_jax.core.affected import if_any
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.state import TrafficState
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.decision.situation import N_ACTIONS
