@@ -11,7 +11,7 @@ from rearl_jax.core.batch import ScenarioMap, chunk_for
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import Frames, rollout
 from rearl_jax.core.spawn import spawn
-from rearl_jax.core.step import tick
+from rearl_jax.core.step import step
 
 SCENARIOS = 16
 """Scenarios whose work is counted."""
@@ -90,7 +90,7 @@ def least_work(n_vehicles: int) -> LeastWork:
     model = TrafficModel(ticks_per_second=TICKS_PER_SECOND, lane_changes=False, collisions=False)
     keys = jax.eval_shape(lambda: jax.random.split(jax.random.key(0), SCENARIOS))
     state, drivers = jax.eval_shape(lambda keys: spawn(keys, model, n_vehicles=n_vehicles, density=1.0), keys)
-    counted = jax.jit(lambda state, drivers: tick(state, drivers, model)).lower(state, drivers).cost_analysis() or {}
+    counted = jax.jit(lambda state, drivers: step(state, drivers, model)).lower(state, drivers).cost_analysis() or {}
     n_bytes = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(state))
     n_steps = n_vehicles * SCENARIOS
     return LeastWork(2 * n_bytes / n_steps, counted["flops"] / n_steps)

@@ -46,7 +46,7 @@ def bounding_boxes(state: TrafficState, body: Body, model: TrafficModel) -> Boun
     """
     size = jnp.abs(state.heading)
     sine, missing_cosine = jnp.minimum(size, 1.0), jnp.minimum(size * size / 2, 2.0)
-    moved = state.speed * (float(np.sqrt(2)) * model.tick)
+    moved = state.speed * (float(np.sqrt(2)) * model.dt)
     aside = jnp.abs(moved) * (sine + missing_cosine) + ROUNDING_MARGIN
     return BoundingBox(
         x=state.x,
@@ -102,7 +102,7 @@ def contact(
     def test() -> tuple[Array, Array, Array, Array]:
         touches, will_touch, shift_x, shift_y = separate(first, second, model)
         diagonals = jnp.hypot(first.half_length, first.half_width) + jnp.hypot(second.half_length, second.half_width)
-        is_near = jnp.hypot(second.x - first.x, second.y - first.y) <= diagonals + first.speed * model.tick
+        is_near = jnp.hypot(second.x - first.x, second.y - first.y) <= diagonals + first.speed * model.dt
         is_tested = is_pair & is_near & (first.collides | second.collides)
         return touches & is_tested, will_touch & is_tested, shift_x, shift_y
 

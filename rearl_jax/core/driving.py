@@ -1,4 +1,4 @@
-"""What drivers make of a tick, whichever rules they drive by."""
+"""What drivers make of a time step, whichever rules they drive by."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from rearl_jax.core.state import TrafficState
 
 
 class Driving(NamedTuple):
-    """What drivers want in a tick.
+    """What drivers want in a time step.
 
     Attributes:
         state: The traffic, with what drivers now remember.

@@ -56,22 +56,22 @@ def meet(
     leader: Int[Array, "vehicles *scenarios"],
     gap: Float[Array, "vehicles *scenarios"],
     speed: Float[Array, "vehicles *scenarios"],
-    tick: float,
+    dt: float,
 ) -> Encounter:
-    """What is remembered one tick later.
+    """What is remembered one time step later.
 
     Args:
         before: What was remembered.
         leader: Index of the present leader.
         gap: To it, bumper to bumper [m].
         speed: Own speed [m/s].
-        tick: Time since the last call [s].
+        dt: Time since the last call [s].
     """
     is_new = (leader != before.leader) & (leader != NOBODY)
     is_alone = leader == NOBODY
     is_near = jnp.minimum(before.gap, gap) < IN_SIGHT
     lost = jnp.where(is_near, jnp.clip(before.gap - gap, 0.0, MOST_GAP_LOST), 0.0)
-    since = jnp.minimum(before.time_since_change + tick, NEVER_CHANGED)
+    since = jnp.minimum(before.time_since_change + dt, NEVER_CHANGED)
     time_gap = jnp.clip(gap / jnp.maximum(speed, SLOWEST), *TIME_GAPS)
     return Encounter(
         leader=leader,

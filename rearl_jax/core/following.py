@@ -14,16 +14,16 @@ HARDEST_BRAKING, HARDEST_ACCELERATION = -9.0, 6.0
 """Bounds of what a vehicle can do [m/s^2]: tyre grip on a dry road; the strongest engine."""
 
 
-def begin_effects(effects: tuple[Effect, ...], seen: Stimulus, driver: CarFollowing, tick: float) -> tuple[PyTree, ...]:
+def begin_effects(effects: tuple[Effect, ...], seen: Stimulus, driver: CarFollowing, dt: float) -> tuple[PyTree, ...]:
     """What the effects remember at the start, one entry per effect.
 
     Args:
         effects: The effects of the model.
         seen: What the drivers see at the start.
         driver: Their car-following model.
-        tick: Time from one call of `follow` to the next [s].
+        dt: Time from one call of `follow` to the next [s].
     """
-    return tuple(effect.begin(seen, driver, tick) for effect in effects)
+    return tuple(effect.begin(seen, driver, dt) for effect in effects)
 
 
 def follow(
@@ -32,7 +32,7 @@ def follow(
     effects: tuple[Effect, ...],
     memory: tuple[PyTree, ...],
     last: Float[Array, "*#n"],
-    tick: float,
+    dt: float,
 ) -> tuple[Float[Array, "*n"], tuple[PyTree, ...]]:
     """Acceleration [m/s^2], bounded, and what the effects remember afterwards.
 
@@ -42,15 +42,15 @@ def follow(
         effects: What acts on them beyond it.
         memory: What the effects remember.
         last: Acceleration of the last call [m/s^2].
-        tick: Time since then [s].
+        dt: Time since then [s].
     """
-    seen, memory = take_in(seen, driver, effects, memory, tick)
+    seen, memory = take_in(seen, driver, effects, memory, dt)
     wanted = respond(seen, with_wishes(seen, driver, effects, memory), effects, memory)
-    return actuate(wanted, last, effects, tick), memory
+    return actuate(wanted, last, effects, dt), memory
 
 
 def take_in(
-    seen: Stimulus, driver: CarFollowing, effects: tuple[Effect, ...], memory: tuple[PyTree, ...], tick: float
+    seen: Stimulus, driver: CarFollowing, effects: tuple[Effect, ...], memory: tuple[PyTree, ...], dt: float
 ) -> tuple[Stimulus, tuple[PyTree, ...]]:
     """What the drivers take the situation for, and what the effects remember of it.
 
@@ -59,7 +59,7 @@ def take_in(
     """
     remembered = []
     for effect, held in zip(effects, memory, strict=True):
-        remembered.append(effect.remember(held, seen, driver, tick))
+        remembered.append(effect.remember(held, seen, driver, dt))
         seen = effect.perceive(seen, remembered[-1])
     return seen, tuple(remembered)
 
@@ -100,9 +100,16 @@ def respond(
 
 
 def actuate(
-    wanted: Float[Array, "*n"], last: Float[Array, "*#n"], effects: tuple[Effect, ...], tick: float
+    wanted: Float[Array, "*n"], last: Float[Array, "*#n"], effects: tuple[Effect, ...], dt: float
 ) -> Float[Array, "*n"]:
-    """Acceleration that vehicles execute [m/s^2], given what drivers want and what was executed a tick [s] ago."""
+    """Acceleration that vehicles execute [m/s^2].
+
+    Args:
+        wanted: Acceleration that the drivers want [m/s^2].
+        last: Acceleration executed in the last time step [m/s^2].
+        effects: What acts on the vehicles.
+        dt: Time step [s].
+    """
     for effect in effects:
-        wanted = effect.actuate(wanted, last, tick)
+        wanted = effect.actuate(wanted, last, dt)
     return wanted

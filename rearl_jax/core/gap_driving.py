@@ -26,7 +26,7 @@ from rearl_jax.core.stimuli import in_front, look_around, stimulus, traits_of
 
 
 class DriverMemory(eqx.Module):
-    """What drivers remember from tick to tick.
+    """What drivers remember from one time step to the next.
 
     Attributes:
         n_ticks: Ticks since the start.
@@ -59,7 +59,7 @@ def begin_driving(state: TrafficState, drivers: Drivers, model: TrafficModel) ->
     around = look_around(state, view, traits)
     encounter = first_encounter(around.ahead[0].index, bumper_gap(around.ahead[0], traits))
     seen = stimulus(state, view, traits, around, encounter, view.lane, jnp.zeros((), state.x.dtype), model)
-    held = begin_effects(drivers.effects, seen, _own_driver(state, drivers, model), model.tick)
+    held = begin_effects(drivers.effects, seen, _own_driver(state, drivers, model), model.dt)
     return replace(state, memory=DriverMemory(jnp.int32(0), encounter, held, jnp.zeros_like(state.target_lane)))
 
 
@@ -79,14 +79,14 @@ def weigh_gaps(state: TrafficState, view: View, drivers: Drivers, model: Traffic
     traits = traits_of(state, view, drivers)
     around = look_around(state, view, traits)
     leader = around.ahead[0]
-    encounter = meet(memory.encounter, leader.index, bumper_gap(leader, traits), traits.speed, model.tick)
+    encounter = meet(memory.encounter, leader.index, bumper_gap(leader, traits), traits.speed, model.dt)
     wanted_lane = jnp.where(view.lane == state.target_lane, view.lane + memory.wished_side, state.target_lane)
-    time = memory.n_ticks.astype(state.x.dtype) * model.tick
+    time = memory.n_ticks.astype(state.x.dtype) * model.dt
     seen = stimulus(state, view, traits, around, encounter, wanted_lane, time, model)
     effects, driver = drivers.effects, _own_driver(state, drivers, model)
-    perceived, held = take_in(seen, driver, effects, memory.effects, model.tick)
+    perceived, held = take_in(seen, driver, effects, memory.effects, model.dt)
     present = with_wishes(perceived, driver, effects, held)
-    at_rest_after = -jnp.maximum(state.speed, 0.0) / model.tick
+    at_rest_after = -jnp.maximum(state.speed, 0.0) / model.dt
 
     def on_target_lane() -> Float[Array, "vehicles *scenarios"]:
         (ahead,) = find_ahead(state, view, traits, state.target_lane, 1)

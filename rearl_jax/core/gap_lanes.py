@@ -23,7 +23,7 @@ Gains = tuple[Float[Array, "vehicles *scenarios"], Float[Array, "vehicles *scena
 
 
 class Outlook(eqx.Module):
-    """What drivers see and want in this tick.
+    """What drivers see and want in this time step.
 
     Attributes:
         traits: What can be seen of each vehicle, its desired speed of this moment included.
@@ -129,7 +129,7 @@ def wished_side(
         gains: What changes gain.
         drivers: Parameters of all vehicles.
         model: The road.
-        before: The same one tick ago.
+        before: The same one time step ago.
     """
     wished = jnp.zeros_like(before)
     due = is_due(state, view, drivers)

@@ -18,8 +18,8 @@ from rearl_jax.core.neighbours import Traffic, View, find_leader
 from rearl_jax.core.state import Controller, TrafficState
 
 ONE_IN_ASKED = 12
-"""One vehicle in so many has a place in a block of those who look at lanes beside: one in 16 decides in a tick, and no
-more are on their way to another lane.
+"""A block of vehicles that search other lanes has room for one in so many: one in 16 decides about its lane in a time
+step, and no more are on their way to another lane.
 """
 
 Values = TypeVar("Values")
@@ -117,7 +117,7 @@ def _as_seen_by(block: Block, state: TrafficState, view: View) -> tuple[TrafficS
     # What drivers remember has other axes than those a block is gathered from.
     traffic = Traffic(replace(state, memory=None), replace(view, nearest=None))
     own = _taken(block, traffic, state)
-    return own.state, replace(own.view, nearest=view.nearest.seen_by(block.index)), traffic
+    return own.state, replace(own.view, nearest=view.nearest.of_block(block.index)), traffic
 
 
 def _chosen(

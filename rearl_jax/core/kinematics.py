@@ -52,7 +52,7 @@ MAX_SINE_OF_SLIP = float(np.sin(np.arctan(np.tan(MAX_STEERING) / 2)))
 
 
 class Command(eqx.Module):
-    """What a vehicle does in this tick.
+    """What a vehicle does in this time step.
 
     Attributes:
         acceleration: Along the heading [m/s^2].
@@ -142,8 +142,8 @@ def control(
     """
     following = jnp.where(target_lane == view.lane, own, jnp.minimum(own, on_target))
     if drivers.effects:
-        following = actuate(following, state.acceleration, drivers.effects, model.tick)
-        following = jnp.maximum(following, -jnp.maximum(state.speed, 0.0) / model.tick)  # vehicles come to rest
+        following = actuate(following, state.acceleration, drivers.effects, model.dt)
+        following = jnp.maximum(following, -jnp.maximum(state.speed, 0.0) / model.dt)  # vehicles come to rest
     following = jnp.clip(following, -drivers.body.accel_limit, drivers.body.accel_limit)
     tracking = (1 / SPEED_TIME) * (state.desired_speed - state.speed)
     if model.meta_follows:
@@ -184,13 +184,13 @@ def move(
     drivers: Drivers,
     model: TrafficModel,
 ) -> TrafficState:
-    """State after one explicit Euler step of the kinematic bicycle; collisions of the tick before push now.
+    """State after one explicit Euler step of the kinematic bicycle; collisions of the time step before push now.
 
     Position and heading advance with the old speed. A pushed vehicle counts as crashed from here on.
 
     Source: highway-env 1.12.1, `Vehicle.step`; bicycle: Polack et al., IEEE IV 2017.
     """
-    dt = model.tick
+    dt = model.dt
     motion = course(state, view, command.sine_of_slip)
     x, x_lost = add_compensated(state.x, rounded(state.speed * motion.cos * dt), state.x_lost)
     y, y_lost = add_compensated(state.y, rounded(state.speed * motion.sin * dt), state.y_lost)

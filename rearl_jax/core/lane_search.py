@@ -21,7 +21,7 @@ class Traits(eqx.Module):
 
     Attributes:
         speed: Along the road [m/s].
-        acceleration: In the last tick [m/s^2].
+        acceleration: In the last time step [m/s^2].
         length: [m].
         is_truck: 1 for a truck.
         desired_speed: What its driver wants at the moment [m/s].

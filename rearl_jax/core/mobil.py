@@ -57,12 +57,12 @@ class Prospects(eqx.Module):
 
 
 def is_due(state: TrafficState, view: View, drivers: Drivers) -> Bool[Array, "vehicles *scenarios"]:
-    """Whether a driver takes a lane-change decision in this tick."""
+    """Whether a driver takes a lane-change decision in this time step."""
     return decides(state, drivers) & (view.lane == state.target_lane) & (state.ticks_to_decision <= 0)
 
 
 def restart_countdown(state: TrafficState, view: View, drivers: Drivers) -> Int[Array, "vehicles *scenarios"]:
-    """Ticks to the next decision, counted from now for those who take one in this tick."""
+    """Ticks to the next decision, counted from now for those who take one in this time step."""
     return jnp.where(is_due(state, view, drivers), drivers.mobil.decision_period, state.ticks_to_decision)
 
 

@@ -57,6 +57,6 @@ class TrafficModel:
             raise ValueError("speed_levels needs at least two speeds [m/s] for FASTER and SLOWER to choose from")
 
     @property
-    def tick(self) -> float:
-        """Duration of one tick [s]."""
+    def dt(self) -> float:
+        """Duration of one time step, one tick [s]."""
         return 1.0 / self.ticks_per_second

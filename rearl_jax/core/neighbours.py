@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int
 from rearl_jax.core.double_double import rounded
 from rearl_jax.core.elementary import cosine, not_zero, sine
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
-from rearl_jax.core.nearest import NearestOnLanes, lane_bit, walk_along_road
+from rearl_jax.core.nearest import NearestOnLanes, lane_bit, scan_along_road
 from rearl_jax.core.order import NOBODY, sort_along_road
 from rearl_jax.core.state import TrafficState, nearest_lane
 
@@ -37,7 +37,7 @@ LARGE_TRAFFIC_BLOCK = 8
 
 
 class View(eqx.Module):
-    """What others can see of each vehicle, and what the stages of one tick share.
+    """What others can see of each vehicle, and what the stages of one time step share.
 
     Attributes:
         lane: Nearest lane.
@@ -127,7 +127,7 @@ def lanes_under(state: TrafficState, model: TrafficModel) -> Int[Array, "vehicle
 
 
 def perceive(state: TrafficState, model: TrafficModel) -> View:
-    """What can be seen of each vehicle at the start of a tick.
+    """What can be seen of each vehicle at the start of a time step.
 
     Source: highway-env 1.12.1, `IDMVehicle.acceleration` (speed limit).
     """
@@ -139,7 +139,7 @@ def perceive(state: TrafficState, model: TrafficModel) -> View:
     on_lanes = lanes_under(state, model)
     nearest = None
     if is_large(state.x.shape[0]):
-        nearest = walk_along_road(state.order, state.x, on_lanes, model.n_lanes)
+        nearest = scan_along_road(state.order, state.x, on_lanes, model.n_lanes)
     return View(
         lane=nearest_lane(state.y, model),
         cos_heading=cos_heading,

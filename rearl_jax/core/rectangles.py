@@ -155,7 +155,7 @@ def _mean(corners: list[_Vector]) -> _Vector:
 def _displacement(rectangle: Rectangle, model: TrafficModel) -> _Vector:
     """Displacement in one time step [m]."""
     along, across = rounded(rectangle.speed * rectangle.cos), rounded(rectangle.speed * rectangle.sin)
-    return rounded(along * model.tick), rounded(across * model.tick)
+    return rounded(along * model.dt), rounded(across * model.dt)
 
 
 def _project(corners: list[_Vector], axis: _Vector) -> _Vector:

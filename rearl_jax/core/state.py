@@ -1,4 +1,4 @@
-"""What the next tick needs to know of the traffic, and how to build it from measured or drawn vehicles.
+"""What the next time step needs to know of the traffic, and how to build it from measured or drawn vehicles.
 
 Arrays are `[n_vehicles, *n_scenarios]`: the vehicle axis first, in the order of highway-env's vehicle list, the
 scenario axis last and contiguous. A single scene has no scenario axis.
@@ -37,13 +37,13 @@ class TrafficState(eqx.Module):
         y_lost: The same for y [m].
         heading: Angle to the road, positive towards larger y [rad].
         speed: Speed along the heading, before the slip angle [m/s].
-        acceleration: Acceleration executed in the last tick [m/s^2].
+        acceleration: Acceleration executed in the last time step [m/s^2].
         desired_speed: Desired speed of an IDM vehicle, target speed of a META vehicle [m/s].
         target_lane: Lane the vehicle is steered to.
         ticks_to_decision: Ticks until the next lane-change decision is due; it waits while a change is in progress.
         controller: Who drives, see `Controller`.
         crashed: Whether the vehicle has been in a collision.
-        is_pushed: Whether a collision moves the vehicle in the coming tick.
+        is_pushed: Whether a collision moves the vehicle in the coming time step.
         push_x: Displacement by that collision along the road [m].
         push_y: The same across the road [m].
         order: Vehicle indices along the road as last sorted; any permutation is a valid start. Only large traffic uses

@@ -1,4 +1,4 @@
-"""One tick of the traffic, as the list of its stages."""
+"""One time step of the traffic, as the list of its stages."""
 
 from rearl_jax.core.collisions import collide
 from rearl_jax.core.conflicts import abort_conflicts
@@ -12,8 +12,8 @@ from rearl_jax.core.neighbours import perceive, sort_if_large
 from rearl_jax.core.state import TrafficState
 
 
-def tick(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
-    """State one tick later: see, weigh the lanes, decide, give way, accelerate and steer, move, collide.
+def step(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
+    """State one time step later: see, weigh the lanes, decide, give way, accelerate and steer, move, collide.
 
     highway-env's drivers, without effects, weigh the lanes as there; all others by their car-following model and their
     effects, from a state of `begin_driving`.
@@ -21,10 +21,10 @@ def tick(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficS
     Source: highway-env 1.12.1, `Road.act` followed by `Road.step`; its order of vehicles matters only to who gives way
     and to who pushes whom, and both are reproduced.
     """
-    return tick_in_order(sort_if_large(state), drivers, model)
+    return step_in_order(sort_if_large(state), drivers, model)
 
 
-def tick_in_order(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
+def step_in_order(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
     """The same from a state whose order along the road is up to date, as it is in every state that comes out."""
     view = perceive(state, model)
     weigh = weigh_gaps if drivers.see_gaps else weigh_idm

@@ -62,12 +62,12 @@ class Effect(eqx.Module):
     parameters: ClassVar[tuple[Parameter, ...]]
     depends_on: ClassVar[tuple[str, ...]] = ()
 
-    def begin(self, seen: Stimulus, driver: CarFollowing, tick: float) -> PyTree:
+    def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> PyTree:
         """What is remembered at the start; None for an effect without memory."""
         return None
 
-    def remember(self, memory: PyTree, seen: Stimulus, driver: CarFollowing, tick: float) -> PyTree:
-        """What is remembered after this moment, which took `tick` [s]."""
+    def remember(self, memory: PyTree, seen: Stimulus, driver: CarFollowing, dt: float) -> PyTree:
+        """What is remembered after this moment, which took `dt` [s]."""
         return memory
 
     def perceive(self, seen: Stimulus, memory: PyTree) -> Stimulus:
@@ -103,13 +103,13 @@ class Effect(eqx.Module):
         """Acceleration that the driver wants [m/s^2], before the bounds of what a vehicle can do."""
         return value
 
-    def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], tick: float) -> Float[Array, "*n"]:
+    def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], dt: float) -> Float[Array, "*n"]:
         """Acceleration that the vehicle executes [m/s^2].
 
         Args:
             wanted: By the driver.
-            last: Executed in the last tick [m/s^2].
-            tick: Time since then [s].
+            last: Executed in the last time step [m/s^2].
+            dt: Time since then [s].
         """
         return wanted
 
