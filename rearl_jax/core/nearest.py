@@ -280,8 +280,8 @@ def _correct_abreast(
         first_place = lax.while_loop(lambda place: jnp.any(flat_abreast[place]), step_back, block.index)
         own, first = vehicle[block.index], vehicle[first_place]
 
-        on_first = gather(on_lanes, first, shape)
-        ahead = fields.nearer_of(fields.insert(first // n_scenarios, on_first), _gather_words(later, first))
+        first_fields = fields.insert(first // n_scenarios, gather(on_lanes, first, shape))
+        ahead = fields.nearer_of(first_fields, _gather_words(later, first))
         ahead = _without_self(own // n_scenarios, ahead, _gather_words(later, own), fields)
         corrected = ahead, _gather_words(earlier, first)
         return jax.tree.map(lambda new, old: scatter(new, own, block.is_filled, old), corrected, neighbours)

@@ -193,13 +193,13 @@ def test_neighbours_are_the_nearest_at_each_place():
 
 
 def test_neighbours_are_those_the_core_sees():
-    from rearl_jax.core.neighbours import find_follower, find_leader, perceive
+    from rearl_jax.core.neighbours import derive_state, find_follower, find_leader
     from rearl_jax.core.state import make_state
 
     def see(state, side):
-        view = perceive(state, model)
-        lane = view.lane + side
-        return find_leader(state, view, lane).distance, find_follower(state, view, lane).distance
+        derived = derive_state(state, model)
+        lane = derived.lane + side
+        return find_leader(state, derived, lane).distance, find_follower(state, derived, lane).distance
 
     model = TrafficModel()
     frame = random_situation(1, n_scenarios=30).frame

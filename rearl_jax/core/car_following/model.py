@@ -102,7 +102,7 @@ class CarFollowing(eqx.Module):
         is_moving = (seen.speed > 0) & (seen.speed_ratio > 0)
         own = LEAST_DESIRED_SPEED if self.desired_speed is None else self.desired_speed
         desired_speed = jnp.where(is_moving, seen.speed / jnp.where(is_moving, seen.speed_ratio, 1), own)
-        return self.with_wishes(desired_speed, self.time_gap, self.jam_gap)
+        return self.with_setpoints(desired_speed, self.time_gap, self.jam_gap)
 
     def desired_spacing(
         self, length: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
@@ -110,7 +110,7 @@ class CarFollowing(eqx.Module):
         """Spacing a driver wants, centre to centre [m]; `length` is that of the vehicles [m]."""
         return self.desired_gap(speed, approach_rate) + length
 
-    def with_wishes(
+    def with_setpoints(
         self, desired_speed: Float[Array, "*#n"], time_gap: Float[Array, "*#n"], jam_gap: Float[Array, "*#n"]
     ) -> "CarFollowing":
         """The same drivers with what effects have made of their desired speed, time gap and gap at standstill."""
