@@ -216,7 +216,7 @@ class Subset(eqx.Module):
 
     @property
     def is_filled(self) -> Bool[Array, "places *scenarios"]:
-        """Whether a place is not empty."""
+        """True where a place is not empty."""
         return self.vehicle < self.n_vehicles
 
     def gather(self, values: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What is fixed while a program runs: the road, the clock and which stages the traffic model has.
+"""Road, clock and stages of the traffic model, which are fixed while a program runs.
 
 A `TrafficModel` is hashable and static: another value compiles another program. Numbers that vary between
 vehicles or scenarios are arrays and live in `rearl_jax.core.drivers` and `rearl_jax.core.state`.

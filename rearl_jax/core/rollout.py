@@ -35,8 +35,8 @@ class Frames(eqx.Module):
     crashed: Bool[Array, "*frames"]
 
 
-def observe(state: TrafficState, model: TrafficModel) -> Frames:
-    """The frame that shows a state."""
+def frame_of(state: TrafficState, model: TrafficModel) -> Frames:
+    """Frame of a state."""
     return Frames(
         x=state.x,
         y=state.y,
@@ -80,6 +80,6 @@ def rollout(
         if action is not None:
             before = apply_meta_actions(before, action, model)
         after = simulate_second(before, drivers, model)
-        return after, observe(after, model)
+        return after, frame_of(after, model)
 
     return lax.scan(second, state, actions, length=n_seconds)

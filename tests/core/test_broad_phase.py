@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rearl_jax.core import collisions
+from rearl_jax.core import broad_phase, collisions, narrow_phase
 from rearl_jax.core.drivers import Body
 from rearl_jax.core.state import make_state
 from tests.core.simulation import MODEL
@@ -34,7 +34,7 @@ def ahead_by(n):
 
 
 @pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.thorough)])
-def test_pile_ups_of_many_windows_blocks_and_scenarios(dtype):
+def test_queues_of_many_windows_blocks_and_scenarios(dtype):
     state, body = piled_up(0, dtype)
     x, y = np.asarray(state.x), np.asarray(state.y)
     touching = np.triu(np.ones((N_VEHICLES, N_VEHICLES), bool), 1)[..., None]

@@ -270,10 +270,10 @@ def test_seconds_in_which_nobody_is_asked_count_for_the_window():
 
 
 def test_questions_about_what_the_loop_shows():
-    """The records that `look` returns, fetched as they are: their shapes, their window, their permissions."""
+    """The records that `assess` returns, fetched as they are: their shapes, their window, their permissions."""
     from rearl_jax.config.detection import Cues
     from rearl_jax.core.spawn import spawn
-    from rearl_jax.decision.loop import LoopOptions, initial_traffic, look
+    from rearl_jax.decision.loop import LoopOptions, assess, initial_loop_state
 
     model, options = TrafficModel(meta_follows=True), LoopOptions(DetectionOptions(cues=Cues.always))
     rng = np.random.default_rng(4)
@@ -281,8 +281,8 @@ def test_questions_about_what_the_loop_shows():
     table = make_table(rng.uniform(5, 32, shape), rng.uniform(30, 90, shape), rng.integers(0, 5, shape))
     keys = jax.random.split(jax.random.key(0), 4)
     state, drivers = spawn(keys, model, n_vehicles=10, density=3.0)
-    show = jax.jit(partial(look, model=model, options=options))
-    traffic = initial_traffic(state, keys, table, model, options)
+    show = jax.jit(partial(assess, model=model, options=options))
+    traffic = initial_loop_state(state, keys, table, model, options)
     prompter = Prompter(table, model, PromptConfig(), options.detection)
     for _ in range(2):
         traffic, situation = show(traffic, drivers, table, thresholds)

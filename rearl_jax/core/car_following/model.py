@@ -113,7 +113,7 @@ class CarFollowing(eqx.Module):
     def with_setpoints(
         self, desired_speed: Float[Array, "*#n"], time_gap: Float[Array, "*#n"], jam_gap: Float[Array, "*#n"]
     ) -> "CarFollowing":
-        """The same drivers with what effects have made of their desired speed, time gap and gap at standstill."""
+        """The same drivers with other desired speeds, time gaps and standstill gaps (set points)."""
         return replace(self, desired_speed=desired_speed, time_gap=time_gap, jam_gap=jam_gap)
 
     def full(self, shape: tuple[int, ...]) -> "CarFollowing":
@@ -131,7 +131,7 @@ class CarFollowing(eqx.Module):
 
 
 class Spacing(NamedTuple):
-    """What drivers see who measure from centre to centre, as highway-env's do.
+    """Stimulus of drivers who measure from centre to centre, as highway-env's do.
 
     Attributes:
         spacing: To the leader, centre to centre [m]; inf without one.
@@ -149,7 +149,7 @@ class Spacing(NamedTuple):
 
     @property
     def has_leader(self) -> Bool[Array, "*n"]:
-        """Whether there is anybody to follow."""
+        """True where there is a leader."""
         return jnp.isfinite(self.spacing)
 
 

@@ -17,11 +17,11 @@ SITUATION = (
     *("second_speed", "has_third", "third_speed", "has_follower", "follower_gap", "follower_speed"),
     *("has_left", "left_gap", "left_speed", "beside_speed", "n_beside"),
 )
-"""What a driver has in mind between two decisions; place and time go on."""
+"""Stimulus that is kept between two decisions; place and time go on."""
 
 
 class InMind(eqx.Module):
-    """What drivers remember of their last decision.
+    """Memory of the last decision.
 
     Attributes:
         count: Ticks so far.

@@ -1,4 +1,4 @@
-"""Effects of the vehicle itself: what lies between the acceleration that is wanted and the one that is executed."""
+"""Effects of the vehicle itself, between the acceleration that is wanted and the one that is executed."""
 
 from typing import ClassVar
 
@@ -51,7 +51,7 @@ class VehicleLimits(Effect):
     )
 
     def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], dt: float) -> Float[Array, "*n"]:
-        """What is wanted, within the limits; those of acceleration come before that of jerk."""
+        """Wanted acceleration within the limits; those of acceleration come before that of jerk."""
         bounded = jnp.clip(wanted, -self.deceleration_limit, self.acceleration_limit)
         step = self.jerk_limit * dt
         return jnp.clip(bounded, last - step, last + step)

@@ -35,7 +35,7 @@ class ApproachRateGain(Effect):
 
 
 class FirstGap(eqx.Module):
-    """What a driver remembers of the gap it began to follow at.
+    """Memory of the gap at which a driver began to follow.
 
     Attributes:
         time_gap: Right after the leader had come [s]; nan where there is none.

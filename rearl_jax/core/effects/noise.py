@@ -1,4 +1,4 @@
-"""What is random in drivers: how they accelerate and what they take distances and speeds for."""
+"""Random effects: noise of the acceleration and of perceived distances and speeds."""
 
 from dataclasses import field, replace
 from typing import ClassVar
