@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from rearl_jax.core.rollout import rollout
     from rearl_jax.core.spawn import spawn
     from rearl_jax.core.state import Controller, make_state
-    from rearl_jax.core.step import tick
+    from rearl_jax.core.step import step
     from rearl_jax.data.scene_files import load_scenes
     from rearl_jax.environments.functional import FunctionalHighway
     from rearl_jax.environments.registration import make_env
@@ -82,7 +82,7 @@ _HOMES = {
     "read_recordings": "rearl_jax.workflows",
     "rollout": "rearl_jax.core.rollout",
     "spawn": "rearl_jax.core.spawn",
-    "tick": "rearl_jax.core.step",
+    "step": "rearl_jax.core.step",
 }
 
 __all__ = [
@@ -105,7 +105,7 @@ __all__ = [
     "read_recordings",
     "rollout",
     "spawn",
-    "tick",
+    "step",
 ]
 
 

@@ -1,4 +1,4 @@
-"""All vehicles driven by one policy: look, decide, simulate a second, again."""
+"""All vehicles driven by one policy: observe, decide, simulate a second, again."""
 
 import dataclasses
 from typing import TypeAlias
@@ -12,7 +12,7 @@ from rearl_jax.baselines.observation import observe_neighbours
 from rearl_jax.config.decision import AdmissibleConfig, ExecConfig, Longitudinal
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.rollout import Frames, observe, simulate_second
+from rearl_jax.core.rollout import Frames, frame_of, simulate_second
 from rearl_jax.core.state import Controller, TrafficState
 from rearl_jax.decision.admissible import admissible_actions
 from rearl_jax.decision.execution import (
@@ -26,7 +26,7 @@ from rearl_jax.decision.execution import (
 
 @dataclasses.dataclass(frozen=True)
 class DrivingOptions:
-    """What of the driving changes the program: which actions are admissible, how target speeds are followed."""
+    """Options that change the program: which actions are admissible, how target speeds are followed."""
 
     admissible: AdmissibleConfig = dataclasses.field(default_factory=AdmissibleConfig)
     longitudinal: Longitudinal = Longitudinal.mdp
@@ -36,12 +36,12 @@ class DrivingOptions:
         return model_under_decisions(model, self.longitudinal)
 
 
-class Sight(eqx.Module):
-    """What is known of every vehicle before it decides.
+class PolicyInput(eqx.Module):
+    """Input of the policy for every vehicle.
 
     Attributes:
-        observation: What it sees, see `observe_neighbours`.
-        admissible: Whether it may take each action; none where it has crashed.
+        observation: See `observe_neighbours`.
+        admissible: Mask of the admissible actions; none where the vehicle has crashed.
     """
 
     observation: Float[Array, "features vehicles scenarios"]
@@ -49,7 +49,7 @@ class Sight(eqx.Module):
 
 
 Driven: TypeAlias = tuple[TrafficState, DecisionMemory]
-"""The vehicles, and what execution remembers of their decisions."""
+"""The vehicles, and the memory of execution about their decisions."""
 
 
 def begin(state: TrafficState, model: TrafficModel) -> Driven:
@@ -57,15 +57,15 @@ def begin(state: TrafficState, model: TrafficModel) -> Driven:
     return state, initial_decision_memory(state, model)
 
 
-def look(state: TrafficState, drivers: Drivers, model: TrafficModel, options: DrivingOptions) -> Sight:
-    """What everybody sees and may do."""
-    return Sight(observe_neighbours(state), admissible_actions(state, drivers, model, options.admissible))
+def policy_input(state: TrafficState, drivers: Drivers, model: TrafficModel, options: DrivingOptions) -> PolicyInput:
+    """Input of the policy for every vehicle."""
+    return PolicyInput(observe_neighbours(state), admissible_actions(state, drivers, model, options.admissible))
 
 
 def drive(
     driven: Driven,
     actions: Int[Array, "vehicles scenarios"],
-    sight: Sight,
+    given: PolicyInput,
     drivers: Drivers,
     model: TrafficModel,
     options: DrivingOptions,
@@ -73,7 +73,7 @@ def drive(
     """One second later, during which everybody has followed its action; who has none drives by IDM and MOBIL."""
     state, memory = driven
     is_there = state.controller != Controller.ABSENT
-    orders = accept(actions, is_there, sight.admissible)
+    orders = accept(actions, is_there, given.admissible)
     execution = ExecConfig(longitudinal=options.longitudinal)
     state, memory = execute(state, memory, orders, model, execution)
     return simulate_second(state, drivers, model), memory
@@ -103,9 +103,9 @@ def rollout_with_actor(
     state, drivers = lax.optimization_barrier((state, drivers))
 
     def second(driven: Driven, _: None) -> tuple[Driven, tuple[Frames, Array]]:
-        sight = look(driven[0], drivers, model, options)
-        actions = greedy_actions(actor(sight.observation), sight.admissible)
-        driven = drive(driven, actions, sight, drivers, model, options)
-        return driven, (observe(driven[0], model), actions)
+        given = policy_input(driven[0], drivers, model, options)
+        actions = greedy_actions(actor(given.observation), given.admissible)
+        driven = drive(driven, actions, given, drivers, model, options)
+        return driven, (frame_of(driven[0], model), actions)
 
     return lax.scan(second, begin(state, model), None, length=n_seconds)[1]

@@ -7,7 +7,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax._typing import PRNGKey
-from rearl_jax.baselines.driving import Driven, DrivingOptions, Sight, begin, drive, look
+from rearl_jax.baselines.driving import Driven, DrivingOptions, PolicyInput, begin, drive, policy_input
 from rearl_jax.baselines.network import ActorCritic, drawn_actions, log_shares
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
@@ -20,7 +20,7 @@ class Drive(eqx.Module):
     """Rollouts second by second.
 
     Attributes:
-        sight: What was known before each second.
+        given: Input of the policy before each second.
         action: Action followed during it, NO_ACTION for none.
         log_share: Logarithm of the probability it was drawn with.
         value: What the critic expected before the second.
@@ -30,7 +30,7 @@ class Drive(eqx.Module):
         last_value: What the critic expects after the last second.
     """
 
-    sight: Sight
+    given: PolicyInput
     action: Int[Array, "seconds vehicles scenarios"]
     log_share: Float[Array, "seconds vehicles scenarios"]
     value: Float[Array, "seconds vehicles scenarios"]
@@ -41,12 +41,12 @@ class Drive(eqx.Module):
 
     @property
     def decides(self) -> Bool[Array, "seconds vehicles scenarios"]:
-        """Where there was anything to decide: not after a crash."""
-        return jnp.any(self.sight.admissible, axis=1)
+        """Mask of the seconds with a decision: not after a crash."""
+        return jnp.any(self.given.admissible, axis=1)
 
     @property
     def drives(self) -> Bool[Array, "seconds vehicles scenarios"]:
-        """Where a second begins without a crash before it."""
+        """Mask of the seconds without a crash before them."""
         return jnp.concatenate([jnp.ones_like(self.crashed[:1]), ~self.crashed[:-1]])
 
 
@@ -75,22 +75,22 @@ def collect(
     # As in `core.rollout.rollout`: nothing that is known of a fresh state may be folded into the loop.
     state, drivers = lax.optimization_barrier((state, drivers))
 
-    def second(driven: Driven, number: Int[Array, ""]) -> tuple[Driven, tuple[Sight, tuple[Array, ...]]]:
-        sight = look(driven[0], drivers, model, options)
-        logits = network.actor(sight.observation)
-        action = drawn_actions(jax.random.fold_in(key, number), logits, sight.admissible)
-        log_share = share_of_action(log_shares(logits, sight.admissible), action)
-        after = drive(driven, action, sight, drivers, model, options)
+    def second(driven: Driven, number: Int[Array, ""]) -> tuple[Driven, tuple[PolicyInput, tuple[Array, ...]]]:
+        given = policy_input(driven[0], drivers, model, options)
+        logits = network.actor(given.observation)
+        action = drawn_actions(jax.random.fold_in(key, number), logits, given.admissible)
+        log_share = share_of_action(log_shares(logits, given.admissible), action)
+        after = drive(driven, action, given, drivers, model, options)
         end = after[0]
         gain, speed = reward(end, model).astype(jnp.float32), end.speed.astype(jnp.float32)
-        return after, (sight, (action, log_share, gain, speed, end.crashed))
+        return after, (given, (action, log_share, gain, speed, end.crashed))
 
     seconds = jnp.arange(n_seconds, dtype=jnp.int32)
-    (end, _), (sight, rest) = lax.scan(second, begin(state, model), seconds)
+    (end, _), (given, rest) = lax.scan(second, begin(state, model), seconds)
     action, log_share, gain, speed, crashed = rest
-    value = network.critic(jnp.moveaxis(sight.observation, 1, 0))[0]
-    last = network.critic(look(end, drivers, model, options).observation)[0]
-    return Drive(sight, action, log_share, value, gain, speed, crashed, last)
+    value = network.critic(jnp.moveaxis(given.observation, 1, 0))[0]
+    last = network.critic(policy_input(end, drivers, model, options).observation)[0]
+    return Drive(given, action, log_share, value, gain, speed, crashed, last)
 
 
 def share_of_action(shares: Float[Array, "actions *batch"], action: Int[Array, "*batch"]) -> Float[Array, "*batch"]:

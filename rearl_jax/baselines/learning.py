@@ -44,7 +44,7 @@ class Decisions(eqx.Module):
 
 
 class Losses(eqx.Module):
-    """What a gradient step lowers, and how far it has gone.
+    """Loss of a gradient step, its parts and progress.
 
     Attributes:
         total: The whole loss.
@@ -64,7 +64,7 @@ class Losses(eqx.Module):
 
 
 class Learner(eqx.Module):
-    """What training changes: the network and the state of its optimiser."""
+    """State of the training: the network and its optimiser."""
 
     network: ActorCritic
     optimiser: optax.OptState
@@ -96,8 +96,8 @@ def decisions_of(drive: Drive, ppo: PpoConfig) -> Decisions:
         return jnp.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
 
     return Decisions(
-        observation=flat(drive.sight.observation),
-        admissible=flat(drive.sight.admissible),
+        observation=flat(drive.given.observation),
+        admissible=flat(drive.given.admissible),
         action=drive.action.reshape(-1),
         log_share=drive.log_share.reshape(-1),
         advantage=advantage.reshape(-1),
@@ -107,7 +107,7 @@ def decisions_of(drive: Drive, ppo: PpoConfig) -> Decisions:
 
 
 def loss(network: ActorCritic, decisions: Decisions, ppo: PpoConfig) -> tuple[ScalarLike, Losses]:
-    """What a gradient step lowers, and its parts.
+    """Loss of a gradient step, and its parts.
 
     L = -mean min(r A, clip(r, 1 - e, 1 + e) A) + c_V mean (V - V_target)^2 - c_H mean H with r the ratio of the new to
     the old probability of the action, A its advantage with mean 0 and standard deviation 1 in the minibatch, and H the

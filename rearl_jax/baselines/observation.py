@@ -1,23 +1,23 @@
-"""What the policy sees: the vehicle itself and the four nearest others, as 25 numbers."""
+"""Observation of the policy: the vehicle itself and the four nearest others, as 25 numbers."""
 
 from jaxtyping import Array, Float
 
 from rearl_jax.core.state import TrafficState
 from rearl_jax.decision import observation
-from rearl_jax.decision.observation import View
+from rearl_jax.decision.observation import ObservationSpec
 
 RANGES = {"x": 100.0, "y": 16.0, "vx": 30.0, "vy": 30.0}
 """Values that become 1 [m, m, m/s, m/s]. Own choice, narrower than highway-env's, so that the small differences between
 neighbours are seen; y is highway-env's for four lanes of 4 m.
 """
 
-VIEW = View((RANGES["x"], RANGES["y"], RANGES["vx"], RANGES["vy"]), see_behind=True, is_placed=False)
+OBSERVATION = ObservationSpec((RANGES["x"], RANGES["y"], RANGES["vx"], RANGES["vy"]), see_behind=True, is_placed=False)
 """Ahead and behind; the observer's own x is 0, as highway-env's is 1 once it has driven 100 m."""
 
-N_FEATURES = VIEW.n_features
+N_FEATURES = OBSERVATION.n_features
 """Numbers in an observation."""
 
 
 def observe_neighbours(state: TrafficState) -> Float[Array, "features vehicles scenarios"]:
-    """What every vehicle sees, see `decision.observation.observe_neighbours`."""
-    return observation.observe_neighbours(state, VIEW)
+    """Observation of every vehicle, see `decision.observation.observe_neighbours`."""
+    return observation.observe_neighbours(state, OBSERVATION)

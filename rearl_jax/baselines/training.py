@@ -39,7 +39,7 @@ from rearl_jax.results import Study, config_hash
 log = logging.getLogger(__name__)
 
 CHECKPOINT = "checkpoint.eqx"
-"""What a training that is killed goes on from; removed when it is done."""
+"""Checkpoint from which a killed training continues; removed when it is done."""
 
 FIRST_RUN = 2**31
 """Training numbers its updates from here on where an evaluation numbers its runs from 0, so that no vehicle it learns
@@ -57,7 +57,7 @@ Update: TypeAlias = Callable[[Learner, Int[Array, ""], Int[Array, ""]], tuple[Le
 
 
 class Point(eqx.Module):
-    """What is seen of one update, or of all of them.
+    """Figures of one update, or of all of them.
 
     Attributes:
         gain: Rewards of a vehicle until its crash or the end, summed; mean over vehicles.
@@ -158,7 +158,7 @@ def _compiled(ppo: PpoConfig, admissible: AdmissibleConfig, core: CoreConfig) ->
 
 
 def point_of(seen: Drive, losses: Losses) -> Point:
-    """What is seen of the rollouts of one update."""
+    """Figures of the rollouts of one update."""
     drives, decides = seen.drives, seen.decides
     n_decisions = jnp.maximum(jnp.sum(decides, dtype=jnp.int32), 1).astype(jnp.float32)
     shares = [jnp.sum(decides & (seen.action == number), dtype=jnp.int32) for number in range(len(ACTION_NAMES))]
@@ -233,7 +233,7 @@ def _restored(config: TrainPpoTask, study: Study, learner: Learner, curve: Point
 
 
 def _identity(config: TrainPpoTask) -> dict[str, str]:
-    """What must agree for a checkpoint to be gone on from."""
+    """Settings that must agree for a training to continue from a checkpoint."""
     return {"config_hash": config_hash(config), "code_hash": code_hash()}
 
 

@@ -116,7 +116,7 @@ def _read(source: Path, content: bytes) -> TrainedPolicy:
 
 
 def _description(source: Path, line: bytes) -> dict[str, Any]:
-    """How the weights were trained."""
+    """Training that gave the weights."""
     try:
         description = json.loads(line)
     except ValueError:

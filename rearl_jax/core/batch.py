@@ -68,7 +68,7 @@ class ScenarioMap(Generic[Arguments, Result]):
         self._run = jax.jit(run)
 
     def _part_of(self, leaf: jax.Array) -> jax.ShapeDtypeStruct:
-        """What a device gets of an argument."""
+        """Shape of the part of an argument that a device gets."""
         *others, n_scenarios = leaf.shape
         width = n_scenarios if n_scenarios == 1 else n_scenarios // len(self._devices)
         return jax.ShapeDtypeStruct((*others, width), leaf.dtype)

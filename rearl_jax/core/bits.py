@@ -1,4 +1,4 @@
-"""Sets as bits of 32-bit numbers: who is in them, and who of them is the n-th."""
+"""Sets as bits of 32-bit numbers: membership, size, and the n-th member."""
 
 import jax.numpy as jnp
 from jax import lax
@@ -17,18 +17,18 @@ def pack(members: Bool[Array, "bits *numbers"]) -> UInt32[Array, "*numbers"]:
 
 
 def count(numbers: UInt32[Array, "*numbers"]) -> Int[Array, "*numbers"]:
-    """How many bits are set."""
+    """Number of bits set."""
     return lax.population_count(numbers).astype(jnp.int32)
 
 
 def position(numbers: UInt32[Array, "*numbers"], rank: Int[Array, "*numbers"]) -> Int[Array, "*numbers"]:
-    """Position of the set bit that has so many set bits below it, by halving the range it may be in."""
-    found = jnp.zeros_like(rank)
+    """Position of the set bit that has `rank` set bits below it, by halving the range it may be in."""
+    lowest = jnp.zeros_like(rank)
     width = BITS // 2
     while width:
-        n_low = count((numbers >> found.astype(jnp.uint32)) & jnp.uint32((1 << width) - 1))
+        n_low = count((numbers >> lowest.astype(jnp.uint32)) & jnp.uint32((1 << width) - 1))
         is_above = rank >= n_low
         rank = rank - jnp.where(is_above, n_low, 0)
-        found = found + jnp.where(is_above, width, 0)
+        lowest = lowest + jnp.where(is_above, width, 0)
         width //= 2
-    return found
+    return lowest

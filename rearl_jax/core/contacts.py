@@ -1,4 +1,4 @@
-"""The tests of contact: the cheap one, by upright boxes that are large enough, and the full one."""
+"""Two tests of contact: the cheap one of the broad phase, by bounding boxes, and the full one of the narrow phase."""
 
 import equinox as eqx
 import jax
@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, UInt32
 
-from rearl_jax.core.affected import if_any
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.drivers import Body
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rectangles import Rectangle, separate
@@ -16,15 +16,15 @@ ROUNDING_MARGIN = 1e-3
 """Slack [m] of the cheap test, far above any rounding error of a distance between vehicles that touch."""
 
 
-class Extent(eqx.Module):
-    """An upright box that holds the vehicle, and how far it moves in a tick, all in m.
+class BoundingBox(eqx.Module):
+    """An axis-aligned box around the vehicle, and its displacement in a time step, all in m.
 
     Attributes:
         x: Centre along the road.
         y: Centre across the road.
-        reach_x: Half the length of the box, and what a tick may add to it beyond `moved`.
+        reach_x: Half the length of the box, and what a time step may add to it beyond `moved`.
         reach_y: The same across the road.
-        moved: sqrt(2) times the way of a tick, as if along the road.
+        moved: sqrt(2) times the displacement of a time step, as if along the road.
     """
 
     x: Float[Array, "vehicles *scenarios"]
@@ -34,16 +34,21 @@ class Extent(eqx.Module):
     moved: Float[Array, "vehicles *scenarios"]
 
 
-def extent_of(state: TrafficState, body: Body, model: TrafficModel) -> Extent:
+def bounding_boxes(state: TrafficState, body: Body, model: TrafficModel) -> BoundingBox:
     """Boxes of all vehicles.
 
     No sine is needed for a box that is large enough: |sin h| <= min(|h|, 1), and 1 - cos h <= min(h^2 / 2, 2).
+
+    Args:
+        state: The traffic.
+        body: Sizes of the vehicles.
+        model: The time step.
     """
     size = jnp.abs(state.heading)
     sine, missing_cosine = jnp.minimum(size, 1.0), jnp.minimum(size * size / 2, 2.0)
-    moved = state.speed * (float(np.sqrt(2)) * model.tick)
+    moved = state.speed * (float(np.sqrt(2)) * model.dt)
     aside = jnp.abs(moved) * (sine + missing_cosine) + ROUNDING_MARGIN
-    return Extent(
+    return BoundingBox(
         x=state.x,
         y=state.y,
         reach_x=body.length / 2 + body.width / 2 * sine + aside,
@@ -52,55 +57,56 @@ def extent_of(state: TrafficState, body: Body, model: TrafficModel) -> Extent:
     )
 
 
-def may_touch(one: Extent, other: Extent) -> Array:
-    """Whether two vehicles may touch now or in the coming tick.
+def may_touch(first: BoundingBox, second: BoundingBox) -> Array:
+    """Necessary condition for two vehicles to touch now or in the coming time step.
 
-    A necessary condition. Rectangles a distance D apart have a gap of at least D / sqrt(2) along one of their edge
-    normals, and the full test lengthens intervals by no more than the relative displacement r of one tick. So they
-    cannot touch where upright boxes that hold them are more than sqrt(2) |r| apart in x or in y. |r| is at most the
-    difference of the ways, as if both were along the road, and what the boxes have been enlarged by for their headings.
+    Rectangles a distance D apart have a gap of at least D / sqrt(2) along one of their edge normals, and the full test
+    lengthens intervals by no more than the relative displacement r of one time step. So they cannot touch where boxes
+    around them are more than sqrt(2) |r| apart in x or in y. |r| is at most the difference of the displacements, as if
+    both were along the road, and what the boxes have been enlarged by for their headings.
     """
-    moved_apart = jnp.abs(other.moved - one.moved)
-    near_x = jnp.abs(other.x - one.x) <= other.reach_x + one.reach_x + moved_apart
-    near_y = jnp.abs(other.y - one.y) <= other.reach_y + one.reach_y + moved_apart
+    moved_apart = jnp.abs(second.moved - first.moved)
+    near_x = jnp.abs(second.x - first.x) <= second.reach_x + first.reach_x + moved_apart
+    near_y = jnp.abs(second.y - first.y) <= second.reach_y + first.reach_y + moved_apart
     return near_x & near_y
 
 
-def close_to_next(all_: Extent, following: Extent, n_next: int) -> UInt32[Array, "places *scenarios"]:
-    """Which of the next places each vehicle may touch somebody in, as bits, the next one lowest.
+def overlaps_next(boxes: BoundingBox, following: BoundingBox, n_next: int) -> UInt32[Array, "places *scenarios"]:
+    """For each vehicle the next places whose boxes overlap its own (`may_touch`), as bits, the next one lowest.
 
     Args:
-        all_: The vehicles by place.
-        following: Those after the first place, by place, with as many beyond the last as are looked at.
-        n_next: Places that are looked at.
+        boxes: Boxes by place.
+        following: Boxes after the first place, by place, with `n_next` beyond the last.
+        n_next: Places to test.
     """
-    n_places = all_.x.shape[0]
-    close = jnp.zeros(all_.x.shape, jnp.uint32)
+    n_places = boxes.x.shape[0]
+    overlaps = jnp.zeros(boxes.x.shape, jnp.uint32)
     for places in range(n_next):
         other = jax.tree.map(lambda values, k=places: values[k : k + n_places], following)
-        close = close | jnp.where(may_touch(all_, other), jnp.uint32(1 << places), jnp.uint32(0))
-    return close
+        overlaps = overlaps | jnp.where(may_touch(boxes, other), jnp.uint32(1 << places), jnp.uint32(0))
+    return overlaps
 
 
 def contact(
-    one: Rectangle, other: Rectangle, is_pair: Bool[Array, " pairs"], model: TrafficModel
+    first: Rectangle, second: Rectangle, is_pair: Bool[Array, " pairs"], model: TrafficModel
 ) -> tuple[Array, Array, Array, Array]:
-    """Whether vehicles touch, whether they will within a tick, and the shift of `one` that prevents it (x, y) [m].
+    """Contact now, contact within a time step, and the shift of `first` that prevents it (x, y) [m].
 
     Args:
-        one: Vehicles of lower list index.
-        other: Those they are held against.
-        is_pair: Which of the pairs are looked at.
-        model: The tick.
+        first: Vehicles of lower list index.
+        second: Their partners.
+        is_pair: Whether a pair counts.
+        model: The time step.
     """
 
     def test() -> tuple[Array, Array, Array, Array]:
-        touches, will_touch, shift_x, shift_y = separate(one, other, model)
-        diagonals = jnp.hypot(one.half_length, one.half_width) + jnp.hypot(other.half_length, other.half_width)
-        is_near = jnp.hypot(other.x - one.x, other.y - one.y) <= diagonals + one.speed * model.tick
-        is_tested = is_pair & is_near & (one.collides | other.collides)
+        touches, will_touch, shift_x, shift_y = separate(first, second, model)
+        diagonals = jnp.hypot(first.half_length, first.half_width) + jnp.hypot(second.half_length, second.half_width)
+        is_near = jnp.hypot(second.x - first.x, second.y - first.y) <= diagonals + first.speed * model.dt
+        is_tested = is_pair & is_near & (first.collides | second.collides)
         return touches & is_tested, will_touch & is_tested, shift_x, shift_y
 
-    nowhere, nothing = jnp.zeros(other.x.shape, bool), jnp.zeros_like(other.x)
-    # Behind a branch it is a program of its own, which rounds to the last place alike wherever it is asked.
+    nowhere, nothing = jnp.zeros(second.x.shape, bool), jnp.zeros_like(second.x)
+    # A branch is compiled as a program of its own, so the test rounds alike, to the last place, wherever it is called:
+    # fused into its callers, vehicles in resting contact would be pushed in one and not in the other.
     return if_any(is_pair, test, (nowhere, nowhere, nothing, nothing))

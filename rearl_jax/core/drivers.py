@@ -34,7 +34,7 @@ class MOBILParams(eqx.Module):
 
 
 class Body(eqx.Module):
-    """What a vehicle is and can do, whoever drives it.
+    """Size, class and limits of a vehicle, whoever drives it.
 
     Attributes:
         length: Length [m].
@@ -59,7 +59,7 @@ class Drivers(eqx.Module):
             which decisions may change; `gap_driving.begin_driving` sets it.
         mobil: Of lane changing.
         body: Size, class and limits of the vehicles.
-        effects: What acts on car following and lane changing beyond that. A parameter is a scalar or has the rank of
+        effects: Effects on car following and lane changing. A parameter is a scalar or has the rank of
             the state's arrays.
     """
 
@@ -70,7 +70,7 @@ class Drivers(eqx.Module):
 
     @property
     def see_gaps(self) -> bool:
-        """Whether drivers follow on gaps between bumpers and remember; highway-env's, without effects, do neither."""
+        """True for drivers who follow on bumper gaps and have memory; highway-env's, without effects, do neither."""
         return bool(self.effects) or not isinstance(self.car_following, HighwayEnvIDM)
 
 

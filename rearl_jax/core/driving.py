@@ -1,4 +1,4 @@
-"""What drivers make of a tick, whichever rules they drive by."""
+"""Interface between driver models and the vehicle: accelerations and target lanes of one time step."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -9,13 +9,13 @@ from rearl_jax.core.state import TrafficState
 
 
 class Driving(NamedTuple):
-    """What drivers want in a tick.
+    """Output of a driver model in one time step.
 
     Attributes:
-        state: The traffic, with what drivers now remember.
+        state: The traffic, with the drivers' memory after this time step.
         own: Acceleration on the own lane [m/s^2].
         target_lane: Lane each driver wants to be on.
-        on_lane: From lanes to the accelerations there [m/s^2]; what it says of the own lane means nothing.
+        on_lane: From lanes to the accelerations there [m/s^2]; its values for the own lane mean nothing.
     """
 
     state: TrafficState

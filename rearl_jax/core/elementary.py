@@ -1,10 +1,10 @@
 """Elementary functions: vector code in float32, the reference's rounding in float64.
 
 On a CPU, XLA calls the C library once per element for these functions: 1.6 ns for a sine and 8 ns for an arcsine, where
-a whole vehicle may cost 30 ns per tick. In float32 they are short polynomials here, found by Chebyshev interpolation
-when the module is loaded and good to about one unit in the last place. In float64, where agreement with highway-env
-counts and speed does not, they are JAX's own functions where these are as exact as the C library's, and sums in two
-parts (`rearl_jax.core.double_double`) where not.
+a whole vehicle may cost 30 ns per time step. In float32 they are short polynomials here, found by Chebyshev
+interpolation when the module is loaded and good to about one unit in the last place. In float64, where agreement with
+highway-env counts and speed does not, they are JAX's own functions where these are as exact as the C library's, and
+double-double arithmetic (`rearl_jax.core.double_double`) where not.
 """
 
 from collections.abc import Callable

@@ -14,16 +14,16 @@ HARDEST_BRAKING, HARDEST_ACCELERATION = -9.0, 6.0
 """Bounds of what a vehicle can do [m/s^2]: tyre grip on a dry road; the strongest engine."""
 
 
-def begin_effects(effects: tuple[Effect, ...], seen: Stimulus, driver: CarFollowing, tick: float) -> tuple[PyTree, ...]:
-    """What the effects remember at the start, one entry per effect.
+def begin_effects(effects: tuple[Effect, ...], seen: Stimulus, driver: CarFollowing, dt: float) -> tuple[PyTree, ...]:
+    """Memory of the effects at the start, one entry per effect.
 
     Args:
         effects: The effects of the model.
-        seen: What the drivers see at the start.
+        seen: Stimulus at the start.
         driver: Their car-following model.
-        tick: Time from one call of `follow` to the next [s].
+        dt: Time from one call of `follow` to the next [s].
     """
-    return tuple(effect.begin(seen, driver, tick) for effect in effects)
+    return tuple(effect.begin(seen, driver, dt) for effect in effects)
 
 
 def follow(
@@ -32,55 +32,55 @@ def follow(
     effects: tuple[Effect, ...],
     memory: tuple[PyTree, ...],
     last: Float[Array, "*#n"],
-    tick: float,
+    dt: float,
 ) -> tuple[Float[Array, "*n"], tuple[PyTree, ...]]:
-    """Acceleration [m/s^2], bounded, and what the effects remember afterwards.
+    """Acceleration [m/s^2], bounded, and the memory of the effects afterwards.
 
     Args:
-        seen: What each driver sees now.
+        seen: Present stimulus of each driver.
         driver: Their car-following model.
-        effects: What acts on them beyond it.
-        memory: What the effects remember.
+        effects: Effects that act on it.
+        memory: Memory of the effects.
         last: Acceleration of the last call [m/s^2].
-        tick: Time since then [s].
+        dt: Time since then [s].
     """
-    seen, memory = take_in(seen, driver, effects, memory, tick)
-    wanted = respond(seen, with_wishes(seen, driver, effects, memory), effects, memory)
-    return actuate(wanted, last, effects, tick), memory
+    seen, memory = perceive(seen, driver, effects, memory, dt)
+    wanted = respond(seen, adjust_setpoints(seen, driver, effects, memory), effects, memory)
+    return actuate(wanted, last, effects, dt), memory
 
 
-def take_in(
-    seen: Stimulus, driver: CarFollowing, effects: tuple[Effect, ...], memory: tuple[PyTree, ...], tick: float
+def perceive(
+    seen: Stimulus, driver: CarFollowing, effects: tuple[Effect, ...], memory: tuple[PyTree, ...], dt: float
 ) -> tuple[Stimulus, tuple[PyTree, ...]]:
-    """What the drivers take the situation for, and what the effects remember of it.
+    """Stimulus as the drivers perceive it, and the memory of the effects with it.
 
-    Each effect sees what those before it have made of the situation: errors are delayed, a delayed situation is kept in
-    mind. Arguments as of `follow`.
+    Each effect gets the stimulus as those before it leave it: errors are delayed, a delayed stimulus is kept in mind.
+    Arguments as of `follow`.
     """
-    remembered = []
-    for effect, held in zip(effects, memory, strict=True):
-        remembered.append(effect.remember(held, seen, driver, tick))
-        seen = effect.perceive(seen, remembered[-1])
-    return seen, tuple(remembered)
+    updated = []
+    for effect, own_memory in zip(effects, memory, strict=True):
+        updated.append(effect.remember(own_memory, seen, driver, dt))
+        seen = effect.perceive(seen, updated[-1])
+    return seen, tuple(updated)
 
 
-def with_wishes(
+def adjust_setpoints(
     seen: Stimulus, driver: CarFollowing, effects: tuple[Effect, ...], memory: tuple[PyTree, ...]
 ) -> CarFollowing:
-    """The drivers with desired speed, time gap and gap at standstill as the effects leave them.
+    """The drivers with desired speed, time gap and standstill gap as the effects leave them.
 
     Args:
-        seen: What the drivers take the situation for.
+        seen: Stimulus as the drivers perceive it.
         driver: Their car-following model.
-        effects: What acts on them beyond it.
-        memory: What the effects remember, this moment included.
+        effects: Effects that act on it.
+        memory: Memory of the effects, this time step included.
     """
     desired_speed, time_gap, jam_gap = driver.desired_speed, driver.time_gap, driver.jam_gap
-    for effect, held in zip(effects, memory, strict=True):
-        desired_speed = effect.desired_speed(desired_speed, seen, held)
-        time_gap = effect.time_gap(time_gap, seen, held)
-        jam_gap = effect.standstill_gap(jam_gap, seen, held)
-    return driver.with_wishes(desired_speed, time_gap, jam_gap)
+    for effect, own_memory in zip(effects, memory, strict=True):
+        desired_speed = effect.desired_speed(desired_speed, seen, own_memory)
+        time_gap = effect.time_gap(time_gap, seen, own_memory)
+        jam_gap = effect.standstill_gap(jam_gap, seen, own_memory)
+    return driver.with_setpoints(desired_speed, time_gap, jam_gap)
 
 
 def respond(
@@ -88,21 +88,28 @@ def respond(
 ) -> Float[Array, "*n"]:
     """Acceleration that drivers want [m/s^2], within what a vehicle can do.
 
-    `driver` is that of `with_wishes`; the other arguments as there.
+    `driver` is that of `adjust_setpoints`; the other arguments as there.
     """
-    behind = seen.has_leader * driver.interaction(seen.gap, seen.speed, seen.speed - seen.leader_speed)
-    for effect, held in zip(effects, memory, strict=True):
-        behind = effect.leaders(behind, seen, held, driver)
-    acceleration = driver.free_acceleration(seen.speed) - behind
-    for effect, held in zip(effects, memory, strict=True):
-        acceleration = effect.acceleration(acceleration, seen, held)
+    interaction = seen.has_leader * driver.interaction(seen.gap, seen.speed, seen.speed - seen.leader_speed)
+    for effect, own_memory in zip(effects, memory, strict=True):
+        interaction = effect.leaders(interaction, seen, own_memory, driver)
+    acceleration = driver.free_acceleration(seen.speed) - interaction
+    for effect, own_memory in zip(effects, memory, strict=True):
+        acceleration = effect.acceleration(acceleration, seen, own_memory)
     return jnp.clip(acceleration, HARDEST_BRAKING, HARDEST_ACCELERATION)
 
 
 def actuate(
-    wanted: Float[Array, "*n"], last: Float[Array, "*#n"], effects: tuple[Effect, ...], tick: float
+    wanted: Float[Array, "*n"], last: Float[Array, "*#n"], effects: tuple[Effect, ...], dt: float
 ) -> Float[Array, "*n"]:
-    """Acceleration that vehicles execute [m/s^2], given what drivers want and what was executed a tick [s] ago."""
+    """Acceleration that vehicles execute [m/s^2].
+
+    Args:
+        wanted: Acceleration that the drivers want [m/s^2].
+        last: Acceleration executed in the last time step [m/s^2].
+        effects: What acts on the vehicles.
+        dt: Time step [s].
+    """
     for effect in effects:
-        wanted = effect.actuate(wanted, last, tick)
+        wanted = effect.actuate(wanted, last, dt)
     return wanted

@@ -1,4 +1,4 @@
-"""Traffic whose drivers follow on the gap between bumpers, with effects: what takes the place of highway-env's rules.
+"""Traffic whose drivers follow on the gap between bumpers, with effects, in the place of highway-env's rules.
 
 Roads, clock, steering, the rules of changing lanes (when, how safe, which side) and collisions stay as they are.
 """
@@ -9,37 +9,36 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
-from rearl_jax.core.affected import if_any
 from rearl_jax.core.car_following.model import LEAST_DESIRED_SPEED, CarFollowing
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.driving import Driving
-from rearl_jax.core.encounter import Encounter, first_encounter, meet
-from rearl_jax.core.following import begin_effects, respond, take_in, with_wishes
-from rearl_jax.core.gap_lanes import Outlook, compare_lanes, wished_side
+from rearl_jax.core.following import adjust_setpoints, begin_effects, perceive, respond
+from rearl_jax.core.gap_lanes import LaneOptions, compare_lanes, desired_side
 from rearl_jax.core.lane_search import bumper_gap, find_ahead
+from rearl_jax.core.leader_history import LeaderHistory
 from rearl_jax.core.mobil import decide_lanes, is_due
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.neighbours import View, sort_if_large
-from rearl_jax.core.neighbours import perceive as view_of
+from rearl_jax.core.neighbours import DerivedState, derive_state, sort_if_large
 from rearl_jax.core.state import Controller, TrafficState
-from rearl_jax.core.stimuli import in_front, look_around, stimulus, traits_of
+from rearl_jax.core.stimuli import find_neighbours, in_front, stimulus, vehicle_states
 
 
 class DriverMemory(eqx.Module):
-    """What drivers remember from tick to tick.
+    """Memory of the drivers from one time step to the next.
 
     Attributes:
-        n_ticks: Ticks since the start.
-        encounter: Since when the leader has been the leader.
-        effects: What each effect remembers.
-        wished_side: -1 or +1 for drivers who at their last decision wanted to change to the left or right and found no
+        n_ticks: Time steps since the start.
+        leader_history: Last change of the leader.
+        effects: Memory of each effect.
+        desired_side: -1 or +1 for drivers who at their last decision wanted to change to the left or right and found no
             room, else 0.
     """
 
     n_ticks: Int[Array, ""]
-    encounter: Encounter
+    leader_history: LeaderHistory
     effects: tuple[PyTree, ...]
-    wished_side: Int[Array, "vehicles *scenarios"]
+    desired_side: Int[Array, "vehicles *scenarios"]
 
 
 def begin_driving(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
@@ -54,17 +53,17 @@ def begin_driving(state: TrafficState, drivers: Drivers, model: TrafficModel) ->
     if not drivers.see_gaps:
         return state
     state = sort_if_large(state)
-    view = view_of(state, model)
-    traits = traits_of(state, view, drivers)
-    around = look_around(state, view, traits)
-    encounter = first_encounter(around.ahead[0].index, bumper_gap(around.ahead[0], traits))
-    seen = stimulus(state, view, traits, around, encounter, view.lane, jnp.zeros((), state.x.dtype), model)
-    held = begin_effects(drivers.effects, seen, _own_driver(state, drivers, model), model.tick)
-    return replace(state, memory=DriverMemory(jnp.int32(0), encounter, held, jnp.zeros_like(state.target_lane)))
+    derived = derive_state(state, model)
+    vehicles = vehicle_states(state, derived, drivers)
+    neighbours = find_neighbours(state, derived, vehicles)
+    history = LeaderHistory.begin(neighbours.ahead[0].index, bumper_gap(neighbours.ahead[0], vehicles))
+    seen = stimulus(state, derived, vehicles, neighbours, history, derived.lane, jnp.zeros((), state.x.dtype), model)
+    effect_memory = begin_effects(drivers.effects, seen, _own_driver(state, drivers, model), model.dt)
+    return replace(state, memory=DriverMemory(jnp.int32(0), history, effect_memory, jnp.zeros_like(state.target_lane)))
 
 
-def weigh_gaps(state: TrafficState, view: View, drivers: Drivers, model: TrafficModel) -> Driving:
-    """What drivers want behind their leaders, and on which lane.
+def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, model: TrafficModel) -> Driving:
+    """Accelerations behind the leaders, and target lanes.
 
     On the own lane and on the one it is changing to, a driver accelerates as the effects say; the latter is seen as it
     is, without delay or error. Lanes are compared by car following alone, with the driver's present desired speed and
@@ -76,43 +75,43 @@ def weigh_gaps(state: TrafficState, view: View, drivers: Drivers, model: Traffic
     memory = state.memory
     if memory is None:
         raise ValueError("these drivers have a memory: start from begin_driving(state, drivers, model)")
-    traits = traits_of(state, view, drivers)
-    around = look_around(state, view, traits)
-    leader = around.ahead[0]
-    encounter = meet(memory.encounter, leader.index, bumper_gap(leader, traits), traits.speed, model.tick)
-    wanted_lane = jnp.where(view.lane == state.target_lane, view.lane + memory.wished_side, state.target_lane)
-    time = memory.n_ticks.astype(state.x.dtype) * model.tick
-    seen = stimulus(state, view, traits, around, encounter, wanted_lane, time, model)
+    vehicles = vehicle_states(state, derived, drivers)
+    neighbours = find_neighbours(state, derived, vehicles)
+    leader = neighbours.ahead[0]
+    history = memory.leader_history.update(leader.index, bumper_gap(leader, vehicles), vehicles.speed, model.dt)
+    wanted_lane = jnp.where(derived.lane == state.target_lane, derived.lane + memory.desired_side, state.target_lane)
+    time = memory.n_ticks.astype(state.x.dtype) * model.dt
+    seen = stimulus(state, derived, vehicles, neighbours, history, wanted_lane, time, model)
     effects, driver = drivers.effects, _own_driver(state, drivers, model)
-    perceived, held = take_in(seen, driver, effects, memory.effects, model.tick)
-    present = with_wishes(perceived, driver, effects, held)
-    at_rest_after = -jnp.maximum(state.speed, 0.0) / model.tick
+    perceived, effect_memory = perceive(seen, driver, effects, memory.effects, model.dt)
+    present = adjust_setpoints(perceived, driver, effects, effect_memory)
+    stopping = -jnp.maximum(state.speed, 0.0) / model.dt
 
     def on_target_lane() -> Float[Array, "vehicles *scenarios"]:
-        (ahead,) = find_ahead(state, view, traits, state.target_lane, 1)
-        there = replace(seen, **in_front(ahead, traits), has_second=jnp.zeros_like(state.x))
-        return respond(there, with_wishes(there, driver, effects, held), effects, held)
+        (ahead,) = find_ahead(state, derived, vehicles, state.target_lane, 1)
+        there = replace(seen, **in_front(ahead, vehicles), has_second=jnp.zeros_like(state.x))
+        return respond(there, adjust_setpoints(there, driver, effects, effect_memory), effects, effect_memory)
 
-    is_changing = (state.controller != Controller.ABSENT) & (view.lane != state.target_lane)
+    is_changing = (state.controller != Controller.ABSENT) & (derived.lane != state.target_lane)
     nothing = jnp.zeros_like(state.x)
-    own = jnp.maximum(respond(perceived, present, effects, held), at_rest_after)
-    target = jnp.maximum(if_any(is_changing, on_target_lane, nothing), at_rest_after)
+    own = jnp.maximum(respond(perceived, present, effects, effect_memory), stopping)
+    target = jnp.maximum(if_any(is_changing, on_target_lane, nothing), stopping)
     left = right = nothing
-    target_lane, wishes = state.target_lane, memory.wished_side
+    target_lane, side = state.target_lane, memory.desired_side
     if model.lane_changes:
-        traits = replace(traits, desired_speed=jnp.broadcast_to(present.desired_speed, state.x.shape))
-        outlook = Outlook(traits, leader, seen, present, held)
-        prospects, gains = compare_lanes(state, view, outlook, drivers, model)
-        left, right = prospects.left, prospects.right
-        due = is_due(state, view, drivers)
-        target_lane = decide_lanes(state, view, due, prospects, gains, drivers, model)
-        wishes = wished_side(state, view, prospects, gains, drivers, model, before=wishes)
+        vehicles = replace(vehicles, desired_speed=jnp.broadcast_to(present.desired_speed, state.x.shape))
+        options = LaneOptions(vehicles, leader, seen, present, effect_memory)
+        accelerations, gains = compare_lanes(state, derived, options, drivers, model)
+        left, right = accelerations.left, accelerations.right
+        due = is_due(state, derived, drivers)
+        target_lane = decide_lanes(state, derived, due, accelerations, gains, drivers, model)
+        side = desired_side(state, derived, accelerations, gains, drivers, model, before=side)
 
     def on_lane(lane: Int[Array, "vehicles *scenarios"]) -> Float[Array, "vehicles *scenarios"]:
-        beside = jnp.where(lane < view.lane, left, right)
+        beside = jnp.where(lane < derived.lane, left, right)
         return jnp.where(lane == state.target_lane, target, beside)
 
-    memory = DriverMemory(memory.n_ticks + 1, encounter, held, wishes)
+    memory = DriverMemory(memory.n_ticks + 1, history, effect_memory, side)
     return Driving(replace(state, memory=memory), own, target_lane, on_lane)
 
 

@@ -1,119 +1,119 @@
-"""Lanes compared by car following on the gap between bumpers, and what effects make of a change.
+"""Lanes compared by car following on the gap between bumpers, with effects on the gain of a change.
 
-The rules are those of `rearl_jax.core.mobil`: the deciding driver's parameters stand in for everybody's.
+The rules are those of `rearl_jax.core.mobil`: the deciding driver's parameters stand in for those of all others.
 """
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
-from rearl_jax.core.affected import if_any
 from rearl_jax.core.car_following.model import CarFollowing
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.effects.intentions import SimulatedStimulus
-from rearl_jax.core.lane_search import Neighbour, Traits, bumper_gap, find_ahead, find_behind, nobody
-from rearl_jax.core.mobil import Prospects, is_due, is_moving, is_reachable, is_unsafe, lane_gains
+from rearl_jax.core.lane_search import Neighbour, VehicleState, bumper_gap, find_ahead, find_behind, no_neighbour
+from rearl_jax.core.mobil import LaneAccelerations, is_due, is_moving, is_reachable, is_unsafe, lane_gains
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.neighbours import View
+from rearl_jax.core.neighbours import DerivedState
 from rearl_jax.core.state import TrafficState
 from rearl_jax.core.stimuli import side_lane
 
 Gains = tuple[Float[Array, "vehicles *scenarios"], Float[Array, "vehicles *scenarios"]]
-"""What a change to the left and to the right gains [m/s^2]."""
+"""Gains of a change to the left and to the right [m/s^2]."""
 
 
-class Outlook(eqx.Module):
-    """What drivers see and want in this tick.
+class LaneOptions(eqx.Module):
+    """Input to the comparison of lanes, of this time step.
 
     Attributes:
-        traits: What can be seen of each vehicle, its desired speed of this moment included.
-        leader: The next vehicle ahead on the own lane.
-        seen: What each driver sees.
-        driver: Their car following, with wishes as the effects leave them at this moment.
-        held: What each effect remembers.
+        vehicles: Observable state of each vehicle, with the present desired speed of rear driver.
+        leader: The nearest vehicle ahead on the own lane.
+        seen: Stimulus of each driver.
+        driver: Car following of the drivers, with set points as the effects leave them now.
+        memory: Memory of each effect.
     """
 
-    traits: Traits
+    vehicles: VehicleState
     leader: Neighbour
     seen: SimulatedStimulus
     driver: CarFollowing
-    held: tuple[PyTree, ...]
+    memory: tuple[PyTree, ...]
 
-    def behind(self, leader: Neighbour) -> Float[Array, "vehicles *scenarios"]:
+    def acceleration_behind(self, leader: Neighbour) -> Float[Array, "vehicles *scenarios"]:
         """Acceleration of each vehicle behind a leader [m/s^2]."""
-        speed = self.traits.speed
-        pull = self.driver.interaction(bumper_gap(leader, self.traits), speed, speed - leader.traits.speed)
-        return self.driver.free_acceleration(speed) - jnp.where(leader.is_there, pull, 0.0)
+        speed = self.vehicles.speed
+        interaction = self.driver.interaction(bumper_gap(leader, self.vehicles), speed, speed - leader.vehicle.speed)
+        return self.driver.free_acceleration(speed) - jnp.where(leader.is_there, interaction, 0.0)
 
-    def of_follower(
+    def follower_acceleration(
         self, follower: Neighbour, gap: Float[Array, "vehicles *scenarios"], front: Neighbour | None = None
     ) -> Float[Array, "vehicles *scenarios"]:
         """Acceleration of each vehicle's follower [m/s^2], 0 without one.
 
         Args:
             follower: The follower.
-            gap: Between it and whom it follows, bumper to bumper [m].
-            front: Whom it follows; None for the vehicle itself.
+            gap: To the vehicle it follows, bumper to bumper [m].
+            front: The vehicle it follows; None for the vehicle itself.
         """
-        its = follower.traits
-        front_speed = self.traits.speed if front is None else front.traits.speed
+        rear = follower.vehicle
+        front_speed = self.vehicles.speed if front is None else front.vehicle.speed
         # The deciding driver's parameters stand in for the follower's, but for the speed it wants to drive at.
-        stand_in = self.driver.with_wishes(its.desired_speed, self.driver.time_gap, self.driver.jam_gap)
-        pull = stand_in.interaction(gap, its.speed, its.speed - front_speed)
+        stand_in = self.driver.with_setpoints(rear.desired_speed, self.driver.time_gap, self.driver.jam_gap)
+        interaction = stand_in.interaction(gap, rear.speed, rear.speed - front_speed)
         if front is not None:
-            pull = jnp.where(front.is_there, pull, 0.0)
-        return jnp.where(follower.is_there, stand_in.free_acceleration(its.speed) - pull, 0.0)
+            interaction = jnp.where(front.is_there, interaction, 0.0)
+        return jnp.where(follower.is_there, stand_in.free_acceleration(rear.speed) - interaction, 0.0)
 
-    def behind_me(self, follower: Neighbour) -> Float[Array, "vehicles *scenarios"]:
+    def follower_behind_self(self, follower: Neighbour) -> Float[Array, "vehicles *scenarios"]:
         """Acceleration of a follower behind the vehicle itself [m/s^2]."""
-        return self.of_follower(follower, bumper_gap(follower, self.traits))
+        return self.follower_acceleration(follower, bumper_gap(follower, self.vehicles))
 
-    def gain_of(self, follower: Neighbour, leader: Neighbour) -> Float[Array, "vehicles *scenarios"]:
-        """What a follower gains by the vehicle between it and the leader [m/s^2]."""
-        gap = bumper_gap(leader, self.traits) + self.traits.length + bumper_gap(follower, self.traits)
-        return self.behind_me(follower) - self.of_follower(follower, gap, leader)
+    def follower_gain(self, follower: Neighbour, leader: Neighbour) -> Float[Array, "vehicles *scenarios"]:
+        """Gain of a follower by the vehicle between it and the leader, mostly negative [m/s^2]."""
+        gap = bumper_gap(leader, self.vehicles) + self.vehicles.length + bumper_gap(follower, self.vehicles)
+        return self.follower_behind_self(follower) - self.follower_acceleration(follower, gap, leader)
 
 
 def compare_lanes(
-    state: TrafficState, view: View, outlook: Outlook, drivers: Drivers, model: TrafficModel
-) -> tuple[Prospects, Gains]:
-    """Prospects of the lanes beside and the own one, and what changes gain once the effects have acted.
+    state: TrafficState, derived: DerivedState, options: LaneOptions, drivers: Drivers, model: TrafficModel
+) -> tuple[LaneAccelerations, Gains]:
+    """Accelerations on the own lane and the lanes beside, and gains of a change once the effects have acted.
 
     Args:
         state: The traffic.
-        view: What can be seen of it.
-        outlook: What its drivers see and want.
+        derived: Its derived quantities.
+        options: Input of this time step.
         drivers: Parameters of all vehicles.
         model: The road.
     """
-    due, traits = is_due(state, view, drivers), outlook.traits
-    none = nobody(traits)
+    due, vehicles = is_due(state, derived, drivers), options.vehicles
+    none = no_neighbour(vehicles)
 
-    def look(lane: Int[Array, "vehicles *scenarios"]) -> tuple[Neighbour, Neighbour]:
-        (ahead,) = if_any(due, lambda: find_ahead(state, view, traits, lane, 1), (none,))
-        return ahead, if_any(due, lambda: find_behind(state, view, traits, lane), none)
+    def search(lane: Int[Array, "vehicles *scenarios"]) -> tuple[Neighbour, Neighbour]:
+        (ahead,) = if_any(due, lambda: find_ahead(state, derived, vehicles, lane, 1), (none,))
+        return ahead, if_any(due, lambda: find_behind(state, derived, vehicles, lane), none)
 
-    freed = outlook.gain_of(look(view.lane)[1], outlook.leader)
+    freed = options.follower_gain(search(derived.lane)[1], options.leader)
     sides, leaders, followers = [], [], []
     for direction in (-1, +1):
-        leader, follower = look(view.lane + direction)
-        others = outlook.gain_of(follower, leader) - freed
-        sides.append(side_lane(direction, leader, follower, others, traits))
-        leaders.append(outlook.behind(leader))
-        followers.append(outlook.behind_me(follower))
-    own = outlook.behind(outlook.leader)
-    prospects = Prospects(own, *leaders, *followers, *(side.gain_of_others for side in sides))
-    gains = list(lane_gains(prospects, drivers, model))
+        leader, follower = search(derived.lane + direction)
+        others = options.follower_gain(follower, leader) - freed
+        sides.append(side_lane(direction, leader, follower, others, vehicles))
+        leaders.append(options.acceleration_behind(leader))
+        followers.append(options.follower_behind_self(follower))
+    own = options.acceleration_behind(options.leader)
+    accelerations = LaneAccelerations(own, *leaders, *followers, *(side.gain_of_others for side in sides))
+    gains = list(lane_gains(accelerations, drivers, model))
     for number, side in enumerate(sides):
-        for effect, memory in zip(drivers.effects, outlook.held, strict=True):
-            gains[number] = effect.incentive(gains[number], side, outlook.seen, memory)
-    return prospects, (gains[0], gains[1])
+        for effect, memory in zip(drivers.effects, options.memory, strict=True):
+            gains[number] = effect.incentive(gains[number], side, options.seen, memory)
+    return accelerations, (gains[0], gains[1])
 
 
-def wished_side(
+def desired_side(
     state: TrafficState,
-    view: View,
-    prospects: Prospects,
+    derived: DerivedState,
+    accelerations: LaneAccelerations,
     gains: Gains,
     drivers: Drivers,
     model: TrafficModel,
@@ -124,18 +124,18 @@ def wished_side(
 
     Args:
         state: The traffic.
-        view: What can be seen of it.
-        prospects: Of the lanes.
-        gains: What changes gain.
+        derived: Its derived quantities.
+        accelerations: On the lanes.
+        gains: Of the changes.
         drivers: Parameters of all vehicles.
         model: The road.
-        before: The same one tick ago.
+        before: The same one time step ago.
     """
-    wished = jnp.zeros_like(before)
-    due = is_due(state, view, drivers)
+    desired = jnp.zeros_like(before)
+    due = is_due(state, derived, drivers)
     willing = due & is_moving(state)
-    followers = prospects.left_follower, prospects.right_follower
+    followers = accelerations.left_follower, accelerations.right_follower
     for side, gain, follower in zip((-1, +1), gains, followers, strict=True):
-        wants = willing & ~(gain < drivers.mobil.gain_threshold) & is_reachable(state, view.lane + side, model)
-        wished = jnp.where(wants & is_unsafe(follower, drivers), side, wished)
-    return jnp.where(due, wished, before)
+        wants = willing & ~(gain < drivers.mobil.gain_threshold) & is_reachable(state, derived.lane + side, model)
+        desired = jnp.where(wants & is_unsafe(follower, drivers), side, desired)
+    return jnp.where(due, desired, before)

@@ -16,13 +16,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from rearl_jax.core.affected import if_any
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.double_double import arctangent, rounded
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.elementary import arcsine, cosine, not_zero, sine
 from rearl_jax.core.following import actuate
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.neighbours import View
+from rearl_jax.core.neighbours import DerivedState
 from rearl_jax.core.state import Controller, TrafficState
 
 HEADING_TIME = 0.2
@@ -52,7 +52,7 @@ MAX_SINE_OF_SLIP = float(np.sin(np.arctan(np.tan(MAX_STEERING) / 2)))
 
 
 class Command(eqx.Module):
-    """What a vehicle does in this tick.
+    """Command to a vehicle in this time step.
 
     Attributes:
         acceleration: Along the heading [m/s^2].
@@ -65,7 +65,7 @@ class Command(eqx.Module):
 
 
 class Course(NamedTuple):
-    """Where a vehicle moves: cosine and sine of the direction of its motion, and the sine of its slip angle [-]."""
+    """Direction of motion of a vehicle: its cosine and sine, and the sine of the slip angle [-]."""
 
     cos: Float[Array, "vehicles *scenarios"]
     sin: Float[Array, "vehicles *scenarios"]
@@ -78,7 +78,7 @@ def wrap_to_pi(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return (turned - 2 * np.pi * jnp.floor(turned / (2 * np.pi))) - np.pi
 
 
-def course(state: TrafficState, view: View, sine_of_slip: Float[Array, "vehicles *scenarios"]) -> Course:
+def course(state: TrafficState, derived: DerivedState, sine_of_slip: Float[Array, "vehicles *scenarios"]) -> Course:
     """Direction of motion at a wanted sine of the slip angle, within what the largest steering angle allows."""
     if sine_of_slip.dtype == jnp.float64:
         nowhere = Course(*(jnp.zeros_like(sine_of_slip),) * 3)
@@ -86,8 +86,8 @@ def course(state: TrafficState, view: View, sine_of_slip: Float[Array, "vehicles
     sin_slip = jnp.clip(sine_of_slip, -MAX_SINE_OF_SLIP, MAX_SINE_OF_SLIP)
     cos_slip = jnp.sqrt(1 - sin_slip * sin_slip)
     return Course(
-        cos=view.cos_heading * cos_slip - view.sin_heading * sin_slip,
-        sin=view.sin_heading * cos_slip + view.cos_heading * sin_slip,
+        cos=derived.cos_heading * cos_slip - derived.sin_heading * sin_slip,
+        sin=derived.sin_heading * cos_slip + derived.cos_heading * sin_slip,
         sine_of_slip=sin_slip,
     )
 
@@ -118,7 +118,7 @@ def steer(
 
 def control(
     state: TrafficState,
-    view: View,
+    derived: DerivedState,
     target_lane: Int[Array, "vehicles *scenarios"],
     own: Float[Array, "vehicles *scenarios"],
     on_target: Float[Array, "vehicles *scenarios"],
@@ -131,7 +131,7 @@ def control(
 
     Args:
         state: The traffic.
-        view: What can be seen of it.
+        derived: Its derived quantities.
         target_lane: Lanes the vehicles are steered to.
         own: Accelerations that car following asks for on the own lane [m/s^2].
         on_target: The same on the target lane, where it is another one [m/s^2].
@@ -140,10 +140,10 @@ def control(
 
     Source: highway-env 1.12.1, `IDMVehicle.act`, `ControlledVehicle.act`, `Vehicle.clip_actions`.
     """
-    following = jnp.where(target_lane == view.lane, own, jnp.minimum(own, on_target))
+    following = jnp.where(target_lane == derived.lane, own, jnp.minimum(own, on_target))
     if drivers.effects:
-        following = actuate(following, state.acceleration, drivers.effects, model.tick)
-        following = jnp.maximum(following, -jnp.maximum(state.speed, 0.0) / model.tick)  # vehicles come to rest
+        following = actuate(following, state.acceleration, drivers.effects, model.dt)
+        following = jnp.maximum(following, -jnp.maximum(state.speed, 0.0) / model.dt)  # vehicles come to rest
     following = jnp.clip(following, -drivers.body.accel_limit, drivers.body.accel_limit)
     tracking = (1 / SPEED_TIME) * (state.desired_speed - state.speed)
     if model.meta_follows:
@@ -177,21 +177,30 @@ def add_compensated(
 
 def move(
     state: TrafficState,
-    view: View,
+    derived: DerivedState,
     target_lane: Int[Array, "vehicles *scenarios"],
     countdown: Int[Array, "vehicles *scenarios"],
     command: Command,
     drivers: Drivers,
     model: TrafficModel,
 ) -> TrafficState:
-    """State after one explicit Euler step of the kinematic bicycle; collisions of the tick before push now.
+    """State after one explicit Euler step of the kinematic bicycle; collisions of the previous time step push now.
 
     Position and heading advance with the old speed. A pushed vehicle counts as crashed from here on.
 
+    Args:
+        state: The traffic.
+        derived: Its derived quantities.
+        target_lane: Lanes the vehicles are steered to.
+        countdown: Ticks to the next lane-change decision before this step.
+        command: Command of every vehicle.
+        drivers: Parameters of all vehicles.
+        model: The road and its clock.
+
     Source: highway-env 1.12.1, `Vehicle.step`; bicycle: Polack et al., IEEE IV 2017.
     """
-    dt = model.tick
-    motion = course(state, view, command.sine_of_slip)
+    dt = model.dt
+    motion = course(state, derived, command.sine_of_slip)
     x, x_lost = add_compensated(state.x, rounded(state.speed * motion.cos * dt), state.x_lost)
     y, y_lost = add_compensated(state.y, rounded(state.speed * motion.sin * dt), state.y_lost)
     turn_rate = state.speed * motion.sine_of_slip / (drivers.body.length / 2)

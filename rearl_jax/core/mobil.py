@@ -11,15 +11,15 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from rearl_jax.core.affected import if_any
 from rearl_jax.core.car_following.highway_env_idm import HighwayEnvIDM, projected_approach_rate
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
 from rearl_jax.core.neighbours import (
+    Candidates,
+    DerivedState,
     Follower,
     Leader,
-    Traffic,
-    View,
     find_follower,
     find_leader,
 )
@@ -34,8 +34,8 @@ REACHABLE_LANES = 2.0
 """
 
 
-class Prospects(eqx.Module):
-    """What a driver expects of the lanes in reach [m/s^2], unlimited accelerations.
+class LaneAccelerations(eqx.Module):
+    """Accelerations that car following gives on the lanes in reach [m/s^2], without the vehicle's bounds.
 
     Attributes:
         own: Own acceleration behind the leader on the own lane.
@@ -43,8 +43,8 @@ class Prospects(eqx.Module):
         right: Own acceleration behind the leader on the right lane.
         left_follower: Acceleration of the new follower after a change to the left.
         right_follower: Acceleration of the new follower after a change to the right.
-        left_others: What the followers gain together by a change to the left; 0 unless the model is cooperative.
-        right_others: What the followers gain together by a change to the right.
+        left_others: Gain of both followers together by a change to the left; 0 unless the model is cooperative.
+        right_others: Gain of both followers together by a change to the right.
     """
 
     own: Float[Array, "vehicles *scenarios"]
@@ -56,82 +56,84 @@ class Prospects(eqx.Module):
     right_others: Float[Array, "vehicles *scenarios"]
 
 
-def is_due(state: TrafficState, view: View, drivers: Drivers) -> Bool[Array, "vehicles *scenarios"]:
-    """Whether a driver takes a lane-change decision in this tick."""
-    return decides(state, drivers) & (view.lane == state.target_lane) & (state.ticks_to_decision <= 0)
+def is_due(state: TrafficState, derived: DerivedState, drivers: Drivers) -> Bool[Array, "vehicles *scenarios"]:
+    """True where a driver takes a lane-change decision in this time step."""
+    return decides(state, drivers) & (derived.lane == state.target_lane) & (state.ticks_to_decision <= 0)
 
 
-def restart_countdown(state: TrafficState, view: View, drivers: Drivers) -> Int[Array, "vehicles *scenarios"]:
-    """Ticks to the next decision, counted from now for those who take one in this tick."""
-    return jnp.where(is_due(state, view, drivers), drivers.mobil.decision_period, state.ticks_to_decision)
+def restart_countdown(
+    state: TrafficState, derived: DerivedState, drivers: Drivers
+) -> Int[Array, "vehicles *scenarios"]:
+    """Ticks to the next decision, restarted where one is taken in this time step."""
+    return jnp.where(is_due(state, derived, drivers), drivers.mobil.decision_period, state.ticks_to_decision)
 
 
 def decides(state: TrafficState, drivers: Drivers) -> Bool[Array, "vehicles *scenarios"]:
-    """Whether a vehicle changes lanes by this model."""
+    """True for vehicles that change lanes by this model."""
     return (state.controller == Controller.IDM) & ~state.crashed & drivers.mobil.changes_lanes
 
 
-def weigh_lanes(
+def evaluate_lanes(
     state: TrafficState,
-    view: View,
+    derived: DerivedState,
     free: Float[Array, "vehicles *scenarios"],
     own: Float[Array, "vehicles *scenarios"],
     due: Bool[Array, "vehicles *scenarios"],
     drivers: Drivers,
     model: TrafficModel,
-    among: Traffic | None = None,
-) -> Prospects:
-    """The driver's own acceleration on each lane, and what a change would do to the followers.
+    among: Candidates | None = None,
+) -> LaneAccelerations:
+    """The driver's own acceleration on each lane, and those of the followers before and after a change.
 
-    Each search is a program of its own (`if_any`): one pass over the vehicles. Left to the compiler, all searches
-    would be woven together and every pair of vehicles kept in memory, three times slower.
+    Each search is a program of its own (`if_any`): one pass over the vehicles. Otherwise XLA fuses all searches and
+    keeps every pair of vehicles in memory, which is three times slower.
 
     Args:
-        state: The vehicles whose drivers weigh the lanes.
-        view: What can be seen of them.
+        state: The vehicles that decide.
+        derived: Their derived quantities.
         free: Their acceleration on a free road [m/s^2].
         own: Their acceleration on their own lane [m/s^2].
-        due: Whose decision is due; only theirs counts.
+        due: Vehicles whose decision is due; values of others mean nothing.
         drivers: Their parameters.
         model: The road.
         among: The traffic they are part of, which is large; None for themselves.
     """
-    left_lane, right_lane, nothing = view.lane - 1, view.lane + 1, jnp.zeros_like(state.x)
+    left_lane, right_lane, nothing = derived.lane - 1, derived.lane + 1, jnp.zeros_like(state.x)
 
     def behind_leader(lane: Array) -> Float[Array, "vehicles *scenarios"]:
-        return follow(free, state, view, find_leader(state, view, lane, among), drivers)
+        return acceleration_behind(free, state, derived, find_leader(state, derived, lane, among), drivers)
 
-    def of_follower(lane: Array) -> Float[Array, "vehicles *scenarios"]:
-        follower = find_follower(state, view, lane, among)
-        return _behind(follower, follower.distance, view, drivers)
+    def new_follower(lane: Array) -> Float[Array, "vehicles *scenarios"]:
+        follower = find_follower(state, derived, lane, among)
+        return _follower_acceleration(follower, follower.distance, derived, drivers)
 
-    def gain_of_follower(lane: Array) -> Float[Array, "vehicles *scenarios"]:
-        leader = find_leader(state, view, lane, among)
-        follower = find_follower(state, view, lane, among)
-        alone = _behind(follower, follower.distance + leader.distance, leader, drivers)
-        return _behind(follower, follower.distance, view, drivers) - alone
+    def follower_gain(lane: Array) -> Float[Array, "vehicles *scenarios"]:
+        leader = find_leader(state, derived, lane, among)
+        follower = find_follower(state, derived, lane, among)
+        without = _follower_acceleration(follower, follower.distance + leader.distance, leader, drivers)
+        return _follower_acceleration(follower, follower.distance, derived, drivers) - without
 
-    def where_due(look: Callable[[Array], Array], lane: Array) -> Array:
-        return if_any(due, lambda: look(lane), nothing)
+    def where_due(evaluate: Callable[[Array], Array], lane: Array) -> Array:
+        return if_any(due, lambda: evaluate(lane), nothing)
 
     left_others = right_others = nothing
     if model.cooperative:
-        freed = where_due(gain_of_follower, view.lane)
-        left_others = where_due(gain_of_follower, left_lane) - freed
-        right_others = where_due(gain_of_follower, right_lane) - freed
-    return Prospects(
+        freed = where_due(follower_gain, derived.lane)
+        left_others = where_due(follower_gain, left_lane) - freed
+        right_others = where_due(follower_gain, right_lane) - freed
+    return LaneAccelerations(
         own=own,
         left=where_due(behind_leader, left_lane),
         right=where_due(behind_leader, right_lane),
-        left_follower=where_due(of_follower, left_lane),
-        right_follower=where_due(of_follower, right_lane),
+        left_follower=where_due(new_follower, left_lane),
+        right_follower=where_due(new_follower, right_lane),
         left_others=left_others,
         right_others=right_others,
     )
 
 
 def is_reachable(state: TrafficState, lane: Int[Array, "vehicles *scenarios"], model: TrafficModel) -> Array:
-    """Whether a lane exists and a vehicle is near enough to steer to it.
+    """True where a lane exists and a vehicle is near enough to steer to it.
 
     Source: highway-env 1.12.1, `AbstractLane.is_reachable_from`.
     """
@@ -142,62 +144,75 @@ def is_reachable(state: TrafficState, lane: Int[Array, "vehicles *scenarios"], m
 
 
 def lane_gains(
-    prospects: Prospects, drivers: Drivers, model: TrafficModel
+    accelerations: LaneAccelerations, drivers: Drivers, model: TrafficModel
 ) -> tuple[Float[Array, "vehicles *scenarios"], Float[Array, "vehicles *scenarios"]]:
-    """What a change to the left and to the right gains [m/s^2]: the own acceleration and, weighted, the followers'."""
+    """Gains of a change to the left and to the right [m/s^2]: own acceleration and, weighted, that of the followers."""
 
-    def gain(prospect: Array, others: Array) -> Float[Array, "vehicles *scenarios"]:
-        own = prospect - prospects.own
+    def gain(there: Array, others: Array) -> Float[Array, "vehicles *scenarios"]:
+        own = there - accelerations.own
         return own + drivers.mobil.politeness * others if model.cooperative else own
 
-    return gain(prospects.left, prospects.left_others), gain(prospects.right, prospects.right_others)
+    return gain(accelerations.left, accelerations.left_others), gain(accelerations.right, accelerations.right_others)
 
 
 def is_moving(state: TrafficState) -> Bool[Array, "vehicles *scenarios"]:
-    """Whether a vehicle is fast enough to change lanes."""
+    """True where a vehicle is fast enough to change lanes."""
     return jnp.abs(state.speed) >= LEAST_SPEED
 
 
 def is_unsafe(follower: Float[Array, "vehicles *scenarios"], drivers: Drivers) -> Bool[Array, "vehicles *scenarios"]:
-    """Whether a change would make the new follower, whose acceleration [m/s^2] is given, brake too hard."""
+    """True where a change makes the new follower, whose acceleration [m/s^2] is given, brake too hard."""
     return follower < -drivers.mobil.safe_decel
 
 
 def decide_lanes(
     state: TrafficState,
-    view: View,
+    derived: DerivedState,
     due: Bool[Array, "vehicles *scenarios"],
-    prospects: Prospects,
+    accelerations: LaneAccelerations,
     gains: tuple[Float[Array, "vehicles *scenarios"], Float[Array, "vehicles *scenarios"]],
     drivers: Drivers,
     model: TrafficModel,
 ) -> Int[Array, "vehicles *scenarios"]:
     """Target lanes after every driver whose decision is due has taken it.
 
-    The left lane is looked at first, then the right one; where both are accepted the right one wins. No decision
-    depends on another's target lane, so all are taken at once.
+    The left lane is tested first, then the right one; where both are accepted the right one wins. No decision depends
+    on another's target lane, so all are taken at once.
+
+    Args:
+        state: The vehicles that decide.
+        derived: Their derived quantities.
+        due: Vehicles whose decision is due.
+        accelerations: On the lanes.
+        gains: Of a change to the left and to the right [m/s^2].
+        drivers: Their parameters.
+        model: The road.
     """
     willing = due & is_moving(state)
     target_lane = state.target_lane
-    followers = prospects.left_follower, prospects.right_follower
+    followers = accelerations.left_follower, accelerations.right_follower
     for side, gain, follower in zip((-1, +1), gains, followers, strict=True):
-        candidate = view.lane + side
+        candidate = derived.lane + side
         accepted = ~is_unsafe(follower, drivers) & ~(gain < drivers.mobil.gain_threshold)
         accepted = accepted & willing & is_reachable(state, candidate, model)
         target_lane = jnp.where(accepted, candidate, target_lane)
     return target_lane
 
 
-def follow(
-    free: Float[Array, "vehicles *scenarios"], state: TrafficState, view: View, leader: Leader, drivers: Drivers
+def acceleration_behind(
+    free: Float[Array, "vehicles *scenarios"],
+    state: TrafficState,
+    derived: DerivedState,
+    leader: Leader,
+    drivers: Drivers,
 ) -> Float[Array, "vehicles *scenarios"]:
     """Acceleration of each vehicle behind a leader [m/s^2], given that on a free road."""
     assert isinstance(drivers.car_following, HighwayEnvIDM)  # only then are these rules used
-    dv = closing_in(view, leader)
+    dv = approach_rate(derived, leader)
     return free - drivers.car_following.interaction_at(distance=leader.distance, speed=state.speed, approach_rate=dv)
 
 
-def closing_in(rear: View | Follower, front: View | Leader) -> Float[Array, "vehicles *scenarios"]:
+def approach_rate(rear: DerivedState | Follower, front: DerivedState | Leader) -> Float[Array, "vehicles *scenarios"]:
     """Approach rate of one vehicle to another [m/s]."""
     return projected_approach_rate(
         rear.speed_x,
@@ -209,9 +224,9 @@ def closing_in(rear: View | Follower, front: View | Leader) -> Float[Array, "veh
     )
 
 
-def _behind(follower: Follower, spacing: Array, front: View | Leader, drivers: Drivers) -> Array:
+def _follower_acceleration(follower: Follower, spacing: Array, front: DerivedState | Leader, drivers: Drivers) -> Array:
     """A follower's acceleration [m/s^2] behind a vehicle at a spacing [m]; 0 without a follower."""
     assert isinstance(drivers.car_following, HighwayEnvIDM)
     free = drivers.car_following.free_acceleration_at(speed_ratio=follower.speed_ratio)
-    dv = closing_in(follower, front)
+    dv = approach_rate(follower, front)
     return free - drivers.car_following.interaction_at(distance=spacing, speed=follower.speed, approach_rate=dv)

@@ -1,4 +1,4 @@
-"""What is fixed while a program runs: the road, the clock and which stages the traffic model has.
+"""Road, clock and stages of the traffic model, which are fixed while a program runs.
 
 A `TrafficModel` is hashable and static: another value compiles another program. Numbers that vary between
 vehicles or scenarios are arrays and live in `rearl_jax.core.drivers` and `rearl_jax.core.state`.
@@ -57,6 +57,6 @@ class TrafficModel:
             raise ValueError("speed_levels needs at least two speeds [m/s] for FASTER and SLOWER to choose from")
 
     @property
-    def tick(self) -> float:
-        """Duration of one tick [s]."""
+    def dt(self) -> float:
+        """Duration of one time step, one tick [s]."""
         return 1.0 / self.ticks_per_second

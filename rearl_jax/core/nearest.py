@@ -1,11 +1,11 @@
-"""Who is next on every lane, ahead and behind, in large traffic.
+"""Leaders and followers on every lane, in large traffic.
 
-The order along the road is walked once from the head of the traffic to its tail, remembering the last vehicle met on
-each lane: that is the leader on this lane for whoever comes next. Walking back gives the followers.
+The order along the road is scanned once from the head of the traffic to its tail, carrying the last vehicle passed on
+each lane: that is the leader on this lane for whoever comes next. A scan in the other direction gives the followers.
 
-What is remembered of all lanes fits into one 32-bit number, or few: each lane has a field of it, which holds the index
-of a vehicle and a flag that says whether there is one. So a step of the walk is one operation for all lanes, and whom a
-vehicle finds on a lane of its choice is read off its own number without looking anything up.
+The carry of all lanes is packed into one 32-bit number, or few: each lane has a bit field, which holds the index of a
+vehicle and a flag that says whether there is one. So a step of the scan is one operation for all lanes, and the
+neighbour on a lane is read off a vehicle's own number, without a look-up in memory.
 """
 
 import dataclasses
@@ -20,12 +20,11 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int, UInt32
 
-from rearl_jax.core.affected import if_any
-from rearl_jax.core.lots import Lot, in_lots, list_vehicles, put, take
-from rearl_jax.core.order import NOBODY, in_a_row, pick
+from rearl_jax.core.compaction import Block, gather, if_any, list_vehicles, process_in_blocks, scatter
+from rearl_jax.core.order import NOBODY, flat_index, take_vehicles
 
 Words = tuple[UInt32[Array, "..."], ...]
-"""The fields of all lanes, as many to a number as have room."""
+"""Bit fields of all lanes, packed into as few numbers as hold them."""
 
 Lane = TypeVar("Lane", int, Array)
 
@@ -36,8 +35,8 @@ def lane_bit(lane: Lane) -> Lane:
 
 
 @dataclasses.dataclass(frozen=True)
-class Fields:
-    """How the lanes' fields lie in 32-bit numbers.
+class LaneFields:
+    """Layout of the lanes' bit fields in 32-bit numbers.
 
     Attributes:
         n_vehicles: Vehicles of a scenario.
@@ -67,11 +66,11 @@ class Fields:
         """The flags of all fields of a number."""
         return jnp.uint32(sum(self.flag << (self.width * place) for place in range(len(lanes))))
 
-    def found(self, field: UInt32[Array, "*n"]) -> Int[Array, "*n"]:
+    def vehicle_in(self, field: UInt32[Array, "*n"]) -> Int[Array, "*n"]:
         """The vehicle in a field, NOBODY for none."""
         return jnp.where(field >= self.flag, field.astype(jnp.int32) - self.flag, NOBODY)
 
-    def on(self, words: Words, lane: Int[Array, "*n"]) -> UInt32[Array, "*n"]:
+    def extract(self, words: Words, lane: Int[Array, "*n"]) -> UInt32[Array, "*n"]:
         """The field of a lane of each vehicle's choice; empty for lanes that do not exist."""
         chosen = jnp.zeros(lane.shape, jnp.uint32)
         for word, lanes in zip(words, self.lanes_by_word, strict=True):
@@ -80,8 +79,8 @@ class Fields:
             chosen = jnp.where(is_here, (word >> shift) & jnp.uint32((1 << self.width) - 1), chosen)
         return chosen
 
-    def of(self, index: Int[Array, "*n"], on_lanes: Int[Array, "*n"]) -> tuple[UInt32[Array, "*n"], ...]:
-        """Vehicles in the fields of the lanes they are on.
+    def insert(self, index: Int[Array, "*n"], on_lanes: Int[Array, "*n"]) -> tuple[UInt32[Array, "*n"], ...]:
+        """Numbers with vehicles in the fields of the lanes they are on.
 
         Args:
             index: The vehicles.
@@ -96,7 +95,7 @@ class Fields:
             words.append(word)
         return tuple(words)
 
-    def first_of(self, nearer: Words, farther: Words) -> Words:
+    def nearer_of(self, nearer: Words, farther: Words) -> Words:
         """Of each field the nearer vehicle where there is one, else the farther."""
         return tuple(
             near | (far & ~(((near & self.flags(lanes)) >> (self.width - 1)) * ((1 << self.width) - 1)))
@@ -105,19 +104,19 @@ class Fields:
 
 
 class NearestOnLanes(eqx.Module):
-    """The nearest vehicle ahead and behind on every lane, as each vehicle sees it.
+    """The nearest vehicle ahead and behind on every lane, for each vehicle.
 
     Vehicles abreast, which have exactly the same x, count as ahead of each other and never as behind. In the order they
-    stand by falling index, so the answers for all of them begin at the first: it may be the vehicle ahead itself, being
-    the last in the list, and only those before it are behind.
+    stand by falling index, so the neighbours of all of them follow from the first: it may be the vehicle ahead itself,
+    being the last in the list, and only those before it are behind.
 
     Attributes:
-        ahead: Who is next ahead on each lane.
-        behind: Who is next behind on each lane.
-        later: Who comes next on each lane in the order, which is not the one ahead of vehicles abreast.
+        ahead: Nearest vehicle ahead on each lane.
+        behind: Nearest vehicle behind on each lane.
+        later: Next vehicle on each lane in the order, which is not the one ahead of vehicles abreast.
         scenario: Scenario of each vehicle.
         n_scenarios: Number of scenarios.
-        fields: How the lanes' fields lie.
+        fields: Layout of the lanes' bit fields.
     """
 
     ahead: Words
@@ -125,18 +124,18 @@ class NearestOnLanes(eqx.Module):
     later: Words
     scenario: Int[Array, "#vehicles *scenarios"]
     n_scenarios: int = eqx.field(static=True)
-    fields: Fields = eqx.field(static=True)
+    fields: LaneFields = eqx.field(static=True)
 
     def ahead_on(self, lane: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
-        """The vehicle next ahead on a lane of each vehicle's choice; NOBODY for none, and on lanes that do not exist.
+        """The nearest vehicle ahead on a lane given for each vehicle; NOBODY for none and on lanes that do not exist.
 
         The same x counts as ahead; of equally near vehicles the last in the list is meant.
         """
-        return self.fields.found(self.fields.on(self.ahead, lane))
+        return self.fields.vehicle_in(self.fields.extract(self.ahead, lane))
 
     def behind_on(self, lane: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
-        """The vehicle next behind on a lane of each vehicle's choice; of equally near ones the first in the list."""
-        return self.fields.found(self.fields.on(self.behind, lane))
+        """The nearest vehicle behind on a lane given for each vehicle; of equally near ones the first in the list."""
+        return self.fields.vehicle_in(self.fields.extract(self.behind, lane))
 
     def after(
         self, index: Int[Array, "vehicles *scenarios"], lane: Int[Array, "vehicles *scenarios"]
@@ -147,11 +146,11 @@ class NearestOnLanes(eqx.Module):
             index: The vehicles; means nothing for NOBODY.
             lane: The lanes.
         """
-        later = tuple(self.pick(word, index) for word in self.later)
-        return self.fields.found(self.fields.on(later, lane))
+        later = tuple(self.take(word, index) for word in self.later)
+        return self.fields.vehicle_in(self.fields.extract(later, lane))
 
-    def pick(self, values: Array, index: Int[Array, "vehicles *scenarios"]) -> Array:
-        """All vehicles' values at the given indices, each within the scenario of the vehicle that asks.
+    def take(self, values: Array, index: Int[Array, "vehicles *scenarios"]) -> Array:
+        """All vehicles' values at the given indices, each within the scenario of the vehicle that searches.
 
         Args:
             values: Of all vehicles of all scenarios.
@@ -160,23 +159,19 @@ class NearestOnLanes(eqx.Module):
         place = jnp.maximum(index, 0) * self.n_scenarios + self.scenario
         return values.ravel().at[place].get(mode="promise_in_bounds")
 
-    def seen_by(self, place: Int[Array, " lot"]) -> "NearestOnLanes":
-        """The same for some vehicles of whichever scenarios, who alone may then ask.
-
-        Args:
-            place: Where they are among all vehicles of all scenarios in a row.
-        """
-        ahead, behind = (_taken(words, place) for words in (self.ahead, self.behind))
-        return replace(self, ahead=ahead, behind=behind, scenario=place % self.n_scenarios)
+    def of_block(self, index: Int[Array, " block"]) -> "NearestOnLanes":
+        """The same for some vehicles of whichever scenarios, given by flat indices; only these may then search."""
+        ahead, behind = (_gather_words(words, index) for words in (self.ahead, self.behind))
+        return replace(self, ahead=ahead, behind=behind, scenario=index % self.n_scenarios)
 
 
-def walk_along_road(
+def scan_along_road(
     order: Int[Array, "vehicles *scenarios"],
     x: Float[Array, "vehicles *scenarios"],
     on_lanes: Int[Array, "vehicles *scenarios"],
     n_lanes: int,
 ) -> NearestOnLanes:
-    """Everybody's nearest vehicles on every lane.
+    """The nearest vehicles on every lane, of all vehicles.
 
     Args:
         order: Vehicle indices as `order.sort_along_road` leaves them.
@@ -184,61 +179,63 @@ def walk_along_road(
         on_lanes: Lanes each vehicle is on, as bits.
         n_lanes: Lanes of the road.
     """
-    fields, n_scenarios = Fields(order.shape[0], n_lanes), math.prod(order.shape[1:])
-    step = _by_step(in_a_row(order), filling=order.size)
+    fields, n_scenarios = LaneFields(order.shape[0], n_lanes), math.prod(order.shape[1:])
+    step = _to_stretches(flat_index(order), filling=order.size)
     on = on_lanes.ravel().at[step].get(mode="fill", fill_value=0)
-    own = fields.of(step // n_scenarios, on)
-    later, earlier = (_by_vehicle(_met(own, fields, reverse), step, order.shape) for reverse in (True, False))
-    ahead, behind = _look_abreast(order, x, on_lanes, later, earlier, fields)
+    own = fields.insert(step // n_scenarios, on)
+    later, earlier = (_to_vehicles(_last_passed(own, fields, reverse), step, order.shape) for reverse in (True, False))
+    ahead, behind = _correct_abreast(order, x, on_lanes, later, earlier, fields)
     scenario = lax.iota(jnp.int32, n_scenarios).reshape(1, *order.shape[1:])
     return NearestOnLanes(ahead, behind, later, scenario, n_scenarios, fields)
 
 
-def _met(own: Words, fields: Fields, reverse: bool) -> Words:
-    """Who has been met last on each lane before coming to a place, walking along the order or, reversed, against it.
+def _last_passed(own: Words, fields: LaneFields, reverse: bool) -> Words:
+    """The last vehicle passed on each lane before every place, scanning along the order or, reversed, against it.
 
-    Stretches of the order are walked side by side (`_by_step`). Whom a stretch has met last on each lane is then handed
-    on to the stretches that come after it, and counts wherever nobody has been met on the own one yet.
+    Stretches of the order are scanned side by side (`_to_stretches`). The last vehicle of a stretch on each lane is
+    then carried into the stretches after it, and counts wherever a stretch has not passed one of its own yet.
     """
 
-    def pass_by(met: Words, vehicle: Words) -> tuple[Words, Words]:
-        return fields.first_of(vehicle, met), met
+    def pass_by(passed: Words, vehicle: Words) -> tuple[Words, Words]:
+        return fields.nearer_of(vehicle, passed), passed
 
     nobody = jax.tree.map(lambda word: jnp.zeros_like(word[0]), own)
-    last, met = lax.scan(pass_by, nobody, own, reverse=reverse)
+    last, passed = lax.scan(pass_by, nobody, own, reverse=reverse)
     nobody = jax.tree.map(jnp.zeros_like, last)
-    somebody = functools.reduce(jnp.bitwise_or, last) != 0
-    before = if_any(somebody, lambda: _handed_on(last, fields, reverse), nobody)
-    return fields.first_of(met, jax.tree.map(lambda word: word[None], before))
+    has_any = functools.reduce(jnp.bitwise_or, last) != 0
+    carried = if_any(has_any, lambda: _carried_in(last, fields, reverse), nobody)
+    return fields.nearer_of(passed, jax.tree.map(lambda word: word[None], carried))
 
 
-def _handed_on(last: Words, fields: Fields, reverse: bool) -> Words:
-    """Who has been met last on each lane on all stretches before each, given who has on each.
+def _carried_in(last: Words, fields: LaneFields, reverse: bool) -> Words:
+    """The last vehicle on each lane over all stretches before each, given that of each: an exclusive prefix scan.
 
-    Every stretch knows of the one before it, then both of the two before them, and so on: twice as far each time.
+    By doubling: every stretch knows of the one before it, then both of the two before them, and so on.
+
+    Source: Hillis & Steele, Commun. ACM 29 (1986) 1170.
     """
     n_stretches = last[0].shape[0]
 
-    def moved_on(words: Words, by: int) -> Words:
+    def shifted(words: Words, by: int) -> Words:
         ends = (0, by) if reverse else (by, 0)
         kept = slice(by, None) if reverse else slice(0, n_stretches)
         return jax.tree.map(lambda word: jnp.pad(word, [ends] + [(0, 0)] * (word.ndim - 1))[kept], words)
 
-    known, reach = moved_on(last, 1), 1
+    known, reach = shifted(last, 1), 1
     while reach < n_stretches - 1:
-        known, reach = fields.first_of(known, moved_on(known, reach)), 2 * reach
+        known, reach = fields.nearer_of(known, shifted(known, reach)), 2 * reach
     return known
 
 
-def _by_step(values: Int[Array, "vehicles *scenarios"], filling: int) -> Int[Array, "length stretches *scenarios"]:
-    """A row of vehicles cut into stretches that can be walked side by side.
+def _to_stretches(values: Int[Array, "vehicles *scenarios"], filling: int) -> Int[Array, "length stretches *scenarios"]:
+    """Values by place, cut into stretches that can be scanned side by side.
 
-    A plain walk takes n steps of one place each. With stretches of about sqrt(n) / 2 places, step k comes to the k-th
+    A plain scan takes n steps of one place each. With stretches of about sqrt(n) / 2 places, step k comes to the k-th
     place of every stretch: few steps, with vector code over many places in each.
 
     Args:
         values: By place.
-        filling: What the last stretch is filled up with.
+        filling: Value of the places by which the last stretch is too short.
     """
     n_vehicles, others = values.shape[0], values.shape[1:]
     length = math.isqrt(n_vehicles - 1) // 2 + 1
@@ -248,57 +245,60 @@ def _by_step(values: Int[Array, "vehicles *scenarios"], filling: int) -> Int[Arr
     return filled.reshape(n_stretches, length, *others).swapaxes(0, 1)
 
 
-def _by_vehicle(words: Words, step: Int[Array, "length stretches *scenarios"], shape: tuple[int, ...]) -> Words:
-    """What has been found by step, by vehicle."""
+def _to_vehicles(words: Words, step: Int[Array, "length stretches *scenarios"], shape: tuple[int, ...]) -> Words:
+    """Words by step of the scan, put in the order of the vehicles."""
     nobody = jnp.zeros(math.prod(shape), jnp.uint32)
     place = step.ravel()
     return tuple(nobody.at[place].set(word.ravel(), mode="drop").reshape(shape) for word in words)
 
 
-def _taken(words: Words, place: Int[Array, " lot"]) -> Words:
-    """What some vehicles of whichever scenarios have found, given where they are among all in a row."""
-    return tuple(take(word, place, word.shape) for word in words)
+def _gather_words(words: Words, index: Int[Array, " block"]) -> Words:
+    """Words of some vehicles, given by flat indices."""
+    return tuple(gather(word, index, word.shape) for word in words)
 
 
-def _look_abreast(
+def _correct_abreast(
     order: Int[Array, "vehicles *scenarios"],
     x: Float[Array, "vehicles *scenarios"],
     on_lanes: Int[Array, "vehicles *scenarios"],
     later: Words,
     earlier: Words,
-    fields: Fields,
+    fields: LaneFields,
 ) -> tuple[Words, Words]:
-    """Who is ahead and behind: those later and earlier in the order, but for vehicles abreast, of which there are few.
+    """Vehicles ahead and behind: those later and earlier in the order, corrected for vehicles abreast, which are few.
 
-    Arguments as of `walk_along_road`, and who comes later and earlier.
+    Arguments as of `scan_along_road`, and the next vehicles later and earlier in the order.
     """
-    along, shape, n_scenarios = pick(x, order), order.shape, math.prod(order.shape[1:])
-    is_level = jnp.pad(along[1:] == along[:-1], [(1, 0)] + [(0, 0)] * (along.ndim - 1))
-    is_level_in_a_row, vehicle = is_level.ravel(), in_a_row(order).ravel()
+    along, shape, n_scenarios = take_vehicles(x, order), order.shape, math.prod(order.shape[1:])
+    is_abreast = jnp.pad(along[1:] == along[:-1], [(1, 0)] + [(0, 0)] * (along.ndim - 1))
+    flat_abreast, vehicle = is_abreast.ravel(), flat_index(order).ravel()
 
     def step_back(place: Array) -> Array:
-        return place - n_scenarios * is_level_in_a_row[place].astype(jnp.int32)
+        return place - n_scenarios * flat_abreast[place].astype(jnp.int32)
 
-    def look(lot: Lot, found: tuple[Words, Words]) -> tuple[Words, Words]:
-        first_place = lax.while_loop(lambda place: jnp.any(is_level_in_a_row[place]), step_back, lot.place)
-        oneself, first = vehicle[lot.place], vehicle[first_place]
+    def correct(block: Block, neighbours: tuple[Words, Words]) -> tuple[Words, Words]:
+        first_place = lax.while_loop(lambda place: jnp.any(flat_abreast[place]), step_back, block.index)
+        own, first = vehicle[block.index], vehicle[first_place]
 
-        ahead = fields.first_of(fields.of(first // n_scenarios, take(on_lanes, first, shape)), _taken(later, first))
-        ahead = _but_oneself(oneself // n_scenarios, ahead, _taken(later, oneself), fields)
-        new = ahead, _taken(earlier, first)
-        return jax.tree.map(lambda values, word: put(values, oneself, lot.is_there, word), new, found)
+        first_fields = fields.insert(first // n_scenarios, gather(on_lanes, first, shape))
+        ahead = fields.nearer_of(first_fields, _gather_words(later, first))
+        ahead = _without_self(own // n_scenarios, ahead, _gather_words(later, own), fields)
+        corrected = ahead, _gather_words(earlier, first)
+        return jax.tree.map(lambda new, old: scatter(new, own, block.is_filled, old), corrected, neighbours)
 
-    return in_lots(list_vehicles(is_level), order.size // 256 + 2, look, (later, earlier))
+    return process_in_blocks(list_vehicles(is_abreast), order.size // 256 + 2, correct, (later, earlier))
 
 
-def _but_oneself(index: Int[Array, "vehicles *scenarios"], found: Words, later: Words, fields: Fields) -> Words:
-    """Who has been found on each lane; for vehicles that have found themselves the next one later in the order."""
+def _without_self(index: Int[Array, "vehicles *scenarios"], ahead: Words, later: Words, fields: LaneFields) -> Words:
+    """Vehicles ahead on each lane; in fields that hold the vehicle itself, the next one later in the order."""
     chosen = []
-    for word, after, lanes in zip(found, later, fields.lanes_by_word, strict=True):
+    for word, after, lanes in zip(ahead, later, fields.lanes_by_word, strict=True):
         for place in range(len(lanes)):
             field = jnp.uint32(((1 << fields.width) - 1) << (fields.width * place))
-            oneself = (index.astype(jnp.uint32) | fields.flag) << (fields.width * place)
-            # A difference, as jaxlib 0.10.2 miscompiles the chain of (word & ~field) | (after & field) for AVX-512.
-            word = jnp.where((word & field) == oneself, word + ((after & field) - oneself), word)
+            own = (index.astype(jnp.uint32) | fields.flag) << (fields.width * place)
+            # The field is replaced by adding a difference. The plain form, (word & ~field) | (after & field), chained
+            # over four lanes or more, is miscompiled for CPUs with AVX-512 by jaxlib 0.10.2: in random words nearly all
+            # results are wrong, and none with --xla_cpu_max_isa=AVX2 or --xla_backend_optimization_level=0.
+            word = jnp.where((word & field) == own, word + ((after & field) - own), word)
         chosen.append(word)
     return tuple(chosen)

@@ -1,9 +1,9 @@
-"""What a driver sees: the leader and the follower in the lanes that matter.
+"""Leader and follower of every vehicle on the lanes that matter.
 
-In small traffic every driver looks at all other vehicles one after another and keeps the nearest ("running minimum").
-That costs n_vehicles^2 comparisons, but only comparisons and selections, which a compiler turns into straight vector
-code over the scenarios. In large traffic the vehicles are sorted along the road (`rearl_jax.core.order`), and who is
-next on every lane is read off that order (`rearl_jax.core.nearest`).
+In small traffic every vehicle is compared with all others one after another, and the nearest is kept ("running
+minimum"). That costs n_vehicles^2 comparisons, but only comparisons and selections, which a compiler turns into
+straight vector code over the scenarios. In large traffic the vehicles are sorted along the road
+(`rearl_jax.core.order`), and neighbours are read off that order (`rearl_jax.core.nearest`).
 """
 
 from collections.abc import Callable
@@ -18,11 +18,11 @@ from jaxtyping import Array, Float, Int
 from rearl_jax.core.double_double import rounded
 from rearl_jax.core.elementary import cosine, not_zero, sine
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
-from rearl_jax.core.nearest import NearestOnLanes, lane_bit, walk_along_road
+from rearl_jax.core.nearest import NearestOnLanes, lane_bit, scan_along_road
 from rearl_jax.core.order import NOBODY, sort_along_road
 from rearl_jax.core.state import TrafficState, nearest_lane
 
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 
 LANE_MARGIN = 1.0
 """A vehicle counts as being on a lane up to this distance [m] beyond the lane's edge.
@@ -30,14 +30,14 @@ LANE_MARGIN = 1.0
 Source: highway-env 1.12.1, `Road.neighbour_vehicles(margin=1)`."""
 
 LARGEST_SMALL_TRAFFIC = 18
-"""Most vehicles for which everybody looks at everybody."""
+"""Most vehicles for which all pairs are compared."""
 
 LARGE_TRAFFIC_BLOCK = 8
 """Vehicles per pass of a loop over all vehicles in large traffic, where only rare work needs one."""
 
 
-class View(eqx.Module):
-    """What others can see of each vehicle, and what the stages of one tick share.
+class DerivedState(eqx.Module):
+    """Quantities that follow from the state and are shared by the stages of one time step.
 
     Attributes:
         lane: Nearest lane.
@@ -47,7 +47,7 @@ class View(eqx.Module):
         speed_y: Speed across the road [m/s].
         speed_ratio: max(v, 0) / |v0| with the vehicle's own desired speed v0 under the speed limit [-].
         on_lanes: The lanes the vehicle is on, as bits (`lane_bit`); none where it is out of sight beyond the road.
-        nearest: Who is next on every lane; None in small traffic, where everybody looks at everybody.
+        nearest: Nearest vehicles on every lane; None in small traffic, where all pairs are compared.
     """
 
     lane: Int[Array, "vehicles *scenarios"]
@@ -60,11 +60,11 @@ class View(eqx.Module):
     nearest: NearestOnLanes | None
 
 
-class Traffic(NamedTuple):
-    """All vehicles and what can be seen of them, where only some of them look."""
+class Candidates(NamedTuple):
+    """All vehicles of large traffic, where only some of them search for neighbours."""
 
     state: TrafficState
-    view: View
+    derived: DerivedState
 
 
 class Leader(eqx.Module):
@@ -89,7 +89,7 @@ class Follower(eqx.Module):
         speed: Its speed [m/s].
         cos_heading: Cosine of its heading [-].
         sin_heading: Sine of its heading [-].
-        speed_ratio: Its `View.speed_ratio` [-]; 1 without a follower, which makes its free acceleration zero.
+        speed_ratio: Its `DerivedState.speed_ratio` [-]; 1 without a follower, which makes its free acceleration zero.
     """
 
     distance: Float[Array, "#vehicles *#scenarios"]
@@ -126,8 +126,8 @@ def lanes_under(state: TrafficState, model: TrafficModel) -> Int[Array, "vehicle
     return bits
 
 
-def perceive(state: TrafficState, model: TrafficModel) -> View:
-    """What can be seen of each vehicle at the start of a tick.
+def derive_state(state: TrafficState, model: TrafficModel) -> DerivedState:
+    """Derived quantities of every vehicle at the start of a time step.
 
     Source: highway-env 1.12.1, `IDMVehicle.acceleration` (speed limit).
     """
@@ -139,8 +139,8 @@ def perceive(state: TrafficState, model: TrafficModel) -> View:
     on_lanes = lanes_under(state, model)
     nearest = None
     if is_large(state.x.shape[0]):
-        nearest = walk_along_road(state.order, state.x, on_lanes, model.n_lanes)
-    return View(
+        nearest = scan_along_road(state.order, state.x, on_lanes, model.n_lanes)
+    return DerivedState(
         lane=nearest_lane(state.y, model),
         cos_heading=cos_heading,
         sin_heading=sin_heading,
@@ -153,63 +153,64 @@ def perceive(state: TrafficState, model: TrafficModel) -> View:
 
 
 def find_leader(
-    state: TrafficState, view: View, lane: Int[Array, "vehicles *scenarios"], among: Traffic | None = None
+    state: TrafficState, derived: DerivedState, lane: Int[Array, "vehicles *scenarios"], among: Candidates | None = None
 ) -> Leader:
-    """The nearest vehicle ahead of each vehicle on a lane of its choice.
+    """The nearest vehicle ahead of each vehicle on a lane given for each.
 
     The same position counts as ahead; of several equally near vehicles the last in the list is taken.
 
     Args:
-        state: The vehicles that look.
-        view: What can be seen of them.
-        lane: The lane each of them looks at; -1 and n_lanes are empty.
-        among: The traffic they look at, which is large; None for themselves.
+        state: The vehicles that search.
+        derived: Their derived quantities.
+        lane: The lane each of them searches; -1 and n_lanes are empty.
+        among: The traffic that is searched, which is large; None for themselves.
 
     Source: highway-env 1.12.1, `Road.neighbour_vehicles`.
     """
-    if view.nearest is not None:
-        its, index = among or Traffic(state, view), view.nearest.ahead_on(lane)
-        x, *speeds = (view.nearest.pick(values, index) for values in (its.state.x, its.view.speed_x, its.view.speed_y))
-        seen = Leader(x - state.x, *speeds)
-        return _replace_where(index != NOBODY, seen, _nobody_ahead(state))
+    if derived.nearest is not None:
+        candidates, index = among or Candidates(state, derived), derived.nearest.ahead_on(lane)
+        columns = candidates.state.x, candidates.derived.speed_x, candidates.derived.speed_y
+        x, *speeds = (derived.nearest.take(values, index) for values in columns)
+        leader = Leader(x - state.x, *speeds)
+        return _replace_where(index != NOBODY, leader, _nobody_ahead(state))
     bit = lane_bit(lane)
     own_index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
 
-    def look_at(other: Int[Array, ""], found: Leader) -> Leader:
+    def keep_nearest(other: Int[Array, ""], nearest: Leader) -> Leader:
         ahead_by = row(state.x, other) - state.x
-        is_ahead = ((row(view.on_lanes, other) & bit) != 0) & (ahead_by >= 0) & (own_index != other)
-        new = Leader(ahead_by, row(view.speed_x, other), row(view.speed_y, other))
-        return _replace_where(is_ahead & (ahead_by <= found.distance), new, found)
+        is_ahead = ((row(derived.on_lanes, other) & bit) != 0) & (ahead_by >= 0) & (own_index != other)
+        candidate = Leader(ahead_by, row(derived.speed_x, other), row(derived.speed_y, other))
+        return _replace_where(is_ahead & (ahead_by <= nearest.distance), candidate, nearest)
 
-    return for_each_vehicle(state.x.shape[0], look_at, _nobody_ahead(state))
+    return for_each_vehicle(state.x.shape[0], keep_nearest, _nobody_ahead(state))
 
 
 def find_follower(
-    state: TrafficState, view: View, lane: Int[Array, "vehicles *scenarios"], among: Traffic | None = None
+    state: TrafficState, derived: DerivedState, lane: Int[Array, "vehicles *scenarios"], among: Candidates | None = None
 ) -> Follower:
-    """The nearest vehicle behind each vehicle on a lane of its choice; of equally near ones the first in the list.
+    """The nearest vehicle behind each vehicle on a lane given for each; of equally near ones the first in the list.
 
     Arguments as of `find_leader`.
 
     Source: highway-env 1.12.1, `Road.neighbour_vehicles`.
     """
-    traffic = among or Traffic(state, view)
-    its = traffic.view
-    seen = (traffic.state.speed, its.cos_heading, its.sin_heading, its.speed_ratio)
-    if view.nearest is not None:
-        index = view.nearest.behind_on(lane)
-        x, *others = (view.nearest.pick(values, index) for values in (traffic.state.x, *seen))
-        new = Follower(state.x - x, *others)
-        return _replace_where(index != NOBODY, new, _nobody_behind(state))
+    candidates = among or Candidates(state, derived)
+    motion = candidates.derived
+    columns = (candidates.state.speed, motion.cos_heading, motion.sin_heading, motion.speed_ratio)
+    if derived.nearest is not None:
+        index = derived.nearest.behind_on(lane)
+        x, *others = (derived.nearest.take(values, index) for values in (candidates.state.x, *columns))
+        follower = Follower(state.x - x, *others)
+        return _replace_where(index != NOBODY, follower, _nobody_behind(state))
     bit = lane_bit(lane)
 
-    def look_at(other: Int[Array, ""], found: Follower) -> Follower:
+    def keep_nearest(other: Int[Array, ""], nearest: Follower) -> Follower:
         behind_by = state.x - row(state.x, other)
-        is_behind = ((row(view.on_lanes, other) & bit) != 0) & (behind_by > 0)
-        new = Follower(behind_by, *(row(values, other) for values in seen))
-        return _replace_where(is_behind & (behind_by < found.distance), new, found)
+        is_behind = ((row(derived.on_lanes, other) & bit) != 0) & (behind_by > 0)
+        candidate = Follower(behind_by, *(row(values, other) for values in columns))
+        return _replace_where(is_behind & (behind_by < nearest.distance), candidate, nearest)
 
-    return for_each_vehicle(state.x.shape[0], look_at, _nobody_behind(state))
+    return for_each_vehicle(state.x.shape[0], keep_nearest, _nobody_behind(state))
 
 
 def _nobody_ahead(state: TrafficState) -> Leader:
@@ -225,33 +226,36 @@ def _nobody_behind(state: TrafficState) -> Follower:
 
 
 def is_large(n_vehicles: int) -> bool:
-    """Whether walking along the sorted vehicles is cheaper than letting everybody look at everybody."""
+    """True where a scan along the sorted vehicles is cheaper than comparing all pairs."""
     return n_vehicles > LARGEST_SMALL_TRAFFIC
 
 
 def sort_if_large(state: TrafficState) -> TrafficState:
-    """The state with its order along the road up to date, where the search for neighbours walks along it."""
+    """The state with its order along the road up to date, where the search for neighbours needs it."""
     if not is_large(state.x.shape[0]):
         return state
     return eqx.tree_at(lambda s: s.order, state, sort_along_road(state.x, state.order))
 
 
-def for_each_vehicle(n_vehicles: int | Array, look_at: Callable[[Array, Found], Found], nothing: Found) -> Found:
-    """What every vehicle has found after looking at all vehicles in list order; straight-line code in small traffic.
+def for_each_vehicle(n_vehicles: int | Array, body: Callable[[Array, Result], Result], start: Result) -> Result:
+    """A result updated with every vehicle in list order; straight-line code in small traffic.
 
-    A number that is only known when the program runs has no derivatives backwards.
+    Args:
+        n_vehicles: Vehicles to visit; a number that is only known when the program runs has no reverse-mode derivative.
+        body: From the index of a vehicle and the result so far to the result with it.
+        start: Result without any vehicle.
     """
     unroll = None
     if isinstance(n_vehicles, int):
         unroll = LARGE_TRAFFIC_BLOCK if is_large(n_vehicles) else n_vehicles
-    return lax.fori_loop(0, n_vehicles, look_at, nothing, unroll=unroll)
+    return lax.fori_loop(0, n_vehicles, body, start, unroll=unroll)
 
 
 def row(values: Array, other: Int[Array, ""]) -> Array:
-    """One vehicle's values, against which all others are held."""
+    """Values of one vehicle, with its axis kept, to be compared with those of all."""
     return lax.dynamic_index_in_dim(values, other, 0, keepdims=True)
 
 
-def _replace_where(is_nearer: Array, new: Found, found: Found) -> Found:
-    """What was found so far, replaced where something nearer has come up."""
-    return jax.tree.map(lambda a, b: jnp.where(is_nearer, a, b), new, found)
+def _replace_where(is_nearer: Array, candidate: Result, nearest: Result) -> Result:
+    """The nearest so far, replaced where the candidate is nearer."""
+    return jax.tree.map(lambda a, b: jnp.where(is_nearer, a, b), candidate, nearest)

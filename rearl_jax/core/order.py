@@ -1,7 +1,7 @@
-"""The order of the vehicles along the road.
+"""The order of the vehicles along the road, kept from one time step to the next.
 
-For many vehicles, looking at all others costs too much. Instead they are kept sorted by x, starting from the order of
-the last tick, which has changed little. Who is next on every lane is read off it in `rearl_jax.core.nearest`.
+In large traffic, comparing every vehicle with all others costs too much. Instead the vehicles are sorted by x, starting
+from the order of the last time step, which has changed little. `rearl_jax.core.nearest` reads neighbours off it.
 """
 
 import math
@@ -11,8 +11,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
 
-_Sorted = tuple[Array, Array]
-"""Positions [m] and vehicle indices, by place in the order."""
+_Keyed = tuple[Array, Array]
+"""Sort keys, positions [m] and vehicle indices, by place in the order."""
 
 NOBODY = -1
 """Index that stands for no vehicle."""
@@ -23,47 +23,51 @@ def sort_along_road(
 ) -> Int[Array, "vehicles *scenarios"]:
     """Vehicle indices by rising x, those of equal x by falling index.
 
-    Odd-even transposition sort from any permutation: neighbours that stand in the wrong order are exchanged, all pairs
-    that begin at even places at once, then all that begin at odd places, until no scenario has such a pair. A vehicle
-    moves two places at most in such a double pass, and hardly any needs to move more in a tick. Even and odd places
-    are kept apart, so that a pair is the same row of both and nothing has to be woven together in between.
+    Odd-even transposition sort from any permutation: neighbours in the wrong order are exchanged, all pairs that begin
+    at even places at once, then all that begin at odd places, until no scenario has such a pair. It suits nearly sorted
+    input and vector code: a vehicle moves two places at most in a double pass, and hardly any needs to move more in a
+    time step, so one double pass mostly suffices; a library sort costs n log n with random access.
+
+    Source: Habermann, Parallel Neighbor-Sort, Carnegie Mellon University (1972).
     """
 
-    def is_unsorted(places: tuple[_Sorted, _Sorted]) -> Array:
-        return jnp.any(_is_wrong(*places))  # pairs that begin at odd places have just been put right
+    def is_unsorted(places: tuple[_Keyed, _Keyed]) -> Array:
+        return jnp.any(_is_inverted(*places))  # pairs that begin at odd places have just been put right
 
-    def passes(places: tuple[_Sorted, _Sorted]) -> tuple[_Sorted, _Sorted]:
+    def double_pass(places: tuple[_Keyed, _Keyed]) -> tuple[_Keyed, _Keyed]:
         return _exchange_from_odd_places(*_exchange(*places))
 
-    by_place = pick(x, order), order
+    by_place = take_vehicles(x, order), order
     if x.shape[0] % 2:
-        # Somebody beyond all others, who stays the last, makes pairs of all.
-        by_place = _followed_by(by_place[0], jnp.inf), _followed_by(order, NOBODY)
+        # A sentinel beyond all others, which stays the last, makes pairs of all.
+        by_place = _append(by_place[0], jnp.inf), _append(order, NOBODY)
+    # Even and odd places are two arrays: a pair is the same row of both, so an exchange is element-wise and nothing
+    # is interleaved between passes.
     even, odd = (jax.tree.map(lambda values, k=k: values[k::2], by_place) for k in (0, 1))
-    even, odd = lax.while_loop(is_unsorted, passes, _exchange_from_odd_places(even, odd))
+    even, odd = lax.while_loop(is_unsorted, double_pass, _exchange_from_odd_places(even, odd))
     sorted_ = jnp.stack([even[1], odd[1]], axis=1)
     return sorted_.reshape(-1, *order.shape[1:])[: order.shape[0]]
 
 
-def _followed_by(values: Array, last: float | int) -> Array:
-    """Values of all vehicles and of one more in every scenario."""
+def _append(values: Array, last: float | int) -> Array:
+    """Values by place with one more at the end of every scenario."""
     return jnp.pad(values, [(0, 1)] + [(0, 0)] * (values.ndim - 1), constant_values=last)
 
 
-def _is_wrong(low: _Sorted, high: _Sorted) -> Array:
-    """Whether the first of each pair belongs behind the second."""
+def _is_inverted(low: _Keyed, high: _Keyed) -> Array:
+    """True where the first of a pair belongs behind the second; equal x stand by falling index."""
     return (low[0] > high[0]) | ((low[0] == high[0]) & (low[1] < high[1]))
 
 
-def _exchange(low: _Sorted, high: _Sorted) -> tuple[_Sorted, _Sorted]:
+def _exchange(low: _Keyed, high: _Keyed) -> tuple[_Keyed, _Keyed]:
     """The pairs in the right order."""
-    swap = _is_wrong(low, high)
+    swap = _is_inverted(low, high)
     lower = jax.tree.map(lambda first, second: jnp.where(swap, second, first), low, high)
     higher = jax.tree.map(lambda first, second: jnp.where(swap, first, second), low, high)
     return lower, higher
 
 
-def _exchange_from_odd_places(even: _Sorted, odd: _Sorted) -> tuple[_Sorted, _Sorted]:
+def _exchange_from_odd_places(even: _Keyed, odd: _Keyed) -> tuple[_Keyed, _Keyed]:
     """Even and odd places after the pairs that begin at odd places; the first place and the last have no partner."""
     between = jax.tree.map(lambda values: values[:-1], odd), jax.tree.map(lambda values: values[1:], even)
     odd_between, even_between = _exchange(*between)
@@ -72,27 +76,26 @@ def _exchange_from_odd_places(even: _Sorted, odd: _Sorted) -> tuple[_Sorted, _So
     return even, odd
 
 
-def in_a_row(index: Int[Array, "places *scenarios"]) -> Int[Array, "places *scenarios"]:
-    """Where vehicles are among those of all scenarios in a row, given their indices within their scenario."""
+def flat_index(index: Int[Array, "places *scenarios"]) -> Int[Array, "places *scenarios"]:
+    """Flat index of vehicles among those of all scenarios, given their indices within their scenario."""
     n_scenarios = math.prod(index.shape[1:])
     return index * n_scenarios + lax.iota(jnp.int32, n_scenarios).reshape(1, *index.shape[1:])
 
 
-def pick(values: Array, index: Int[Array, "places *scenarios"]) -> Array:
+def take_vehicles(values: Array, index: Int[Array, "places *scenarios"]) -> Array:
     """Each scenario's values at the given vehicle indices; the first vehicle's for NOBODY.
 
-    From all scenarios in a row, which costs half of what indices along two axes do.
+    By flat indices, which cost half of what indices along two axes do on a CPU.
     """
     if values.shape[0] == 1:
         return values
-    each = jnp.broadcast_to(values, (values.shape[0], *index.shape[1:]))
-    return each.ravel().at[in_a_row(jnp.maximum(index, 0))].get(mode="promise_in_bounds")
+    full = jnp.broadcast_to(values, (values.shape[0], *index.shape[1:]))
+    return full.ravel().at[flat_index(jnp.maximum(index, 0))].get(mode="promise_in_bounds")
 
 
 def inverse(order: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
     """Place of each vehicle in the order."""
     places = lax.broadcasted_iota(jnp.int32, order.shape, 0)
-    row = (
-        jnp.zeros(order.size, jnp.int32).at[in_a_row(order)].set(places, unique_indices=True, mode="promise_in_bounds")
-    )
-    return row.reshape(order.shape)
+    flat = jnp.zeros(order.size, jnp.int32)
+    flat = flat.at[flat_index(order)].set(places, unique_indices=True, mode="promise_in_bounds")
+    return flat.reshape(order.shape)

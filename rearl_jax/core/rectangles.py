@@ -1,9 +1,10 @@
-"""Vehicles as rectangles: which of them overlap, now or in the coming tick, and how far apart they must be shifted.
+"""Vehicles as rectangles: overlap now or in the coming time step, and the shift that prevents it.
 
 A separating-axis test in the order of operations of highway-env. In float64 the outcome must be the same to the last
-place: vehicles that rest against each other touch or do not touch by that much. So there the shadows are those of the
-corners, as in highway-env. In float32 they follow from half sizes and headings, seen from one of the rectangles, which
-is a tenth of the work and does not lose the places that a long road takes from a corner's position.
+place: vehicles that rest against each other touch or do not touch by that much. So there the rectangles' projections
+on an axis are those of their corners, as in highway-env. In float32 they follow from half sizes and headings, relative
+to one of the rectangles, which is a tenth of the work and keeps the digits that a corner's position on a long road
+would lose.
 
 Source: highway-env 1.12.1, `RoadObject.polygon`, `utils.are_polygons_intersecting`, `Vehicle.velocity`.
 """
@@ -23,8 +24,8 @@ _Vector = tuple[Array, Array]
 """Components along and across the road."""
 
 
-_Shadows = tuple[_Vector, _Vector, _Vector, Array]
-"""An edge normal, the ends of both rectangles' shadows on it, and how far the first centre lies beyond the second."""
+_Projections = tuple[_Vector, _Vector, _Vector, Array]
+"""An edge normal, the ends of both projections on it, and how far the first centre lies beyond the second."""
 
 
 class Rectangle(eqx.Module):
@@ -51,26 +52,26 @@ class Rectangle(eqx.Module):
     collides: Bool[Array, "#rows *#scenarios"]
 
 
-def separate(one: Rectangle, other: Rectangle, model: TrafficModel) -> tuple[Array, Array, Array, Array]:
-    """Whether rectangles overlap, whether they will within a tick, and the shift of `one` that prevents it (x, y) [m].
+def separate(first: Rectangle, second: Rectangle, model: TrafficModel) -> tuple[Array, Array, Array, Array]:
+    """Overlap now, overlap within a time step, and the shift of `first` that prevents it (x, y) [m].
 
     Both directions of each edge normal are tested, as they can give different depths where one interval holds the
     other; on equal depths the first counts.
 
     Args:
-        one: Rectangles, of one or all rows.
-        other: The rectangles they are held against.
-        model: The tick.
+        first: Rectangles, of one or all rows.
+        second: Their partners.
+        model: The time step.
     """
-    moved = _difference(_displacement(one, model), _displacement(other, model))
+    moved = _difference(_displacement(first, model), _displacement(second, model))
     touches, will_touch = [], []
-    depth = jnp.full_like(other.x, jnp.inf)
-    shift_x = shift_y = jnp.zeros_like(other.x)
-    for normal, (low, high), (other_low, other_high), between in _all_shadows(one, other):
-        touches.append(_gap(low, high, other_low, other_high) <= 0)
+    depth = jnp.full_like(second.x, jnp.inf)
+    shift_x = shift_y = jnp.zeros_like(second.x)
+    for normal, (low, high), (second_low, second_high), between in _projections(first, second):
+        touches.append(_gap(low, high, second_low, second_high) <= 0)
         lengthened = _dot(normal, moved)
         low, high = jnp.where(lengthened < 0, low + lengthened, low), jnp.where(lengthened < 0, high, high + lengthened)
-        distance = _gap(low, high, other_low, other_high)
+        distance = _gap(low, high, second_low, second_high)
         will_touch.append(distance <= 0)
         size = jnp.abs(distance)
         outwards = jnp.where(between > 0, size, -size)
@@ -80,48 +81,48 @@ def separate(one: Rectangle, other: Rectangle, model: TrafficModel) -> tuple[Arr
     return functools.reduce(jnp.logical_and, touches), functools.reduce(jnp.logical_and, will_touch), shift_x, shift_y
 
 
-def _all_shadows(one: Rectangle, other: Rectangle) -> Iterator[_Shadows]:
-    """The shadows on every edge normal, those of `one` first."""
-    return _shadows_of_corners(one, other) if other.x.dtype == jnp.float64 else _shadows_of_sizes(one, other)
+def _projections(first: Rectangle, second: Rectangle) -> Iterator[_Projections]:
+    """The projections on every edge normal, those of `first` first."""
+    return _project_corners(first, second) if second.x.dtype == jnp.float64 else _project_sizes(first, second)
 
 
-def _shadows_of_corners(one: Rectangle, other: Rectangle) -> Iterator[_Shadows]:
-    corners, other_corners = _corners(one), _corners(other)
-    between = _difference(_mean(corners), _mean(other_corners))
-    for normal in _normals(corners) + _normals(other_corners):
-        yield normal, _project(corners, normal), _project(other_corners, normal), _dot(between, normal)
+def _project_corners(first: Rectangle, second: Rectangle) -> Iterator[_Projections]:
+    corners, second_corners = _corners(first), _corners(second)
+    between = _difference(_mean(corners), _mean(second_corners))
+    for normal in _normals(corners) + _normals(second_corners):
+        yield normal, _project(corners, normal), _project(second_corners, normal), _dot(between, normal)
 
 
-def _shadows_of_sizes(one: Rectangle, other: Rectangle) -> Iterator[_Shadows]:
-    """The same, counted from the centre of `one`; edges in the order of `_corners`: rear, left, front, right."""
-    between = one.x - other.x, one.y - other.y
-    cos = jnp.abs(one.cos * other.cos + one.sin * other.sin)
-    sin = jnp.abs(one.sin * other.cos - one.cos * other.sin)
+def _project_sizes(first: Rectangle, second: Rectangle) -> Iterator[_Projections]:
+    """The same, counted from the centre of `first`; edges in the order of `_corners`: rear, left, front, right."""
+    between = first.x - second.x, first.y - second.y
+    cos = jnp.abs(first.cos * second.cos + first.sin * second.sin)
+    sin = jnp.abs(first.sin * second.cos - first.cos * second.sin)
 
-    def seen_from(owner: Rectangle, seen: Rectangle) -> Iterator[tuple[_Vector, Array, Array]]:
-        """Each edge normal of the owner, half the owner's own shadow on it, half that of the other."""
+    def on_normals_of(owner: Rectangle, other: Rectangle) -> Iterator[tuple[_Vector, Array, Array]]:
+        """Each edge normal of the owner, half the owner's projection on it, half that of the other."""
         along, across = (owner.cos, owner.sin), (-owner.sin, owner.cos)
-        seen_along = seen.half_length * cos + seen.half_width * sin
-        seen_across = seen.half_length * sin + seen.half_width * cos
-        yield (-along[0], -along[1]), owner.half_length, seen_along
-        yield across, owner.half_width, seen_across
-        yield along, owner.half_length, seen_along
-        yield (-across[0], -across[1]), owner.half_width, seen_across
+        other_along = other.half_length * cos + other.half_width * sin
+        other_across = other.half_length * sin + other.half_width * cos
+        yield (-along[0], -along[1]), owner.half_length, other_along
+        yield across, owner.half_width, other_across
+        yield along, owner.half_length, other_along
+        yield (-across[0], -across[1]), owner.half_width, other_across
 
-    of_one = seen_from(one, other)
-    of_other = ((normal, half, own_half) for normal, own_half, half in seen_from(other, one))
-    for normal, half, other_half in itertools.chain(of_one, of_other):
+    of_first = on_normals_of(first, second)
+    of_second = ((normal, half, own_half) for normal, own_half, half in on_normals_of(second, first))
+    for normal, half, second_half in itertools.chain(of_first, of_second):
         towards = _dot(between, normal)
-        yield normal, (-half, half), (-towards - other_half, -towards + other_half), towards
+        yield normal, (-half, half), (-towards - second_half, -towards + second_half), towards
 
 
-def _dot(one: _Vector, other: _Vector) -> Array:
+def _dot(a: _Vector, b: _Vector) -> Array:
     """Scalar product; NumPy, too, rounds the first product and may fuse the second into the sum."""
-    return rounded(one[0] * other[0]) + one[1] * other[1]
+    return rounded(a[0] * b[0]) + a[1] * b[1]
 
 
-def _difference(one: _Vector, other: _Vector) -> _Vector:
-    return one[0] - other[0], one[1] - other[1]
+def _difference(a: _Vector, b: _Vector) -> _Vector:
+    return a[0] - b[0], a[1] - b[1]
 
 
 def _corners(rectangle: Rectangle) -> list[_Vector]:
@@ -152,15 +153,15 @@ def _mean(corners: list[_Vector]) -> _Vector:
 
 
 def _displacement(rectangle: Rectangle, model: TrafficModel) -> _Vector:
-    """Way of one tick [m]."""
+    """Displacement in one time step [m]."""
     along, across = rounded(rectangle.speed * rectangle.cos), rounded(rectangle.speed * rectangle.sin)
-    return rounded(along * model.tick), rounded(across * model.tick)
+    return rounded(along * model.dt), rounded(across * model.dt)
 
 
 def _project(corners: list[_Vector], axis: _Vector) -> _Vector:
-    """Ends of a rectangle's shadow on an axis."""
-    shadows = [_dot(corner, axis) for corner in corners]
-    return functools.reduce(jnp.minimum, shadows), functools.reduce(jnp.maximum, shadows)
+    """Ends of a rectangle's projection on an axis."""
+    along = [_dot(corner, axis) for corner in corners]
+    return functools.reduce(jnp.minimum, along), functools.reduce(jnp.maximum, along)
 
 
 def _gap(low: Array, high: Array, other_low: Array, other_high: Array) -> Array:

@@ -10,7 +10,7 @@ from rearl_jax.core.meta_actions import apply_meta_actions
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import sort_if_large
 from rearl_jax.core.state import TrafficState, nearest_lane
-from rearl_jax.core.step import tick_in_order
+from rearl_jax.core.step import step_in_order
 
 
 class Frames(eqx.Module):
@@ -21,7 +21,7 @@ class Frames(eqx.Module):
         y: Lateral position of the centre [m].
         heading: Heading [rad].
         speed: Speed [m/s].
-        acceleration: Acceleration executed in the last tick of the second [m/s^2].
+        acceleration: Acceleration executed in the last time step of the second [m/s^2].
         lane: Nearest lane.
         crashed: Whether the vehicle has been in a collision.
     """
@@ -35,8 +35,8 @@ class Frames(eqx.Module):
     crashed: Bool[Array, "*frames"]
 
 
-def observe(state: TrafficState, model: TrafficModel) -> Frames:
-    """The frame that shows a state."""
+def frame_of(state: TrafficState, model: TrafficModel) -> Frames:
+    """Frame of a state."""
     return Frames(
         x=state.x,
         y=state.y,
@@ -51,7 +51,7 @@ def observe(state: TrafficState, model: TrafficModel) -> Frames:
 def simulate_second(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
     """State one decision second later."""
     state = sort_if_large(state)
-    return lax.fori_loop(0, model.ticks_per_second, lambda _, before: tick_in_order(before, drivers, model), state)
+    return lax.fori_loop(0, model.ticks_per_second, lambda _, before: step_in_order(before, drivers, model), state)
 
 
 def rollout(
@@ -75,11 +75,11 @@ def rollout(
     # Without the barrier XLA folds what it knows of a freshly drawn state into the loop and loses a third of the speed.
     state, drivers = lax.optimization_barrier((state, drivers))
 
-    @jax.checkpoint  # a gradient recomputes each second instead of keeping every tick of the rollout
+    @jax.checkpoint  # a gradient recomputes each second instead of keeping every time step of the rollout
     def second(before: TrafficState, action: Array | None) -> tuple[TrafficState, Frames]:
         if action is not None:
             before = apply_meta_actions(before, action, model)
         after = simulate_second(before, drivers, model)
-        return after, observe(after, model)
+        return after, frame_of(after, model)
 
     return lax.scan(second, state, actions, length=n_seconds)

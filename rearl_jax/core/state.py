@@ -1,4 +1,4 @@
-"""What the next tick needs to know of the traffic, and how to build it from measured or drawn vehicles.
+"""State of the traffic between two time steps, and its construction from measured or drawn vehicles.
 
 Arrays are `[n_vehicles, *n_scenarios]`: the vehicle axis first, in the order of highway-env's vehicle list, the
 scenario axis last and contiguous. A single scene has no scenario axis.
@@ -16,7 +16,7 @@ from rearl_jax.core.timer import ticks_until_decision
 
 
 class Controller(enum.IntEnum):
-    """Who drives a vehicle.
+    """Driver of a vehicle.
 
     ABSENT pads a scenario that has fewer vehicles than others: the vehicle stands beyond the end of the road, where
     nobody sees it. IDM drives by IDM and MOBIL. META follows meta-actions (target lane and target speed).
@@ -33,22 +33,22 @@ class TrafficState(eqx.Module):
     Attributes:
         x: Position of the centre along the road [m].
         y: Lateral position of the centre [m]; lane k is centred on k * lane_width.
-        x_lost: What rounding has taken from x so far (compensated summation) [m].
+        x_lost: Rounding error of x so far (compensated summation) [m].
         y_lost: The same for y [m].
         heading: Angle to the road, positive towards larger y [rad].
         speed: Speed along the heading, before the slip angle [m/s].
-        acceleration: Acceleration executed in the last tick [m/s^2].
+        acceleration: Acceleration executed in the last time step [m/s^2].
         desired_speed: Desired speed of an IDM vehicle, target speed of a META vehicle [m/s].
         target_lane: Lane the vehicle is steered to.
         ticks_to_decision: Ticks until the next lane-change decision is due; it waits while a change is in progress.
-        controller: Who drives, see `Controller`.
+        controller: Driver of the vehicle, see `Controller`.
         crashed: Whether the vehicle has been in a collision.
-        is_pushed: Whether a collision moves the vehicle in the coming tick.
+        is_pushed: Whether a collision moves the vehicle in the coming time step.
         push_x: Displacement by that collision along the road [m].
         push_y: The same across the road [m].
         order: Vehicle indices along the road as last sorted; any permutation is a valid start. Only large traffic uses
             it.
-        memory: What drivers remember who follow on gaps, a `gap_driving.DriverMemory`; None where nobody does.
+        memory: Memory of drivers who follow on gaps, a `gap_driving.DriverMemory`; None where nobody does.
     """
 
     x: Float[Array, "vehicles *scenarios"]

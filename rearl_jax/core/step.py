@@ -1,40 +1,40 @@
-"""One tick of the traffic, as the list of its stages."""
+"""One time step of the traffic, as the list of its stages."""
 
 from rearl_jax.core.collisions import collide
 from rearl_jax.core.conflicts import abort_conflicts
 from rearl_jax.core.drivers import Drivers
-from rearl_jax.core.gap_driving import weigh_gaps
-from rearl_jax.core.idm_driving import weigh_idm
+from rearl_jax.core.gap_driving import drive_by_gaps
+from rearl_jax.core.idm_driving import drive_by_idm
 from rearl_jax.core.kinematics import control, move
 from rearl_jax.core.mobil import restart_countdown
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.neighbours import perceive, sort_if_large
+from rearl_jax.core.neighbours import derive_state, sort_if_large
 from rearl_jax.core.state import TrafficState
 
 
-def tick(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
-    """State one tick later: see, weigh the lanes, decide, give way, accelerate and steer, move, collide.
+def step(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
+    """State one time step later: see, evaluate the lanes, decide, give way, accelerate and steer, move, collide.
 
-    highway-env's drivers, without effects, weigh the lanes as there; all others by their car-following model and their
-    effects, from a state of `begin_driving`.
+    highway-env's drivers, without effects, evaluate the lanes as there; all others by their car-following model and
+    their effects, from a state of `begin_driving`.
 
     Source: highway-env 1.12.1, `Road.act` followed by `Road.step`; its order of vehicles matters only to who gives way
     and to who pushes whom, and both are reproduced.
     """
-    return tick_in_order(sort_if_large(state), drivers, model)
+    return step_in_order(sort_if_large(state), drivers, model)
 
 
-def tick_in_order(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
+def step_in_order(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
     """The same from a state whose order along the road is up to date, as it is in every state that comes out."""
-    view = perceive(state, model)
-    weigh = weigh_gaps if drivers.see_gaps else weigh_idm
-    state, own, target_lane, on_lane = weigh(state, view, drivers, model)
+    derived = derive_state(state, model)
+    drive = drive_by_gaps if drivers.see_gaps else drive_by_idm
+    state, own, target_lane, on_lane = drive(state, derived, drivers, model)
     countdown = state.ticks_to_decision
     if model.lane_changes:
-        countdown = restart_countdown(state, view, drivers)
-        target_lane = abort_conflicts(target_lane, state, view, drivers)
-    command = control(state, view, target_lane, own, on_lane(target_lane), drivers, model)
-    state = sort_if_large(move(state, view, target_lane, countdown, command, drivers, model))
+        countdown = restart_countdown(state, derived, drivers)
+        target_lane = abort_conflicts(target_lane, state, derived, drivers)
+    command = control(state, derived, target_lane, own, on_lane(target_lane), drivers, model)
+    state = sort_if_large(move(state, derived, target_lane, countdown, command, drivers, model))
     if model.collisions:
         state = collide(state, drivers.body, model)
     return state

@@ -1,4 +1,4 @@
-"""When a driver next thinks about changing lanes, in whole ticks.
+"""Time to the next lane-change decision of a driver, in whole time steps (ticks).
 
 highway-env adds 1/15 s to a float timer every tick and decides when the timer exceeds one second. In floating point
 fifteen such additions give 0.9999999999999999, so the period is 16 ticks, not 15. Counting ticks reproduces that at

@@ -1,1 +1,1 @@
-"""Decision: who needs one -> what they may do -> what a policy chooses -> what is executed."""
+"""Decision: vehicles that need one -> admissible actions -> choice of a policy -> execution."""

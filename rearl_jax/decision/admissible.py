@@ -1,4 +1,4 @@
-"""Which actions a vehicle may be given."""
+"""Admissible actions of each vehicle."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -6,19 +6,19 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.config.decision import AdmissibleConfig, LaneGate
-from rearl_jax.core.affected import if_any
 from rearl_jax.core.car_following.highway_env_idm import projected_approach_rate
 from rearl_jax.core.car_following.model import Spacing
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.nearest import lane_bit
 from rearl_jax.core.neighbours import (
-    View,
+    DerivedState,
+    derive_state,
     find_follower,
     find_leader,
     for_each_vehicle,
     lanes_under,
-    perceive,
     row,
     sort_if_large,
 )
@@ -28,7 +28,7 @@ from rearl_jax.core.state import Controller, TrafficState, nearest_lane, nearest
 def admissible_actions(
     state: TrafficState, drivers: Drivers, model: TrafficModel, options: AdmissibleConfig
 ) -> Bool[Array, "actions vehicles scenarios"]:
-    """Whether each action is admissible for each vehicle, in the order of `MetaAction`; none for crashed vehicles.
+    """Actions admissible for each vehicle, in the order of `MetaAction`; none for crashed vehicles.
 
     FASTER and SLOWER need a speed level to go to. A lane action needs the lane, no change in progress, and what
     `options.lane` asks for. With `options.longitudinal` the other three need room to the vehicle ahead.
@@ -44,23 +44,23 @@ def admissible_actions(
             may_turn, lambda: has_room_beside(state, lane, drivers, model, options), (has_left, has_right)
         )
         left, right = left & room_left, right & room_right
-    needs_view = options.lane is LaneGate.mobil_safe or options.longitudinal
-    view = perceive(state, model) if needs_view else None
-    if view is not None and options.lane is LaneGate.mobil_safe:
-        left = left & is_safe(state, view, lane - 1, left, drivers)
-        right = right & is_safe(state, view, lane + 1, right, drivers)
+    needs_derived = options.lane is LaneGate.mobil_safe or options.longitudinal
+    derived = derive_state(state, model) if needs_derived else None
+    if derived is not None and options.lane is LaneGate.mobil_safe:
+        left = left & is_safe(state, derived, lane - 1, left, drivers)
+        right = right & is_safe(state, derived, lane + 1, right, drivers)
     level = nearest_level(state.speed, model)
     keep = drives
     faster, slower = drives & (level < len(model.speed_levels) - 1), drives & (level > 0)
-    if view is not None and options.longitudinal:
-        pull = pull_of_leader(state, view, lane, drives, drivers)
-        keep = keep & (pull <= options.decel_keep)
-        faster, slower = faster & (pull <= options.decel_faster), slower & (pull <= options.decel_slower)
+    if derived is not None and options.longitudinal:
+        interaction = leader_interaction(state, derived, lane, drives, drivers)
+        keep = keep & (interaction <= options.decel_keep)
+        faster, slower = faster & (interaction <= options.decel_faster), slower & (interaction <= options.decel_slower)
     return jnp.stack([left, keep, right, faster, slower])
 
 
 class _Gaps(eqx.Module):
-    """Bumper-to-bumper gaps on one lane [m], inf where nobody is, and the speed of the vehicle behind [m/s]."""
+    """Bumper-to-bumper gaps on one lane [m], inf without a neighbour, and the speed of the vehicle behind [m/s]."""
 
     ahead: Float[Array, "vehicles scenarios"]
     behind: Float[Array, "vehicles scenarios"]
@@ -74,7 +74,7 @@ def has_room_beside(
     model: TrafficModel,
     options: AdmissibleConfig,
 ) -> tuple[Bool[Array, "vehicles scenarios"], Bool[Array, "vehicles scenarios"]]:
-    """Whether the gaps to the nearest vehicles ahead and behind suffice on the left and on the right lane.
+    """True where the gaps to the nearest vehicles ahead and behind suffice, on the left and on the right lane.
 
     A gap suffices above max(min_gap, min_time_gap * speed of the rear vehicle of that pair). One pass over the other
     vehicles serves both lanes.
@@ -84,7 +84,7 @@ def has_room_beside(
     index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
     bits = (lane_bit(lane - 1), lane_bit(lane + 1))
 
-    def look_at(other: Int[Array, ""], found: tuple[_Gaps, _Gaps]) -> tuple[_Gaps, _Gaps]:
+    def keep_nearest(other: Int[Array, ""], both: tuple[_Gaps, _Gaps]) -> tuple[_Gaps, _Gaps]:
         distance = row(state.x, other) - state.x
         gap = jnp.abs(distance) - (length + row(length, other)) / 2
         is_ahead, speed = distance >= 0, row(state.speed, other)
@@ -98,11 +98,11 @@ def has_room_beside(
                 rear_speed=jnp.where(is_next, speed, gaps.rear_speed),
             )
 
-        return nearer(found[0], bits[0]), nearer(found[1], bits[1])
+        return nearer(both[0], bits[0]), nearer(both[1], bits[1])
 
     nobody = jnp.full_like(state.x, jnp.inf)
     nothing = _Gaps(nobody, nobody, jnp.zeros_like(state.x))
-    left, right = for_each_vehicle(state.x.shape[0], look_at, (nothing, nothing))
+    left, right = for_each_vehicle(state.x.shape[0], keep_nearest, (nothing, nothing))
 
     def suffice(gaps: _Gaps) -> Bool[Array, "vehicles scenarios"]:
         needed, needed_behind = (
@@ -115,24 +115,24 @@ def has_room_beside(
 
 def is_safe(
     state: TrafficState,
-    view: View,
+    derived: DerivedState,
     lane: Int[Array, "vehicles scenarios"],
     is_needed: Bool[Array, "vehicles scenarios"],
     drivers: Drivers,
 ) -> Bool[Array, "vehicles scenarios"]:
-    """Whether neither the new follower nor the vehicle itself would brake harder than MOBIL's safe deceleration.
+    """True where neither the new follower nor the vehicle itself would brake harder than MOBIL's safe deceleration.
 
     Source: Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86, safety criterion (of the new follower); the
     same bound for the vehicle itself is ours, because nothing else keeps it from cutting in behind a slow leader.
     """
 
-    def of_follower() -> Float[Array, "vehicles scenarios"]:
-        follower = find_follower(state, view, lane)
+    def follower_acceleration() -> Float[Array, "vehicles scenarios"]:
+        follower = find_follower(state, derived, lane)
         closing = projected_approach_rate(
             follower.speed_x,
             follower.speed_y,
-            view.speed_x,
-            view.speed_y,
+            derived.speed_x,
+            derived.speed_y,
             cos_heading=follower.cos_heading,
             sin_heading=follower.sin_heading,
         )
@@ -140,30 +140,30 @@ def is_safe(
         return drivers.car_following.spacing_acceleration(seen)
 
     bound = drivers.mobil.safe_decel
-    behind = if_any(is_needed, of_follower, jnp.zeros_like(state.x))
-    return (behind >= -bound) & (pull_of_leader(state, view, lane, is_needed, drivers) <= bound)
+    behind = if_any(is_needed, follower_acceleration, jnp.zeros_like(state.x))
+    return (behind >= -bound) & (leader_interaction(state, derived, lane, is_needed, drivers) <= bound)
 
 
-def pull_of_leader(
+def leader_interaction(
     state: TrafficState,
-    view: View,
+    derived: DerivedState,
     lane: Int[Array, "vehicles scenarios"],
     is_needed: Bool[Array, "vehicles scenarios"],
     drivers: Drivers,
 ) -> Float[Array, "vehicles scenarios"]:
     """Deceleration [m/s^2], positive, that car following asks for because of the leader on a lane."""
 
-    def look() -> Float[Array, "vehicles scenarios"]:
-        leader = find_leader(state, view, lane)
+    def interaction() -> Float[Array, "vehicles scenarios"]:
+        leader = find_leader(state, derived, lane)
         closing = projected_approach_rate(
-            view.speed_x,
-            view.speed_y,
+            derived.speed_x,
+            derived.speed_y,
             leader.speed_x,
             leader.speed_y,
-            cos_heading=view.cos_heading,
-            sin_heading=view.sin_heading,
+            cos_heading=derived.cos_heading,
+            sin_heading=derived.sin_heading,
         )
-        seen = Spacing(leader.distance, drivers.body.length, state.speed, view.speed_ratio, closing)
+        seen = Spacing(leader.distance, drivers.body.length, state.speed, derived.speed_ratio, closing)
         return drivers.car_following.spacing_interaction(seen)
 
-    return if_any(is_needed, look, jnp.zeros_like(state.x))
+    return if_any(is_needed, interaction, jnp.zeros_like(state.x))

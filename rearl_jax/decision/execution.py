@@ -1,4 +1,4 @@
-"""From a policy's answers to what vehicles do: only admissible actions, for a while, then back to IDM and MOBIL."""
+"""Execution of a policy's answers: only admissible actions, for a while, then back to IDM and MOBIL."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ LONG_AGO = 1_000_000
 
 
 class DecisionMemory(eqx.Module):
-    """What execution remembers from second to second.
+    """Memory of execution from second to second.
 
     Attributes:
         own_speed: Desired speed of each driver before anybody interfered [m/s].
@@ -36,10 +36,10 @@ class DecisionMemory(eqx.Module):
 
 
 class Orders(eqx.Module):
-    """What is to be done in the coming second.
+    """Actions to follow in the coming second.
 
     Attributes:
-        is_asked: Who needed a decision.
+        is_asked: Vehicles that needed a decision.
         action: The action of those whose answer was accepted, NO_ACTION for everybody else.
         n_inadmissible: Vehicles whose answer was an action they may not take.
         n_invalid: Vehicles without a valid answer.
@@ -52,7 +52,7 @@ class Orders(eqx.Module):
 
 
 def model_under_decisions(model: TrafficModel, longitudinal: Longitudinal) -> TrafficModel:
-    """The road of traffic that is interfered with: vehicles under a decision keep their distance, or do not."""
+    """The road of traffic under decisions: vehicles under one keep their distance, or do not."""
     return replace(model, meta_follows=longitudinal is Longitudinal.idm_capped)
 
 
@@ -130,8 +130,8 @@ def execute(
     return state, memory
 
 
-def watch_lanes(memory: DecisionMemory, state: TrafficState, model: TrafficModel) -> DecisionMemory:
-    """Memory after a second has been simulated: who has changed lanes."""
+def record_lane_changes(memory: DecisionMemory, state: TrafficState, model: TrafficModel) -> DecisionMemory:
+    """Memory after a second has been simulated, with the lane changes in it."""
     lane = nearest_lane(state.y, model)
     since = jnp.where(lane != memory.lane, 0, jnp.minimum(memory.since_lane_change + 1, LONG_AGO))
     return eqx.tree_at(lambda m: (m.lane, m.since_lane_change), memory, (lane, since))

@@ -1,7 +1,8 @@
-"""The closed loop with a policy outside the compiled program: all scenarios in lockstep, in two halves.
+"""The closed loop with a host policy, outside the compiled program: all scenarios in lockstep, in two halves.
 
-While the answers for one half are awaited, the other half simulates its second and asks. With an equal policy the
-result is that of `loop.rollout_with_policy`, bit for bit: both call the same `follow`, `look` and `accept`.
+The halves are interleaved: while the answers for one are awaited, the other simulates its second and asks. With an
+equal policy the result is that of `loop.rollout_with_policy`, bit for bit: both call the same `advance`, `assess` and
+`accept`.
 """
 
 import functools
@@ -24,11 +25,11 @@ from rearl_jax.decision.execution import accept
 from rearl_jax.decision.loop import (
     Decisions,
     LoopOptions,
-    Traffic,
+    LoopState,
+    advance,
+    assess,
     decisions_of,
-    follow,
-    initial_traffic,
-    look,
+    initial_loop_state,
     require_references_for,
 )
 from rearl_jax.decision.situation import N_ACTIONS, NO_ACTION, Situation
@@ -38,7 +39,7 @@ from rearl_jax.detection.table import ReferenceTable
 
 @runtime_checkable
 class HostPolicy(Protocol):
-    """A policy that takes its time: it is asked, and answers later.
+    """A policy on the host that is asked and answers later.
 
     One serves one half of the scenarios for a whole rollout and is asked once per second, except after the last.
     """
@@ -65,7 +66,7 @@ def rollout_in_lockstep(
     n_seconds: int,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> tuple[Frames, Decisions]:
-    """A frame after each second, and what was detected and decided.
+    """A frame after each second, and the record of detection and decisions.
 
     Args:
         state: Initial state.
@@ -73,7 +74,7 @@ def rollout_in_lockstep(
         keys: Random keys, one per scenario, from which references are drawn where they are drawn.
         table: References.
         thresholds: Of every scenario.
-        policies: Who decides for the first half of the scenarios, and who for the second.
+        policies: Policy of the first half of the scenarios, and that of the second.
         model: Road, clock and stages.
         options: Choices of the loop.
         n_seconds: Seconds to simulate [s].
@@ -89,10 +90,10 @@ def rollout_in_lockstep(
     for number, policy in enumerate(policies):
         # The second half of an odd number is filled up with the last scenario, so that one program serves both.
         columns = np.minimum(np.arange(number * size, (number + 1) * size), n_scenarios - 1)
-        some, their_drivers = select_scenarios((state, drivers), columns, n_scenarios, least_ndim=2)
+        half_state, half_drivers = select_scenarios((state, drivers), columns, n_scenarios, least_ndim=2)
         limits = select_scenarios(thresholds, columns, n_scenarios)
         n_real = min(size, n_scenarios - number * size)
-        halves.append(_Half(some, their_drivers, limits, keys[columns], table, policy, model, options, n_real))
+        halves.append(_Half(half_state, half_drivers, limits, keys[columns], table, policy, model, options, n_real))
     for second in range(n_seconds):
         for number, half in enumerate(halves):
             half.advance()
@@ -104,13 +105,13 @@ def rollout_in_lockstep(
 
 @dataclass
 class _Half:
-    """Half of the scenarios on their way.
+    """Half of the scenarios, during the rollout.
 
     Attributes:
         n_real: Scenarios that count; the others fill up.
-        pending: What the policy will say about the last second; None where it was not asked yet.
+        pending: Answers of the policy about the last second, to come; None where it was not asked yet.
         frames: The traffic after each second so far.
-        decisions: What was detected and decided in each.
+        decisions: Record of detection and decisions of each.
     """
 
     state: TrafficState
@@ -128,7 +129,7 @@ class _Half:
 
     def __post_init__(self) -> None:
         self._begin, self._second = _programs(self.model, self.options)
-        self._traffic = self._begin(self.state, self.keys, self.table)
+        self._loop = self._begin(self.state, self.keys, self.table)
         shape = self.state.x.shape
         nobody = jnp.zeros(shape, bool)
         self._asked, self._admissible = nobody, jnp.broadcast_to(nobody, (N_ACTIONS, *shape))
@@ -139,8 +140,8 @@ class _Half:
         answers = self._nothing.copy()
         if self.pending is not None:
             answers[:, : self.n_real] = self.pending.result()
-        self._traffic, self._situation, decisions = self._second(
-            self._traffic, answers, self._asked, self._admissible, self.drivers, self.table, self.thresholds
+        self._loop, self._situation, decisions = self._second(
+            self._loop, answers, self._asked, self._admissible, self.drivers, self.table, self.thresholds
         )
         self._asked, self._admissible = self._situation.detection.mask, self._situation.admissible
         self.frames.append(self._real(self._situation.frame))
@@ -158,24 +159,24 @@ class _Half:
 
 
 @functools.cache
-def _programs(model: TrafficModel, options: LoopOptions) -> tuple[Callable[..., Traffic], Callable[..., tuple]]:
+def _programs(model: TrafficModel, options: LoopOptions) -> tuple[Callable[..., LoopState], Callable[..., tuple]]:
     """The beginning and one second, compiled once for all rollouts of a process."""
 
     def second(
-        traffic: Traffic,
+        loop: LoopState,
         answers: Int[Array, "vehicles scenarios"],
         is_asked: Bool[Array, "vehicles scenarios"],
         admissible: Bool[Array, "actions vehicles scenarios"],
         drivers: Drivers,
         table: ReferenceTable,
         thresholds: Thresholds,
-    ) -> tuple[Traffic, Situation, Decisions]:
+    ) -> tuple[LoopState, Situation, Decisions]:
         orders = accept(answers, is_asked, admissible)
-        traffic = follow(traffic, orders, drivers, model, options)
-        traffic, situation = look(traffic, drivers, table, thresholds, model, options)
-        return traffic, situation, decisions_of(orders, situation)
+        loop = advance(loop, orders, drivers, model, options)
+        loop, situation = assess(loop, drivers, table, thresholds, model, options)
+        return loop, situation, decisions_of(orders, situation)
 
-    begin = functools.partial(initial_traffic, model=model, options=options)
+    begin = functools.partial(initial_loop_state, model=model, options=options)
     return jax.jit(begin), jax.jit(second)
 
 

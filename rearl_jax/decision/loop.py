@@ -1,6 +1,6 @@
-"""The closed loop: simulate a second, look, decide, carry on.
+"""The closed loop: simulate a second, assess it, decide, carry on.
 
-`look` and `follow` are the two halves around a decision. `rollout_with_policy` runs them with a policy inside one
+`assess` and `advance` are the two halves around a decision. `rollout_with_policy` runs them with a policy inside one
 compiled scan; a policy that has to leave the program (a language model) is called by the host between the same two.
 """
 
@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int, Key
 from rearl_jax.config.decision import AdmissibleConfig, ExecConfig
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.rollout import Frames, observe, simulate_second
+from rearl_jax.core.rollout import Frames, frame_of, simulate_second
 from rearl_jax.core.state import TrafficState
 from rearl_jax.decision.admissible import admissible_actions
 from rearl_jax.decision.execution import (
@@ -27,7 +27,7 @@ from rearl_jax.decision.execution import (
     execute,
     initial_decision_memory,
     no_orders,
-    watch_lanes,
+    record_lane_changes,
 )
 from rearl_jax.decision.situation import N_ACTIONS, Policy, Situation
 from rearl_jax.detection.detector import DetectionOptions, DetectorMemory, Thresholds, detect, initial_memory
@@ -43,13 +43,13 @@ class LoopOptions:
     execution: ExecConfig = dataclasses.field(default_factory=ExecConfig)
 
 
-class Traffic(eqx.Module):
-    """What is carried from second to second.
+class LoopState(eqx.Module):
+    """State of the closed loop between two seconds.
 
     Attributes:
         state: The vehicles.
-        detector: What the detection remembers.
-        memory: What execution remembers.
+        detector: Memory of the detection.
+        memory: Memory of execution.
     """
 
     state: TrafficState
@@ -58,13 +58,13 @@ class Traffic(eqx.Module):
 
 
 class Decisions(eqx.Module):
-    """What happened in each second; `[n_seconds, n_scenarios]`, one second has no seconds axis.
+    """Record of each second; `[n_seconds, n_scenarios]`, one second has no seconds axis.
 
     The detection is that of the frame at the end of the second, the decisions are those followed during it, so
     the first second has none and the last detection has no consequence.
 
     Attributes:
-        reference: The reference the scenario is held against.
+        reference: The reference the scenario is compared with.
         hellinger: Hellinger distance of the window's speeds to it [-]; 0 before the first full window.
         mape: Relative error of the mean spacing to it [-].
         triggered: Whether the scenario needs decisions.
@@ -84,14 +84,14 @@ class Decisions(eqx.Module):
     n_invalid: Int[Array, "*seconds scenarios"]
 
 
-def initial_traffic(
+def initial_loop_state(
     state: TrafficState,
     keys: Key[Array, " scenarios"],
     table: ReferenceTable,
     model: TrafficModel,
     options: LoopOptions,
-) -> Traffic:
-    """The traffic before the first second.
+) -> LoopState:
+    """The loop before the first second.
 
     Args:
         state: Initial state.
@@ -100,54 +100,54 @@ def initial_traffic(
         model: Road, clock and stages.
         options: Choices of the loop.
     """
-    return Traffic(
+    return LoopState(
         state=state,
         detector=initial_memory(table, keys, options.detection),
         memory=initial_decision_memory(state, model),
     )
 
 
-def follow(traffic: Traffic, orders: Orders, drivers: Drivers, model: TrafficModel, options: LoopOptions) -> Traffic:
-    """The traffic one second later, during which the orders were followed: the half after a decision."""
-    state, memory = execute(traffic.state, traffic.memory, orders, model, options.execution)
+def advance(loop: LoopState, orders: Orders, drivers: Drivers, model: TrafficModel, options: LoopOptions) -> LoopState:
+    """The loop one second later, during which the orders were followed: the half after a decision."""
+    state, memory = execute(loop.state, loop.memory, orders, model, options.execution)
     state = simulate_second(state, drivers, model)
-    return Traffic(state, traffic.detector, watch_lanes(memory, state, model))
+    return LoopState(state, loop.detector, record_lane_changes(memory, state, model))
 
 
-def look(
-    traffic: Traffic,
+def assess(
+    loop: LoopState,
     drivers: Drivers,
     table: ReferenceTable,
     thresholds: Thresholds,
     model: TrafficModel,
     options: LoopOptions,
-) -> tuple[Traffic, Situation]:
-    """The traffic with the detection's memory updated, and what a policy is shown: the half before a decision.
+) -> tuple[LoopState, Situation]:
+    """The loop with the detection's memory updated, and the situation for a policy: the half before a decision.
 
     To be called once for every simulated second.
     """
-    state, frame = traffic.state, observe(traffic.state, model)
-    detector, detection = detect(traffic.detector, frame, table, thresholds, options.detection)
+    state, frame = loop.state, frame_of(loop.state, model)
+    detector, detection = detect(loop.detector, frame, table, thresholds, options.detection)
     situation = Situation(
-        second=traffic.detector.second,
+        second=loop.detector.second,
         frame=frame,
         target_lane=state.target_lane,
         detection=detection,
         admissible=admissible_actions(state, drivers, model, options.admissible),
-        since_lane_change=traffic.memory.since_lane_change,
-        last_action=traffic.memory.last_action,
+        since_lane_change=loop.memory.since_lane_change,
+        last_action=loop.memory.last_action,
     )
-    return eqx.tree_at(lambda t: t.detector, traffic, detector), situation
+    return eqx.tree_at(lambda state: state.detector, loop, detector), situation
 
 
 def decisions_of(orders: Orders, situation: Situation) -> Decisions:
-    """Record of a second in which orders were followed and at whose end the situation was found."""
-    found = situation.detection
+    """Record of a second in which orders were followed and at whose end the situation was assessed."""
+    detection = situation.detection
     return Decisions(
-        reference=found.reference,
-        hellinger=found.hellinger,
-        mape=found.mape,
-        triggered=found.triggered,
+        reference=detection.reference,
+        hellinger=detection.hellinger,
+        mape=detection.mape,
+        triggered=detection.triggered,
         n_asked=count(orders.is_asked),
         n_accepted=jnp.stack([count(orders.action == action) for action in range(N_ACTIONS)]),
         n_inadmissible=orders.n_inadmissible,
@@ -155,7 +155,7 @@ def decisions_of(orders: Orders, situation: Situation) -> Decisions:
     )
 
 
-_Carry: TypeAlias = tuple[Traffic, Orders]
+_Carry: TypeAlias = tuple[LoopState, Orders]
 
 
 def rollout_with_policy(
@@ -194,17 +194,17 @@ def rollout_with_policy(
     state, drivers = lax.optimization_barrier((state, drivers))
 
     def second(carry: _Carry, number: Int[Array, ""]) -> tuple[_Carry, tuple[Frames, Decisions]]:
-        traffic, orders = carry
-        traffic = follow(traffic, orders, drivers, model, options)
-        traffic, situation = look(traffic, drivers, table, thresholds, model, options)
+        loop, orders = carry
+        loop = advance(loop, orders, drivers, model, options)
+        loop, situation = assess(loop, drivers, table, thresholds, model, options)
         own_keys = jax.vmap(lambda key: jax.random.fold_in(key, number))(keys)
         answers = policy(situation, table, own_keys)
-        coming = accept(answers, situation.is_asked, situation.admissible)
-        return (traffic, coming), (situation.frame, decisions_of(orders, situation))
+        next_orders = accept(answers, situation.is_asked, situation.admissible)
+        return (loop, next_orders), (situation.frame, decisions_of(orders, situation))
 
-    start = initial_traffic(state, keys, table, model, options), no_orders(state)
-    (traffic, _), (frames, decisions) = lax.scan(second, start, jnp.arange(n_seconds, dtype=jnp.int32))
-    return traffic.state, frames, decisions
+    start = initial_loop_state(state, keys, table, model, options), no_orders(state)
+    (loop, _), (frames, decisions) = lax.scan(second, start, jnp.arange(n_seconds, dtype=jnp.int32))
+    return loop.state, frames, decisions
 
 
 def require_references_for(table: ReferenceTable, n_seconds: int) -> None:

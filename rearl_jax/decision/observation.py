@@ -1,4 +1,4 @@
-"""What a driver sees of the traffic: itself and the nearest others, a row of numbers for each.
+"""Kinematic observation of the traffic: the observer and the nearest others, a row of numbers for each.
 
 Source: highway-env 1.12.1, `KinematicObservation` with order="sorted".
 """
@@ -16,13 +16,13 @@ from rearl_jax.core.neighbours import for_each_vehicle, row
 from rearl_jax.core.state import Controller, TrafficState
 
 COLUMNS = ("presence", "x", "y", "vx", "vy")
-"""What is seen of each vehicle. Source: highway-env 1.12.1, `KinematicObservation.FEATURES`."""
+"""Columns of each vehicle. Source: highway-env 1.12.1, `KinematicObservation.FEATURES`."""
 
 N_ROWS = 5
 """Vehicles in an observation, the observer first. Source: highway-env 1.12.1, `KinematicObservation`."""
 
 PERCEPTION = 200.0
-"""Distance [m] within which others are seen. Source: highway-env 1.12.1, `AbstractEnv.PERCEPTION_DISTANCE`."""
+"""Distance [m] within which others are observed. Source: highway-env 1.12.1, `AbstractEnv.PERCEPTION_DISTANCE`."""
 
 FASTEST = 40.0
 """Largest speed [m/s] the ranges are made for. Source: highway-env 1.12.1, `Vehicle.MAX_SPEED`."""
@@ -37,8 +37,8 @@ REAR_VIEW = 10.0
 
 
 @dataclass(frozen=True)
-class View:
-    """How the traffic is seen.
+class ObservationSpec:
+    """Layout and ranges of an observation.
 
     Attributes:
         ranges: Values of x, y, vx and vy that become 1 [m, m, m/s, m/s]; beyond them an observation is cut.
@@ -58,15 +58,15 @@ class View:
         return self.n_rows * len(COLUMNS)
 
 
-def highway_env_view(n_lanes: int, n_rows: int = N_ROWS, *, see_behind: bool = False) -> View:
-    """The view of highway-env's `Kinematics` on a road.
+def highway_env_observation(n_lanes: int, n_rows: int = N_ROWS, *, see_behind: bool = False) -> ObservationSpec:
+    """The observation of highway-env's `Kinematics` on a road.
 
     Source: highway-env 1.12.1, `KinematicObservation.normalize_obs`.
     """
-    return View((5 * FASTEST, n_lanes * LANE_WIDTH, 2 * FASTEST, 2 * FASTEST), n_rows, see_behind)
+    return ObservationSpec((5 * FASTEST, n_lanes * LANE_WIDTH, 2 * FASTEST, 2 * FASTEST), n_rows, see_behind)
 
 
-class _Seen(eqx.Module):
+class _ObservedVehicle(eqx.Module):
     """One vehicle, as every observer sees it: distance along the road, place and speed.
 
     The distance is inf where there is nobody.
@@ -78,51 +78,54 @@ class _Seen(eqx.Module):
     vx: Float[Array, "observers scenarios"]
     vy: Float[Array, "observers scenarios"]
 
-    def columns(self, view: View) -> list[Float[Array, "observers scenarios"]]:
+    def columns(self, spec: ObservationSpec) -> list[Float[Array, "observers scenarios"]]:
         """A row of the observation, in the order of `COLUMNS`; all zero where there is nobody."""
         presence = jnp.isfinite(self.distance)
         values = (self.x, self.y, self.vx, self.vy)
-        scaled = [jnp.clip(value / reach, -1.0, 1.0) for value, reach in zip(values, view.ranges, strict=True)]
+        scaled = [jnp.clip(value / reach, -1.0, 1.0) for value, reach in zip(values, spec.ranges, strict=True)]
         return [presence.astype(self.x.dtype), *(jnp.where(presence, value, 0.0) for value in scaled)]
 
 
 def observe_neighbours(
-    state: TrafficState, view: View, observers: slice = slice(None)
+    state: TrafficState, spec: ObservationSpec, observers: slice = slice(None)
 ) -> Float[Array, "features observers scenarios"]:
-    """Observations, float32: `view.n_rows` rows of `COLUMNS`, one after the other.
+    """Observations, float32: `spec.n_rows` rows of `COLUMNS`, one after the other.
 
     The first row is the observer's own: present, its place and its speeds, absolute. The others are the nearest along
     the road, on any lane, the nearest first, relative to the observer; crashed ones among them.
 
     Args:
         state: The traffic.
-        view: How it is seen.
-        observers: Vehicles that look; by default all.
+        spec: Layout and ranges.
+        observers: Vehicles that observe; by default all.
     """
     is_there = state.controller != Controller.ABSENT
     vx, vy = state.speed * cosine(state.heading), state.speed * sine(state.heading)
     index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)[observers]
     own_x, own_y, own_vx, own_vy = (values[observers] for values in (state.x, state.y, vx, vy))
 
-    def look_at(other: Int[Array, ""], nearest: tuple[_Seen, ...]) -> tuple[_Seen, ...]:
+    def insert(other: Int[Array, ""], nearest: tuple[_ObservedVehicle, ...]) -> tuple[_ObservedVehicle, ...]:
         x, y = row(state.x, other) - own_x, row(state.y, other) - own_y
         is_seen = row(is_there, other) & (index != other) & (x * x + y * y < PERCEPTION**2)
-        if not view.see_behind:
+        if not spec.see_behind:
             is_seen = is_seen & (x > -REAR_VIEW)
-        seen = _Seen(jnp.where(is_seen, jnp.abs(x), jnp.inf), x, y, row(vx, other) - own_vx, row(vy, other) - own_vy)
+        distance = jnp.where(is_seen, jnp.abs(x), jnp.inf)
+        candidate = _ObservedVehicle(distance, x, y, row(vx, other) - own_vx, row(vy, other) - own_vy)
         ranked = []
         for known in nearest:
-            is_nearer = seen.distance < known.distance
-            ranked.append(_where(is_nearer, seen, known))
-            seen = _where(is_nearer, known, seen)
+            is_nearer = candidate.distance < known.distance
+            ranked.append(_where(is_nearer, candidate, known))
+            candidate = _where(is_nearer, known, candidate)
         return tuple(ranked)
 
     zeros = jnp.zeros_like(own_x)
-    nobody = _Seen(jnp.full_like(own_x, jnp.inf), zeros, zeros, zeros, zeros)
-    others = for_each_vehicle(state.x.shape[0], look_at, (nobody,) * (view.n_rows - 1))
-    own = _Seen(zeros, own_x if view.is_placed else zeros, own_y, own_vx, own_vy)
-    return jnp.stack([column for seen in (own, *others) for column in seen.columns(view)]).astype(jnp.float32)
+    nobody = _ObservedVehicle(jnp.full_like(own_x, jnp.inf), zeros, zeros, zeros, zeros)
+    others = for_each_vehicle(state.x.shape[0], insert, (nobody,) * (spec.n_rows - 1))
+    own = _ObservedVehicle(zeros, own_x if spec.is_placed else zeros, own_y, own_vx, own_vy)
+    return jnp.stack([column for vehicle in (own, *others) for column in vehicle.columns(spec)]).astype(jnp.float32)
 
 
-def _where(condition: Bool[Array, "observers scenarios"], one: _Seen, other: _Seen) -> _Seen:
-    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), one, other)
+def _where(
+    condition: Bool[Array, "observers scenarios"], first: _ObservedVehicle, second: _ObservedVehicle
+) -> _ObservedVehicle:
+    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), first, second)

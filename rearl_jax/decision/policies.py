@@ -49,20 +49,20 @@ def random_admissible(
 def _nearest_reference(
     situation: Situation, table: ReferenceTable, keys: Key[Array, " scenarios"], *, match: "partial[Array]"
 ) -> Int[Array, "vehicles scenarios"]:
-    """What the matcher imitates in the reference the detection has found."""
+    """Actions that imitate the reference the detection has chosen."""
     return match(situation, snapshot(table, situation.second, situation.detection.reference))
 
 
 def _random_reference(
     situation: Situation, table: ReferenceTable, keys: Key[Array, " scenarios"], *, match: "partial[Array]"
 ) -> Int[Array, "vehicles scenarios"]:
-    """What the matcher imitates in a reference drawn anew every second."""
+    """Actions that imitate a reference drawn anew every second."""
     draw = partial(jax.random.randint, shape=(), minval=0, maxval=table.n_references, dtype=jnp.int32)
     return match(situation, snapshot(table, situation.second, jax.vmap(draw)(keys)))
 
 
 def imitate(
-    situation: Situation, shown: Snapshot, *, options: MatcherConfig, speed_range: float, level_step: float
+    situation: Situation, reference: Snapshot, *, options: MatcherConfig, speed_range: float, level_step: float
 ) -> Int[Array, "vehicles scenarios"]:
     """For every vehicle the action that brings it nearer to the vehicle of the reference that is most like it.
 
@@ -76,7 +76,7 @@ def imitate(
 
     Args:
         situation: The traffic.
-        shown: Snapshot of the reference.
+        reference: Snapshot of the reference.
         options: Space, weights, lane changes, spacing rule.
         speed_range: From the lowest to the highest speed level [m/s].
         level_step: Between two speed levels [m/s].
@@ -87,22 +87,25 @@ def imitate(
     speed, spacing = situation.frame.speed, situation.spacing
     is_rank = options.space is MatchSpace.rank
     # Per slot of the reference: the divisor of its distance [m].
-    scale = jnp.broadcast_to(shown.mean_spacing[None], shown.spacing.shape) if is_rank else shown.spacing
+    scale = jnp.broadcast_to(reference.mean_spacing[None], reference.spacing.shape) if is_rank else reference.spacing
     scale = 1 / jnp.maximum(scale, 1.0)
     speed_rank, spacing_rank = (relative_rank(speed), relative_rank(spacing)) if is_rank else (speed, spacing)
 
     least = jnp.full_like(speed, jnp.inf)
     wanted_speed, wanted_action = jnp.zeros_like(speed), jnp.zeros(speed.shape, jnp.int32)
-    for slot in range(shown.speed.shape[0]):
-        one = slice(slot, slot + 1)
-        cost = jnp.abs(speed - shown.speed[one]) / speed_range + jnp.abs(spacing - shown.spacing[one]) * scale[one]
+    for slot in range(reference.speed.shape[0]):
+        place = slice(slot, slot + 1)
+        cost = jnp.abs(speed - reference.speed[place]) / speed_range
+        cost = cost + jnp.abs(spacing - reference.spacing[place]) * scale[place]
         if is_rank:
-            order = jnp.abs(speed_rank - shown.speed_rank[one]) + jnp.abs(spacing_rank - shown.spacing_rank[one])
+            order = jnp.abs(speed_rank - reference.speed_rank[place]) + jnp.abs(
+                spacing_rank - reference.spacing_rank[place]
+            )
             cost = order + options.value_weight * cost
         is_nearer = cost < least
         least = jnp.where(is_nearer, cost, least)
-        wanted_speed = jnp.where(is_nearer, shown.speed[one], wanted_speed)
-        wanted_action = jnp.where(is_nearer, shown.action[one], wanted_action)
+        wanted_speed = jnp.where(is_nearer, reference.speed[place], wanted_speed)
+        wanted_action = jnp.where(is_nearer, reference.action[place], wanted_action)
 
     gain = wanted_speed - speed
     action = jnp.where(
@@ -111,7 +114,7 @@ def imitate(
         jnp.where(gain < -level_step / 2, int(MetaAction.SLOWER), int(MetaAction.IDLE)),
     ).astype(jnp.int32)
     if options.spacing_rule:
-        instead = spread_or_contract(situation, shown.mean_spacing)
+        instead = spread_or_contract(situation, reference.mean_spacing)
         replaces = (action == MetaAction.IDLE) & situation.detection.spacing_exceeded[None]
         action = jnp.where(replaces, instead, action)
     if options.lane_changes:

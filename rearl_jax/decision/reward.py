@@ -1,4 +1,4 @@
-"""What driving is rewarded for: speed, the right lanes, no crash."""
+"""Reward of driving: speed, the right lanes, no crash."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float

@@ -1,4 +1,4 @@
-"""What a policy is shown, and what it is: a function from that to actions."""
+"""Input of a policy, and its type: a function from a situation to actions."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -11,13 +11,13 @@ from rearl_jax.detection.detector import Detection
 from rearl_jax.detection.table import ReferenceTable
 
 ACTION_NAMES = ("left", "keep", "right", "faster", "slower")
-"""What tables call the meta-actions, in the order of `MetaAction`."""
+"""Names of the meta-actions in tables, in the order of `MetaAction`."""
 
 N_ACTIONS = len(ACTION_NAMES)
 """Number of meta-actions."""
 
 NO_ACTION = -1
-"""What a policy returns for a vehicle it has no valid answer for; so is any other number that is no action."""
+"""Answer of a policy for a vehicle it has no valid answer for; so is any other number that is no action."""
 
 
 class Situation(eqx.Module):
@@ -27,10 +27,10 @@ class Situation(eqx.Module):
         second: Number of the frame, which is the second of the references to imitate.
         frame: The traffic.
         target_lane: Lane each vehicle is steered to.
-        detection: What was found; its mask says who needs a decision.
-        admissible: Whether each action is admissible for each vehicle, in the order of `MetaAction`.
+        detection: Result of the detection; its mask marks the vehicles that need a decision.
+        admissible: Actions admissible for each vehicle, in the order of `MetaAction`.
         since_lane_change: Seconds since each vehicle was last seen to change lanes [s]; large where it never was.
-        last_action: What each vehicle was told in the second before, NO_ACTION for nothing.
+        last_action: Action each vehicle was given in the second before, NO_ACTION for none.
     """
 
     second: Int[Array, ""]
@@ -43,7 +43,7 @@ class Situation(eqx.Module):
 
     @property
     def is_asked(self) -> Bool[Array, "vehicles scenarios"]:
-        """Who needs a decision."""
+        """Vehicles that need a decision."""
         return self.detection.mask
 
     @property

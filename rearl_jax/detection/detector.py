@@ -1,6 +1,6 @@
-"""Detection: once a second, who has drifted how far from which representative scene.
+"""Detection: once a second, the distance of every scenario from its representative scene.
 
-Each scenario is held against the reference that has been nearest over all seconds so far, or against one that is drawn
+Each scenario is compared with the reference that has been nearest over all seconds so far, or against one that is drawn
 at the beginning. Two figures say how far it is: the Hellinger distance of the speeds of the last seconds, and the
 relative error of the present mean spacing. Where one of them passes its threshold, vehicles need a decision.
 
@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float, Int, Key
 from rearl_jax.config.detection import Cues, DetectionConfig, ReferenceConfig, ReferenceMode, Scope
 from rearl_jax.config.metrics import HistConfig, MapeConfig, MapeDefinition
 from rearl_jax.config.scenes import SpacingConfig
-from rearl_jax.core.affected import if_any
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.rollout import Frames
 from rearl_jax.detection.table import ReferenceTable, at_second, draw_references, of_reference, root_shares
 from rearl_jax.metrics.histograms import histogram_distances, speed_counts, speed_edges
@@ -30,10 +30,10 @@ class DetectionOptions:
     """Choices that change the program; thresholds are arrays instead.
 
     Attributes:
-        cues: What triggers.
+        cues: Figures that trigger.
         interval: Time between two detections [s].
-        scope: Which vehicles of a triggered scenario need a decision.
-        mode: Which reference a scenario is held against.
+        scope: Vehicles of a triggered scenario that need a decision.
+        mode: Choice of the reference a scenario is compared with.
         weights: Of spacing error and Hellinger distance, where both count for the choice.
         hist: Speed histogram and its window.
         definition: Relative error of the mean spacing.
@@ -79,14 +79,14 @@ class Thresholds(eqx.Module):
 
 
 class DetectorMemory(eqx.Module):
-    """What the detection remembers of the seconds so far.
+    """Memory of the detection about the seconds so far.
 
     Attributes:
         second: Number of frames seen.
         counts: Speeds per bin in all of them.
         counts_before: The same before each of the last frames, frame t in row t modulo the window's length.
         error_sum: Sum over the frames of the relative error of the mean spacing against each reference.
-        drawn: Reference of each scenario for the whole rollout; None where the nearest one is looked for.
+        drawn: Reference of each scenario for the whole rollout; None where the nearest one is searched.
     """
 
     second: Int[Array, ""]
@@ -97,16 +97,16 @@ class DetectorMemory(eqx.Module):
 
 
 class Detection(eqx.Module):
-    """What was found in one frame.
+    """Result of one frame.
 
     Attributes:
-        reference: The reference the scenario is held against, k*.
+        reference: The reference the scenario is compared with, k*.
         hellinger: Hellinger distance of the window's speeds to the reference's; 0 where there is none yet [-].
         mape: Relative error of the mean spacing to the reference's, in the configured definition [-].
         speed_exceeded: Whether the Hellinger distance is above its threshold.
         spacing_exceeded: Whether the error of the spacing is above its threshold.
         triggered: Whether vehicles of the scenario need a decision.
-        mask: Which ones do.
+        mask: These vehicles.
         spacing: Mean distance of each vehicle to the others [m].
         mean_spacing: Mean distance over all pairs [m].
     """
@@ -127,7 +127,7 @@ def initial_memory(table: ReferenceTable, keys: Key[Array, " scenarios"], option
 
     Args:
         table: References.
-        keys: Random keys of the rollouts, which decide what is drawn.
+        keys: Random keys of the rollouts, for the draw.
         options: Choices that change the program.
     """
     n_bins, window, n_scenarios = options.hist.n_bins, options.hist.window, keys.shape[0]
@@ -147,10 +147,10 @@ def detect(
     thresholds: Thresholds,
     options: DetectionOptions,
 ) -> tuple[DetectorMemory, Detection]:
-    """Memory after one more frame, and what was found in it.
+    """Memory after one more frame, and the result of that frame.
 
     Args:
-        memory: What is remembered of the frames before.
+        memory: Memory of the frames before.
         frame: The traffic at the end of a second; the first frame is compared with second 0 of the references.
         table: References, at least as long as the rollout.
         thresholds: Of every scenario.
@@ -248,7 +248,7 @@ def nearest(
 
 
 def _cues(speed: Bool[Array, " scenarios"], spacing: Bool[Array, " scenarios"], cues: Cues) -> tuple[Array, Array]:
-    """Whether the speeds and whether the spacing make a scenario trigger."""
+    """Triggers of every scenario by its speeds and by its spacing."""
     nobody = jnp.zeros_like(speed)
     return {
         Cues.both: (speed, spacing),
@@ -265,7 +265,7 @@ def is_in_crowded_bin(
     reference: Int[Array, "bins scenarios"],
     hist: HistConfig,
 ) -> Bool[Array, "vehicles scenarios"]:
-    """Whether a vehicle's speed is in a bin that holds a larger share in the simulation than in the reference.
+    """True where a vehicle's speed is in a bin that holds a larger share in the simulation than in the reference.
 
     Args:
         speed: Speeds [m/s]; those outside the histogram count for its outer bins.
@@ -275,7 +275,7 @@ def is_in_crowded_bin(
     """
     # Shares n / N and m / M compared as n M > m N: exact.
     is_crowded = counts * unrolled_sum(reference, 0)[None] > reference * unrolled_sum(counts, 0)[None]
-    found = jnp.broadcast_to(is_crowded[0], speed.shape)
+    in_crowded = jnp.broadcast_to(is_crowded[0], speed.shape)
     for number, edge in enumerate(speed_edges(hist)[1:-1], 1):
-        found = jnp.where(speed >= edge, is_crowded[number], found)
-    return found
+        in_crowded = jnp.where(speed >= edge, is_crowded[number], in_crowded)
+    return in_crowded

@@ -1,4 +1,4 @@
-"""Representative scenes: what simulated traffic is held against, and what decisions imitate."""
+"""Representative scenes, with which simulated traffic is compared and which decisions imitate."""
 
 import equinox as eqx
 from jaxtyping import Array, Float, Int
@@ -11,7 +11,7 @@ class References(eqx.Module):
         speed: Rescaled speed of each vehicle [m/s].
         spacing: Mean distance of each vehicle to the others of the snapshot [m].
         mean_spacing: Mean distance over all pairs of the snapshot [m].
-        action: What each vehicle did in the following second: 0 left, 1 keep, 2 right, 3 faster, 4 slower.
+        action: Of each vehicle in the following second: 0 left, 1 keep, 2 right, 3 faster, 4 slower.
         share: Share of the scenes that each one stands for [-]; sums to 1.
     """
 

@@ -1,4 +1,4 @@
-"""Everything about the references that can be known before a rollout, by second; and the drawing of one of them.
+"""Tables of the references by second, computed before a rollout; and the draw of one of them.
 
 Time comes first, so that a second is one slice, and the references last, so that picking one for every scenario is one
 gather. What is picked has the scenario axis last, like the traffic it is compared with.
@@ -28,7 +28,7 @@ class ReferenceTable(eqx.Module):
         speed: Rescaled speed of each vehicle [m/s].
         spacing: Mean distance of each vehicle to the others [m].
         mean_spacing: Mean distance over all pairs [m].
-        action: What each vehicle did in the following second, a `MetaAction`.
+        action: Of each vehicle in the following second, a `MetaAction`.
         speed_rank: `relative_rank` of the speeds [-].
         spacing_rank: `relative_rank` of the spacings [-].
         window_counts: Speeds per bin in the window that ends with the second, shorter at the beginning.
@@ -74,11 +74,11 @@ def relative_rank(values: Float[Array, "n *scenarios"]) -> Float[Array, "n *scen
     Each value is one of its own equals, so the ranks of n different values are 0.5 / n, 1.5 / n, ...
     """
 
-    def look_at(other: Int[Array, ""], twice: Array) -> Array:
+    def count(other: Int[Array, ""], twice: Array) -> Array:
         value = row(values, other)
         return twice + (value < values).astype(jnp.int32) + (value <= values).astype(jnp.int32)
 
-    twice = for_each_vehicle(values.shape[0], look_at, jnp.zeros(values.shape, jnp.int32))
+    twice = for_each_vehicle(values.shape[0], count, jnp.zeros(values.shape, jnp.int32))
     return twice.astype(values.dtype) / (2 * values.shape[0])
 
 
@@ -123,7 +123,7 @@ def draw_references(share: Float[Array, " refs"], keys: Key[Array, " scenarios"]
         keys: Random keys of the rollouts. The draw is a random stream of its own: whoever uses the same keys second by
             second gets numbers that know nothing of it.
     """
-    # In one precision whatever that of the simulation, so that both are held against the same references.
+    # In one precision whatever that of the simulation, so that both are compared with the same references.
     bounds = jnp.cumsum(share.astype(jnp.float32))
     bounds = bounds / bounds[-1]
     own_keys = jax.vmap(lambda key: jax.random.fold_in(key, REFERENCE_STREAM))(keys)
@@ -137,7 +137,7 @@ def at_second(values: Array, second: Int[Array, ""]) -> Array:
 
 
 def of_reference(values: Array, reference: Int[Array, " scenarios"]) -> Array:
-    """For each scenario, what belongs to its reference: from `[..., n_references]` to `[..., n_scenarios]`."""
+    """Values of each scenario's reference: from `[..., n_references]` to `[..., n_scenarios]`."""
     return jnp.take(values, reference, axis=-1, mode="clip")
 
 

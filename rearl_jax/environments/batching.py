@@ -11,27 +11,29 @@ def in_lockstep(function: Callable[..., PyTree]) -> Callable[..., PyTree]:
     """A function of one scenario that is, under `jax.vmap`, one call for all of them with the scenario axis last.
 
     vmap would put the axis first, where the core's loops over vehicles run over strided memory, and would turn each
-    "only where anybody needs it" into "for everybody".
+    "only where needed" into "for all".
 
     Args:
         function: Of pytrees whose arrays have the scenario axis last, length 1 for what is the same for all.
     """
 
     @jax.custom_batching.custom_vmap
-    def one(*arguments: PyTree) -> PyTree:
+    def single(*arguments: PyTree) -> PyTree:
         batch = jax.tree.map(lambda leaf: leaf[..., None], arguments)
         return jax.tree.map(lambda leaf: leaf[..., 0], function(*batch))
 
-    @one.def_vmap
-    def many(axis_size: int, in_batched: list[PyTree], *arguments: PyTree) -> tuple[PyTree, PyTree]:
-        def last(leaf: Array, is_batched: bool) -> Array:
+    @single.def_vmap
+    def batched(axis_size: int, in_batched: list[PyTree], *arguments: PyTree) -> tuple[PyTree, PyTree]:
+        def scenarios_last(leaf: Array, is_batched: bool) -> Array:
             if is_batched:
                 return jnp.moveaxis(leaf, 0, -1)
             return jnp.broadcast_to(leaf[..., None], (*leaf.shape, axis_size))
 
-        results = function(*jax.tree.map(last, arguments, tuple(in_batched)))
+        results = function(*jax.tree.map(scenarios_last, arguments, tuple(in_batched)))
         is_common = jax.tree.map(lambda leaf: leaf.shape[-1] != axis_size, results)
-        results = jax.tree.map(lambda leaf, c: leaf[..., 0] if c else jnp.moveaxis(leaf, -1, 0), results, is_common)
+        results = jax.tree.map(
+            lambda leaf, common: leaf[..., 0] if common else jnp.moveaxis(leaf, -1, 0), results, is_common
+        )
         return results, jax.tree.map(lambda c: not c, is_common)
 
-    return one
+    return single

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, Key, UInt32
 
 from rearl_jax._typing import PRNGKey
-from rearl_jax.core.affected import if_any
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.state import TrafficState
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.decision.situation import N_ACTIONS
@@ -30,7 +30,7 @@ AnyKey: TypeAlias = PRNGKey | UInt32[Array, "2"]
 
 
 class HighwayParams(eqx.Module):
-    """What may differ from call to call without compiling anew.
+    """Parameters that may differ from call to call without compiling anew.
 
     Attributes:
         max_steps_in_episode: Seconds until an episode is truncated [s].
@@ -130,7 +130,7 @@ class FunctionalHighway:
 
         def start(key: Array, measured: TrafficState | None) -> tuple[Array, HighwayState]:
             state = highway.begin(key, self.options, measured)
-            return highway.look(state, self.options), state
+            return highway.observe(state, self.options), state
 
         start_key, own_key = jax.random.split(_typed(key))
         return in_lockstep(start)(own_key, _drawn_start(start_key, params))
@@ -145,8 +145,8 @@ class FunctionalHighway:
     def get_obs(
         self, state: HighwayState, params: HighwayParams | None = None, key: AnyKey | None = None
     ) -> Float[Array, "rows columns"]:
-        """What the controlled vehicle sees; the same for any params and key."""
-        return in_lockstep(partial(highway.look, options=self.options))(state)
+        """Observation of the controlled vehicle; the same for any params and key."""
+        return in_lockstep(partial(highway.observe, options=self.options))(state)
 
     def observe(
         self, key: AnyKey, state: HighwayState, action: Int[Array, ""] | int | None, params: HighwayParams
@@ -155,11 +155,11 @@ class FunctionalHighway:
         return self.get_obs(state, params, key)
 
     def is_terminated(self, state: HighwayState, params: HighwayParams) -> Bool[Array, ""]:
-        """Whether the controlled vehicle has crashed."""
+        """True where the controlled vehicle has crashed."""
         return state.traffic.crashed[highway.EGO]
 
     def is_truncated(self, state: HighwayState, params: HighwayParams) -> Bool[Array, ""]:
-        """Whether the episode has lasted its full duration."""
+        """True where the episode has lasted its full duration."""
         return state.time >= params.max_steps_in_episode
 
     def action_space(self, params: HighwayParams | None = None) -> Any:
@@ -173,11 +173,11 @@ class FunctionalHighway:
     def _second(
         self, state: HighwayState, action: Int[Array, ""] | int, params: HighwayParams
     ) -> tuple[HighwayState, Outcome]:
-        """The state a second later, and what the action was worth."""
+        """The state a second later, and the outcome of the action."""
 
         def second(state: HighwayState, action: Array, duration: Array) -> tuple[HighwayState, Outcome]:
             after = highway.advance(state, action, self.options)
-            return after, highway.judge(after, self.options, duration)
+            return after, highway.outcome_of(after, self.options, duration)
 
         duration = jnp.asarray(params.max_steps_in_episode, jnp.int32)
         return in_lockstep(second)(state, jnp.asarray(action, jnp.int32), duration)
@@ -193,8 +193,8 @@ class FunctionalHighway:
         """Observation and state of the next episode where one has ended."""
 
         def begun() -> tuple[Array, HighwayState]:
-            new = highway.chosen(ended, highway.begin(keys, self.options, measured), state)
-            return highway.look(new, self.options), new
+            new = highway.select(ended, highway.begin(keys, self.options, measured), state)
+            return highway.observe(new, self.options), new
 
         return if_any(ended, begun, (observation, state))
 

@@ -1,7 +1,7 @@
 """The highway as a decision process: one vehicle takes a meta-action every second, the others drive by IDM and MOBIL.
 
 Scenarios in lockstep, the scenario axis last as in the core; the controlled vehicle ("ego") is vehicle 0. The traffic,
-what is seen, what is rewarded and when it ends are those of highway-env's `highway-v0`.
+observation, reward and the end of an episode are those of highway-env's `highway-v0`.
 
 Source: highway-env 1.12.1, `HighwayEnv` and `AbstractEnv.step`.
 """
@@ -23,7 +23,7 @@ from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import simulate_second
 from rearl_jax.core.spawn import EXPONENT_RANGE, spawn
 from rearl_jax.core.state import Controller, TrafficState, nearest_level
-from rearl_jax.decision.observation import COLUMNS, N_ROWS, View, highway_env_view, observe_neighbours
+from rearl_jax.decision.observation import COLUMNS, N_ROWS, ObservationSpec, highway_env_observation, observe_neighbours
 from rearl_jax.decision.reward import reward
 
 EGO = 0
@@ -37,7 +37,7 @@ PRECISIONS = ("float32", "float64")
 
 @dataclass(frozen=True)
 class HighwayOptions:
-    """What of the environment changes the compiled program.
+    """Options of the environment that change the compiled program.
 
     Attributes:
         n_lanes: Lanes of the road, 1 to 8; None for 4, or as many as measured scenes have.
@@ -87,9 +87,9 @@ class HighwayOptions:
         )
 
     @cached_property
-    def view(self) -> View:
-        """How the controlled vehicle sees the traffic: highway-env's `Kinematics`."""
-        return highway_env_view(self.model.n_lanes, self.n_rows, see_behind=self.see_behind)
+    def observation(self) -> ObservationSpec:
+        """Observation of the controlled vehicle: highway-env's `Kinematics`."""
+        return highway_env_observation(self.model.n_lanes, self.n_rows, see_behind=self.see_behind)
 
     @property
     def observation_shape(self) -> tuple[int, int]:
@@ -102,7 +102,7 @@ class HighwayState(eqx.Module):
 
     Attributes:
         traffic: The vehicles, the controlled one first.
-        drivers: How the others drive.
+        drivers: Parameters of the others.
         time: Seconds since the episode began [s].
     """
 
@@ -112,10 +112,10 @@ class HighwayState(eqx.Module):
 
 
 class Outcome(eqx.Module):
-    """What a decision has led to.
+    """Result of a decision.
 
     Attributes:
-        observation: What is seen afterwards: per vehicle presence, x, y, vx, vy, normalised, see `View`.
+        observation: After the second: per vehicle presence, x, y, vx, vy, normalised, see `ObservationSpec`.
         reward: For the second, within [0, 1], see `decision.reward`.
         terminated: Whether the controlled vehicle has crashed.
         truncated: Whether the episode has lasted its full duration; both may hold.
@@ -169,16 +169,16 @@ def advance(state: HighwayState, action: Int[Array, " scenarios"], options: High
     return HighwayState(simulate_second(traffic, state.drivers, options.model), state.drivers, state.time + 1)
 
 
-def look(state: HighwayState, options: HighwayOptions) -> Float[Array, "rows columns scenarios"]:
-    """What the controlled vehicle sees."""
-    seen = observe_neighbours(state.traffic, options.view, slice(EGO, EGO + 1))
-    return seen.reshape(*options.observation_shape, -1)
+def observe(state: HighwayState, options: HighwayOptions) -> Float[Array, "rows columns scenarios"]:
+    """Observation of the controlled vehicle."""
+    features = observe_neighbours(state.traffic, options.observation, slice(EGO, EGO + 1))
+    return features.reshape(*options.observation_shape, -1)
 
 
-def judge(
+def outcome_of(
     state: HighwayState, options: HighwayOptions, duration: Int[Array, ""] | Int[Array, " scenarios"] | int
 ) -> Outcome:
-    """What the decision that led to a state was worth, and whether the episode ends with it.
+    """Outcome of the decision that led to a state, the end of the episode included.
 
     Args:
         state: The scenarios.
@@ -186,7 +186,7 @@ def judge(
         duration: Seconds until an episode is truncated [s].
     """
     return Outcome(
-        observation=look(state, options),
+        observation=observe(state, options),
         reward=reward(state.traffic, options.model)[EGO].astype(jnp.float32),
         terminated=state.traffic.crashed[EGO],
         truncated=state.time >= duration,
@@ -194,11 +194,11 @@ def judge(
     )
 
 
-def chosen(is_first: Bool[Array, " scenarios"], one: HighwayState, other: HighwayState) -> HighwayState:
+def select(is_first: Bool[Array, " scenarios"], first: HighwayState, second: HighwayState) -> HighwayState:
     """Scenario by scenario one of two states; what is the same for all scenarios is the same in both."""
     n_scenarios = is_first.shape[0]
 
     def choose(a: Array, b: Array) -> Array:
         return jnp.where(is_first.reshape(*(1,) * (a.ndim - 1), -1), a, b) if a.shape[-1] == n_scenarios else b
 
-    return jax.tree.map(choose, one, other)
+    return jax.tree.map(choose, first, second)

@@ -20,7 +20,7 @@ from rearl_jax.environments.highway import HighwayOptions, HighwayState, Outcome
 
 
 class Scenarios(eqx.Module):
-    """What is carried from call to call.
+    """State of the environments from call to call.
 
     Attributes:
         keys: Of the episodes to come.
@@ -31,8 +31,8 @@ class Scenarios(eqx.Module):
     state: HighwayState
 
 
-class Sight(NamedTuple):
-    """What is seen where no decision was made: at the beginning of an episode.
+class FirstObservation(NamedTuple):
+    """Observation at the beginning of an episode, where no decision was made.
 
     Attributes:
         observation: As of `highway.Outcome`.
@@ -49,26 +49,26 @@ def keys_of(seeds: Sequence[int]) -> Key[Array, " scenarios"]:
 
 
 @cache
-def start_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, Sight]]:
+def start_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, FirstObservation]]:
     """From keys and measured cases to the first episodes; compiled once for all environments of a process."""
     return jax.jit(partial(_start, options=options))
 
 
 @cache
-def restart_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, Sight]]:
-    """From scenarios, measured cases and who begins anew to the scenarios with new episodes there."""
+def restart_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, FirstObservation]]:
+    """From scenarios, measured cases and a mask of those that begin anew to the scenarios with new episodes there."""
     return jax.jit(partial(_restart, options=options))
 
 
 @cache
 def step_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, Outcome]]:
-    """From scenarios and actions to the scenarios a second later and what the second was worth."""
+    """From scenarios and actions to the scenarios a second later and their outcome."""
     return jax.jit(partial(_step, options=options))
 
 
 def _start(
     keys: Key[Array, " scenarios"], cases: TrafficState | None, options: HighwayOptions
-) -> tuple[Scenarios, Sight]:
+) -> tuple[Scenarios, FirstObservation]:
     later, case_keys, own_keys = jax.vmap(partial(jax.random.split, num=3), out_axes=1)(keys)
     measured = None
     if cases is not None:
@@ -76,25 +76,25 @@ def _start(
         number = jax.vmap(draw)(case_keys)
         measured = jax.tree.map(lambda leaf: leaf[..., number], cases)
     scenarios = Scenarios(later, highway.begin(own_keys, options, measured))
-    return scenarios, _sight(scenarios, options)
+    return scenarios, _first_observation(scenarios, options)
 
 
 def _restart(
     scenarios: Scenarios, cases: TrafficState | None, begins: Bool[Array, " scenarios"], options: HighwayOptions
-) -> tuple[Scenarios, Sight]:
+) -> tuple[Scenarios, FirstObservation]:
     new = _start(scenarios.keys, cases, options)[0]
     keys = jnp.where(begins, new.keys, scenarios.keys)
-    scenarios = Scenarios(keys, highway.chosen(begins, new.state, scenarios.state))
-    return scenarios, _sight(scenarios, options)
+    scenarios = Scenarios(keys, highway.select(begins, new.state, scenarios.state))
+    return scenarios, _first_observation(scenarios, options)
 
 
 def _step(
     scenarios: Scenarios, actions: Int[Array, " scenarios"], options: HighwayOptions
 ) -> tuple[Scenarios, Outcome]:
     state = highway.advance(scenarios.state, actions, options)
-    return Scenarios(scenarios.keys, state), highway.judge(state, options, options.duration)
+    return Scenarios(scenarios.keys, state), highway.outcome_of(state, options, options.duration)
 
 
-def _sight(scenarios: Scenarios, options: HighwayOptions) -> Sight:
+def _first_observation(scenarios: Scenarios, options: HighwayOptions) -> FirstObservation:
     speed = scenarios.state.traffic.speed[highway.EGO].astype(jnp.float32)
-    return Sight(highway.look(scenarios.state, options), speed)
+    return FirstObservation(highway.observe(scenarios.state, options), speed)

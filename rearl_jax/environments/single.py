@@ -53,11 +53,12 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
         super().reset(seed=seed)
         if seed is None and self._scenarios is not None:
             program = restart_program(self.options)
-            self._scenarios, sight = program(self._scenarios, self._cases, np.ones(1, bool))
+            self._scenarios, start = program(self._scenarios, self._cases, np.ones(1, bool))
         else:
-            first = int(self.np_random.integers(2**31)) if seed is None else seed
-            self._scenarios, sight = start_program(self.options)(keys_of([first]), self._cases)
-        return np.array(sight.observation)[..., 0], {"speed": float(sight.speed[0]), "crashed": False}
+            own_seed = int(self.np_random.integers(2**31)) if seed is None else seed
+            self._scenarios, start = start_program(self.options)(keys_of([own_seed]), self._cases)
+        info = {"speed": float(start.speed[0]), "crashed": False}
+        return np.array(start.observation)[..., 0], info
 
     def step(self, action: Any) -> tuple[Float[np.ndarray, "rows columns"], float, bool, bool, dict[str, Any]]:
         """Observation, reward, whether the episode has terminated, whether it was truncated, and info.

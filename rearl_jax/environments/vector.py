@@ -14,8 +14,8 @@ from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.decision.situation import N_ACTIONS
 from rearl_jax.environments.highway import HighwayOptions
 from rearl_jax.environments.programs import (
+    FirstObservation,
     Scenarios,
-    Sight,
     keys_of,
     restart_program,
     start_program,
@@ -89,17 +89,17 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         if self._scenarios is None:
             drawn = self.np_random.integers(2**31, size=self.num_envs)
             keys = keys_of([int(new) if given is None else given for new, given in zip(drawn, seeds, strict=True)])
-            self._scenarios, sight = start_program(self.options)(keys, self._cases)
+            self._scenarios, start = start_program(self.options)(keys, self._cases)
         else:
             is_given = np.array([given is not None for given in seeds]) & begins
             if is_given.any():
                 keys = keys_of([0 if given is None else given for given in seeds])
                 keys = jax.numpy.where(is_given, keys, self._scenarios.keys)
                 self._scenarios = Scenarios(keys, self._scenarios.state)
-            sight = self._restart(begins)
+            start = self._restart(begins)
         self._has_ended = self._has_ended & ~begins
-        return _scenarios_first(sight.observation), _info(
-            np.asarray(sight.speed), np.zeros(self.num_envs, bool), begins
+        return _scenarios_first(start.observation), _info(
+            np.asarray(start.speed), np.zeros(self.num_envs, bool), begins
         )
 
     def step(
@@ -136,23 +136,23 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         terminated, truncated = np.array(outcome.terminated), np.array(outcome.truncated)
         everybody, extra = np.ones(self.num_envs, bool), {}
         if self._mode is AutoresetMode.NEXT_STEP and ended_before.any():
-            sight = self._restart(ended_before)
-            observation, speed = _scenarios_first(sight.observation), np.asarray(sight.speed)
+            start = self._restart(ended_before)
+            observation, speed = _scenarios_first(start.observation), np.asarray(start.speed)
             reward = np.where(ended_before, 0.0, reward)
             terminated, truncated = terminated & ~ended_before, truncated & ~ended_before
         self._has_ended = terminated | truncated
         crashed = terminated
         if self._mode is AutoresetMode.SAME_STEP and self._has_ended.any():
             extra = _last_of(observation, speed, crashed, self._has_ended)
-            sight = self._restart(self._has_ended)
-            observation, speed = _scenarios_first(sight.observation), np.asarray(sight.speed)
+            start = self._restart(self._has_ended)
+            observation, speed = _scenarios_first(start.observation), np.asarray(start.speed)
             crashed = crashed & ~self._has_ended
         return observation, reward, terminated, truncated, extra | _info(speed, crashed, everybody)
 
-    def _restart(self, begins: Bool[np.ndarray, " scenarios"]) -> Sight:
-        """What is seen once new episodes have begun."""
-        self._scenarios, sight = restart_program(self.options)(self._scenarios, self._cases, begins)
-        return sight
+    def _restart(self, begins: Bool[np.ndarray, " scenarios"]) -> FirstObservation:
+        """Observations once new episodes have begun."""
+        self._scenarios, start = restart_program(self.options)(self._scenarios, self._cases, begins)
+        return start
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None]:
         """One for each scenario."""
@@ -165,7 +165,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         return seed
 
     def _mask(self, options: dict[str, Any] | None) -> Bool[np.ndarray, " scenarios"]:
-        """Who begins anew."""
+        """Mask of the scenarios that begin anew."""
         mask = (options or {}).get("reset_mask")
         if mask is None:
             return np.ones(self.num_envs, bool)

@@ -54,7 +54,7 @@ class EffectValues:
 
 @dataclass(frozen=True)
 class Source:
-    """Where a model comes from.
+    """Origin of a model.
 
     Attributes:
         data_id: Identity of the recordings it was calibrated on.

@@ -19,7 +19,7 @@ from rearl_jax.core.effects.noise import AccelerationNoise
 from rearl_jax.core.following import HARDEST_BRAKING
 from rearl_jax.core.gap_driving import begin_driving
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.order import inverse, pick
+from rearl_jax.core.order import inverse, take_vehicles
 from rearl_jax.core.spawn import ticks_to_first_decision
 from rearl_jax.core.state import TrafficState, nearest_lane
 from rearl_jax.models.population import LaneChanging, Population
@@ -172,6 +172,6 @@ def make_room(
         return tuple(jnp.where(its_lane == number, ends, front) for number, front in enumerate(fronts)), x
 
     nobody = jnp.full(state.x.shape[1:], -jnp.inf, state.x.dtype)
-    vehicles = pick(state.x, order), pick(length, order), pick(lane, order)
+    vehicles = take_vehicles(state.x, order), take_vehicles(length, order), take_vehicles(lane, order)
     _, x = lax.scan(place, (nobody,) * model.n_lanes, vehicles)
-    return pick(x, inverse(order))
+    return take_vehicles(x, inverse(order))

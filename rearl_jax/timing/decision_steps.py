@@ -21,7 +21,7 @@ from rearl_jax.config.detection import Cues
 from rearl_jax.config.study import StepsConfig
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.rollout import Frames, observe, rollout, simulate_second
+from rearl_jax.core.rollout import Frames, frame_of, rollout, simulate_second
 from rearl_jax.core.spawn import spawn
 from rearl_jax.core.state import TrafficState
 from rearl_jax.decision.admissible import admissible_actions
@@ -29,10 +29,10 @@ from rearl_jax.decision.execution import Orders, accept, count, model_under_deci
 from rearl_jax.decision.loop import (
     Decisions,
     LoopOptions,
-    Traffic,
+    LoopState,
+    assess,
     decisions_of,
-    initial_traffic,
-    look,
+    initial_loop_state,
     rollout_with_policy,
 )
 from rearl_jax.decision.policies import make_policy
@@ -145,12 +145,12 @@ class Scenes:
         """The same, and what a policy that is always asked is shown of the seconds before."""
         batch = self.draw_recorded(keys, n_seconds)
 
-        def second(traffic: Traffic, state: TrafficState) -> tuple[Traffic, tuple[TrafficState, Situation]]:
+        def second(traffic: LoopState, state: TrafficState) -> tuple[LoopState, tuple[TrafficState, Situation]]:
             traffic = dataclasses.replace(traffic, state=state)
-            traffic, situation = look(traffic, batch.drivers, batch.table, batch.thresholds, LOOP_MODEL, ALWAYS)
+            traffic, situation = assess(traffic, batch.drivers, batch.table, batch.thresholds, LOOP_MODEL, ALWAYS)
             return traffic, (state, situation)
 
-        start = initial_traffic(batch.state, batch.keys, batch.table, LOOP_MODEL, ALWAYS)
+        start = initial_loop_state(batch.state, batch.keys, batch.table, LOOP_MODEL, ALWAYS)
         recorded, shown = lax.scan(second, start, batch.recorded)[1]
         return dataclasses.replace(batch, recorded=recorded, shown=shown)
 
@@ -229,7 +229,7 @@ def decision_steps(
 
 
 def _observe_base(state: TrafficState) -> Frames:
-    return observe(state, BASE_MODEL)
+    return frame_of(state, BASE_MODEL)
 
 
 def rollout_subject(prepare: Any, seconds: int) -> Subject:
@@ -287,7 +287,7 @@ def look_for_drift(batch: Batch) -> tuple[Array, ...]:
 
     def second(memory: DetectorMemory, state: TrafficState) -> tuple[DetectorMemory, tuple[Array, ...]]:
         # In a rollout the state is there; here it is a slice, which XLA would cut anew for every use.
-        frame = observe(lax.optimization_barrier(state), LOOP_MODEL)
+        frame = frame_of(lax.optimization_barrier(state), LOOP_MODEL)
         memory, found = detect(memory, frame, batch.table, batch.thresholds, ALWAYS.detection)
         return memory, (found.reference, found.hellinger, found.mape, found.triggered, count(found.mask))
 

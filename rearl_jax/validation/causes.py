@@ -1,4 +1,4 @@
-"""Why a scene differs: a name for it, from facts measured at the first tick at which it does."""
+"""Cause of a difference, named from facts measured at the first tick with one."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -20,7 +20,7 @@ tick.
 
 
 class Cause(Enum):
-    """What made the runs part."""
+    """Cause of the difference of two runs."""
 
     push_tie = "contact: resting-contact tie; two directions of a push are equal but for the last place, one is taken"
     push = "contact: pushes of a collision carry on rounding errors"

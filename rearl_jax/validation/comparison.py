@@ -1,4 +1,4 @@
-"""How far two runs of the same scenes are apart, scene by scene and tick by tick. NumPy only.
+"""Differences of two runs of the same scenes, scene by scene and tick by tick. NumPy only.
 
 A run is highway-env's or the core's. "Before contact" means the ticks before any vehicle of the scene has crashed in
 the reference: collisions push vehicles apart along the axis of least overlap, and where two axes tie, or a vehicle
@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from rearl_jax.validation.records import Tracks
 
 QUANTITIES = ("position", "speed", "heading")
-"""What is compared: largest difference of x and y [m], of speed [m/s], of heading [rad]."""
+"""Quantities compared: largest difference of x and y [m], of speed [m/s], of heading [rad]."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Comparison:
 
     @property
     def before_contact(self) -> Bool[np.ndarray, "steps scenarios"]:
-        """Which ticks of a scene lie before its first contact."""
+        """Mask of the ticks before the first contact of a scene."""
         return np.arange(len(self.position))[:, None] < self.contact
 
 
@@ -70,7 +70,7 @@ def compare(reference: Tracks, other: Tracks) -> Comparison:
 
 
 def agrees(comparison: Comparison, *, tolerance: float, only_before_contact: bool) -> Bool[np.ndarray, " scenarios"]:
-    """Which scenes agree: positions within a tolerance [m], equal target lanes, lane changes and crash flags.
+    """Mask of scenes that agree: positions within a tolerance [m], equal target lanes, lane changes and crash flags.
 
     Args:
         comparison: Of the two runs.
@@ -83,7 +83,7 @@ def agrees(comparison: Comparison, *, tolerance: float, only_before_contact: boo
 def first_disagreement(
     comparison: Comparison, *, tolerance: float, only_before_contact: bool
 ) -> tuple[Bool[np.ndarray, " scenarios"], Int[np.ndarray, " scenarios"]]:
-    """Which scenes disagree, and from which tick on. Arguments as for `agrees`."""
+    """Mask of the scenes that disagree, and their first tick that does. Arguments as for `agrees`."""
     lane_differs = np.zeros(comparison.flipped.shape, bool)
     lane_differs[1:] = comparison.changed_either & ~comparison.changed_alike
     differs = (comparison.position > tolerance) | comparison.flipped | comparison.crash_differs | lane_differs

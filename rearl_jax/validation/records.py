@@ -1,4 +1,4 @@
-"""What one scene in highway-env was: its vehicles at the start, the meta-actions, and every tick after that.
+"""Record of one scene in highway-env: its vehicles at the start, the meta-actions, and every tick after that.
 
 NumPy only. The scenario axis comes last, as in the core; a single scene has none.
 """

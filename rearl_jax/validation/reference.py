@@ -144,7 +144,7 @@ def _straight_road(scenario: Scenario) -> Road:
 
 
 def _describe(vehicles: list[ControlledVehicle]) -> Start:
-    """What the core is told: read off the finished vehicles, not off the scenario."""
+    """Start of the core's run: read off the finished vehicles, not off the scenario."""
 
     def column(values: list, kind: type = np.float64) -> np.ndarray:
         return np.array(values, kind)

@@ -1,4 +1,4 @@
-"""The scenes of the comparison: what each set is made of, drawn from one seed.
+"""The scenes of the comparison, set by set, drawn from one seed.
 
 A scenario holds everything highway-env needs to build and drive a scene, so its identity is the hash of its content.
 Scene k of a set is the same whatever the number of scenes. NumPy only: worker processes import this without JAX.
@@ -27,7 +27,7 @@ REARL_LEVELS = tuple(5.0 + 3.375 * level for level in range(9))
 
 
 class Source(Enum):
-    """Who places the vehicles of a scene.
+    """Origin of the vehicles of a scene.
 
     road: highway-env's `create_random`, on a bare road. env: the reset of `highway-v0`. injected: this module.
     """

@@ -14,7 +14,7 @@ from rearl_jax.core.drivers import Body, Drivers, MOBILParams
 from rearl_jax.core.meta_actions import apply_meta_actions
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import Controller, TrafficState, make_state, nearest_lane
-from rearl_jax.core.step import tick
+from rearl_jax.core.step import step
 from rearl_jax.core.timer import decision_period
 from rearl_jax.validation.records import Recorded, Start, Tracks, stack
 from rearl_jax.validation.scenarios import ScenarioSet
@@ -72,7 +72,7 @@ def _program(model: TrafficModel, width: int) -> ScenarioMap:
         state, drivers, actions = arguments
 
         def next_tick(before: TrafficState, _: None) -> tuple[TrafficState, tuple[jax.Array, ...]]:
-            after = tick(before, drivers, model)
+            after = step(before, drivers, model)
             return after, _observe(after, model)
 
         def next_second(before: TrafficState, action: jax.Array) -> tuple[TrafficState, tuple[jax.Array, ...]]:

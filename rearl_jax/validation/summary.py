@@ -114,7 +114,7 @@ def summarise(scenes: pd.DataFrame, reference: str) -> dict:
 
 
 def shortfalls(summary: dict, config: ValidationConfig) -> list[str]:
-    """What the run demands and has not shown, one sentence each; empty where all is well."""
+    """Requirements that the run has not met, one sentence each; empty where all are met."""
     found = []
     for events in ("lane_changes", "aborts", "crashes"):
         least = round(getattr(config, f"least_{events}") * config.share)

@@ -25,7 +25,7 @@ SWITCH = "NPY_DISABLE_CPU_FEATURES"
 
 
 class Variant(Enum):
-    """How highway-env is run.
+    """Variant of a run of highway-env.
 
     plain: with the functions of the C library; the reference. vectorised: as NumPy does by itself; the control.
     nudged: plain, but every vehicle starts one unit in the last place further ahead; shows what highway-env makes of

@@ -88,7 +88,7 @@ def test_every_recorded_action_was_admissible(start, network, model):
     state, drivers = start
     run = jax.jit(lambda key: collect(state, drivers, network, key, model, DrivingOptions(), n_seconds=8))
     seen = run(jax.random.key(2))
-    action, admissible = np.asarray(seen.action), np.asarray(seen.sight.admissible)
+    action, admissible = np.asarray(seen.action), np.asarray(seen.given.admissible)
     taken = np.take_along_axis(admissible, np.maximum(action, 0)[:, None], axis=1)[:, 0]
     assert taken.all()
     assert (~admissible).sum() > 500

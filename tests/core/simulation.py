@@ -13,7 +13,7 @@ from rearl_jax.core.car_following.highway_env_idm import VEHICLE_LENGTH, Highway
 from rearl_jax.core.drivers import Body, Drivers, MOBILParams
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import Controller, make_state
-from rearl_jax.core.step import tick
+from rearl_jax.core.step import step
 from tests.core import scenes
 
 MODEL = TrafficModel()
@@ -59,7 +59,7 @@ def program(model, n_vehicles, dtype, largest_small_traffic):
     state = make_state(zeros, zeros, zeros, model, dtype=dtype)
     drivers = default_drivers(zeros.shape, dtype)
     with mock.patch.object(neighbours, "LARGEST_SMALL_TRAFFIC", largest_small_traffic):
-        return jax.jit(lambda state, drivers: tick(state, drivers, model)).lower(state, drivers).compile()
+        return jax.jit(lambda state, drivers: step(state, drivers, model)).lower(state, drivers).compile()
 
 
 def columns(tree, index):

@@ -15,7 +15,7 @@ from rearl_jax.core.gap_driving import begin_driving
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import rollout
 from rearl_jax.core.state import Controller, make_state
-from rearl_jax.core.step import tick
+from rearl_jax.core.step import step
 from tests.core.simulation import default_drivers
 
 MODEL = TrafficModel(n_lanes=3, ticks_per_second=10, speed_limit=32.0)
@@ -93,7 +93,7 @@ def test_vehicles_under_decisions_keep_their_distance_by_the_same_rules():
     model = replace(MODEL, meta_follows=True, lane_changes=False)
     state, drivers = traffic(N_VEHICLES, controller=Controller.META)
     drivers = replace(drivers, effects=())
-    after = jax.jit(lambda state: tick(begin_driving(state, drivers, model), drivers, model))(state)
+    after = jax.jit(lambda state: step(begin_driving(state, drivers, model), drivers, model))(state)
     unhindered = (state.desired_speed - state.speed) / 0.6
     assert (np.asarray(after.acceleration) <= np.asarray(unhindered) + 1e-12).all()
     assert (np.asarray(after.acceleration) < np.asarray(unhindered) - 0.1).any()
@@ -103,7 +103,7 @@ def test_vehicles_under_decisions_keep_their_distance_by_the_same_rules():
 def test_a_driver_without_memory_is_refused():
     state, drivers = traffic(N_VEHICLES)
     with pytest.raises(ValueError, match="begin_driving"):
-        tick(state, drivers, MODEL)
+        step(state, drivers, MODEL)
 
 
 @pytest.mark.slow  # a minute of compiling

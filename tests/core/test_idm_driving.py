@@ -10,7 +10,7 @@ from rearl_jax.core import idm_driving
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import LARGEST_SMALL_TRAFFIC
 from rearl_jax.core.spawn import spawn
-from rearl_jax.core.step import tick
+from rearl_jax.core.step import step
 
 N_VEHICLES = 60
 MODEL = TrafficModel()
@@ -21,7 +21,7 @@ def test_where_more_are_due_than_have_places_all_decide(monkeypatch):
     state = replace(state, ticks_to_decision=jnp.zeros_like(state.ticks_to_decision))
 
     def decided():
-        after = jax.jit(lambda state: tick(state, drivers, MODEL))(state)
+        after = jax.jit(lambda state: step(state, drivers, MODEL))(state)
         return np.asarray(after.target_lane), np.asarray(after.x), np.asarray(after.ticks_to_decision)
 
     assert LARGEST_SMALL_TRAFFIC < N_VEHICLES
@@ -45,7 +45,7 @@ def test_large_traffic_has_slopes_where_lanes_are_changed():
             drivers, car_following=replace(drivers.car_following, time_gap=jnp.broadcast_to(time_gap, (1, 1)))
         )
         for _ in range(3):
-            after = tick(after, slower, MODEL)
+            after = step(after, slower, MODEL)
         return after.x.mean(), after.target_lane
 
     slope, target_lane = jax.jit(jax.grad(mean_position, has_aux=True))(jnp.asarray(1.5, state.x.dtype))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.core.state import Controller, make_state
-from rearl_jax.core.step import tick
+from rearl_jax.core.step import step
 from tests.core import scenes, simulation
 from tests.core.scenes import ROAD
 from tests.core.simulation import MODEL, N_VEHICLES, TOLERANCES, assert_same_bits
@@ -161,7 +161,7 @@ def test_batch_and_padding_change_nothing(dtype):
     traffic = stress_traffic(60, N_CARS) + driving_traffic(30, N_CARS)
     batch = simulation.core_of(traffic, dtype=dtype)
     alone = simulation.core_of(traffic, dtype=dtype, n_slots=N_CARS)
-    single = jax.jit(lambda state, drivers: tick(state, drivers, MODEL))
+    single = jax.jit(lambda state, drivers: step(state, drivers, MODEL))
     together = simulation.history(*batch, n_ticks=10)
     one_by_one = []
     for number in range(len(traffic)):
@@ -192,7 +192,7 @@ def test_one_tick_without_compilation():
             car.timer = 2.0
     state, drivers = simulation.core_of(traffic)
     compiled = simulation.advance(state, drivers)
-    plain = tick(state, drivers, MODEL)
+    plain = step(state, drivers, MODEL)
     assert (compiled.target_lane != np.asarray(state.target_lane)).sum() > 10
     assert compiled.is_pushed.sum() > 30
     for name in ("target_lane", "ticks_to_decision", "crashed", "is_pushed"):

@@ -1,4 +1,4 @@
-"""Who is around: the search along the sorted road finds whom looking at everybody finds, vehicles abreast included."""
+"""Search of neighbours: the sorted road gives the same as comparing all pairs, vehicles abreast included."""
 
 from unittest import mock
 
@@ -9,26 +9,26 @@ import pytest
 
 from rearl_jax.core import neighbours
 from rearl_jax.core.lane_search import find_ahead, find_behind
-from rearl_jax.core.neighbours import perceive, sort_if_large
+from rearl_jax.core.neighbours import derive_state, sort_if_large
 from rearl_jax.core.order import NOBODY
 from rearl_jax.core.state import make_state
-from rearl_jax.core.stimuli import traits_of
+from rearl_jax.core.stimuli import vehicle_states
 from tests.core.simulation import MODEL, default_drivers
 
 N_VEHICLES, N_SCENARIOS = 30, 40
 
 
-def found(state, drivers, lane, largest):
+def neighbour_indices(state, drivers, lane, largest):
     """Indices of three leaders and a follower on a lane, with traffic of up to so many vehicles taken for small."""
 
     def search(state):
         state = sort_if_large(state)
-        view = perceive(state, MODEL)
-        traits = traits_of(state, view, drivers)
-        return (*find_ahead(state, view, traits, lane, 3), find_behind(state, view, traits, lane))
+        derived = derive_state(state, MODEL)
+        vehicles = vehicle_states(state, derived, drivers)
+        return (*find_ahead(state, derived, vehicles, lane, 3), find_behind(state, derived, vehicles, lane))
 
     with mock.patch.object(neighbours, "LARGEST_SMALL_TRAFFIC", largest):
-        return [np.asarray(one.index) for one in jax.jit(search)(state)]
+        return [np.asarray(neighbour.index) for neighbour in jax.jit(search)(state)]
 
 
 @pytest.mark.parametrize("places", [4, 12, 1000], ids=["piled up", "abreast", "spread"])
@@ -39,11 +39,11 @@ def test_sorted_road_and_list_agree_on_leaders_and_follower(places):
     state = make_state(x, y, rng.uniform(0.0, 30.0, shape), MODEL)
     drivers = default_drivers(shape, np.float32)
     lane = jnp.asarray(rng.integers(-1, MODEL.n_lanes + 1, shape), jnp.int32)
-    by_order = found(state, drivers, lane, largest=N_VEHICLES - 1)
-    by_list = found(state, drivers, lane, largest=N_VEHICLES)
+    by_order = neighbour_indices(state, drivers, lane, largest=N_VEHICLES - 1)
+    by_list = neighbour_indices(state, drivers, lane, largest=N_VEHICLES)
     leader = by_list[0]
     assert (leader != NOBODY).sum() > 400
     assert (leader == NOBODY).sum() > 200
     assert places > 12 or ((np.take_along_axis(x, leader, axis=0) == x) & (leader != NOBODY)).sum() > 100
-    for one, other in zip(by_order, by_list, strict=True):
-        np.testing.assert_array_equal(one, other)
+    for actual, expected in zip(by_order, by_list, strict=True):
+        np.testing.assert_array_equal(actual, expected)

@@ -1,11 +1,11 @@
-"""Who is next on every lane, read off the order along the road, against a plain search through all vehicles."""
+"""Leaders and followers on every lane, read off the order along the road, against a search through all vehicles."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rearl_jax.core.nearest import Fields, lane_bit, walk_along_road
+from rearl_jax.core.nearest import LaneFields, lane_bit, scan_along_road
 from rearl_jax.core.order import NOBODY
 
 N_SCENARIOS = 3
@@ -47,21 +47,21 @@ def test_leaders_and_followers(n_vehicles, n_lanes):
     assert n_vehicles < 19 or (np.diff(np.take_along_axis(x, order, axis=0), axis=0) == 0).sum() > 1
     lane = np.random.default_rng(1).integers(-1, n_lanes + 1, x.shape).astype(np.int32)
 
-    def look(order, x, on, lane):
-        nearest = walk_along_road(order, x, on, n_lanes)
+    def search(order, x, on, lane):
+        nearest = scan_along_road(order, x, on, n_lanes)
         return nearest.ahead_on(lane), nearest.behind_on(lane)
 
-    found = jax.jit(look)(*map(jnp.asarray, (order, x, on, lane)))
-    for one, other in zip(found, plain(x, on, lane), strict=True):
-        np.testing.assert_array_equal(one, other)
+    neighbours = jax.jit(search)(*map(jnp.asarray, (order, x, on, lane)))
+    for actual, expected in zip(neighbours, plain(x, on, lane), strict=True):
+        np.testing.assert_array_equal(actual, expected)
 
 
 @pytest.mark.parametrize("n_vehicles", [2, 19, 128, 129, 1000, 65_000])
 def test_every_vehicle_fits_into_a_field(n_vehicles):
-    fields = Fields(n_vehicles, n_lanes=8)
+    fields = LaneFields(n_vehicles, n_lanes=8)
     assert all(len(lanes) * fields.width <= 32 for lanes in fields.lanes_by_word)
     assert [lane for lanes in fields.lanes_by_word for lane in lanes] == list(range(8))
     index = jnp.asarray([0, n_vehicles - 1], jnp.int32)
-    words = fields.of(index, jnp.asarray([lane_bit(7), lane_bit(0) | lane_bit(3)], jnp.int32))
+    words = fields.insert(index, jnp.asarray([lane_bit(7), lane_bit(0) | lane_bit(3)], jnp.int32))
     for lane, expected in ((7, [0, NOBODY]), (0, [NOBODY, n_vehicles - 1]), (3, [NOBODY, n_vehicles - 1])):
-        np.testing.assert_array_equal(fields.found(fields.on(words, jnp.full(2, lane, jnp.int32))), expected)
+        np.testing.assert_array_equal(fields.vehicle_in(fields.extract(words, jnp.full(2, lane, jnp.int32))), expected)

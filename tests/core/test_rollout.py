@@ -16,7 +16,7 @@ from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import Frames, rollout
 from rearl_jax.core.spawn import spawn
 from rearl_jax.core.state import Controller, nearest_lane
-from rearl_jax.core.step import tick
+from rearl_jax.core.step import step
 from tests.core import simulation
 from tests.core.simulation import MODEL, N_VEHICLES
 
@@ -155,7 +155,7 @@ def test_conflicts_among_few_are_settled_as_among_all(monkeypatch):
 
     def drive():
         def advance(before, _):
-            after = tick(before, drivers, model)
+            after = step(before, drivers, model)
             return after, (after.target_lane, nearest_lane(after.y, model), after.x)
 
         return jax.jit(lambda: jax.lax.scan(advance, state, length=120)[1])()

@@ -33,7 +33,7 @@ def test_clock_and_levels():
         TrafficModel(ticks_per_second=0)
     with pytest.raises(ValueError, match="at least two speeds"):
         TrafficModel(speed_levels=(5.0,))
-    assert TrafficModel(ticks_per_second=20).tick == 0.05
+    assert TrafficModel(ticks_per_second=20).dt == 0.05
     assert hash(TrafficModel()) == hash(TrafficModel(n_lanes=4))
 
 

@@ -102,12 +102,12 @@ def test_a_driven_vehicle_keeps_its_distance_with_the_cap_only():
 
 
 def test_a_change_is_seen_in_the_memory(model):
-    from rearl_jax.decision.execution import LONG_AGO, watch_lanes
+    from rearl_jax.decision.execution import LONG_AGO, record_lane_changes
 
     vehicle = Vehicle(model)
     moved = vehicle.state
     object.__setattr__(moved, "y", moved.y + 4.0)
-    memory = watch_lanes(vehicle.memory, moved, model)
+    memory = record_lane_changes(vehicle.memory, moved, model)
     assert int(memory.since_lane_change[0, 0]) == 0
-    assert int(watch_lanes(memory, moved, model).since_lane_change[0, 0]) == 1
+    assert int(record_lane_changes(memory, moved, model).since_lane_change[0, 0]) == 1
     assert int(vehicle.memory.since_lane_change[0, 0]) == LONG_AGO

@@ -169,7 +169,7 @@ def test_crashed_vehicles_do_no_harm(table, model):
 def test_the_two_halves_called_by_a_host_are_the_scan(start, table, model, matched):
     from rearl_jax.config.decision import MatcherConfig, PolicyName
     from rearl_jax.decision.execution import accept, no_orders
-    from rearl_jax.decision.loop import LoopOptions, follow, initial_traffic, look
+    from rearl_jax.decision.loop import LoopOptions, advance, assess, initial_loop_state
     from rearl_jax.decision.policies import make_policy
     from rearl_jax.detection.detector import Thresholds
 
@@ -180,10 +180,10 @@ def test_the_two_halves_called_by_a_host_are_the_scan(start, table, model, match
 
     @jax.jit
     def second(traffic, orders):
-        traffic = follow(traffic, orders, drivers, model, options)
-        return look(traffic, drivers, table, thresholds, model, options)
+        traffic = advance(traffic, orders, drivers, model, options)
+        return assess(traffic, drivers, table, thresholds, model, options)
 
-    traffic, orders = initial_traffic(state, keys, table, model, options), no_orders(state)
+    traffic, orders = initial_loop_state(state, keys, table, model, options), no_orders(state)
     for number in range(N_SECONDS):
         traffic, situation = second(traffic, orders)
         answers = np.asarray(policy(situation, table, keys))

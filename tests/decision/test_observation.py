@@ -11,12 +11,12 @@ from tests.highway_env_twins import put_on_road, road_of_four_lanes
 def test_as_highway_env_sees(wild, n_rows, see_behind):
     from highway_env.envs.common.observation import KinematicObservation
 
-    from rearl_jax.decision.observation import highway_env_view, observe_neighbours
+    from rearl_jax.decision.observation import highway_env_observation, observe_neighbours
 
     env = road_of_four_lanes()
-    view = highway_env_view(4, n_rows, see_behind=see_behind)
-    observation = np.asarray(jax.jit(lambda state: observe_neighbours(state, view))(wild))
-    assert observation.shape == (view.n_features, *wild.x.shape)
+    spec = highway_env_observation(4, n_rows, see_behind=see_behind)
+    observation = np.asarray(jax.jit(lambda state: observe_neighbours(state, spec))(wild))
+    assert observation.shape == (spec.n_features, *wild.x.shape)
     n_hidden = 0
     for scenario in range(4):
         for vehicle, twin in put_on_road(env, wild, scenario):
@@ -29,9 +29,9 @@ def test_as_highway_env_sees(wild, n_rows, see_behind):
 
 
 def test_some_observers_see_what_they_see_among_all(wild):
-    from rearl_jax.decision.observation import highway_env_view, observe_neighbours
+    from rearl_jax.decision.observation import highway_env_observation, observe_neighbours
 
-    view = highway_env_view(4)
-    everybody, some = observe_neighbours(wild, view), observe_neighbours(wild, view, slice(2, 4))
+    spec = highway_env_observation(4)
+    everybody, some = observe_neighbours(wild, spec), observe_neighbours(wild, spec, slice(2, 4))
     np.testing.assert_array_equal(some, everybody[:, 2:4])
     assert np.unique(some).size > 50

@@ -47,10 +47,10 @@ def driven():
 
     def second(state, action):
         state = highway.advance(state, action, options)
-        outcome = highway.judge(state, options, options.duration)
+        outcome = highway.outcome_of(state, options, options.duration)
         return state, (outcome.observation, outcome.reward, outcome.terminated, outcome.truncated)
 
-    begun = highway.look(state, options)
+    begun = highway.observe(state, options)
     ours = jax.jit(lambda state: jax.lax.scan(second, state, jnp.asarray(actions)))(state)[1]
     columns = [np.moveaxis(np.array([[step[k] for step in run] for run in theirs]), 0, -1) for k in range(4)]
     return (np.stack(first, axis=-1), *columns), (begun, *ours)

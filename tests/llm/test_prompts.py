@@ -193,13 +193,13 @@ def test_neighbours_are_the_nearest_at_each_place():
 
 
 def test_neighbours_are_those_the_core_sees():
-    from rearl_jax.core.neighbours import find_follower, find_leader, perceive
+    from rearl_jax.core.neighbours import derive_state, find_follower, find_leader
     from rearl_jax.core.state import make_state
 
     def see(state, side):
-        view = perceive(state, model)
-        lane = view.lane + side
-        return find_leader(state, view, lane).distance, find_follower(state, view, lane).distance
+        derived = derive_state(state, model)
+        lane = derived.lane + side
+        return find_leader(state, derived, lane).distance, find_follower(state, derived, lane).distance
 
     model = TrafficModel()
     frame = random_situation(1, n_scenarios=30).frame
@@ -270,10 +270,10 @@ def test_seconds_in_which_nobody_is_asked_count_for_the_window():
 
 
 def test_questions_about_what_the_loop_shows():
-    """The records that `look` returns, fetched as they are: their shapes, their window, their permissions."""
+    """The records that `assess` returns, fetched as they are: their shapes, their window, their permissions."""
     from rearl_jax.config.detection import Cues
     from rearl_jax.core.spawn import spawn
-    from rearl_jax.decision.loop import LoopOptions, initial_traffic, look
+    from rearl_jax.decision.loop import LoopOptions, assess, initial_loop_state
 
     model, options = TrafficModel(meta_follows=True), LoopOptions(DetectionOptions(cues=Cues.always))
     rng = np.random.default_rng(4)
@@ -281,8 +281,8 @@ def test_questions_about_what_the_loop_shows():
     table = make_table(rng.uniform(5, 32, shape), rng.uniform(30, 90, shape), rng.integers(0, 5, shape))
     keys = jax.random.split(jax.random.key(0), 4)
     state, drivers = spawn(keys, model, n_vehicles=10, density=3.0)
-    show = jax.jit(partial(look, model=model, options=options))
-    traffic = initial_traffic(state, keys, table, model, options)
+    show = jax.jit(partial(assess, model=model, options=options))
+    traffic = initial_loop_state(state, keys, table, model, options)
     prompter = Prompter(table, model, PromptConfig(), options.detection)
     for _ in range(2):
         traffic, situation = show(traffic, drivers, table, thresholds)

@@ -17,7 +17,7 @@ GIVEN, START, KNOWN = "given", "start", "known"
 
 @dataclass(frozen=True)
 class Assessment:
-    """What rollouts of a mixture came to.
+    """Result of rollouts of a mixture.
 
     Attributes:
         h: Mean Hellinger distance to the threshold scenes [-].
@@ -35,7 +35,7 @@ class Assessment:
 
     @property
     def score(self) -> float:
-        """What the search makes small [-]."""
+        """Objective that the search minimises [-]."""
         return self.h + self.mape
 
     @property
@@ -65,7 +65,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Adaptation:
-    """How the mixture of an evaluation was found.
+    """Search that gave the mixture of an evaluation.
 
     Attributes:
         proposer: Who proposed: stats, search, llm, or `GIVEN`.
@@ -88,7 +88,7 @@ class Adaptation:
 
 @dataclass(frozen=True)
 class Proposal:
-    """What a proposer came to in a round.
+    """Result of a proposer in a round.
 
     Attributes:
         mixture: The shares; None where it has none, which leaves them as they are.

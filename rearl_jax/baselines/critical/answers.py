@@ -11,7 +11,7 @@ SCHEMA = {
     "properties": {name: {"type": "number", "minimum": 0, "maximum": 1} for name in Mixture._fields},
     "required": list(Mixture._fields),
 }
-"""What an answer must be; that the sum must not exceed 1, JSON Schema cannot say."""
+"""Schema of an answer; that the sum must not exceed 1, JSON Schema cannot say."""
 
 
 class Fault(Enum):

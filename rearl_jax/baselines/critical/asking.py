@@ -22,7 +22,7 @@ _LONGEST = 200
 
 
 class Said(NamedTuple):
-    """What came back for one chat: its text, None where there is none, and why."""
+    """Reply to one chat: its text, None where there is none, and why."""
 
     text: str | None
     cause: str
@@ -102,7 +102,7 @@ def _template() -> Template:
 
 
 def _written(value: object) -> object:
-    """How the value of an expression is written."""
+    """Text form of the value of an expression."""
     return f"{value:.3g}" if isinstance(value, float) else value
 
 

@@ -1,4 +1,4 @@
-"""What the adaptation did, as a figure: shares and errors by round, or the grid as a map."""
+"""Figure of the adaptation: shares and errors by round, or the grid as a map."""
 
 import numpy as np
 from matplotlib.axes import Axes

@@ -26,7 +26,7 @@ class Mixture(NamedTuple):
 
 
 ALL_REGULAR = Mixture(0.0, 0.0, 0.0)
-"""Where a language model starts from."""
+"""Mixture a language model starts from."""
 
 
 def grid(steps: int = GRID_STEPS) -> list[Mixture]:

@@ -34,7 +34,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Driving:
-    """How vehicles drive.
+    """Statistics of driving.
 
     Attributes:
         speed: Mean speed [m/s].

@@ -81,7 +81,7 @@ class HighwayEnvIDM(CarFollowing):
             ValueError: It is in the state alone.
         """
         if self.desired_speed is None:
-            raise ValueError("these drivers' desired speeds are in the traffic's state: give them one with with_wishes")
+            raise ValueError("these drivers' desired speeds are in the traffic's state: set one by with_setpoints")
         return self.desired_speed
 
     def comfortable_deceleration(self) -> Float[Array, "*n"]:

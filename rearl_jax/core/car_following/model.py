@@ -102,7 +102,7 @@ class CarFollowing(eqx.Module):
         is_moving = (seen.speed > 0) & (seen.speed_ratio > 0)
         own = LEAST_DESIRED_SPEED if self.desired_speed is None else self.desired_speed
         desired_speed = jnp.where(is_moving, seen.speed / jnp.where(is_moving, seen.speed_ratio, 1), own)
-        return self.with_wishes(desired_speed, self.time_gap, self.jam_gap)
+        return self.with_setpoints(desired_speed, self.time_gap, self.jam_gap)
 
     def desired_spacing(
         self, length: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
@@ -110,10 +110,10 @@ class CarFollowing(eqx.Module):
         """Spacing a driver wants, centre to centre [m]; `length` is that of the vehicles [m]."""
         return self.desired_gap(speed, approach_rate) + length
 
-    def with_wishes(
+    def with_setpoints(
         self, desired_speed: Float[Array, "*#n"], time_gap: Float[Array, "*#n"], jam_gap: Float[Array, "*#n"]
     ) -> "CarFollowing":
-        """The same drivers with what effects have made of their desired speed, time gap and gap at standstill."""
+        """The same drivers with other desired speeds, time gaps and standstill gaps (set points)."""
         return replace(self, desired_speed=desired_speed, time_gap=time_gap, jam_gap=jam_gap)
 
     def full(self, shape: tuple[int, ...]) -> "CarFollowing":
@@ -131,7 +131,7 @@ class CarFollowing(eqx.Module):
 
 
 class Spacing(NamedTuple):
-    """What drivers see who measure from centre to centre, as highway-env's do.
+    """Stimulus of drivers who measure from centre to centre, as highway-env's do.
 
     Attributes:
         spacing: To the leader, centre to centre [m]; inf without one.
@@ -149,7 +149,7 @@ class Spacing(NamedTuple):
 
     @property
     def has_leader(self) -> Bool[Array, "*n"]:
-        """Whether there is anybody to follow."""
+        """True where there is a leader."""
         return jnp.isfinite(self.spacing)
 
 

@@ -17,11 +17,11 @@ SITUATION = (
     *("second_speed", "has_third", "third_speed", "has_follower", "follower_gap", "follower_speed"),
     *("has_left", "left_gap", "left_speed", "beside_speed", "n_beside"),
 )
-"""What a driver has in mind between two decisions; place and time go on."""
+"""Stimulus that is kept between two decisions; place and time go on."""
 
 
 class InMind(eqx.Module):
-    """What drivers remember of their last decision.
+    """Memory of the last decision.
 
     Attributes:
         count: Ticks so far.
@@ -51,15 +51,15 @@ class ActionPoints(Effect):
         Parameter("threshold", "m/s^2", "change that is acted on at once", 0.5, 0.0, 5.0, 0.3, is_strength=False),
     )
 
-    def begin(self, seen: Stimulus, driver: CarFollowing, tick: float) -> InMind:
+    def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> InMind:
         """A decision at the start."""
         return InMind(jnp.zeros((), jnp.int32), _situation(seen))
 
-    def remember(self, memory: InMind, seen: Stimulus, driver: CarFollowing, tick: float) -> InMind:
+    def remember(self, memory: InMind, seen: Stimulus, driver: CarFollowing, dt: float) -> InMind:
         """The situation, where the driver looks again."""
         count = memory.count + 1
         # Where mean_time is 0 every moment is a decision: no draw is 1.
-        chance = 1 - jnp.exp(-tick / jnp.maximum(self.mean_time, 1e-6))
+        chance = 1 - jnp.exp(-dt / jnp.maximum(self.mean_time, 1e-6))
         now, change = _situation(seen), _answer(seen, driver) - _answer(_restored(seen, memory), driver)
         is_new_leader = seen.has_leader != memory.situation[SITUATION.index("has_leader")]
         looks = standard_uniform(self.seed, 3, count, now[0]) < chance

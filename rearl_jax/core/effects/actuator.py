@@ -1,4 +1,4 @@
-"""Effects of the vehicle itself: what lies between the acceleration that is wanted and the one that is executed."""
+"""Effects of the vehicle itself, between the acceleration that is wanted and the one that is executed."""
 
 from typing import ClassVar
 
@@ -11,7 +11,7 @@ NO_BOUND = 20.0
 """Acceleration [m/s^2] beyond what any vehicle can do."""
 
 NO_JERK_BOUND = 400.0
-"""Jerk [m/s^3] that bounds nothing: from full braking to full acceleration within a tick."""
+"""Jerk [m/s^3] that bounds nothing: from full braking to full acceleration within a time step."""
 
 
 class ActuatorLag(Effect):
@@ -28,10 +28,10 @@ class ActuatorLag(Effect):
         Parameter("time", "s", "time constant of engine and brakes", off=0.0, low=0.0, high=3.0, scale=0.4),
     )
 
-    def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], tick: float) -> Float[Array, "*n"]:
+    def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], dt: float) -> Float[Array, "*n"]:
         """Part of the way from what was executed to what is wanted."""
         # Backward Euler: stable for every time, and with a slope where the time is 0, along which it can be searched.
-        return wanted + (last - wanted) * self.time / (self.time + tick)
+        return wanted + (last - wanted) * self.time / (self.time + dt)
 
 
 class VehicleLimits(Effect):
@@ -50,8 +50,8 @@ class VehicleLimits(Effect):
         Parameter("jerk_limit", "m/s^3", "fastest change of it", NO_JERK_BOUND, 0.1, NO_JERK_BOUND, 20.0),
     )
 
-    def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], tick: float) -> Float[Array, "*n"]:
-        """What is wanted, within the limits; those of acceleration come before that of jerk."""
+    def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], dt: float) -> Float[Array, "*n"]:
+        """Wanted acceleration within the limits; those of acceleration come before that of jerk."""
         bounded = jnp.clip(wanted, -self.deceleration_limit, self.acceleration_limit)
-        step = self.jerk_limit * tick
+        step = self.jerk_limit * dt
         return jnp.clip(bounded, last - step, last + step)

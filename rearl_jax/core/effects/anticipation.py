@@ -110,7 +110,7 @@ class LaneFriction(Effect):
 
 
 class NoUndertaking(Effect):
-    """Who is faster than the vehicle ahead on the left lane falls in behind it, braking comfortably at most."""
+    """A driver faster than the vehicle ahead on the left lane falls in behind it, braking comfortably at most."""
 
     weight: Float[Array, "*#n"]
 

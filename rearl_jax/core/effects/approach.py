@@ -35,7 +35,7 @@ class ApproachRateGain(Effect):
 
 
 class FirstGap(eqx.Module):
-    """What a driver remembers of the gap it began to follow at.
+    """Memory of the gap at which a driver began to follow.
 
     Attributes:
         time_gap: Right after the leader had come [s]; nan where there is none.
@@ -66,7 +66,7 @@ class GapRelaxation(Effect):
         Parameter("relaxation_time", "s", "time in which it is forgotten", 15.0, 1.0, 120.0, 10.0, is_strength=False),
     )
 
-    def begin(self, seen: Stimulus, driver: CarFollowing, tick: float) -> FirstGap:
+    def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> FirstGap:
         """The gap at the start."""
         nothing = jnp.zeros_like(seen.speed)
         return FirstGap(
@@ -76,12 +76,12 @@ class GapRelaxation(Effect):
             time_since_change=nothing + seen.time_since_change,
         )
 
-    def remember(self, memory: FirstGap, seen: Stimulus, driver: CarFollowing, tick: float) -> FirstGap:
+    def remember(self, memory: FirstGap, seen: Stimulus, driver: CarFollowing, dt: float) -> FirstGap:
         """The gap to a new leader where there is one, else that to the present one."""
         came = (seen.has_leader > memory.had_leader) | (seen.time_since_change < memory.time_since_change)
         return FirstGap(
             time_gap=jnp.where(came, _present_time_gap(seen, driver), memory.time_gap),
-            elapsed=jnp.where(came, 0.0, memory.elapsed + tick),
+            elapsed=jnp.where(came, 0.0, memory.elapsed + dt),
             had_leader=jnp.zeros_like(seen.speed) + seen.has_leader,
             time_since_change=jnp.zeros_like(seen.speed) + seen.time_since_change,
         )

@@ -26,7 +26,7 @@ VARIABLES = {
     "vehicles_beside": ("-", lambda seen: seen.n_beside),
     "time_since_change": ("s", lambda seen: jnp.minimum(seen.time_since_change, 20.0)),
 }
-"""What a curve can depend on: its unit and where it is found; bounded where large values say nothing more."""
+"""Variables of a curve: unit and value in the stimulus; bounded where large values say nothing more."""
 
 
 def hat_weights(value: Float[Array, "*n"], knots: Float[Array, " knots"]) -> Float[Array, "knots *n"]:

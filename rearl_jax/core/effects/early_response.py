@@ -12,7 +12,7 @@ from rearl_jax.core.effects.stimulus import Stimulus
 
 
 class EarlyResponse(Effect):
-    """Who wants to change lanes minds the leader there already, and the new follower minds who is coming over."""
+    """A driver who wants to change lanes reacts to the leader there already, and the new follower to the changer."""
 
     of_changer: Float[Array, "*#n"]
     of_follower: Float[Array, "*#n"]

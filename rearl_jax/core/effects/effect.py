@@ -1,4 +1,4 @@
-"""What an effect is: something drivers do beyond car following, as hooks into the one traffic model.
+"""Interface of an effect: driver behaviour beyond car following, as hooks into the one traffic model.
 
 An effect is a record of its parameters; each parameter has a value at which the effect is off. Everything else is the
 identity unless the effect says otherwise. All hooks are element-wise and differentiable.
@@ -62,16 +62,16 @@ class Effect(eqx.Module):
     parameters: ClassVar[tuple[Parameter, ...]]
     depends_on: ClassVar[tuple[str, ...]] = ()
 
-    def begin(self, seen: Stimulus, driver: CarFollowing, tick: float) -> PyTree:
-        """What is remembered at the start; None for an effect without memory."""
+    def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> PyTree:
+        """Memory at the start; None for an effect without memory."""
         return None
 
-    def remember(self, memory: PyTree, seen: Stimulus, driver: CarFollowing, tick: float) -> PyTree:
-        """What is remembered after this moment, which took `tick` [s]."""
+    def remember(self, memory: PyTree, seen: Stimulus, driver: CarFollowing, dt: float) -> PyTree:
+        """Memory after this time step of `dt` [s]."""
         return memory
 
     def perceive(self, seen: Stimulus, memory: PyTree) -> Stimulus:
-        """What the driver takes the situation for."""
+        """Stimulus as the driver perceives it."""
         return seen
 
     def desired_speed(self, value: Float[Array, "*n"], seen: Stimulus, memory: PyTree) -> Float[Array, "*n"]:
@@ -93,9 +93,9 @@ class Effect(eqx.Module):
 
         Args:
             value: That because of the leader, as changed so far.
-            seen: What the driver takes the situation for.
-            memory: What is remembered.
-            driver: With the wishes of this moment; `driver.interaction` is what another vehicle would be answered with.
+            seen: Stimulus as the driver perceives it.
+            memory: Memory of the effect.
+            driver: With its present set points; `driver.interaction` is the response to another vehicle.
         """
         return value
 
@@ -103,18 +103,18 @@ class Effect(eqx.Module):
         """Acceleration that the driver wants [m/s^2], before the bounds of what a vehicle can do."""
         return value
 
-    def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], tick: float) -> Float[Array, "*n"]:
+    def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], dt: float) -> Float[Array, "*n"]:
         """Acceleration that the vehicle executes [m/s^2].
 
         Args:
             wanted: By the driver.
-            last: Executed in the last tick [m/s^2].
-            tick: Time since then [s].
+            last: Executed in the last time step [m/s^2].
+            dt: Time since then [s].
         """
         return wanted
 
     def incentive(
         self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: PyTree
     ) -> Float[Array, "*n"]:
-        """What a change to a lane beside gains [m/s^2]; `seen` is the own lane as it is, not as it is perceived."""
+        """Gain of a change to a lane beside [m/s^2]; `seen` is the own lane as it is, not as it is perceived."""
         return value

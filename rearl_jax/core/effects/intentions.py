@@ -1,4 +1,4 @@
-"""What only a simulation knows: who wants to change lanes."""
+"""Intentions to change lanes, which only a simulation knows."""
 
 from jaxtyping import Array, Float
 
@@ -6,7 +6,7 @@ from rearl_jax.core.effects.stimulus import Stimulus
 
 
 class SimulatedStimulus(Stimulus):
-    """What a driver sees in simulated traffic: also who ahead on a lane beside wants to come to the own lane.
+    """Stimulus in simulated traffic, with the vehicles ahead that want to come to the own lane.
 
     Recordings do not tell: they show changes, not wishes.
 

@@ -1,4 +1,4 @@
-"""What is random in drivers: how they accelerate and what they take distances and speeds for."""
+"""Random effects: noise of the acceleration and of perceived distances and speeds."""
 
 from dataclasses import field, replace
 from typing import ClassVar
@@ -34,20 +34,20 @@ def begin_fluctuation(
 
 
 def fluctuate(
-    before: Fluctuation, seed: Int[Array, "*#seeds"], stream: int, time: Float[Array, "*#n"], tick: float
+    before: Fluctuation, seed: Int[Array, "*#seeds"], stream: int, time: Float[Array, "*#n"], dt: float
 ) -> Fluctuation:
-    """The processes one tick later, exactly whatever the tick.
+    """The processes one time step later, exact for any length of it.
 
     Args:
         before: The processes.
         seed: One per scenario, or one for all.
         stream: As at the beginning.
         time: Correlation time [s].
-        tick: Time since the last call [s].
+        dt: Time since the last call [s].
 
     Source: Gillespie, Phys. Rev. E 54 (1996) 2084 (exact update of the process).
     """
-    kept = jnp.exp(-tick / time)
+    kept = jnp.exp(-dt / time)
     count = before.count + 1
     fresh = standard_normal(seed, stream, count, before.value)
     return Fluctuation(count, before.value * kept + jnp.sqrt(1 - kept * kept) * fresh)
@@ -71,13 +71,13 @@ class AccelerationNoise(Effect):
         Parameter("time", "s", "its correlation time", 1.5, 0.05, 60.0, 1.0, is_strength=False),
     )
 
-    def begin(self, seen: Stimulus, driver: CarFollowing, tick: float) -> Fluctuation:
+    def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> Fluctuation:
         """The noise at the start."""
         return begin_fluctuation(self.seed, 0, seen.speed)
 
-    def remember(self, memory: Fluctuation, seen: Stimulus, driver: CarFollowing, tick: float) -> Fluctuation:
+    def remember(self, memory: Fluctuation, seen: Stimulus, driver: CarFollowing, dt: float) -> Fluctuation:
         """The noise now."""
-        return fluctuate(memory, self.seed, 0, self.time, tick)
+        return fluctuate(memory, self.seed, 0, self.time, dt)
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: Fluctuation) -> Float[Array, "*n"]:
         """With the noise."""
@@ -104,17 +104,17 @@ class PerceptionNoise(Effect):
         Parameter("time", "s", "correlation time of both", 20.0, 0.05, 120.0, 10.0, is_strength=False),
     )
 
-    def begin(self, seen: Stimulus, driver: CarFollowing, tick: float) -> tuple[Fluctuation, Fluctuation]:
+    def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> tuple[Fluctuation, Fluctuation]:
         """The errors at the start."""
         gap = begin_fluctuation(self.seed, 1, seen.speed)
         return gap, begin_fluctuation(self.seed, 2, seen.speed)
 
     def remember(
-        self, memory: tuple[Fluctuation, Fluctuation], seen: Stimulus, driver: CarFollowing, tick: float
+        self, memory: tuple[Fluctuation, Fluctuation], seen: Stimulus, driver: CarFollowing, dt: float
     ) -> tuple[Fluctuation, Fluctuation]:
         """The errors now."""
-        gap = fluctuate(memory[0], self.seed, 1, self.time, tick)
-        return gap, fluctuate(memory[1], self.seed, 2, self.time, tick)
+        gap = fluctuate(memory[0], self.seed, 1, self.time, dt)
+        return gap, fluctuate(memory[1], self.seed, 2, self.time, dt)
 
     def perceive(self, seen: Stimulus, memory: tuple[Fluctuation, Fluctuation]) -> Stimulus:
         """Gap and leader's speed as they are taken to be."""

@@ -32,10 +32,10 @@ class ReactionDelay(Effect):
     )
 
     def begin(
-        self, seen: Stimulus, driver: CarFollowing, tick: float
+        self, seen: Stimulus, driver: CarFollowing, dt: float
     ) -> tuple[Int[Array, ""], Float[Array, "fields past *n"], Float[Array, "fields *n"]]:
         """The present as if it had always been so."""
-        length = math.ceil(LONGEST_DELAY / tick) + 2
+        length = math.ceil(LONGEST_DELAY / dt) + 2
         now = _stacked(seen)
         return jnp.zeros((), jnp.int32), jnp.broadcast_to(now[:, None], (len(DELAYED), length, *now.shape[1:])), now
 
@@ -44,12 +44,12 @@ class ReactionDelay(Effect):
         memory: tuple[Int[Array, ""], Float[Array, "fields past *n"], Float[Array, "fields *n"]],
         seen: Stimulus,
         driver: CarFollowing,
-        tick: float,
+        dt: float,
     ) -> tuple[Int[Array, ""], Float[Array, "fields past *n"], Float[Array, "fields *n"]]:
         """The past in a ring, and in it the moment `delay` ago, interpolated."""
         count, past = memory[0], memory[1]
         past = lax.dynamic_update_index_in_dim(past, _stacked(seen), count % past.shape[1], axis=1)
-        ticks = self.delay / tick
+        ticks = self.delay / dt
         floor = jnp.floor(jnp.maximum(ticks, 0.0))
         whole, share = floor.astype(jnp.int32), jnp.broadcast_to(ticks - floor, past.shape[2:])[None]
 

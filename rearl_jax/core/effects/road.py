@@ -25,7 +25,7 @@ _SECTION = (
 def inside(
     position: Float[Array, "*#n"], start: Float[Array, "*#n"], end: Float[Array, "*#n"], edge: Float[Array, "*#n"]
 ) -> Float[Array, "*n"]:
-    """How far a vehicle is inside a section of the road, 0 to 1; it comes and goes on a way of a few times `edge`."""
+    """Weight of a section of the road at a position, 0 to 1; it rises and falls over a few times `edge`."""
     return jax.nn.sigmoid((position - start) / edge) * jax.nn.sigmoid((end - position) / edge)
 
 
@@ -163,7 +163,7 @@ class Weather(Effect):
 
 
 class ClosedCourse(Effect):
-    """What every lap of a closed course does at the same place: slopes and bends of a test track."""
+    """Acceleration that every lap of a closed course has at the same place: slopes and bends of a test track."""
 
     kind: ClassVar[str] = "road"
 

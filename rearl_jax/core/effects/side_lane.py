@@ -1,4 +1,4 @@
-"""What a driver who may change lanes sees of the lane on one side."""
+"""Stimulus of a lane beside, for drivers who may change lanes."""
 
 import equinox as eqx
 from jaxtyping import Array, Float

@@ -1,4 +1,4 @@
-"""What a driver can react to: the own motion, the vehicles around, the place and the time."""
+"""Stimulus of a driver: the own motion, the vehicles around, the place and the time."""
 
 import equinox as eqx
 from jaxtyping import Array, Float
@@ -8,7 +8,7 @@ OUT_OF_SIGHT = 1000.0
 
 
 class Stimulus(eqx.Module):
-    """What each driver sees at one moment, arrays over the vehicles; flags are 0 or 1.
+    """Stimulus of each driver in one time step, arrays over the vehicles; flags are 0 or 1.
 
     Where nobody is there, gaps are OUT_OF_SIGHT, speeds the own, accelerations 0, and the flag is 0.
 

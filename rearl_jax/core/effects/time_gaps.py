@@ -71,15 +71,15 @@ class Resignation(Effect):
         Parameter("memory_time", "s", "time over which speeds are remembered", 10.0, 2.0, 120.0, 10.0, False),
     )
 
-    def begin(self, seen: Stimulus, driver: CarFollowing, tick: float) -> Float[Array, "*n"]:
+    def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> Float[Array, "*n"]:
         """The present level of service."""
         return seen.speed / driver.desired_speed
 
     def remember(
-        self, memory: Float[Array, "*n"], seen: Stimulus, driver: CarFollowing, tick: float
+        self, memory: Float[Array, "*n"], seen: Stimulus, driver: CarFollowing, dt: float
     ) -> Float[Array, "*n"]:
         """The level of service, smoothed exponentially."""
-        return memory + tick / self.memory_time * (seen.speed / driver.desired_speed - memory)
+        return memory + dt / self.memory_time * (seen.speed / driver.desired_speed - memory)
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: Float[Array, "*n"]) -> Float[Array, "*n"]:
         """Longer the longer the queue has lasted."""

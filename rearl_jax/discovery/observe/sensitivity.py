@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from rearl_jax.core.affected import if_any
+from rearl_jax.core.compaction import if_any
 from rearl_jax.core.effects.effect import Effect
 from rearl_jax.core.following import begin_effects, follow
 from rearl_jax.discovery.observe.candidates import Knots, Layout, effects_at, lens_at

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
-from rearl_jax.core.encounter import IN_SIGHT, MOST_GAP_LOST, NEVER_CHANGED, SLOWEST, TIME_GAPS
 from rearl_jax.core.following import HARDEST_BRAKING
+from rearl_jax.core.leader_history import IN_SIGHT, MOST_GAP_LOST, NEVER_CHANGED, SLOWEST, TIME_GAPS
 from rearl_jax.core.order import NOBODY
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.read.measured import Measured, Surroundings, is_new

@@ -263,7 +263,7 @@ def test_parameters_go_by_the_order_of_the_declaration(name):
     np.testing.assert_array_equal(driver.rows(), [values[key] for key in declared.names])
     again = CAR_FOLLOWING[name].of_rows(jnp.stack(driver.rows()))
     np.testing.assert_array_equal(again.rows(), driver.rows())
-    changed = driver.with_wishes(jnp.full(3, 20.0), jnp.full(3, 2.0), jnp.full(3, 4.0))
+    changed = driver.with_setpoints(jnp.full(3, 20.0), jnp.full(3, 2.0), jnp.full(3, 4.0))
     np.testing.assert_array_equal(changed.rows()[:3], [[20.0] * 3, [2.0] * 3, [4.0] * 3])
     np.testing.assert_array_equal(changed.rows()[3:], driver.rows()[3:])
 

@@ -16,7 +16,7 @@ from rearl_jax.core.car_following.model import CarFollowing, linearise
 from rearl_jax.core.gap_driving import begin_driving
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import Controller, make_state
-from rearl_jax.core.step import tick
+from rearl_jax.core.step import step
 from tests.core.car_following.oracle import ORACLES, Slopes
 from tests.core.simulation import default_drivers
 
@@ -107,12 +107,12 @@ def braking(frequency):
 def simulate(state, drivers, leader_speed, model=MODEL):
     """Speeds before each tick and accelerations in it, behind a leader whose speed is prescribed."""
 
-    def step(before, speed):
+    def advance(before, speed):
         before = replace(before, speed=before.speed.at[0].set(speed))
-        after = tick(before, drivers, model)
+        after = step(before, drivers, model)
         return after, (before.x, before.speed, after.acceleration)
 
-    return lax.scan(step, begin_driving(state, drivers, model), leader_speed)
+    return lax.scan(advance, begin_driving(state, drivers, model), leader_speed)
 
 
 @functools.cache
@@ -207,8 +207,8 @@ def test_waves_grow_as_fast_as_the_linearisation_predicts(name):
     run = platoon(name)
     measured = growth(run)
     np.testing.assert_allclose(measured, np.log(run.predicted), rtol=0.15)
-    step = 1 / MODEL.ticks_per_second
-    in_steps = [one.gain_in_steps(omega, step) for one, omega in zip(run.slopes, run.frequency, strict=True)]
+    dt = 1 / MODEL.ticks_per_second
+    in_steps = [one.gain_in_steps(omega, dt) for one, omega in zip(run.slopes, run.frequency, strict=True)]
     np.testing.assert_allclose(measured, np.log(in_steps), rtol=0.005)
 
 

@@ -13,7 +13,7 @@ from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.gap_driving import begin_driving
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import make_state
-from rearl_jax.core.step import tick
+from rearl_jax.core.step import step
 from tests.core.effects.traffic import IS_TRUCK, LENGTH, N_CARS, S0, A, B, T
 from tests.core.simulation import default_drivers
 
@@ -47,8 +47,8 @@ def shared(given):
 @jax.jit
 def two_ticks(state, drivers):
     state = begin_driving(state, drivers, MODEL)
-    first = tick(state, drivers, MODEL)
-    return first, tick(first, drivers, MODEL)
+    first = step(state, drivers, MODEL)
+    return first, step(first, drivers, MODEL)
 
 
 def simulate(cars, name, columns, **others):

@@ -14,7 +14,7 @@ from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.gap_driving import begin_driving
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import make_state
-from rearl_jax.core.step import tick
+from rearl_jax.core.step import step
 from tests.core.simulation import default_drivers
 
 MODEL = TrafficModel(n_lanes=3, speed_limit=None, ticks_per_second=10, lane_changes=False, collisions=False)
@@ -114,11 +114,11 @@ def history(state, drivers, model=MODEL, n_ticks=N_TICKS):
     """The state before the first tick and after each, `[1 + n_ticks, ...]`."""
     state = begin_driving(state, drivers, model)
 
-    def step(before, _):
-        after = tick(before, drivers, model)
+    def advance(before, _):
+        after = step(before, drivers, model)
         return after, after
 
-    after = lax.scan(step, state, length=n_ticks)[1]
+    after = lax.scan(advance, state, length=n_ticks)[1]
     return jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), state, after)
 
 

@@ -1,4 +1,4 @@
-"""Contacts in large traffic: what the sorted road finds is what holding everybody against everybody finds."""
+"""Broad phase in large traffic: sweep and prune finds what testing every pair finds."""
 
 from dataclasses import replace
 from unittest import mock
@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rearl_jax.core import collisions, pairs, pile_ups
+from rearl_jax.core import broad_phase, collisions, narrow_phase
 from rearl_jax.core.drivers import Body
 from rearl_jax.core.state import make_state
 from tests.core.simulation import MODEL
@@ -34,7 +34,7 @@ def ahead_by(n):
 
 
 @pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.thorough)])
-def test_pile_ups_of_many_windows_lots_and_scenarios(dtype):
+def test_queues_of_many_windows_blocks_and_scenarios(dtype):
     state, body = piled_up(0, dtype)
     x, y = np.asarray(state.x), np.asarray(state.y)
     touching = np.triu(np.ones((N_VEHICLES, N_VEHICLES), bool), 1)[..., None]
@@ -42,10 +42,10 @@ def test_pile_ups_of_many_windows_lots_and_scenarios(dtype):
         along = np.take_along_axis(values, np.asarray(state.order), axis=0)
         touching = touching & (np.abs(along[None] - along[:, None]) < reach)
     behind, ahead, _ = np.nonzero(touching)
-    assert (ahead - behind > 2 * pile_ups.WINDOW).sum() > 20
-    assert touching.sum() > 10 * (x.size // pairs.TESTED + 1)
-    beyond = np.any(touching & (ahead_by(N_VEHICLES) > pile_ups.WINDOW)[..., None], axis=1)
-    assert beyond.sum() > 3 * (x.size // pile_ups.FOLLOWED + 1)
+    assert (ahead - behind > 2 * broad_phase.WINDOW).sum() > 20
+    assert touching.sum() > 10 * (x.size // narrow_phase.VEHICLES_PER_CHECKED + 1)
+    beyond = np.any(touching & (ahead_by(N_VEHICLES) > broad_phase.WINDOW)[..., None], axis=1)
+    assert beyond.sum() > 3 * (x.size // broad_phase.VEHICLES_PER_SWEPT + 1)
 
     def collided(state):
         return collisions.collide(state, body, MODEL)
@@ -68,10 +68,10 @@ def test_boxes_hold_the_vehicles():
         state = make_state(x, y, speed, MODEL, heading=heading, dtype=np.float32)
         body = Body(*(jnp.full((1, 1), size, np.float32) for size in (5.0, 2.0, 6.0)), jnp.ones((1, 1), bool))
         marked = np.asarray(collisions.collide(state, body, MODEL).is_pushed)
-        extent = collisions.extent_of(state, body, MODEL)
-        with mock.patch.object(collisions, "_close_in_list", lambda extent: jnp.ones(extent.x.shape, jnp.uint32)):
+        boxes = collisions.bounding_boxes(state, body, MODEL)
+        with mock.patch.object(collisions, "candidates_in_list", lambda boxes: jnp.ones(boxes.x.shape, jnp.uint32)):
             expected = np.asarray(collisions.collide(state, body, MODEL).is_pushed)
-        assert extent.x.shape == marked.shape
+        assert boxes.x.shape == marked.shape
         np.testing.assert_array_equal(marked, expected)
         n_found += marked[0].sum()
     assert 2000 < n_found < 9000

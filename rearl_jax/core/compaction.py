@@ -1,0 +1,264 @@
+"""Stream compaction: work that concerns a few vehicles or scenarios is done on a dense copy of those alone.
+
+Arrays in JAX have fixed shapes, so "only where needed" takes one of four forms here, all with the result of the work
+done everywhere:
+
+- `if_any`: skip the work where nobody needs it;
+- `apply_where`: copy the scenarios concerned into a small batch, treat them, copy them back, until none is left;
+- `process_in_blocks`: list the vehicles concerned and treat blocks of fixed size until the list is done;
+- `compact`: copy a few vehicles of every scenario next to each other, where there are at most so many.
+
+Of all vehicles of all scenarios one in sixteen decides about its lane in a time step, and a handful touches another;
+a few per cent are on their way to another lane, and a conflict between two of those concerns a handful of a thousand
+scenarios.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Int, UInt32
+
+from rearl_jax.core import bits
+from rearl_jax.core.order import flat_index, take_vehicles
+
+Operands = TypeVar("Operands")
+Result = TypeVar("Result")
+Value = TypeVar("Value")
+Work = TypeVar("Work")
+
+SCENARIOS_AT_ONCE = 32
+"""Scenarios that `apply_where` treats at a time; own choice."""
+
+ONE_IN_CHANGES_LANES = 16
+"""Room for one vehicle in so many that is on its way to another lane, and for what chance adds."""
+
+
+def if_any(is_needed: Bool[Array, "*n"], compute: Callable[[], Value], otherwise: Value) -> Value:
+    """`compute()` where anybody in the batch needs it, else `otherwise`.
+
+    A large batch seldom skips anything. But a branch is compiled as a program of its own and computed once, where XLA
+    on a CPU would fuse it into each of its uses and compute it there again.
+    """
+    return lax.cond(jnp.any(is_needed), compute, lambda: otherwise)
+
+
+def apply_where(
+    is_affected: Bool[Array, "*scenarios"],
+    function: Callable[[Operands], Result],
+    operands: Operands,
+    otherwise: Result,
+) -> Result:
+    """`function(operands)` for the scenarios affected, `otherwise` for all others.
+
+    Args:
+        is_affected: Scenarios to treat.
+        function: From arrays `[n_vehicles, *n_scenarios]` to such arrays, without mixing scenarios.
+        operands: Its argument; leaves may have a scenario axis of length 1.
+        otherwise: Result of the scenarios not affected.
+    """
+    if is_affected.ndim == 0:
+        return lax.cond(is_affected, function, lambda _: otherwise, operands)
+    n_scenarios = is_affected.shape[0]
+    size = min(SCENARIOS_AT_ONCE, n_scenarios)
+
+    def has_remaining(progress: tuple[Array, Result]) -> Array:
+        return jnp.any(progress[0])
+
+    def treat_next(progress: tuple[Array, Result]) -> tuple[Array, Result]:
+        remaining, result = progress
+        (columns,) = jnp.nonzero(remaining, size=size, fill_value=n_scenarios)
+
+        def gathered(values: Array) -> Array:
+            return values if values.shape[-1] == 1 else jnp.take(values, columns, axis=-1, mode="clip")
+
+        treated = function(jax.tree.map(gathered, operands))
+        result = jax.tree.map(
+            lambda new, old: old.at[..., columns].set(new, mode="drop", unique_indices=False), treated, result
+        )
+        return remaining.at[columns].set(False, mode="drop"), result
+
+    return lax.while_loop(has_remaining, treat_next, (is_affected, otherwise))[1]
+
+
+class Block(NamedTuple):
+    """Some members of a list of set bits.
+
+    Attributes:
+        number: Index of the number that holds each bit; that of the last member in places left empty.
+        bit: Position of the bit within its number.
+        is_filled: Whether a place holds a member.
+        n_numbers: Count of the numbers.
+    """
+
+    number: Int[Array, " block"]
+    bit: Int[Array, " block"]
+    is_filled: Bool[Array, " block"]
+    n_numbers: int
+
+    @property
+    def index(self) -> Int[Array, " block"]:
+        """Flat index, among all vehicles of all scenarios, of members listed by `list_vehicles`."""
+        return self.bit * self.n_numbers + self.number
+
+
+class SetBits(NamedTuple):
+    """The set bits of 32-bit numbers as a list, without the list ever being written out.
+
+    The k-th set bit is found by its rank: prefix sums of the population counts say which number holds it, and halving
+    finds its position there. So listing costs one pass over 1/32 as many numbers as there are vehicles.
+
+    Attributes:
+        numbers: The numbers.
+        end: Set bits up to and with each number.
+    """
+
+    numbers: UInt32[Array, " numbers"]
+    end: Int[Array, " numbers"]
+
+    @property
+    def count(self) -> Int[Array, ""]:
+        """Length of the list."""
+        return self.end[-1]
+
+    def block(self, first: Int[Array, ""] | int, size: int) -> Block:
+        """`size` members of the list from the `first` on."""
+        wanted = first + lax.iota(jnp.int32, size)
+        rank = jnp.minimum(wanted, self.count - 1)
+        # The number of a member is how many numbers end before its rank: ends counted by rank, summed along the block.
+        ended = jnp.zeros(size, jnp.int32).at[jnp.maximum(self.end - first, 0)].add(1, mode="drop")
+        number = jnp.minimum(jnp.cumsum(ended), len(self.end) - 1)
+        members = self.numbers[number]
+        bit = bits.position(members, rank - (self.end[number] - bits.count(members)))
+        return Block(number, bit, wanted < self.count, len(self.end))
+
+
+def list_bits(numbers: UInt32[Array, " numbers"]) -> SetBits:
+    """The list of all bits that are set."""
+    return SetBits(numbers, jnp.cumsum(bits.count(numbers)))
+
+
+def list_vehicles(is_listed: Bool[Array, "vehicles *scenarios"]) -> SetBits:
+    """The list of the vehicles chosen; `Block.index` is their flat index."""
+    flat = is_listed.ravel()
+    return list_bits(bits.pack(jnp.pad(flat, (0, -flat.size % bits.BITS)).reshape(bits.BITS, -1)))
+
+
+def process_in_blocks(members: SetBits, size: int, process: Callable[[Block, Work], Work], work: Work) -> Work:
+    """`work` after every block of a list has been processed in turn.
+
+    Args:
+        members: The list.
+        size: Members of a block.
+        process: From a block and the work so far to the work after it.
+        work: At the start.
+    """
+
+    def is_unfinished(progress: tuple[Array, Work]) -> Array:
+        return progress[0] < members.count
+
+    def process_next(progress: tuple[Array, Work]) -> tuple[Array, Work]:
+        first, work = progress
+        return first + size, process(members.block(first, size), work)
+
+    return lax.while_loop(is_unfinished, process_next, (jnp.int32(0), work))[1]
+
+
+def gather(values: Array, index: Int[Array, "*block"], shape: tuple[int, ...]) -> Array:
+    """Values at flat indices; a single value for all vehicles stays one.
+
+    Args:
+        values: Of all vehicles and scenarios; axes may have length 1.
+        index: Flat indices.
+        shape: `[n_vehicles, *n_scenarios]`, of values whose axes all have full length.
+    """
+    if values.size == 1:
+        return values.reshape((1,) * index.ndim)
+    return jnp.broadcast_to(values, shape).ravel().at[index].get(mode="promise_in_bounds")
+
+
+def scatter(values: Array, index: Int[Array, " block"], is_filled: Bool[Array, " block"], otherwise: Array) -> Array:
+    """All vehicles' values with those of a block written in.
+
+    Args:
+        values: Of the block.
+        index: Flat indices of the block.
+        is_filled: Which of its places are not empty.
+        otherwise: Of all vehicles.
+    """
+    flat = otherwise.ravel()
+    # Each empty place has one of its own beyond the end, so that no two are the same.
+    index = jnp.where(is_filled, index, flat.size + lax.iota(jnp.int32, index.size))
+    return flat.at[index].set(values, mode="drop", unique_indices=True).reshape(otherwise.shape)
+
+
+class Subset(eqx.Module):
+    """A few vehicles of each scenario, in the order of the list.
+
+    Attributes:
+        vehicle: Index of each; `n_vehicles` in places left empty.
+        suffices: Whether there is room for every vehicle chosen, in all scenarios.
+        n_vehicles: Vehicles they are chosen from.
+    """
+
+    vehicle: Int[Array, "places *scenarios"]
+    suffices: Bool[Array, ""]
+    n_vehicles: int = eqx.field(static=True)
+
+    @property
+    def index(self) -> Int[Array, "places *scenarios"]:
+        """Index of each; in empty places that of the last vehicle."""
+        return jnp.minimum(self.vehicle, self.n_vehicles - 1)
+
+    @property
+    def is_filled(self) -> Bool[Array, "places *scenarios"]:
+        """True where a place is not empty."""
+        return self.vehicle < self.n_vehicles
+
+    def gather(self, values: Array) -> Array:
+        """Values of the subset, from those of all vehicles; a single value for all vehicles stays one."""
+        return take_vehicles(values, self.index)
+
+    def scatter(self, values: Array, otherwise: Array) -> Array:
+        """All vehicles' values with those of the subset written in."""
+        index, is_filled = flat_index(self.vehicle), self.is_filled
+        return scatter(values.ravel(), index.ravel(), is_filled.ravel(), otherwise)
+
+
+def room_for(n_vehicles: int, one_in: int) -> int:
+    """Places of a subset for one vehicle in so many, and for what chance adds."""
+    return n_vehicles // one_in + math.isqrt(n_vehicles) + 2
+
+
+def compact(is_chosen: Bool[Array, "vehicles *scenarios"], one_in: int) -> Subset:
+    """The vehicles that are chosen, next to each other.
+
+    Args:
+        is_chosen: Which.
+        one_in: There is room for one vehicle in so many, and for what chance adds.
+    """
+    n_vehicles, others = is_chosen.shape[0], is_chosen.shape[1:]
+    places, n_numbers = room_for(n_vehicles, one_in), -(-n_vehicles // bits.BITS)
+    filled = jnp.pad(is_chosen, [(0, n_numbers * bits.BITS - n_vehicles)] + [(0, 0)] * len(others))
+    numbers = bits.pack(filled.reshape(n_numbers, bits.BITS, *others).swapaxes(0, 1))
+    counts = bits.count(numbers)
+    rank = jnp.broadcast_to(lax.iota(jnp.int32, places).reshape(places, *(1,) * len(others)), (places, *others))
+
+    def locate(number: Array, located: tuple[Array, ...]) -> tuple[Array, ...]:
+        """For every place whose rank falls into a number: that number, its first vehicle, and the rank within it."""
+        begin, members, first, rank_in_number = located
+        number_bits, n_bits = numbers[number][None], counts[number][None]
+        is_in = (rank >= begin) & (rank < begin + n_bits)
+        new = number_bits, number * bits.BITS, rank - begin
+        old = members, first, rank_in_number
+        return begin + n_bits, *(jnp.where(is_in, a, b) for a, b in zip(new, old, strict=True))
+
+    nothing = jnp.zeros_like(rank)
+    start = jnp.zeros((1, *others), jnp.int32), nothing.astype(jnp.uint32), nothing, nothing
+    total, members, first, rank_in_number = lax.fori_loop(0, n_numbers, locate, start, unroll=min(n_numbers, 8))
+    vehicle = jnp.where(rank < total, first + bits.position(members, rank_in_number), n_vehicles)
+    return Subset(vehicle, jnp.all(total <= places), n_vehicles)

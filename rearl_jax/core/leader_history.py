@@ -1,0 +1,82 @@
+"""Time since the leader last changed, and what the change did to the gap."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from rearl_jax.core.order import NOBODY
+
+NEVER_CHANGED = 60.0
+"""Time since the leader changed where it has not, and the longest that is told apart [s]."""
+
+MOST_GAP_LOST = 60.0
+"""Bound of the gap that is lost at once [m]."""
+
+IN_SIGHT = 200.0
+"""Gap [m] from which on a new leader changes nothing."""
+
+TIME_GAPS = (0.25, 9.0)
+"""Range of the time gap right after a change [s]; the upper end where there was none."""
+
+SLOWEST = 5.0
+"""Least speed a time gap is computed with [m/s]."""
+
+
+class LeaderHistory(eqx.Module):
+    """Memory of each driver about the last change of its leader.
+
+    Attributes:
+        leader: Index of the present leader, NOBODY for none.
+        gap: To it, bumper to bumper [m].
+        time_since_change: Since it became the leader [s].
+        gap_lost: Gap lost by that change [m].
+        time_gap: Time gap right after it [s].
+    """
+
+    leader: Int[Array, "vehicles *scenarios"]
+    gap: Float[Array, "vehicles *scenarios"]
+    time_since_change: Float[Array, "vehicles *scenarios"]
+    gap_lost: Float[Array, "vehicles *scenarios"]
+    time_gap: Float[Array, "vehicles *scenarios"]
+
+    @classmethod
+    def begin(
+        cls, leader: Int[Array, "vehicles *scenarios"], gap: Float[Array, "vehicles *scenarios"]
+    ) -> "LeaderHistory":
+        """The history at the start, as if the leader had never changed.
+
+        Args:
+            leader: Index of each vehicle's leader, NOBODY for none.
+            gap: To it, bumper to bumper [m].
+        """
+        nothing = jnp.zeros_like(gap)
+        return cls(leader, gap, nothing + NEVER_CHANGED, nothing, nothing + TIME_GAPS[1])
+
+    def update(
+        self,
+        leader: Int[Array, "vehicles *scenarios"],
+        gap: Float[Array, "vehicles *scenarios"],
+        speed: Float[Array, "vehicles *scenarios"],
+        dt: float,
+    ) -> "LeaderHistory":
+        """The history one time step later.
+
+        Args:
+            leader: Index of the present leader.
+            gap: To it, bumper to bumper [m].
+            speed: Own speed [m/s].
+            dt: Time step [s].
+        """
+        is_new = (leader != self.leader) & (leader != NOBODY)
+        is_alone = leader == NOBODY
+        is_near = jnp.minimum(self.gap, gap) < IN_SIGHT
+        lost = jnp.where(is_near, jnp.clip(self.gap - gap, 0.0, MOST_GAP_LOST), 0.0)
+        since = jnp.minimum(self.time_since_change + dt, NEVER_CHANGED)
+        time_gap = jnp.clip(gap / jnp.maximum(speed, SLOWEST), *TIME_GAPS)
+        return LeaderHistory(
+            leader=leader,
+            gap=gap,
+            time_since_change=jnp.where(is_new, 0.0, jnp.where(is_alone, NEVER_CHANGED, since)),
+            gap_lost=jnp.where(is_new, lost, jnp.where(is_alone, 0.0, self.gap_lost)),
+            time_gap=jnp.where(is_new, time_gap, self.time_gap),
+        )
