@@ -15,8 +15,8 @@ from tenacity import RetryCallState, wait_random_exponential
 from rearl_jax.config.llm import LlmConfig
 from rearl_jax.llm.breaker import Breaker
 from rearl_jax.llm.connection import Connection, Response
-from rearl_jax.llm.profiles import Completion, read_completion, read_error
-from rearl_jax.llm.records import Cause, Reply
+from rearl_jax.llm.profiles import read_completion, read_error
+from rearl_jax.llm.records import TEXTS, Cause, Completion, Reply
 from rearl_jax.llm.retries import last_result, retrying
 
 log = logging.getLogger(__name__)
@@ -52,19 +52,9 @@ class Job:
 
     def reply(self, cause: Cause, completion: Completion | None = None) -> Reply:
         """The reply this job has come to now."""
-        now = asyncio.get_running_loop().time()
-        return Reply(
-            text=completion.text if completion else None,
-            cause=cause,
-            thinking=completion.thinking if completion else "",
-            finish=completion.finish if completion else "",
-            latency=0.0 if self.started is None else now - self.started,
-            tries=self.tries,
-            prompt_tokens=completion.prompt_tokens if completion else None,
-            cached_tokens=completion.cached_tokens if completion else None,
-            answer_tokens=completion.answer_tokens if completion else None,
-            status=self.status,
-        )
+        latency = 0.0 if self.started is None else asyncio.get_running_loop().time() - self.started
+        said = vars(completion) if completion else {}
+        return Reply(**said, cause=cause, latency=latency, tries=self.tries, status=self.status)
 
 
 @dataclass(frozen=True)
@@ -229,12 +219,7 @@ class Sender:
 
     def _without_key(self, completion: Completion) -> Completion:
         hide = self._connection.without_key
-        return replace(
-            completion,
-            text=hide(completion.text),
-            thinking=hide(completion.thinking),
-            finish=hide(completion.finish),
-        )
+        return replace(completion, **{name: hide(getattr(completion, name)) for name in TEXTS})
 
     def _learn(self, last: _Try, is_probe: bool) -> None:
         """Tells the breaker what a request came to."""
