@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 import httpx
 
-from rearl_jax import __version__
+from rearl_jax.code_version import __version__
 from rearl_jax.config.llm import LlmConfig
 
 LARGEST_BODY = 4 * 2**20
