@@ -46,6 +46,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rearl_jax.code_version import __version__
     from rearl_jax.core.batch import ScenarioMap
     from rearl_jax.core.drivers import highway_env_drivers
     from rearl_jax.core.meta_actions import MetaAction
@@ -61,8 +62,6 @@ if TYPE_CHECKING:
     from rearl_jax.results import read_metadata
     from rearl_jax.workflows import calibrate, cut_scenes, discover, evaluate, read_recordings
 
-__version__ = "0.1.0"
-
 _HOMES = {
     "Controller": "rearl_jax.core.state",
     "FunctionalHighway": "rearl_jax.environments.functional",
@@ -70,6 +69,7 @@ _HOMES = {
     "MetaAction": "rearl_jax.core.meta_actions",
     "ScenarioMap": "rearl_jax.core.batch",
     "TrafficModel": "rearl_jax.core.model",
+    "__version__": "rearl_jax.code_version",
     "calibrate": "rearl_jax.workflows",
     "cut_scenes": "rearl_jax.workflows",
     "discover": "rearl_jax.workflows",

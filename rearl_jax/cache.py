@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rearl_jax import __version__
-from rearl_jax.code_version import code_hash
+from rearl_jax.code_version import __version__, code_hash
 from rearl_jax.runtime import cache_folder
 from rearl_jax.whole_files import replacing
 

@@ -1,9 +1,11 @@
-"""Which code this is: equal results come from equal code. Standard library only."""
+"""Version, hash and commit of this code: equal results come from equal code. Standard library only."""
 
 import hashlib
 import subprocess
 from functools import cache
 from pathlib import Path
+
+__version__ = "0.1.0"
 
 PACKAGE = Path(__file__).resolve().parent
 

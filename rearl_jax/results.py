@@ -14,8 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
-from rearl_jax import __version__
-from rearl_jax.code_version import code_hash, git_sha
+from rearl_jax.code_version import __version__, code_hash, git_sha
 from rearl_jax.config._schema import as_plain
 from rearl_jax.whole_files import claim, remove_leftovers, replacing
 

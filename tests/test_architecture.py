@@ -87,7 +87,7 @@ def test_public_names_are_sorted_complete_and_there():
     import rearl_jax
 
     assert rearl_jax.__all__ == sorted(rearl_jax.__all__)
-    assert set(rearl_jax.__all__) == set(rearl_jax._HOMES) | {"__version__"}
+    assert set(rearl_jax.__all__) == set(rearl_jax._HOMES)
     for name in rearl_jax.__all__:
         assert getattr(rearl_jax, name) is not None
         assert name in dir(rearl_jax)

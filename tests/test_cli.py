@@ -239,6 +239,31 @@ def test_multirun_over_a_config_group(cli):
     assert cli.ran[1].study == "drive/road=wide"
 
 
+@pytest.mark.parametrize(
+    ("word", "values"),
+    [
+        ("road.lanes=3,1", ["3", "1"]),
+        ("road.lanes=range(1,6,2)", ["1", "3", "5"]),
+        ("road.lanes=choice(4,2)", ["4", "2"]),
+        ("road=glob(*,exclude=n*)", ["wide"]),
+    ],
+)
+def test_multirun_runs_one_job_for_every_value(cli, word, values):
+    assert cli.main(["drive", "far", "-m", word, "limit=20"]) == 0
+    key = word.partition("=")[0]
+    assert [config.study for config in cli.ran] == [f"drive/{key}={value}" for value in values]
+    ((_, cells),) = cli.collected
+    assert cells == [{key: value} for value in values]
+
+
+def test_multirun_refuses_values_without_a_list(cli, capsys):
+    assert cli.main(["drive", "far", "-m", "road.lanes=interval(1,3)"]) == 2
+    error = capsys.readouterr().err
+    assert "INTERVAL_SWEEP" in error
+    assert "Traceback" not in error
+    assert cli.ran == []
+
+
 def test_multirun_goes_on_after_a_failed_job(cli, capsys):
     assert cli.main(["drive", "far", "-m", "road.lanes=0,3"]) == 2
     assert [config.road.lanes for config in cli.ran] == [3]
@@ -432,8 +457,8 @@ def test_every_key_is_documented():
 def test_every_shipped_sweep_is_a_multirun_of_its_task():
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
-    from rearl_jax.cli.composition import check_overrides, compose_task
-    from rearl_jax.cli.multirun import cells_of
+    from rearl_jax.cli.composition import check_overrides, choices, compose_task
+    from rearl_jax.cli.multirun import cells_of, swept_values
     from rearl_jax.cli.sweep_files import read_sweep, sweeps_of
     from rearl_jax.tasks import TASKS
 
@@ -443,9 +468,9 @@ def test_every_shipped_sweep_is_a_multirun_of_its_task():
             overrides = read_sweep(name, task, None)
             check_overrides(task, overrides, None)
             parsed = OverridesParser.create().parse_overrides(overrides)
-            swept = {item.key_or_group for item in parsed if item.is_sweep_override()}
+            swept = swept_values(parsed, choices(task))
             fixed = [text for text in overrides if text.partition("=")[0] not in swept]
-            cells = cells_of(parsed, swept)
+            cells = cells_of(swept)
             assert len(cells) > 1
             for cell in cells:
                 compose_task(task, [*fixed, *(f"{key}={value}" for key, value in cell.items())], None)

@@ -13,9 +13,9 @@ from typing import Any
 import equinox as eqx
 import jax
 
-from rearl_jax import __version__
 from rearl_jax.baselines.driving import DrivingOptions
 from rearl_jax.baselines.network import ActorCritic, make_network
+from rearl_jax.code_version import __version__
 from rearl_jax.config import TrainPpoTask
 from rearl_jax.config.core import CoreConfig
 from rearl_jax.config.decision import AdmissibleConfig, LaneGate, Longitudinal

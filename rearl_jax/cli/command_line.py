@@ -11,7 +11,7 @@ import shlex
 import sys
 from typing import Any, NoReturn
 
-from rearl_jax import __version__, tasks
+from rearl_jax import tasks
 from rearl_jax.cli.composition import UsageError, compose_task
 from rearl_jax.cli.help import general_help, group_help, task_help, tasks_beginning_with
 from rearl_jax.cli.interruption import ended_by_signals, exit_code, name_of
@@ -24,6 +24,7 @@ from rearl_jax.cli.summary_output import (
     write_object,
 )
 from rearl_jax.cli.sweep_files import read_sweep
+from rearl_jax.code_version import __version__
 from rearl_jax.config._schema import nearest
 from rearl_jax.tasks import Task
 

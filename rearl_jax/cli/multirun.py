@@ -4,12 +4,13 @@ Finished jobs are not run again, so a killed multirun goes on where it was. At t
 together.
 """
 
+import itertools
 import json
 import logging
 import os
 import sys
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from rearl_jax import tasks
 from rearl_jax.cli.composition import (
     as_record,
     check_overrides,
+    choices,
     compose_task,
     hydra_errors,
     opened,
@@ -51,10 +53,11 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
     overrides = with_implied(task, overrides)
     check_overrides(task, overrides, config_dir)
     parsed = OverridesParser.create().parse_overrides(overrides)
-    swept = {item.key_or_group for item in parsed if item.is_sweep_override()}
+    with hydra_errors(task, overrides):
+        swept = swept_values(parsed, choices(task, config_dir))
     fixed = [text for text, item in zip(overrides, parsed, strict=True) if item.key_or_group not in swept]
     failed = None
-    cells = cells_of(parsed, swept)
+    cells = cells_of(swept)
     said = {item.key_or_group: item.value() for item in parsed if item.key_or_group not in swept}
     try:
         _launch(task, opened(task, overrides), said, len(cells), config_dir)
@@ -90,13 +93,34 @@ def _is_of_before(
     return True
 
 
-def cells_of(overrides: Sequence[Any], swept: set[str]) -> list[dict[str, str]]:
-    """The values of the swept keys in every job, in the order of the jobs."""
-    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+def swept_values(overrides: Sequence[Any], groups: Mapping[str, Iterable[str]]) -> dict[str, list[str]]:
+    """Values of every swept key, as written.
 
-    batch = BasicSweeper.split_arguments(list(overrides), None)[0]
-    jobs = [dict(text.split("=", 1) for text in job) for job in batch]
-    return [{key: value for key, value in job.items() if key in swept} for job in jobs]
+    Args:
+        overrides: The words of the command line as Hydra reads them; of a key that stands there twice the last counts.
+        groups: Choices of every config group, which `glob(...)` chooses from.
+
+    Raises:
+        HydraException: A sweep has no list of values, such as `interval(0,1)`.
+    """
+    swept = {item.key_or_group for item in overrides if item.is_sweep_override()}
+    return {item.key_or_group: _values(item, groups) for item in overrides if item.key_or_group in swept}
+
+
+def _values(override: Any, groups: Mapping[str, Iterable[str]]) -> list[str]:
+    from hydra.core.override_parser.types import Glob
+
+    if not override.is_sweep_override():
+        return [override.get_value_element_as_str()]
+    value = override.value()
+    if isinstance(value, Glob):
+        return value.filter(sorted(groups.get(override.key_or_group, ())))
+    return list(override.sweep_string_iterator())
+
+
+def cells_of(swept: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
+    """The values of the swept keys in every job, in the order of the jobs: the last key changes fastest."""
+    return [dict(zip(swept, values, strict=True)) for values in itertools.product(*swept.values())]
 
 
 def _launch(task: Task, overrides: list[str], said: Mapping[str, Any], n_jobs: int, config_dir: str | None) -> None:

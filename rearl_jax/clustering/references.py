@@ -186,28 +186,6 @@ class ReferenceBuilder:
         return references_of(scenes, found.scenes, self._config.cluster), found
 
 
-def build_references(
-    scenes: SceneSet,
-    tracks: TrackSet,
-    splits: Splits,
-    config: ReferenceKeys,
-    study: Study | None = None,
-    progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
-) -> tuple[References, Clusters]:
-    """Representative scenes and the clusterings behind them, from tracks already collected; nothing is kept on disk.
-
-    Args:
-        scenes: All scenes.
-        tracks: All long tracks of the same recordings.
-        splits: Which scenes are for evaluation and tuning.
-        config: A task's configuration.
-        study: Keeps the trace of a search and takes it up again (`bo.enabled`).
-        progress: Called with a stage (`search`, `tracks`), the steps done and their total.
-    """
-    found = cluster(config, scenes, tracks, splits, study, scenes.data_id, progress)
-    return references_of(scenes, found.scenes, config.cluster), found
-
-
 def cluster(
     config: ReferenceKeys,
     scenes: SceneSet,

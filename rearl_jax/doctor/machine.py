@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rearl_jax import __version__
+from rearl_jax.code_version import __version__
 from rearl_jax.doctor.check import Check, fail, ok, warn
 
 PYTHONS = ((3, 11), (3, 13))

@@ -18,7 +18,7 @@ from rearl_jax.llm.local_server import server_at
 from rearl_jax.llm.parsing import understand
 from rearl_jax.llm.policy import LanguageModelPolicy
 from rearl_jax.llm.prompts import Prompter
-from rearl_jax.llm.records import Cause
+from rearl_jax.llm.records import TOKEN_COUNTS, Cause
 from rearl_jax.llm.template import load_template
 
 
@@ -123,7 +123,7 @@ def request_figures(requests: pd.DataFrame) -> dict[str, int | float | None]:
     latency = requests["latency"].to_numpy()[is_sent]
     for name, percentile in (("latency_median", 50), ("latency_p95", 95)):
         figures[name] = float(np.percentile(latency, percentile)) if len(latency) else None
-    for name in ("prompt_tokens", "cached_tokens", "answer_tokens"):
+    for name in TOKEN_COUNTS:
         tokens = requests[name].to_numpy(np.float64, na_value=np.nan)[is_sent]
         figures[name] = int(np.nansum(tokens)) if np.isfinite(tokens).any() else None
     return figures

@@ -9,8 +9,7 @@ from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-from rearl_jax import __version__
-from rearl_jax.code_version import git_sha
+from rearl_jax.code_version import __version__, git_sha
 from rearl_jax.config._schema import as_plain, keys_of
 from rearl_jax.config.driver import record_of
 from rearl_jax.data.records import RecordingInfo

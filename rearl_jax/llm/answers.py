@@ -13,7 +13,7 @@ from pathlib import Path
 
 from rearl_jax.cache import kept_folder
 from rearl_jax.config.llm import LlmConfig, Profile
-from rearl_jax.llm.records import Cause, Reply
+from rearl_jax.llm.records import TEXTS, TOKEN_COUNTS, Cause, Reply
 
 _FORMAT = 1
 """Number of the table's form, in the file's user_version."""
@@ -27,14 +27,12 @@ _PATIENCE = 60.0
 _AT_ONCE = 500
 """Requests looked up in one statement."""
 
-_TEXTS = ("text", "thinking", "finish")
-_COUNTS = ("prompt_tokens", "cached_tokens", "answer_tokens")
-_FIELDS = (*_TEXTS, *_COUNTS)
+_FIELDS = (*TEXTS, *TOKEN_COUNTS)
 
-_TABLE = """
+_TABLE = f"""
 CREATE TABLE IF NOT EXISTS answers (
-    digest TEXT PRIMARY KEY, model TEXT NOT NULL, profile TEXT NOT NULL, text TEXT NOT NULL, thinking TEXT NOT NULL,
-    finish TEXT NOT NULL, prompt_tokens INTEGER, cached_tokens INTEGER, answer_tokens INTEGER
+    digest TEXT PRIMARY KEY, model TEXT NOT NULL, profile TEXT NOT NULL,
+    {", ".join([f"{name} TEXT NOT NULL" for name in TEXTS] + [f"{name} INTEGER" for name in TOKEN_COUNTS])}
 ) WITHOUT ROWID
 """
 
@@ -190,7 +188,7 @@ def _check(values: Iterable[object]) -> None:
         ValueError: A text is no text, or a count of tokens no whole number.
     """
     for name, value in zip(_FIELDS, values, strict=True):
-        if not isinstance(value, str if name in _TEXTS else int | None):
+        if not isinstance(value, str if name in TEXTS else int | None):
             raise ValueError(f"{name} is {value!r}")
 
 

@@ -20,7 +20,7 @@ from rearl_jax.llm.keeping import Keeper
 from rearl_jax.llm.parsing import majority, understand
 from rearl_jax.llm.profiles import request_body, request_digest
 from rearl_jax.llm.records import KEEP_OUT, Answer, Cause, Question, Reply
-from rearl_jax.llm.requests_table import Counts, RequestRow, request_row, requests_frame
+from rearl_jax.llm.requests_table import Counts, request_row, requests_frame
 from rearl_jax.llm.sending import Job, Sender
 from rearl_jax.llm.startup import Server, meet, replayed
 
@@ -73,7 +73,7 @@ class Client:
         self._server: Server | None = None
         self._jobs: dict[str, Job] = {}
         self._work: set[asyncio.Task[Any]] = set()
-        self._rows: list[RequestRow] = []
+        self._rows: list[tuple[Any, ...]] = []
         self._questions = 0
         self._kept = 0
         self._causes: Counter[Cause] = Counter()
@@ -185,7 +185,7 @@ class Client:
 
     def requests_frame(self) -> "pandas.DataFrame":
         """A row for every reply to every question so far; columns as in `requests_table.COLUMNS`."""
-        return requests_frame(list(self._rows))
+        return requests_frame(self._rows.copy())
 
     def _in_loop(self, work: Coroutine[Any, Any, _Result]) -> Future[_Result]:
         assert self._loop is not None

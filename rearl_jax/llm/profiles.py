@@ -1,4 +1,4 @@
-"""A chat -> the body of a request in a server's dialect; the body of a response -> what the model said.
+"""A chat -> the body of a request in a server's dialect; the body of a response -> the completion.
 
 Chat completions are spoken by every server, what goes beyond them differs: how an answer is restricted to a choice
 and how the reasoning is switched off. What servers return differs in names only, so one reader knows all of them.
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rearl_jax.config.llm import LlmConfig, Profile, Thinking
-from rearl_jax.llm.records import Message
+from rearl_jax.llm.records import Completion, Message
 
 _encode = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=False).encode
 """Canonical JSON: the same object always gives the same text."""
@@ -102,20 +102,8 @@ def request_digest(body: str, dialect: Dialect) -> str:
     return hashlib.sha256(f'{{"body":{body},"profile":"{dialect.profile.name}"}}'.encode()).hexdigest()
 
 
-@dataclass(frozen=True)
-class Completion:
-    """What a server said: as in `Reply`."""
-
-    text: str
-    thinking: str
-    finish: str
-    prompt_tokens: int | None
-    cached_tokens: int | None
-    answer_tokens: int | None
-
-
 def read_completion(content: bytes) -> Completion:
-    """What the body of a response holds.
+    """Completion in the body of a response.
 
     A response without a text counts as the empty text where the model was cut off or said something as its reasoning.
 

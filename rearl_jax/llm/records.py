@@ -1,6 +1,6 @@
 """What passes between the simulation, the prompts and the client."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 
 KEEP_OUT = -1
@@ -60,32 +60,50 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Reply:
-    """What came back for one chat, from the server or from the cache.
+class Completion:
+    """Completion of one chat, as a server sends it and as it is kept.
+
+    The one declaration of these fields: the file of the answers takes its columns from here.
 
     Attributes:
         text: Text of the answer; None where there is none.
-        cause: `answered` where there is a text, to be parsed; else why there is none.
         thinking: Text the server returned as reasoning; logged, never an action.
         finish: Why the server stopped (`stop`, `length`, ...); empty if it did not say.
-        latency: From the first sending to the last byte, all tries [s]; 0 from the cache.
-        tries: Times it was sent; 0 from the cache or where it was not sent.
         prompt_tokens: Tokens of the chat; None where the server does not say.
         cached_tokens: Those of them that the server had in its prefix cache; None where it does not say.
         answer_tokens: Tokens of the answer; None where the server does not say.
+    """
+
+    text: str | None = None
+    thinking: str = ""
+    finish: str = ""
+    prompt_tokens: int | None = None
+    cached_tokens: int | None = None
+    answer_tokens: int | None = None
+
+
+TOKEN_COUNTS = tuple(field.name for field in fields(Completion) if field.type == int | None)
+"""Fields of a completion that count tokens."""
+
+TEXTS = tuple(field.name for field in fields(Completion) if field.name not in TOKEN_COUNTS)
+"""Fields of a completion that are texts."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reply(Completion):
+    """A completion from the server or from the cache, or the cause why there is none.
+
+    Attributes:
+        cause: `answered` where there is a text, to be parsed; else why there is none.
+        latency: From the first sending to the last byte, all tries [s]; 0 from the cache.
+        tries: Times it was sent; 0 from the cache or where it was not sent.
         status: Last HTTP status; None without one.
         from_cache: Whether our own cache gave it.
     """
 
-    text: str | None
     cause: Cause
-    thinking: str = ""
-    finish: str = ""
     latency: float = 0.0
     tries: int = 0
-    prompt_tokens: int | None = None
-    cached_tokens: int | None = None
-    answer_tokens: int | None = None
     status: int | None = None
     from_cache: bool = False
 

@@ -3,11 +3,11 @@
 A row holds what the table shows and nothing else: a study has a hundred thousand questions of some thousand characters.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from rearl_jax.llm.records import Cause, Question, Reply
+from rearl_jax.llm.records import TOKEN_COUNTS, Cause, Question, Reply
 
 if TYPE_CHECKING:
     import pandas
@@ -26,13 +26,17 @@ COLUMNS = {
     "latency": "float64",
     "tries": "int16",
     "status": "Int16",
-    "prompt_tokens": "Int32",
-    "cached_tokens": "Int32",
-    "answer_tokens": "Int32",
+    **dict.fromkeys(TOKEN_COUNTS, "Int32"),
     "from_cache": "bool",
     "was_sent": "bool",
 }
-"""Columns of the table, as in `RequestRow`, and their types in pandas."""
+"""Columns of the table and their types in pandas; those not described here are the fields of `Question` and `Reply`.
+
+`second` is that of the simulation, missing where it was not given; `vote` counts from 0; `thinking_length` is that of
+the reasoning [characters]; `action` and `cause` are those of this reply alone; `was_sent` is false where the answer
+was kept or an equal question was sent. `latency` and tokens summed over the rows with `was_sent` are those of the
+server.
+"""
 
 
 @dataclass(frozen=True)
@@ -60,40 +64,6 @@ class Counts:
     in_flight: int
 
 
-class RequestRow(NamedTuple):
-    """One reply to one question; fields not named here are those of `Question` and `Reply`.
-
-    `latency` and tokens summed over the rows with `was_sent` are those of the server.
-
-    Attributes:
-        second: Second of the simulation; None where it was not given.
-        vote: Number of the vote, from 0.
-        thinking_length: Length of the reasoning [characters].
-        action: The action understood in this reply alone.
-        cause: What became of this reply alone.
-        was_sent: Whether this question was sent; false where the answer was kept or an equal question was sent.
-    """
-
-    digest: str
-    second: int | None
-    scenario: int
-    vehicle: int
-    vote: int
-    text: str | None
-    thinking_length: int
-    finish: str
-    action: int
-    cause: str
-    latency: float
-    tries: int
-    status: int | None
-    prompt_tokens: int | None
-    cached_tokens: int | None
-    answer_tokens: int | None
-    from_cache: bool
-    was_sent: bool
-
-
 def request_row(
     question: Question,
     reply: Reply,
@@ -104,34 +74,18 @@ def request_row(
     action: int,
     cause: Cause,
     was_sent: bool,
-) -> RequestRow:
-    """The row of one reply; arguments as in `RequestRow`."""
-    return RequestRow(
-        digest=digest,
-        second=second,
-        scenario=question.scenario,
-        vehicle=question.vehicle,
-        vote=vote,
-        text=reply.text,
-        thinking_length=len(reply.thinking),
-        finish=reply.finish,
-        action=action,
-        cause=cause.name,
-        latency=reply.latency,
-        tries=reply.tries,
-        status=reply.status,
-        prompt_tokens=reply.prompt_tokens,
-        cached_tokens=reply.cached_tokens,
-        answer_tokens=reply.answer_tokens,
-        from_cache=reply.from_cache,
-        was_sent=was_sent,
-    )
+) -> tuple[Any, ...]:
+    """The row of one reply to one question, in the order of COLUMNS."""
+    values = vars(question) | vars(reply)
+    values |= {"thinking_length": len(reply.thinking), "cause": cause.name}
+    values |= {"digest": digest, "second": second, "vote": vote, "action": action, "was_sent": was_sent}
+    return tuple(values[name] for name in COLUMNS)
 
 
-def requests_frame(rows: list[RequestRow]) -> "pandas.DataFrame":
+def requests_frame(rows: Sequence[tuple[Any, ...]]) -> "pandas.DataFrame":
     """The table of some rows, in their order, with the columns and types of COLUMNS."""
     import pandas
 
-    return pandas.DataFrame(
-        {name: pandas.Series([getattr(row, name) for row in rows], dtype=dtype) for name, dtype in COLUMNS.items()}
-    )
+    values = zip(*rows, strict=True) if rows else [()] * len(COLUMNS)
+    columns = zip(COLUMNS.items(), values, strict=True)
+    return pandas.DataFrame({name: pandas.Series(list(column), dtype=dtype) for (name, dtype), column in columns})

@@ -4,17 +4,20 @@ Everything here runs in one event loop. A reply with a cause comes out whatever 
 """
 
 import asyncio
+import contextlib
+import functools
 import logging
-import random
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+
+from tenacity import RetryCallState, wait_random_exponential
 
 from rearl_jax.config.llm import LlmConfig
 from rearl_jax.llm.breaker import Breaker
 from rearl_jax.llm.connection import Connection, Response
-from rearl_jax.llm.profiles import Completion, read_completion, read_error
-from rearl_jax.llm.records import Cause, Reply
+from rearl_jax.llm.profiles import read_completion, read_error
+from rearl_jax.llm.records import TEXTS, Cause, Completion, Reply
+from rearl_jax.llm.retries import last_result, retrying
 
 log = logging.getLogger(__name__)
 
@@ -49,33 +52,24 @@ class Job:
 
     def reply(self, cause: Cause, completion: Completion | None = None) -> Reply:
         """The reply this job has come to now."""
-        now = asyncio.get_running_loop().time()
-        return Reply(
-            text=completion.text if completion else None,
-            cause=cause,
-            thinking=completion.thinking if completion else "",
-            finish=completion.finish if completion else "",
-            latency=0.0 if self.started is None else now - self.started,
-            tries=self.tries,
-            prompt_tokens=completion.prompt_tokens if completion else None,
-            cached_tokens=completion.cached_tokens if completion else None,
-            answer_tokens=completion.answer_tokens if completion else None,
-            status=self.status,
-        )
+        latency = 0.0 if self.started is None else asyncio.get_running_loop().time() - self.started
+        said = vars(completion) if completion else {}
+        return Reply(**said, cause=cause, latency=latency, tries=self.tries, status=self.status)
 
 
 @dataclass(frozen=True)
 class _Try:
-    """What one sending came to: a completion, or a cause, and whether sending it again can help.
+    """One sending: a completion, or a cause and whether sending it again can help.
 
     A server that is busy, or refuses, is not down: `is_alive`.
     """
 
     cause: Cause
     completion: Completion | None = None
-    again: bool = False
+    is_transient: bool = False
     is_alive: bool = False
     why: str = ""
+    retry_after: float = 0.0
 
 
 class Sender:
@@ -93,10 +87,12 @@ class Sender:
         self._config = config
         self._finish = finish
         self._breaker = Breaker(config.breaker_failures, config.breaker_pause)
-        self._opened = asyncio.Event()
-        self._queue: deque[Job] = deque()
+        self._slots = asyncio.Semaphore(config.max_in_flight)
+        self._probe = asyncio.Lock()
+        self._is_down = asyncio.Event()
+        self._waiting: set[Job] = set()
         self._tasks: set[asyncio.Task[None]] = set()
-        self._said: set[Cause] = set()
+        self._reported: set[Cause] = set()
         self.in_flight = 0
         self.sent = 0
         self.tries = 0
@@ -104,12 +100,15 @@ class Sender:
     @property
     def waiting(self) -> int:
         """Jobs that are not sent yet."""
-        return len(self._queue)
+        return len(self._waiting)
 
     def add(self, jobs: list[Job]) -> None:
         """Sends jobs in this order, as soon as there is room."""
-        self._queue.extend(jobs)
-        self._send_next()
+        self._waiting.update(jobs)
+        for job in jobs:
+            job.task = asyncio.create_task(self._run(job))
+            self._tasks.add(job.task)
+            job.task.add_done_callback(functools.partial(self._ended, job))
 
     def abandon(self, job: Job) -> None:
         """Stops a job that nobody waits for any more; it gets no reply."""
@@ -119,105 +118,117 @@ class Sender:
 
     async def close(self) -> None:
         """Stops everything."""
-        self._queue.clear()
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
-    def _send_next(self) -> None:
-        while self._queue:
-            if self._queue[0].done.done():  # abandoned
-                self._queue.popleft()
-            elif self._breaker.refuses:
-                job = self._queue.popleft()
-                self._finish(job, job.reply(Cause.broken))
-            elif self._breaker.is_probing or self.in_flight >= self._config.max_in_flight:
-                return
-            else:
-                self._start(self._queue.popleft())
-
-    def _start(self, job: Job) -> None:
-        self.in_flight += 1
-        self.sent += 1
-        job.task = asyncio.create_task(self._run(job, is_probe=self._breaker.begin()))
-        self._tasks.add(job.task)
-        job.task.add_done_callback(lambda task: self._ended(job, task))
-
     def _ended(self, job: Job, task: asyncio.Task[None]) -> None:
+        self._waiting.discard(job)
         self._tasks.discard(task)
         if not task.cancelled() and (error := task.exception()) is not None and not job.done.done():
             job.done.set_exception(error)  # a mistake of ours: whoever asked must see it
 
-    async def _run(self, job: Job, *, is_probe: bool) -> None:
-        try:
-            last = await self._ask(job)
-        except BaseException:
-            self._breaker.given_up(is_probe)
-            raise
-        else:
-            self._learn(last, is_probe)
-        finally:
-            self.in_flight -= 1
-            self._send_next()
+    async def _run(self, job: Job) -> None:
+        async with self._slots:
+            last = await self._send_unless_down(job)
         self._finish(job, job.reply(last.cause, last.completion))
 
+    async def _send_unless_down(self, job: Job) -> _Try:
+        """Result of a job; at a server that counts as down the others wait for the one that is the probe."""
+        if self._breaker.is_open:
+            async with self._probe:
+                if self._breaker.refuses:
+                    return _Try(Cause.broken)
+                if self._breaker.is_open:
+                    return await self._send(job, is_probe=True)
+        return await self._send(job, is_probe=False)
+
+    async def _send(self, job: Job, *, is_probe: bool) -> _Try:
+        self._waiting.discard(job)
+        self.in_flight += 1
+        self.sent += 1
+        try:
+            last = await self._ask(job)
+        finally:
+            self.in_flight -= 1
+        self._learn(last, is_probe)
+        if last.completion is None:
+            self._report(job, last)
+        return last
+
     async def _ask(self, job: Job) -> _Try:
-        """What the last of at most so many tries came to; while the server counts as down there is no second one."""
+        """Result of the last of at most `llm.tries` tries; while the server counts as down there is no second one."""
         loop = asyncio.get_running_loop()
         job.started = loop.time()
         body = job.body.encode()
-        while True:
+        last: _Try | None = None
+
+        async def send() -> _Try:
+            nonlocal last
+            if last is not None and self._is_down.is_set():
+                return replace(last, is_transient=False)
             job.tries += 1
             self.tries += 1
             response = await self._connection.post("/chat/completions", body)
             job.status = response.status or job.status
             last = self._judge(response)
-            if last.completion is not None:
-                return last
-            if not last.again or job.tries >= self._config.tries:
-                break
-            # Full jitter, so that those who failed together do not come back together.
-            pause = random.uniform(0.0, self._config.backoff * 2.0 ** (job.tries - 1)) + (response.retry_after or 0.0)
-            if loop.time() + pause >= job.deadline:
-                last = replace(last, cause=Cause.late, why=f"{last.why}; no time for another try")
-                break
-            if await self._sleep(pause):
-                break
-        self._report(job, last)
-        return last
+            return last
+
+        jitter = wait_random_exponential(multiplier=self._config.backoff)
+
+        def pause(state: RetryCallState) -> float:
+            return jitter(state) + last_result(state).retry_after
+
+        def is_last(state: RetryCallState) -> bool:
+            return state.attempt_number >= self._config.tries or loop.time() + state.upcoming_sleep >= job.deadline
+
+        tried = retrying(
+            self._config,
+            lambda tried: tried.is_transient,
+            wait=pause,
+            stop=is_last,
+            sleep=self._sleep,
+            retry_error_callback=self._give_up,
+        )
+        return await tried(send)
+
+    def _give_up(self, state: RetryCallState) -> _Try:
+        """Result of a job that is not sent again: too often already, or there is no time left."""
+        last = last_result(state)
+        if state.attempt_number >= self._config.tries:
+            return last
+        return replace(last, cause=Cause.late, why=f"{last.why}; no time for another try")
 
     def _judge(self, response: Response) -> _Try:
         if response.status is None:
             cause = Cause.late if response.timed_out else Cause.failed
-            return _Try(cause, again=True, why=response.error)
+            return _Try(cause, is_transient=True, why=response.error)
         if response.status == 200:
             try:
                 completion = read_completion(response.content)
             except ValueError as error:
-                return _Try(Cause.failed, again=True, why=str(error))
+                return _Try(Cause.failed, is_transient=True, why=str(error))
             return _Try(Cause.answered, self._without_key(completion), is_alive=True)
-        why = f"HTTP {response.status}: {read_error(response.content)}"
-        is_refused = 300 <= response.status < 500 and response.status not in (408, 429)
-        cause = Cause.refused if is_refused else Cause.failed
-        return _Try(cause, again=not is_refused, is_alive=is_refused or response.status == 429, why=why)
+        return _Try(
+            Cause.refused if response.is_refusal else Cause.failed,
+            is_transient=not response.is_refusal,
+            is_alive=response.is_refusal or response.status == 429,
+            why=f"HTTP {response.status}: {read_error(response.content)}",
+            retry_after=response.retry_after or 0.0,
+        )
 
     def _without_key(self, completion: Completion) -> Completion:
         hide = self._connection.without_key
-        return replace(
-            completion,
-            text=hide(completion.text),
-            thinking=hide(completion.thinking),
-            finish=hide(completion.finish),
-        )
+        return replace(completion, **{name: hide(getattr(completion, name)) for name in TEXTS})
 
     def _learn(self, last: _Try, is_probe: bool) -> None:
         """Tells the breaker what a request came to."""
         if last.is_alive:
             if self._breaker.succeeded():
-                self._opened.clear()
+                self._is_down.clear()
                 log.warning("the server at %s answers again", self._connection.address)
         elif self._breaker.failed(is_probe) and not is_probe:
-            self._opened.set()
+            self._is_down.set()
             log.warning(
                 "%d requests in a row failed: the server at %s counts as down, and questions remain unanswered; it is "
                 "tried again every %g s",
@@ -226,19 +237,16 @@ class Sender:
                 self._config.breaker_pause,
             )
 
-    async def _sleep(self, pause: float) -> bool:
-        """Whether the breaker opened before the end of a pause [s]."""
-        try:
+    async def _sleep(self, pause: float) -> None:
+        """Waits for a pause [s], or until the server counts as down."""
+        with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(pause):
-                await self._opened.wait()
-        except TimeoutError:
-            return False
-        return True
+                await self._is_down.wait()
 
     def _report(self, job: Job, result: _Try) -> None:
         """Says what went wrong when it goes wrong in this way for the first time."""
-        if result.cause not in self._said:
-            self._said.add(result.cause)
+        if result.cause not in self._reported:
+            self._reported.add(result.cause)
             log.warning(
                 "a request to %s remained without an answer (%s after %d tries; the first of its kind, others are "
                 "counted): %s",

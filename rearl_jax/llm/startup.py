@@ -4,10 +4,11 @@ Before the first question the server must be there, have loaded the model and kn
 whether it restricts answers to the choices, which many servers pass over in silence.
 """
 
-import asyncio
 import logging
 from dataclasses import dataclass
 from typing import Any
+
+from tenacity import RetryCallState, stop_before_delay, wait_fixed
 
 from rearl_jax.config.llm import LlmConfig, Profile
 from rearl_jax.llm.answers import Answers, answers_path
@@ -22,6 +23,7 @@ from rearl_jax.llm.profiles import (
     request_body,
 )
 from rearl_jax.llm.records import Message
+from rearl_jax.llm.retries import retrying
 
 log = logging.getLogger(__name__)
 
@@ -94,28 +96,32 @@ def replayed(answers: Answers, config: LlmConfig) -> Server:
 
 async def _models(connection: Connection, config: LlmConfig) -> Response:
     """The response with the list of models."""
-    loop = asyncio.get_running_loop()
-    end = loop.time() + config.startup
-    tries, is_loading = 0, False
-    while True:
-        response = await connection.get("/models", _PATIENCE)
-        if response.status == 200 and _is_list(response):
-            return response
-        if response.status in (429, 503):
-            if loop.time() + _POLL > end:
-                raise ConnectionError(
-                    f"the server at {connection.address} is still loading after {config.startup:g} s: start rearl "
-                    "again when it is ready, or raise llm.startup"
-                )
-            if not is_loading:
-                log.info("the server at %s is loading: waiting up to %g s", connection.address, config.startup)
-            is_loading = True
-            await asyncio.sleep(_POLL)
-            continue
-        tries += 1
-        if tries >= config.tries or (response.status is not None and 300 <= response.status < 500):
-            raise _no_server(connection, config, response)
-        await asyncio.sleep(config.backoff * 2 ** (tries - 1))
+    asked = retrying(config, lambda response: not (_is_list(response) or response.is_refusal or _is_loading(response)))
+    waited = retrying(
+        config,
+        _is_loading,
+        wait=wait_fixed(_POLL),
+        stop=stop_before_delay(config.startup),
+        before_sleep=lambda state: _say_once(state, connection, config),
+    )
+    response = await waited(asked, connection.get, "/models", _PATIENCE)
+    if _is_loading(response):
+        raise ConnectionError(
+            f"the server at {connection.address} is still loading after {config.startup:g} s: start rearl "
+            "again when it is ready, or raise llm.startup"
+        )
+    if not _is_list(response):
+        raise _no_server(connection, config, response)
+    return response
+
+
+def _is_loading(response: Response) -> bool:
+    return response.status in (429, 503)
+
+
+def _say_once(state: RetryCallState, connection: Connection, config: LlmConfig) -> None:
+    if state.attempt_number == 1:
+        log.info("the server at %s is loading: waiting up to %g s", connection.address, config.startup)
 
 
 def _no_server(connection: Connection, config: LlmConfig, response: Response) -> Exception:
@@ -155,7 +161,7 @@ def _is_list(response: Response) -> bool:
         _entries(response)
     except ValueError:
         return False
-    return True
+    return response.status == 200
 
 
 def _names(response: Response) -> list[str]:
@@ -205,37 +211,37 @@ async def _try_constraint(connection: Connection, config: LlmConfig, server: Ser
     body = request_body(
         _CANARY, _CANARY_CHOICES, model=server.model, dialect=server.dialect, config=config, seed=config.seed
     )
-    problem = ""
-    for number in range(config.tries):
-        if number:
-            await asyncio.sleep(config.backoff * 2 ** (number - 1))
-        response = await connection.post("/chat/completions", body.encode())
-        problem = response.error or f"HTTP {response.status}"
-        if response.status is not None and 300 <= response.status < 500 and response.status not in (408, 429):
-            said = connection.without_key(read_error(response.content))
-            raise ValueError(
-                f"the server at {connection.address} refuses what llm.profile={server.dialect.profile.name} sends "
-                f"(HTTP {response.status}: {said}): set llm.profile, llm.thinking=none or llm.constrained=false"
-            )
-        if response.status != 200:
-            continue
-        try:
-            text = read_completion(response.content).text
-        except ValueError as error:
-            problem = str(error)
-            continue
-        if text.strip().strip('"') not in {str(choice) for choice in _CANARY_CHOICES}:
-            log.warning(
-                "the server at %s ignores the constraint of llm.profile=%s: answers are not held to the admissible "
-                "actions (asked for %s it said %r)",
-                connection.address,
-                server.dialect.profile.name,
-                " or ".join(map(str, _CANARY_CHOICES)),
-                connection.without_key(text[:40]),
-            )
-        return
-    log.warning(
-        "whether the server at %s constrains answers could not be tried out: %s",
-        connection.address,
-        connection.without_key(problem),
-    )
+    tried = retrying(config, lambda response: not response.is_refusal and _text_of(response)[0] is None)
+    response = await tried(connection.post, "/chat/completions", body.encode())
+    if response.is_refusal:
+        said = connection.without_key(read_error(response.content))
+        raise ValueError(
+            f"the server at {connection.address} refuses what llm.profile={server.dialect.profile.name} sends "
+            f"(HTTP {response.status}: {said}): set llm.profile, llm.thinking=none or llm.constrained=false"
+        )
+    text, problem = _text_of(response)
+    if text is None:
+        log.warning(
+            "whether the server at %s constrains answers could not be tried out: %s",
+            connection.address,
+            connection.without_key(problem),
+        )
+    elif text.strip().strip('"') not in {str(choice) for choice in _CANARY_CHOICES}:
+        log.warning(
+            "the server at %s ignores the constraint of llm.profile=%s: answers are not held to the admissible "
+            "actions (asked for %s it said %r)",
+            connection.address,
+            server.dialect.profile.name,
+            " or ".join(map(str, _CANARY_CHOICES)),
+            connection.without_key(text[:40]),
+        )
+
+
+def _text_of(response: Response) -> tuple[str | None, str]:
+    """Text of a completion, None without one, and then the problem."""
+    if response.status != 200:
+        return None, response.error or f"HTTP {response.status}"
+    try:
+        return read_completion(response.content).text, ""
+    except ValueError as error:
+        return None, str(error)

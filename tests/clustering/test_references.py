@@ -13,21 +13,23 @@ from rearl_jax.config.clustering import BoConfig, ClusterConfig, FitOn, KlConfig
 
 @pytest.fixture(scope="session")
 def built(task_config, traffic):
-    from rearl_jax.clustering.references import build_references
+    from rearl_jax.clustering.references import cluster
 
     scenes, tracks, splits = traffic
-    return build_references(scenes, tracks, splits, task_config)
+    return cluster(task_config, scenes, tracks, splits, None, scenes.data_id, lambda *stage: None)
 
 
 def test_no_reference_is_an_evaluation_or_tuning_scene(task_config, traffic):
-    from rearl_jax.clustering.references import build_references
+    from rearl_jax.clustering.references import cluster
+    from rearl_jax.clustering.scenes import references_of
     from rearl_jax.data.splits import split_scenes
 
     scenes, tracks, _ = traffic
     for seed in range(2):
         splits = split_scenes(scenes, replace(task_config.split, seed=seed))
         held_out = np.concatenate([splits.evaluation, splits.tuning])
-        references, clusters = build_references(scenes, tracks, splits, task_config)
+        clusters = cluster(task_config, scenes, tracks, splits, None, scenes.data_id, lambda *stage: None)
+        references = references_of(scenes, clusters.scenes, task_config.cluster)
         assert len(held_out) >= 6
         assert not np.isin(clusters.reference_scenes, scenes.scene_id[held_out]).any()
         speed = scenes.scaled_speed[held_out].astype(np.float32)
@@ -39,7 +41,7 @@ def test_tracks_of_held_out_scenes_are_labelled_but_not_fitted_on(built, traffic
     from rearl_jax.clustering.tracks import seen_in
 
     scenes, tracks, splits = traffic
-    found = built[1].tracks
+    found = built.tracks
     held_out = np.concatenate([splits.evaluation, splits.tuning])
     through = seen_in(tracks, scenes, held_out)
     assert 10 < through.sum() < len(tracks)
@@ -52,7 +54,7 @@ def test_tracks_of_held_out_scenes_are_labelled_but_not_fitted_on(built, traffic
 
 def test_labels_are_ordered_by_speed_and_shares_sum_to_one(built, traffic):
     scenes, tracks, _ = traffic
-    clusters = built[1]
+    clusters = built
     speed = clusters.tracks.centres[:, 0].mean(axis=1)
     assert (np.diff(speed) > 0).all()
     assert np.bincount(clusters.tracks.labels, minlength=3).min() > 0
@@ -76,10 +78,10 @@ def test_labels_are_those_of_the_nearest_centre(built, traffic, task_config):
     scale = FeatureScale.of(features[:, :, training], task_config.kl.weights)
     curves = scale.scaled(features)
     np.testing.assert_allclose(curves[:, :, training].max(axis=(1, 2)), task_config.kl.weights, rtol=1e-6)
-    unitless = (built[1].tracks.centres - scale.low[:, None]) / (scale.high - scale.low)[:, None]
+    unitless = (built.tracks.centres - scale.low[:, None]) / (scale.high - scale.low)[:, None]
     unitless = unitless * scale.weight[:, None]
     distances = Curves(curves, task_config.kl).distances(unitless)
-    np.testing.assert_allclose(distances.min(axis=0), built[1].tracks.distances, atol=1e-5)
+    np.testing.assert_allclose(distances.min(axis=0), built.tracks.distances, atol=1e-5)
 
 
 def through_builder(config):
@@ -108,7 +110,7 @@ def test_finished_clustering_is_found_again_and_a_damaged_one_made_anew(task_con
 
     was_finished, first, clusters = through_builder(task_config)
     assert not was_finished
-    assert equal(clusters, built[1])  # the same as from tracks collected apart
+    assert equal(clusters, built)  # the same as from tracks collected apart
     with monkeypatch.context() as patch:
         patch.setattr(module, "cluster", lambda *_: pytest.fail("clustered again"))
         patch.setattr("rearl_jax.clustering.tracks.track_features", lambda *_: pytest.fail("collected again"))

@@ -77,7 +77,7 @@ def test_figures_are_pictures_and_generated_data_are_marked(done, traffic):
     import matplotlib.image
 
     from rearl_jax.clustering.figures import track_figure
-    from rearl_jax.clustering.references import build_references
+    from rearl_jax.clustering.references import cluster
 
     folder = done[1]
     for path in folder.glob("*.png"):
@@ -85,7 +85,8 @@ def test_figures_are_pictures_and_generated_data_are_marked(done, traffic):
         assert min(picture.shape[:2]) >= 500
         assert picture[..., :3].std() > 0.05  # not empty
     scenes, tracks, splits = traffic
-    _, clusters = build_references(scenes, tracks, splits, replace(done[0], bo=BoConfig()))
+    config = replace(done[0], bo=BoConfig())
+    clusters = cluster(config, scenes, tracks, splits, None, scenes.data_id, lambda *stage: None)
     assert track_figure(clusters.tracks, generated=True) != track_figure(clusters.tracks, generated=False)
 
 

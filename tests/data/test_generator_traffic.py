@@ -1,21 +1,19 @@
-"""The generator's parts: car following, effects, bottleneck, smoothing tracker."""
+"""The generator's parts: car following, bottleneck, smoothing tracker."""
 
 import dataclasses
-import json
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from rearl_jax.config.generator import GeneratorConfig
-from rearl_jax.data.generator import generate, summarise
-from rearl_jax.data.generator.behaviour import Behaviour, Situation, SpeedRestriction
+from rearl_jax.data.generator import generate
 from rearl_jax.data.generator.camera import derivatives, smoothed
 from rearl_jax.data.generator.car_following import chosen_acceleration, free_speed, safe_speed
-from rearl_jax.data.generator.dataset import TRUTH_FILE
 from rearl_jax.data.generator.files import recording_files
 from rearl_jax.data.generator.fleet import Drivers, Fleet, draw_drivers
 from rearl_jax.data.generator.plan import plan_recording
+from rearl_jax.data.generator.situation import Situation, SpeedRestriction
 
 
 def _drivers(n: int, **values: float) -> Drivers:
@@ -70,66 +68,6 @@ def test_stop_and_go_reaches_the_view(tmp_path):
     slowest = late["xVelocity"].abs().groupby(late["direction"]).quantile(0.05)
     assert slowest[plan.congestion.direction] < 12.0
     assert slowest[3 - plan.congestion.direction] > 18.0
-
-
-@dataclasses.dataclass(frozen=True)
-class Stay:
-    """Incentive modifier: nobody gains anything."""
-
-    def __call__(self, value: np.ndarray, situation: Situation) -> np.ndarray:
-        return np.full_like(value, -100.0)
-
-
-@dataclasses.dataclass(frozen=True)
-class Blind:
-    """Perception modifier: leaders look twice as far away."""
-
-    def __call__(self, situation: Situation) -> Situation:
-        return dataclasses.replace(situation, gap=2.0 * situation.gap)
-
-
-@dataclasses.dataclass(frozen=True)
-class Factor:
-    """Modifier of any quantity by a factor."""
-
-    factor: float
-
-    def __call__(self, value: np.ndarray, situation: Situation) -> np.ndarray:
-        return self.factor * value
-
-
-def test_every_place_for_effects_changes_the_traffic(tmp_path):
-    config = GeneratorConfig(
-        n_recordings=1,
-        first_id=8,
-        workers=1,
-        duration_scale=0.05,
-        approach_length=300.0,
-        lane_change_rate=0.5,
-    )
-    normal = tmp_path / "normal"
-    generate(config, normal)
-    before = summarise(normal).iloc[0]
-    before_bytes = recording_files(normal, 8)[0].read_bytes()
-    assert before["lane_changes"] > 0
-    places = {
-        "perception": Blind(),
-        "desired_speed": Factor(0.7),
-        "time_gap": Factor(1.5),
-        "acceleration": Factor(0.5),
-        "incentive_left": Stay(),
-        "incentive_right": Factor(0.0),
-    }
-    assert set(places) == {item.name for item in dataclasses.fields(Behaviour)}
-    seen = {}
-    for place, modifier in places.items():
-        root = tmp_path / place
-        generate(config, root, behaviour=Behaviour(**{place: (modifier,)}))
-        assert recording_files(root, 8)[0].read_bytes() != before_bytes, place
-        assert json.loads((root / TRUTH_FILE).read_text())["planted_effects"] == [f"{place}: {modifier!r}"]
-        seen[place] = summarise(root).iloc[0]
-    assert seen["desired_speed"]["car_speed"] < 0.85 * before["car_speed"]
-    assert seen["incentive_left"]["lane_changes"] < before["lane_changes"]
 
 
 def test_a_speed_restriction_holds_only_there_and_then():

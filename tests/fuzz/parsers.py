@@ -17,8 +17,8 @@ from rearl_jax.config.llm import Profile
 from rearl_jax.core.meta_actions import MetaAction
 from rearl_jax.llm.answers import Answers
 from rearl_jax.llm.parsing import understand
-from rearl_jax.llm.profiles import Completion, read_completion, read_error
-from rearl_jax.llm.records import KEEP_OUT, Cause, Reply
+from rearl_jax.llm.profiles import read_completion, read_error
+from rearl_jax.llm.records import KEEP_OUT, Cause, Completion, Reply
 from rearl_jax.models.file import read_model, write_model
 from rearl_jax.models.record import RepairedModel
 from rearl_jax.report.finished import read_finished

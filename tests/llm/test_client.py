@@ -1,4 +1,6 @@
+import asyncio
 import logging
+import socket
 import subprocess
 import sys
 import threading
@@ -12,9 +14,9 @@ from rearl_jax.config.llm import Profile, Thinking
 from rearl_jax.llm.answers import Answers
 from rearl_jax.llm.breaker import Breaker
 from rearl_jax.llm.client import Client
-from rearl_jax.llm.connection import proxy_of, server_address
+from rearl_jax.llm.connection import Connection, server_address
 from rearl_jax.llm.records import KEEP_OUT, Cause, Message
-from rearl_jax.llm.requests_table import COLUMNS, RequestRow
+from rearl_jax.llm.requests_table import COLUMNS
 from tests.llm.asking import CHOICES, make_config, make_questions, outcomes
 from tests.llm.stub import Fault, Stub, right_answer
 
@@ -196,7 +198,6 @@ def test_table_of_requests(tmp_path):
         client.submit(make_questions(10), second=59).result()
         frame = client.requests_frame()
     assert frame.dtypes.astype(str).to_dict() == COLUMNS
-    assert tuple(COLUMNS) == RequestRow._fields
     assert len(frame) == 20
     assert frame["second"].isna().tolist() == [True] * 10 + [False] * 10
     assert (
@@ -388,24 +389,45 @@ def test_address_with_a_password_is_refused_and_not_repeated():
 
 
 @pytest.mark.parametrize(
-    ("address", "proxy"),
+    ("address", "asked"),
     [
-        ("http://127.0.0.1:8000/v1", None),
-        ("http://localhost:8000/v1", None),
-        ("http://[::1]:8000/v1", None),
+        ("http://host:8000/v1", ("GET", "http://host:8000/v1/models")),
+        ("https://host/v1", ("CONNECT", "host:443")),
         ("http://gpu.internal:8000/v1", None),
-        ("http://host:8000/v1", "http://proxy:3128"),
-        ("https://host/v1", "http://other:3128"),
+        ("http://127.0.0.1:9/v1", None),
+        ("http://localhost:9/v1", None),
+        ("http://[::1]:9/v1", None),
     ],
 )
-def test_proxy_of_the_environment(monkeypatch, address, proxy):
-    for name in ("all_proxy", "http_proxy", "https_proxy", "no_proxy"):
-        monkeypatch.delenv(name, raising=False)
-        monkeypatch.delenv(name.upper(), raising=False)
-    monkeypatch.setenv("http_proxy", "http://proxy:3128")
-    monkeypatch.setenv("all_proxy", "http://other:3128")
-    monkeypatch.setenv("no_proxy", ".internal")
-    assert proxy_of(address) == proxy
+def test_proxy_of_the_environment(monkeypatch, tmp_path, address, asked):
+    """Asked for every address except those of this machine and those that `no_proxy` names."""
+
+    def is_unknown(*names, **options):
+        raise socket.gaierror(f"no {names[0]}")
+
+    with Stub() as proxy:
+        for name in ("http_proxy", "https_proxy"):
+            monkeypatch.delenv(name, raising=False)
+            monkeypatch.delenv(name.upper(), raising=False)
+        monkeypatch.setenv("all_proxy", f"http://127.0.0.1:{proxy.port}")
+        monkeypatch.setenv("no_proxy", ".internal")
+        resolve = socket.getaddrinfo
+        monkeypatch.setattr(
+            socket,
+            "getaddrinfo",
+            lambda host, *others, **options: (resolve if host == "127.0.0.1" else is_unknown)(host, *others, **options),
+        )
+        connection = Connection(address, make_config(tmp_path), "")
+
+        async def ask():
+            try:
+                return await connection.get("/models", 5.0)
+            finally:
+                await connection.close()
+
+        response = asyncio.run(ask())
+    assert [(seen.method, seen.path) for seen in proxy.log] == ([asked] if asked else [])
+    assert (response.status is None) == (asked is None or asked[0] == "CONNECT")
 
 
 def test_breaker():
@@ -419,17 +441,12 @@ def test_breaker():
     now[0] = 9.9
     assert breaker.refuses
     now[0] = 10.0
-    assert not breaker.refuses
-    assert breaker.begin()
-    assert breaker.is_probing
+    assert breaker.is_open
     assert not breaker.refuses
     assert breaker.failed(True)
     assert breaker.refuses
     now[0] = 20.0
-    assert breaker.begin()
-    breaker.given_up(True)
-    assert not breaker.is_probing
-    assert breaker.begin()
+    assert not breaker.refuses
     assert breaker.succeeded()
-    assert not breaker.begin()
+    assert not breaker.is_open
     assert not breaker.failed(False)

@@ -8,8 +8,8 @@ from omegaconf import OmegaConf
 
 from rearl_jax.config.llm import LlmConfig, Profile, Thinking
 from rearl_jax.llm.client import Client
-from rearl_jax.llm.profiles import DIALECTS, Completion, read_completion, read_error, request_body, request_digest
-from rearl_jax.llm.records import Message
+from rearl_jax.llm.profiles import DIALECTS, read_completion, read_error, request_body, request_digest
+from rearl_jax.llm.records import Completion, Message
 from tests.llm.asking import make_config, make_questions
 from tests.llm.stub import Fault, Stub
 

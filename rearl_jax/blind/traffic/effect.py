@@ -4,14 +4,11 @@ Each effect has a functional form of its own, another reading of the literature 
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rearl_jax.blind.traffic.choice import Choice
 from rearl_jax.blind.traffic.moment import Moment
-
-if TYPE_CHECKING:
-    from rearl_jax.blind.traffic.free_changes import Choice
 
 
 class HiddenEffect:
@@ -60,6 +57,6 @@ class HiddenEffect:
         """The acceleration the driver carries out, of the one the driver wants now [m/s^2]."""
         return value
 
-    def gain_of_change(self, value: np.ndarray, choice: "Choice", now: Moment) -> np.ndarray:
+    def gain_of_change(self, value: np.ndarray, choice: Choice, now: Moment) -> np.ndarray:
         """What a change of lanes pays [m/s^2]."""
         return value

@@ -5,10 +5,10 @@ choice is a logit of it (McFadden, in: Frontiers in Econometrics (1974) 105).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from rearl_jax.blind.traffic.choice import Choice
 from rearl_jax.blind.traffic.effect import HiddenEffect
 from rearl_jax.blind.traffic.moment import FAR, Moment
 from rearl_jax.blind.traffic.scenario import Scenario
@@ -30,31 +30,6 @@ THRESHOLD, SCATTER = 0.3, 0.15
 
 READINESS = 0.4
 """Probability that somebody to whom it would pay very much changes at a decision [-]."""
-
-
-@dataclass(frozen=True)
-class Choice:
-    """A change to one side as every vehicle sees it.
-
-    Attributes:
-        side: -1 to the left, +1 to the right.
-        leader, rear: Who would be ahead and behind, n for nobody.
-        gap, rear_gap: Bumper to bumper to them [m]; FAR for nobody.
-        gain: In own acceleration [m/s^2].
-        cost_to_rear: What the one behind there would lose [m/s^2], positive.
-        gift_to_follower: What the present follower would gain [m/s^2].
-        is_possible: Whether the lane exists, there is room, and nobody would have to brake too hard.
-    """
-
-    side: int
-    leader: np.ndarray
-    rear: np.ndarray
-    gap: np.ndarray
-    rear_gap: np.ndarray
-    gain: np.ndarray
-    cost_to_rear: np.ndarray
-    gift_to_follower: np.ndarray
-    is_possible: np.ndarray
 
 
 class FreeChanges:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from rearl_jax.blind.traffic.choice import Choice
 from rearl_jax.blind.traffic.effect import HiddenEffect
-from rearl_jax.blind.traffic.free_changes import Choice
 from rearl_jax.blind.traffic.moment import Moment
 
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from rearl_jax.config._schema import as_plain
 from rearl_jax.config.generator import GeneratorConfig
-from rearl_jax.data.generator.behaviour import Behaviour
 from rearl_jax.data.generator.camera import observe
 from rearl_jax.data.generator.demand import draw_arrivals
 from rearl_jax.data.generator.files import recording_files, write_recording
@@ -26,28 +25,24 @@ TRUTH_FILE = "generator.json"
 MODEL_VERSION = 1  # to be raised with every change that alters the files written for a given configuration
 _NOT_CONTENT = ("n_recordings", "first_id", "workers")  # these keys do not alter a recording's content
 
-NORMAL = Behaviour()
+_PLANTED: list[str] = []
+"""Effects beyond the model: none. Their place in generator.json says so."""
+
 Progress = Callable[[int, int], None]
 
 
-def generate(
-    config: GeneratorConfig,
-    root: Path,
-    progress: Progress | None = None,
-    behaviour: Behaviour = NORMAL,
-) -> list[Path]:
+def generate(config: GeneratorConfig, root: Path, progress: Progress | None = None) -> list[Path]:
     """Paths of the recordings' tracks files, after writing those that are missing.
 
     A recording depends on the seed, its number and the configuration, not on the workers or the other
     recordings.
     A killed run is resumed by the same call. Beside the files stands generator.json: that they are generated,
-    from which configuration and seed, with which planted effects.
+    from which configuration and seed.
 
     Args:
         config: What to write.
         root: Folder; created if missing.
         progress: Called with the recordings done and wanted, at the start and after each recording.
-        behaviour: Effects to plant in the drivers; none by default.
 
     Raises:
         ValueError: The folder holds recordings of another configuration or of another origin.
@@ -55,13 +50,13 @@ def generate(
     config.check()
     root.mkdir(parents=True, exist_ok=True)
     remove_leftovers(root)
-    truth = _opened_truth(config, root, behaviour)
+    truth = _opened_truth(config, root)
     wanted = range(config.first_id, config.first_id + config.n_recordings)
     missing = [number for number in wanted if not _is_complete(root, truth, number)]
     done = len(wanted) - len(missing)
     if progress is not None:
         progress(done, len(wanted))
-    for number, sizes in _written(config, root, behaviour, missing):
+    for number, sizes in _written(config, root, missing):
         truth["recordings"][f"{number:02d}"] = sizes
         _write_truth(root, truth)
         done += 1
@@ -70,32 +65,28 @@ def generate(
     return [recording_files(root, number)[0] for number in wanted]
 
 
-def generate_recording(config: GeneratorConfig, root: Path, behaviour: Behaviour, number: int) -> dict[str, int]:
+def generate_recording(config: GeneratorConfig, root: Path, number: int) -> dict[str, int]:
     """Simulate, observe and write one recording; returns the sizes of its files [bytes] by name."""
     plan = plan_recording(config, number)
     streams = np.random.default_rng([config.seed, number, 2]).spawn(4)
     arrivals = draw_arrivals(plan, WARM_UP + plan.duration, streams[0])
     drivers = draw_drivers(arrivals.is_truck, arrivals.pace, config, plan.section.speed_limit, streams[1])
-    if plan.congestion is not None:
-        behaviour = behaviour.with_desired_speed(plan.congestion)
-    samples = Traffic(plan, config, arrivals, drivers, behaviour, streams[2]).record()
+    samples = Traffic(plan, config, arrivals, drivers, streams[2]).record()
     tracks = observe(samples, drivers, round(plan.duration / FRAME), config, streams[3])
     write_recording(root, number, highd_tables(plan, tracks, drivers, arrivals.direction, config.camera_length))
     return {path.name: path.stat().st_size for path in recording_files(root, number)}
 
 
-def _written(
-    config: GeneratorConfig, root: Path, behaviour: Behaviour, numbers: list[int]
-) -> Iterator[tuple[int, dict[str, int]]]:
+def _written(config: GeneratorConfig, root: Path, numbers: list[int]) -> Iterator[tuple[int, dict[str, int]]]:
     """Number and file sizes of every recording as it is finished."""
     workers = min(config.workers or _n_cores(), len(numbers))
     if workers <= 1:
         for number in numbers:
-            yield number, generate_recording(config, root, behaviour, number)
+            yield number, generate_recording(config, root, number)
         return
     pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
     try:
-        jobs = {pool.submit(generate_recording, config, root, behaviour, number): number for number in numbers}
+        jobs = {pool.submit(generate_recording, config, root, number): number for number in numbers}
         for job in as_completed(jobs):
             yield jobs[job], job.result()
     finally:
@@ -109,11 +100,10 @@ def _n_cores() -> int:
     return os.cpu_count() or 1
 
 
-def _opened_truth(config: GeneratorConfig, root: Path, behaviour: Behaviour) -> dict:
+def _opened_truth(config: GeneratorConfig, root: Path) -> dict:
     """The content of generator.json, made if the folder is new."""
     content = {name: value for name, value in as_plain(config).items() if name not in _NOT_CONTENT}
-    planted = behaviour.names()
-    identity = json.dumps([MODEL_VERSION, content, planted], sort_keys=True)
+    identity = json.dumps([MODEL_VERSION, content, _PLANTED], sort_keys=True)
     config_hash = hashlib.sha256(identity.encode()).hexdigest()[:16]
     path = root / TRUTH_FILE
     if path.exists():
@@ -140,7 +130,7 @@ def _opened_truth(config: GeneratorConfig, root: Path, behaviour: Behaviour) -> 
         "model_version": MODEL_VERSION,
         "config_hash": config_hash,
         "config": content,
-        "planted_effects": planted,
+        "planted_effects": _PLANTED,
         "recordings": {},
     }
     _write_truth(root, truth)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rearl_jax.data.generator.behaviour import Behaviour, Situation, modified
 from rearl_jax.data.generator.fleet import Drivers, Fleet
+from rearl_jax.data.generator.situation import Situation
 
 LEFT, RIGHT = -1, 1
 # The speed of a lane is judged over a horizon; a longer one for returning to the right, so that nobody
@@ -77,7 +77,6 @@ def change_probability(
     desired_speed: np.ndarray,
     rate: float,
     duration: float,
-    behaviour: Behaviour,
 ) -> np.ndarray:
     """Probability of beginning a change to one side within the duration [s], before gaps are judged."""
     fleet = situation.fleet
@@ -88,12 +87,10 @@ def change_probability(
     there = expected_speed(desired_speed, speed, target.gap_ahead, target.speed_ahead, drivers.time_gap, horizon)
     gain = there - here
     if side == LEFT:
-        gain = modified(gain, behaviour.incentive_left, situation)
         share = _urgency(gain)
     else:
-        loss = modified(-gain, behaviour.incentive_right, situation)
-        keep_right = np.where((loss < LOSS_TOLERANCE) & (speed > QUEUE_SPEED), RETURN_RATE, 0.0)
-        in_queue = _urgency(-loss) * (speed <= QUEUE_SPEED)
+        keep_right = np.where((-gain < LOSS_TOLERANCE) & (speed > QUEUE_SPEED), RETURN_RATE, 0.0)
+        in_queue = _urgency(gain) * (speed <= QUEUE_SPEED)
         share = np.maximum(keep_right, in_queue)
     return -np.expm1(-rate * duration * share * drivers.eagerness)
 

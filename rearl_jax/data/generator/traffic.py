@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from rearl_jax.config.generator import GeneratorConfig
-from rearl_jax.data.generator.behaviour import Behaviour, Situation, modified
 from rearl_jax.data.generator.car_following import chosen_acceleration, safe_speed
 from rearl_jax.data.generator.demand import Arrivals
 from rearl_jax.data.generator.fleet import Drivers, Fleet
@@ -23,6 +22,7 @@ from rearl_jax.data.generator.lane_changing import (
     lateral_position,
 )
 from rearl_jax.data.generator.plan import EXIT_LENGTH, WARM_UP, RecordingPlan
+from rearl_jax.data.generator.situation import Situation
 
 FRAME = 0.04  # time between two frames [s]
 DECISION_INTERVAL = 0.4  # time between two lane-change decisions of a driver and side [s]
@@ -62,10 +62,9 @@ class Traffic:
         config: GeneratorConfig,
         arrivals: Arrivals,
         drivers: Drivers,
-        behaviour: Behaviour,
         rng: np.random.Generator,
     ):
-        self.plan, self.config, self.behaviour = plan, config, behaviour
+        self.plan, self.config = plan, config
         self.arrivals, self.drivers, self.rng = arrivals, drivers, rng
         self.fleet = Fleet.empty(drivers)
         self.time = 0.0
@@ -189,9 +188,9 @@ class Traffic:
             )
         leader_acceleration = np.where(leader >= 0, fleet.acceleration[leader], 0.0)
         situation = Situation(self.time, fleet, leader, gap, leader_speed, leader_acceleration)
-        for modifier in self.behaviour.perception:
-            situation = modifier(situation)
-        desired_speed = modified(fleet.drivers.desired_speed, self.behaviour.desired_speed, situation)
+        desired_speed = fleet.drivers.desired_speed
+        if self.plan.congestion is not None:
+            desired_speed = self.plan.congestion(desired_speed, situation)
         return situation, desired_speed
 
     def choose_lanes(self, situation: Situation, desired_speed: np.ndarray) -> None:
@@ -216,9 +215,7 @@ class Traffic:
             return
         target = self._neighbours(target_lane)
         rate = self.config.lane_change_rate
-        probability = change_probability(
-            side, situation, target, desired_speed, rate, 2 * DECISION_INTERVAL, self.behaviour
-        )
+        probability = change_probability(side, situation, target, desired_speed, rate, 2 * DECISION_INTERVAL)
         draw = self.rng.random(len(fleet))
         begin = np.flatnonzero(allowed & (draw < probability) & accepts_gaps(fleet.speed, target, fleet.drivers))
         fleet.origin[begin] = fleet.lane[begin]
@@ -229,14 +226,13 @@ class Traffic:
     def choose_accelerations(self, situation: Situation, desired_speed: np.ndarray) -> None:
         """Set the acceleration of every vehicle: car following plus the driver's own noise."""
         fleet = self.fleet
-        time_gap = modified(fleet.drivers.time_gap, self.behaviour.time_gap, situation)
         acceleration = chosen_acceleration(
             fleet.speed,
             desired_speed,
             situation.gap,
             situation.leader_speed,
             situation.leader_acceleration,
-            time_gap,
+            fleet.drivers.time_gap,
             fleet.drivers,
         )
         kept = np.exp(-self.dt / NOISE_TIME)
@@ -244,7 +240,7 @@ class Traffic:
         fleet.noise = kept * fleet.noise + self.config.acceleration_noise * np.sqrt(1.0 - kept**2) * shocks[0]
         # Near standstill and in an emergency nobody plays with the pedal.
         calm = np.minimum(fleet.speed / 10.0, 1.0) * (acceleration > -2.5)
-        fleet.acceleration = modified(acceleration + calm * fleet.noise, self.behaviour.acceleration, situation)
+        fleet.acceleration = acceleration + calm * fleet.noise
         kept = np.exp(-self.dt / DRIFT_TIME)
         fleet.drift = kept * fleet.drift + DRIFT_SD * np.sqrt(1.0 - kept**2) * shocks[1]
 

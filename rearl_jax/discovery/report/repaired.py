@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rearl_jax import __version__
+from rearl_jax.code_version import __version__
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.lane_changes.findings import LaneEffect
 from rearl_jax.discovery.observe.candidates import Candidate, Layout

@@ -1,0 +1,60 @@
+"""Situation of the generated drivers at one moment, and the bottleneck that makes traffic stop and go."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rearl_jax.data.generator.fleet import Fleet
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What the drivers on the road see at one moment; arrays over the vehicles of the fleet.
+
+    Attributes:
+        time: Time since the start of the simulation [s].
+        fleet: Drivers and their own state.
+        leader: Index in the fleet of the vehicle followed, -1 = none.
+        gap: Bumper to bumper distance to the leader [m], inf without one.
+        leader_speed: Speed of the leader [m/s]; the own speed without one.
+        leader_acceleration: Acceleration of the leader [m/s^2]; 0 without one.
+    """
+
+    time: float
+    fleet: Fleet
+    leader: np.ndarray
+    gap: np.ndarray
+    leader_speed: np.ndarray
+    leader_acceleration: np.ndarray
+
+
+@dataclass(frozen=True)
+class SpeedRestriction:
+    """Bottleneck whose passable speed changes in phases and starts waves.
+
+    Attributes:
+        direction: Carriageway it lies on.
+        start, end: Stretch of road [m].
+        times: Start of each phase [s], rising; before the first there is no restriction.
+        speeds: Passable speed in each phase [m/s].
+    """
+
+    direction: int
+    start: float
+    end: float
+    times: tuple[float, ...]
+    speeds: tuple[float, ...]
+
+    def __call__(self, value: np.ndarray, situation: Situation) -> np.ndarray:
+        """Desired speed [m/s] of every driver there and then.
+
+        Args:
+            value: Desired speed on a free road [m/s].
+            situation: Place of every driver, and the time.
+        """
+        phase = int(np.searchsorted(self.times, situation.time, side="right")) - 1
+        if phase < 0:
+            return value
+        fleet = situation.fleet
+        inside = (fleet.position >= self.start) & (fleet.position <= self.end) & (fleet.direction == self.direction)
+        return np.where(inside, np.minimum(value, self.speeds[phase]), value)
