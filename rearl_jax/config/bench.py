@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 class Peer(Enum):
@@ -53,7 +54,7 @@ class BenchConfig:
     margin: float = key(0.15, "share of the earlier ratio that may be lost; own choice")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         _check_rising(self, "vehicles")
         for name in ("chunks", "threads"):
             if getattr(self, name):
@@ -62,20 +63,17 @@ class BenchConfig:
         _check_positive(self, "density", "repetition_cpu_s", "peer_cpu_s")
         _check_least(self, 0, "seed", "memory_rollouts")
         if not 0 < self.margin < 1:
-            raise ValueError(f"margin must be between 0 and 1, got {self.margin:g}")
+            raise out_of_range("margin", "must be between 0 and 1", self.margin)
         if self.against is not None and self.reference not in self.peers:
-            raise ValueError(
-                f"reference = {self.reference.name} is not measured: add it to peers, or choose one of them"
-            )
+            said = "must be one of peers: add it there, or choose another"
+            raise out_of_range("reference", said, self.reference.name)
         if self.chunk is not None and self.chunk < 1:
-            raise ValueError(f"chunk must be at least 1 or null, got {self.chunk}")
+            raise out_of_range("chunk", "must be at least 1 or null", self.chunk)
         if self.scenarios is not None and (len(self.scenarios) != len(self.vehicles) or min(self.scenarios) < 1):
-            raise ValueError(
-                f"scenarios must hold one positive number for each of the {len(self.vehicles)} entries of"
-                f" vehicles, got {list(self.scenarios)}"
-            )
+            said = f"must hold one positive number for each of the {len(self.vehicles)} entries of vehicles"
+            raise out_of_range("scenarios", said, list(self.scenarios))
         if len(set(self.peers)) != len(self.peers):
-            raise ValueError(f"peers names a program twice: {[peer.name for peer in self.peers]}")
+            raise out_of_range("peers", "must name each program once", [peer.name for peer in self.peers])
 
 
 class LoopPolicy(Enum):
@@ -120,28 +118,27 @@ class BenchLoopConfig:
     steps_repetitions: int = key(20, "measurements of these steps")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         _check_rising(self, "vehicles")
         for name in ("batches", "steps_batches"):
             if getattr(self, name):
                 _check_rising(self, name)
         if not (self.batches or self.steps_batches):
-            raise ValueError("batches and steps_batches are both empty: name the scenarios at a time in one of them")
+            said = "must name the scenarios at a time, or steps_batches must"
+            raise out_of_range("batches", said, list(self.batches))
         _check_least(self, 1, "seconds", "repetitions", "n_references", "steps", "steps_repetitions")
         _check_least(self, 2, "reference_vehicles", "steps_vehicles")
         _check_positive(self, "density", "repetition_cpu_s")
         _check_least(self, 0, "seed")
         if self.vehicles[0] < 2:
-            raise ValueError(f"vehicles must be at least 2 each (a spacing needs two), got {list(self.vehicles)}")
+            raise out_of_range("vehicles", "must be at least 2 each (a spacing needs two)", list(self.vehicles))
         if self.rounds is not None and self.rounds < 1:
-            raise ValueError(f"rounds must be at least 1 or null, got {self.rounds}")
+            raise out_of_range("rounds", "must be at least 1 or null", self.rounds)
         if not self.policies or len(set(self.policies)) != len(self.policies):
-            raise ValueError(f"policies must name each policy once, got {[policy.name for policy in self.policies]}")
+            raise out_of_range("policies", "must name each policy once", [policy.name for policy in self.policies])
         if self.reference_seconds < max(self.seconds, self.steps):
-            raise ValueError(
-                f"reference_seconds must be at least seconds and steps ({max(self.seconds, self.steps)}),"
-                f" got {self.reference_seconds}"
-            )
+            said = f"must be at least seconds and steps ({max(self.seconds, self.steps)})"
+            raise out_of_range("reference_seconds", said, self.reference_seconds)
 
 
 @dataclass(unsafe_hash=True)
@@ -153,7 +150,7 @@ class BenchStartupConfig:
     warm_s: float = key(6.0, "the same with the cache of the evaluation before [s]; goal")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         _check_least(self, 1, "repetitions")
         _check_positive(self, "cold_s", "warm_s")
 
@@ -173,7 +170,7 @@ class BenchRequestsConfig:
     server_requests: int = key(24, "different questions of a measurement of the real server")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         _check_least(self, 1, "requests", "slots", "repetitions", "server_requests")
         _check_positive(self, "latency")
         _check_least(self, 0, "seed")
@@ -183,16 +180,16 @@ def _check_rising(record: object, *names: str) -> None:
     for name in names:
         values = list(getattr(record, name))
         if not values or values != sorted(set(values)) or values[0] < 1:
-            raise ValueError(f"{name} must be positive, rising numbers, got {values}")
+            raise out_of_range(name, "must be positive, rising numbers", values)
 
 
 def _check_least(record: object, least: int, *names: str) -> None:
     for name in names:
         if getattr(record, name) < least:
-            raise ValueError(f"{name} must be at least {least}, got {getattr(record, name)}")
+            raise out_of_range(name, f"must be at least {least}", getattr(record, name))
 
 
 def _check_positive(record: object, *names: str) -> None:
     for name in names:
         if not getattr(record, name) > 0:
-            raise ValueError(f"{name} must be > 0, got {getattr(record, name)}")
+            raise out_of_range(name, "must be > 0", getattr(record, name))
