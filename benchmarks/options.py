@@ -7,6 +7,7 @@ from rearl_jax.config import ResultsConfig, _group, _study
 from rearl_jax.config._key import key
 from rearl_jax.config._ranges import check_least, check_positive, check_rising
 from rearl_jax.config.study import StepsConfig
+from rearl_jax.problems import out_of_range
 
 
 class OptionError(ValueError):
@@ -61,7 +62,7 @@ class CoreOptions:
     margin: float = key(0.15, "share of the earlier ratio that may be lost; own choice")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         check_rising(self, "vehicles")
         for name in ("chunks", "threads"):
             if getattr(self, name):
@@ -70,20 +71,17 @@ class CoreOptions:
         check_positive(self, "density", "repetition_cpu_s", "peer_cpu_s")
         check_least(self, 0, "seed", "memory_rollouts")
         if not 0 < self.margin < 1:
-            raise ValueError(f"margin must be between 0 and 1, got {self.margin:g}")
+            raise out_of_range("margin", "must be between 0 and 1", self.margin)
         if self.against is not None and self.reference not in self.peers:
-            raise ValueError(
-                f"reference = {self.reference.name} is not measured: add it to peers, or choose one of them"
-            )
+            said = "must be one of peers: add it there, or choose another"
+            raise out_of_range("reference", said, self.reference.name)
         if self.chunk is not None and self.chunk < 1:
-            raise ValueError(f"chunk must be at least 1 or null, got {self.chunk}")
+            raise out_of_range("chunk", "must be at least 1 or null", self.chunk)
         if self.scenarios is not None and (len(self.scenarios) != len(self.vehicles) or min(self.scenarios) < 1):
-            raise ValueError(
-                f"scenarios must hold one positive number for each of the {len(self.vehicles)} entries of"
-                f" vehicles, got {list(self.scenarios)}"
-            )
+            said = f"must hold one positive number for each of the {len(self.vehicles)} entries of vehicles"
+            raise out_of_range("scenarios", said, list(self.scenarios))
         if len(set(self.peers)) != len(self.peers):
-            raise ValueError(f"peers names a program twice: {[peer.name for peer in self.peers]}")
+            raise out_of_range("peers", "must name each program once", [peer.name for peer in self.peers])
 
 
 class LoopPolicy(Enum):
@@ -119,25 +117,25 @@ class LoopOptions(StepsConfig):
     )
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         super().check()
         check_rising(self, "vehicles")
         if self.batches:
             check_rising(self, "batches")
         if not (self.batches or self.steps_batches):
-            raise ValueError("batches and steps_batches are both empty: name the scenarios at a time in one of them")
+            said = "must name the scenarios at a time, or steps_batches must"
+            raise out_of_range("batches", said, list(self.batches))
         check_least(self, 1, "seconds", "repetitions")
         check_positive(self, "repetition_cpu_s")
         if self.vehicles[0] < 2:
-            raise ValueError(f"vehicles must be at least 2 each (a spacing needs two), got {list(self.vehicles)}")
+            raise out_of_range("vehicles", "must be at least 2 each (a spacing needs two)", list(self.vehicles))
         if self.rounds is not None and self.rounds < 1:
-            raise ValueError(f"rounds must be at least 1 or null, got {self.rounds}")
+            raise out_of_range("rounds", "must be at least 1 or null", self.rounds)
         if not self.policies or len(set(self.policies)) != len(self.policies):
-            raise ValueError(f"policies must name each policy once, got {[policy.name for policy in self.policies]}")
+            raise out_of_range("policies", "must name each policy once", [policy.name for policy in self.policies])
         if self.reference_seconds < self.seconds:
-            raise ValueError(
-                f"reference_seconds must be at least seconds ({self.seconds}), got {self.reference_seconds}"
-            )
+            said = f"must be at least seconds ({self.seconds})"
+            raise out_of_range("reference_seconds", said, self.reference_seconds)
 
 
 @dataclass(unsafe_hash=True)
@@ -152,12 +150,13 @@ class DiscoverOptions:
     seed: int = key(0, "seed of the generated recordings and of discovery")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         check_rising(self, "drivers", "seconds")
         check_least(self, 2, "replicates")
         check_least(self, 0, "seed")
         if self.drivers[0] < 9:
-            raise ValueError(f"drivers must be at least 9 each, three for each part of the data, got {self.drivers[0]}")
+            said = "must be at least 9 each, three for each part of the data"
+            raise out_of_range("drivers", said, list(self.drivers))
 
 
 @dataclass(unsafe_hash=True)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from rearl_jax.code_version import __version__, code_hash, git_sha
 from rearl_jax.config._schema import as_plain
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.whole_files import claim, remove_leftovers, replacing
 
 if TYPE_CHECKING:
@@ -105,7 +106,8 @@ class Study:
         from pyarrow import parquet
 
         if frame.index.names != [None] or frame.index.nlevels != 1:
-            raise ValueError(f"table {name!r} has the index {frame.index.names}: call reset_index() first")
+            said = f"the table has the index {frame.index.names}: call reset_index() first"
+            raise InvalidInputError(Problem("table-with-index", said, file=name))
         provenance = {**self._provenance, "config": json.dumps(self._config, sort_keys=True)}
         _refuse_repeated(metadata, provenance, f"table {name!r}")
         texts = {key: _as_text(value) for key, value in (provenance | metadata).items() if value is not None}
@@ -243,14 +245,16 @@ def config_hash(config: object) -> str:
 def _inside(root: Path, name: str, kind: str) -> Path:
     parts = PurePosixPath(name).parts
     if not parts or name.startswith("/") or ".." in parts or "\\" in name:
-        raise ValueError(f"{kind}={name!r} is no name of a {kind} inside {root}: write letters, digits, - _")
+        said = f"must be the name of a {kind} inside {root}: write letters, digits, - _"
+        raise InvalidInputError(Problem("name-unusable", said, key=kind, value=repr(name)))
     return root.joinpath(*parts)
 
 
 def _refuse_repeated(given: Mapping[str, Any], provenance: Mapping[str, Any], where: str) -> None:
     repeated = sorted(given.keys() & provenance.keys())
     if repeated:
-        raise ValueError(f"{where}: {', '.join(repeated)} belongs to the provenance and is written anyway")
+        said = "belongs to the provenance and is written anyway"
+        raise InvalidInputError(Problem("provenance-repeated", said, key=repeated[0], file=where))
 
 
 def _as_text(value: object) -> str:
@@ -267,7 +271,8 @@ def _summary_value(key: str, value: Any) -> Any:
 
 def _flat_object(key: str, value: Any) -> dict[str, Any]:
     if not isinstance(value, Mapping):
-        raise ValueError(f"summary key {key} is a {type(value).__name__}: lists hold one object per row")
+        said = "must be an object: lists hold one per row"
+        raise InvalidInputError(Problem("wrong-type", said, key=key, file="summary", value=type(value).__name__))
     return {name: _scalar(f"{key}.{name}", item) for name, item in value.items()}
 
 
@@ -275,7 +280,9 @@ def _scalar(key: str, value: Any) -> Any:
     if hasattr(value, "item") and getattr(value, "ndim", None) == 0:  # NumPy and JAX scalars
         value = value.item()
     if value is not None and not isinstance(value, (str, bool, int, float)):
-        raise ValueError(f"summary key {key} is a {type(value).__name__}: write a number, a text or None")
+        said = "must be a number, a text or None"
+        raise InvalidInputError(Problem("wrong-type", said, key=key, file="summary", value=type(value).__name__))
     if isinstance(value, float) and not math.isfinite(value):
-        raise ValueError(f"summary key {key} is {value}: write None where there is no figure")
+        said = "must be None where there is no figure"
+        raise InvalidInputError(Problem("not-finite", said, key=key, file="summary", value=value))
     return value

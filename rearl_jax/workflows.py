@@ -27,6 +27,7 @@ from rearl_jax.data.scenes import build_scenes
 from rearl_jax.discovery.calibration import Calibration, calibration
 from rearl_jax.models.file import read_model
 from rearl_jax.models.record import RepairedModel
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.tasks import TASKS
 
 Record = TypeVar("Record")
@@ -165,7 +166,8 @@ def _run(words: str, folder: str | Path | None, keys: Mapping[str, Any]) -> Iter
     """What a task returns, the folder of its files while they are read, and what it prints."""
     for name in ("study", "results"):
         if name in keys:
-            raise ValueError(f"{name}: name the folder instead, {words}(folder=...)")
+            said = f"must be left out: name the folder instead, {words}(folder=...)"
+            raise InvalidInputError(Problem("key-implied", said, key=name))
     task = next(task for task in TASKS if task.words == words)
     implied = (word.split("=") for group, word in task.implied.items() if group in keys)
     with TemporaryDirectory() as temporary, contextlib.redirect_stdout(io.StringIO()) as printed:
@@ -192,7 +194,7 @@ def _configured(kind: type[Record], keys: Mapping[str, Any]) -> Record:
     known = keys_of(defaults)
     for name in _names(keys, known):
         if name not in known:
-            raise ValueError(f"there is no key {name!r}; nearest: {nearest(name, known)}")
+            raise InvalidInputError(Problem("key-unknown", f"is no key; nearest: {nearest(name, known)}", key=name))
     return finished(from_plain(kind, keys))
 
 

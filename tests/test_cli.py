@@ -11,12 +11,15 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
+from rearl_jax.problems import InvalidInputError
+
 
 @pytest.fixture
 def cli(monkeypatch, tmp_path):
     """The module under test with the single task `drive far`, its conf/ folder, and what it was run with."""
     from rearl_jax import cli, runtime, tasks
     from rearl_jax.config._key import key
+    from rearl_jax.problems import out_of_range
     from rearl_jax.tasks import Task
 
     class Side(Enum):
@@ -34,7 +37,7 @@ def cli(monkeypatch, tmp_path):
 
         def check(self) -> None:
             if self.lanes < 1:
-                raise ValueError(f"lanes must be at least 1, got {self.lanes}")
+                raise out_of_range("lanes", "must be at least 1", self.lanes)
 
     @dataclass(unsafe_hash=True)
     class ResultsConfig:
@@ -166,7 +169,7 @@ def test_error_raised_by_the_package_is_for_the_user(cli, capsys):
 
     cli.task.fail = lambda: Study("results", "../up", None, "drive far")
     assert cli.main(["drive", "far", "road.lanes=9"]) == 2
-    assert "'../up' is no name" in capsys.readouterr().err
+    assert "'../up'" in capsys.readouterr().err
 
 
 def test_error_of_a_library_keeps_its_traceback(cli):
@@ -179,8 +182,9 @@ def test_error_of_a_library_keeps_its_traceback(cli):
 def test_traceback_on_request(cli, monkeypatch, by):
     if by == "environment":
         monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
-    with pytest.raises(ValueError, match=r"road\.lanes must be at least 1"):
+    with pytest.raises(InvalidInputError) as caught:
         cli.main(["drive", "far", "road.lanes=0", *(["--traceback"] if by == "option" else [])])
+    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "road.lanes")
 
 
 def test_interrupt(cli, capsys):

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 import rearl_jax
+from rearl_jax.problems import InvalidInputError
 
 HEAVY = ("gymnasium", "highway_env", "hydra", "jax", "matplotlib", "numpy", "pandas", "pyarrow", "scipy", "sklearn")
 LONGEST = 10
@@ -132,20 +133,23 @@ def planted(folder):
 
 
 @pytest.mark.parametrize(
-    ("call", "words"),
+    ("call", "code", "key"),
     [
-        (lambda: rearl_jax.evaluate(evl={"n_runs": 1}), "no key 'evl.n_runs'; nearest: eval.n_runs"),
-        (lambda: rearl_jax.evaluate(eval={"n_run": 1}), "no key 'eval.n_run'; nearest: eval.n_runs"),
-        (lambda: rearl_jax.evaluate(method="bse"), "method=bse is none of base"),
-        (lambda: rearl_jax.evaluate(eval={"n_runs": 0}), "eval.n_runs must be at least 1"),
-        (lambda: rearl_jax.discover(study="x"), "study: name the folder instead"),
-        (lambda: rearl_jax.cut_scenes(data={"format": "highd"}), "data.root must name the folder"),
-        (lambda: list(rearl_jax.read_recordings(form="highd")), "no key 'form'; nearest: format"),
+        (lambda: rearl_jax.evaluate(evl={"n_runs": 1}), "key-unknown", "evl.n_runs"),
+        (lambda: rearl_jax.evaluate(eval={"n_run": 1}), "key-unknown", "eval.n_run"),
+        (lambda: rearl_jax.evaluate(method="bse"), "choice-unknown", "method"),
+        (lambda: rearl_jax.evaluate(eval={"n_runs": 0}), "out-of-range", "eval.n_runs"),
+        (lambda: rearl_jax.discover(study="x"), "key-implied", "study"),
+        (lambda: rearl_jax.cut_scenes(data={"format": "highd"}), "root-missing", "data.root"),
+        (lambda: list(rearl_jax.read_recordings(form="highd")), "key-unknown", "form"),
     ],
 )
-def test_wrong_keys_are_named(call, words):
-    with pytest.raises(ValueError, match=re.escape(words)):
+def test_wrong_keys_are_named(call, code, key):
+    with pytest.raises(InvalidInputError) as caught:
         call()
+    assert (caught.value.code, caught.value.problem.key) == (code, key)
+    if code == "key-unknown":
+        assert "nearest: " in str(caught.value)
 
 
 def test_keys_imply_what_they_do_on_the_command_line(monkeypatch):

@@ -12,6 +12,8 @@ import pandas as pd
 import pytest
 from pyarrow import parquet
 
+from rearl_jax.problems import InvalidInputError
+
 
 @dataclass
 class Inner:
@@ -119,30 +121,33 @@ def test_summary_of_several_rows_is_a_list_with_the_provenance_in_each(study):
 
 
 @pytest.mark.parametrize(
-    ("summary", "said"),
+    ("summary", "code", "key"),
     [
-        ({"h": float("nan")}, "summary key h is nan: write None"),
-        ({"h": np.float32("inf")}, "summary key h is inf"),
-        ({"rows": [{"h": float("nan")}]}, r"summary key rows\[0\].h is nan"),
-        ({"base": {"deep": {"h": 1.0}}}, "summary key base.deep is a dict"),
-        ({"rows": [1.0]}, r"summary key rows\[0\] is a float: lists hold one object"),
-        ({"h": np.ones(2)}, "summary key h is a ndarray"),
-        ({"task": "x"}, "task belongs to the provenance"),
-        ([{"method": "base", "h": float("inf")}], r"summary key \[0\].h is inf"),
-        ([{"h": 1.0}, {"task": "x"}], "task belongs to the provenance"),
+        ({"h": float("nan")}, "not-finite", "h"),
+        ({"h": np.float32("inf")}, "not-finite", "h"),
+        ({"rows": [{"h": float("nan")}]}, "not-finite", "rows[0].h"),
+        ({"base": {"deep": {"h": 1.0}}}, "wrong-type", "base.deep"),
+        ({"rows": [1.0]}, "wrong-type", "rows[0]"),
+        ({"h": np.ones(2)}, "wrong-type", "h"),
+        ({"task": "x"}, "provenance-repeated", "task"),
+        ([{"method": "base", "h": float("inf")}], "not-finite", "[0].h"),
+        ([{"h": 1.0}, {"task": "x"}], "provenance-repeated", "task"),
     ],
 )
-def test_summary_refuses(study, summary, said):
-    with pytest.raises(ValueError, match=said):
+def test_summary_refuses(study, summary, code, key):
+    with pytest.raises(InvalidInputError) as caught:
         study.write_summary(summary)
+    assert (caught.value.code, caught.value.problem.key) == (code, key)
     assert not list(study.path.iterdir())
 
 
 def test_table_refuses_an_index_and_repeated_provenance(study, frame):
-    with pytest.raises(ValueError, match="reset_index"):
+    with pytest.raises(InvalidInputError) as caught:
         study.write_table("rows", frame.set_index("scene"))
-    with pytest.raises(ValueError, match="config_hash belongs to the provenance"):
+    assert caught.value.code == "table-with-index"
+    with pytest.raises(InvalidInputError) as caught:
         study.write_table("rows", frame, config_hash="0")
+    assert (caught.value.code, caught.value.problem.key) == ("provenance-repeated", "config_hash")
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(study, frame, monkeypatch):
@@ -170,10 +175,12 @@ def test_text_bytes_and_configuration(study):
 def test_names_stay_inside_the_root(tmp_path, study, name):
     from rearl_jax.results import Study
 
-    with pytest.raises(ValueError, match="is no name of a study"):
+    with pytest.raises(InvalidInputError) as caught:
         Study(tmp_path, name, Config(), "evaluate")
-    with pytest.raises(ValueError, match="is no name of a file"):
+    assert (caught.value.code, caught.value.problem.key) == ("name-unusable", "study")
+    with pytest.raises(InvalidInputError) as caught:
         study.write_text(name, "")
+    assert (caught.value.code, caught.value.problem.key) == ("name-unusable", "file")
 
 
 def test_studies_of_a_multirun_lie_in_folders(tmp_path):

@@ -16,6 +16,7 @@ from rearl_jax.clustering.frechet import aligned, discrete_distances, subdivided
 from rearl_jax.clustering.medoids import build, farthest_first, swap
 from rearl_jax.clustering.simplify import shortcut_errors, simplified
 from rearl_jax.config.clustering import CurveDistance, KlConfig, KlInit, KlUpdate
+from rearl_jax.problems import out_of_range
 
 
 @dataclass(frozen=True)
@@ -58,9 +59,8 @@ class Curves:
             ValueError: Fewer curves than clusters.
         """
         if curves.shape[2] < kl.k:
-            raise ValueError(
-                f"{curves.shape[2]} tracks cannot form kl.k = {kl.k} clusters: lower kl.k or read more data"
-            )
+            said = f"must be at most the {curves.shape[2]} tracks: lower it or read more data"
+            raise out_of_range("kl.k", said, kl.k)
         self.curves = np.ascontiguousarray(curves)
         self._distance, self._centre_points = kl.distance, kl.centre_points
         n_curves = curves.shape[2]

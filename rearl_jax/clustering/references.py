@@ -38,6 +38,7 @@ from rearl_jax.data.records import Recording
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.data.splits import Splits
 from rearl_jax.detection.references import References
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.results import Study
 
 log = logging.getLogger(__name__)
@@ -174,10 +175,9 @@ class ReferenceBuilder:
         """
         found = self._found
         if found is not None and not np.array_equal(found.scene_id, scenes.scene_id):
-            raise ValueError(
-                f"{self._path} belongs to {len(found.scene_id)} scenes, {len(scenes)} were given: build references "
-                "from the scenes of the same configuration"
-            )
+            said = f"the file belongs to {len(found.scene_id)} scenes, {len(scenes)} were given"
+            remedy = "build references from the scenes of the same configuration"
+            raise InvalidInputError(Problem("scenes-differ", said, remedy, file=str(self._path)))
         if found is None:
             self.tracks = self._collector.collected() if self.tracks is None else self.tracks
             found = cluster(self._config, scenes, self.tracks, splits, study, self.data_id, progress)
@@ -210,10 +210,9 @@ def cluster(
     # Vehicles of scenes that may not be seen teach the centres nothing.
     training = ~seen_in(tracks, scenes, np.flatnonzero(~allowed))
     if not training.any():
-        raise ValueError(
-            f"all {len(tracks)} tracks drive through evaluation or tuning scenes, none is left to fit on: read more "
-            "recordings, set split.evaluation and split.tuning to smaller numbers, or cluster.fit_on=all"
-        )
+        said = f"all {len(tracks)} tracks drive through evaluation or tuning scenes, none is left to fit on"
+        remedy = "read more recordings, set split.evaluation and split.tuning to smaller numbers, or cluster.fit_on=all"
+        raise InvalidInputError(Problem("tracks-too-few", said, remedy))
     features = tracks.features(scenes)
     scale = FeatureScale.of(features[:, :, training], config.kl.weights)
     by_track, kl, trace = cluster_tracks(config, tracks, features, scale, training, study, identity, progress)

@@ -11,6 +11,7 @@ from rearl_jax.config.clustering import ClusterConfig, FitOn, Representative, Sc
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.data.splits import Split, Splits
 from rearl_jax.detection.references import References
+from rearl_jax.problems import InvalidInputError, Problem
 
 log = logging.getLogger(__name__)
 
@@ -107,11 +108,12 @@ def cluster_scenes(
     has_vector = vectors.sum(axis=1) > 0
     fitted = allowed & has_vector
     if not fitted.any():
-        raise ValueError(
+        said = (
             f"none of {len(vectors)} scenes can be clustered: {int(allowed.sum())} are outside the evaluation and "
-            f"tuning splits, {int(has_vector.sum())} contain a track of tracks.min_frames. Read more recordings, set "
-            "split.evaluation and split.tuning to smaller numbers, or cluster.fit_on=all"
+            f"tuning splits, {int(has_vector.sum())} contain a track of tracks.min_frames"
         )
+        remedy = "read more recordings, set split.evaluation and split.tuning to smaller numbers, or cluster.fit_on=all"
+        raise InvalidInputError(Problem("scenes-too-few", said, remedy))
     if not has_vector.all():
         log.warning("%d scenes have no track of tracks.min_frames and no cluster", int((~has_vector).sum()))
     n_distinct = len(np.unique(np.round(vectors[fitted], _SAME), axis=0))

@@ -10,6 +10,7 @@ from rearl_jax.config.scenes import FeaturesConfig, ScenesConfig, SpacingConfig,
 from rearl_jax.data.records import Recording
 from rearl_jax.data.scene_set import SceneSet, scale_speed
 from rearl_jax.data.track_features import TrackFeatures, track_features
+from rearl_jax.problems import InvalidInputError, Problem
 
 FEATURES = ("speed", "position", "distance")
 """The feature vector of a track's point. Source: Bi et al., F(P_i(t)) = (v, x, d)."""
@@ -84,10 +85,12 @@ class TrackCollector:
         n_short, n_alone = (sum(getattr(part, name) for part in parts) for name in ("n_short", "n_alone"))
         counts = [len(part.track_id) for part in parts]
         if not sum(counts):
-            raise ValueError(
+            said = (
                 f"no track can be clustered: {n_short} are shorter than tracks.min_frames = {self.tracks.min_frames} "
-                f"frames and {n_alone} are never in company. Lower tracks.min_frames or read more recordings"
+                f"frames and {n_alone} are never in company"
             )
+            remedy = "lower tracks.min_frames or read more recordings"
+            raise InvalidInputError(Problem("tracks-too-few", said, remedy))
         joined = {}
         for name in ("track_id", "n_frames", "direction", *FEATURES):
             joined[name] = np.concatenate([getattr(part, name) for part in parts])

@@ -36,6 +36,7 @@ from rearl_jax.config.scenes import (
 from rearl_jax.config.study import StepsConfig, Table1Config, Table4Config
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.config.validation import ValidationConfig
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 def _group(record: type) -> Any:
@@ -94,7 +95,7 @@ class DiscoverTask:
     discover: DiscoverConfig = _group(DiscoverConfig)
 
     def check(self) -> None:
-        """Raise ValueError for drivers that cannot be calibrated, or keys that a calibration finds itself."""
+        """Raise InvalidInputError for drivers that cannot be calibrated, or keys that a calibration finds itself."""
         self.driver.check_prior()
 
 
@@ -194,9 +195,9 @@ class SweepScaleTask(EvaluateTask):
     )
 
     def check(self) -> None:
-        """Raise ValueError for what is no number of rollouts."""
+        """Raise InvalidInputError for what is no number of rollouts."""
         if not (float(self.n_rollouts).is_integer() and 1 <= self.n_rollouts < 2**31):
-            raise ValueError(f"n_rollouts must be a whole number from 1 to {2**31 - 1:,}, got {self.n_rollouts:g}")
+            raise out_of_range("n_rollouts", f"must be a whole number from 1 to {2**31 - 1:,}", self.n_rollouts)
 
 
 @dataclass(unsafe_hash=True)
@@ -232,14 +233,14 @@ class StudyTable1Task(EvaluateTask):
     table1: Table1Config = _group(Table1Config)
 
     def check(self) -> None:
-        """Raise ValueError for keys that every row sets itself."""
+        """Raise InvalidInputError for keys that every row sets itself."""
         if self.method is not Method.base:
-            raise ValueError(f"method={self.method.name}: the rows set it; choose rows with table1.rows=[...]")
+            said = "is set by the rows: leave it alone and choose rows with table1.rows=[...]"
+            raise InvalidInputError(Problem("set-by-task", said, key="method", value=self.method.name))
         if self.decision.policy is not PolicyName.matcher:
-            raise ValueError(
-                f"decision.policy={self.decision.policy.name}: the rows set it; choose rows with table1.rows=[...], "
-                "or table1.llm=true for the language model"
-            )
+            said = "is set by the rows: choose rows with table1.rows=[...], or table1.llm=true for the language model"
+            policy = self.decision.policy.name
+            raise InvalidInputError(Problem("set-by-task", said, key="decision.policy", value=policy))
 
 
 @dataclass(unsafe_hash=True)
@@ -266,9 +267,10 @@ class StudyFig7Task(EvaluateTask):
     sweep: SweepConfig = _group(SweepConfig)
 
     def check(self) -> None:
-        """Raise ValueError for another method."""
+        """Raise InvalidInputError for another method."""
         if self.method is not Method.base:
-            raise ValueError(f"method={self.method.name}: thresholds are percentiles of base; leave method alone")
+            said = "must be base, of which thresholds are percentiles"
+            raise InvalidInputError(Problem("set-by-task", said, key="method", value=self.method.name))
 
 
 @dataclass(unsafe_hash=True)
@@ -291,12 +293,10 @@ class StudyTable4Task:
     prompt: PromptConfig = _group(PromptConfig)
 
     def check(self) -> None:
-        """Raise ValueError for a policy that is not measured here."""
+        """Raise InvalidInputError for a policy that is not measured here."""
         if self.decision.policy not in (PolicyName.matcher, PolicyName.llm):
-            raise ValueError(
-                f"decision.policy={self.decision.policy.name} has no row in this table; table4.llm=true adds a "
-                "language model"
-            )
+            said = "must be matcher or llm: no other has a row in this table; table4.llm=true adds a language model"
+            raise out_of_range("decision.policy", said, self.decision.policy.name)
 
 
 @dataclass(unsafe_hash=True)

@@ -13,6 +13,8 @@ from enum import Enum
 from numbers import Integral, Real
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from rearl_jax.problems import InvalidInputError, Problem
+
 Record = TypeVar("Record")
 
 
@@ -114,15 +116,14 @@ def from_plain(record: type[Record], plain: Mapping[str, Any], prefix: str = "")
     """The record that `as_plain` took apart; keys that did not exist then have their defaults.
 
     Raises:
-        ValueError: A key is unknown, or a value is not of its type or none of its choices; the message begins with the
-            key.
+        InvalidInputError: A key is unknown, or a value is not of its type or none of its choices.
     """
     if not isinstance(plain, Mapping):
-        raise ValueError(f"{prefix.rstrip('.') or 'it'} is no mapping of keys to values")
+        raise _wrong_type(prefix.rstrip(".") or "it", "a mapping of keys to values", plain)
     hints = get_type_hints(record)
     unknown = sorted(plain.keys() - {item.name for item in fields(record)})  # type: ignore[arg-type]
     if unknown:
-        raise ValueError(f"{prefix}{unknown[0]} is no key of this version")
+        raise InvalidInputError(Problem("key-unknown", "is no key of this version", key=f"{prefix}{unknown[0]}"))
     return record(**{name: _from_plain(hints[name], value, prefix + name) for name, value in plain.items()})
 
 
@@ -135,22 +136,23 @@ def _from_plain(hint: Any, value: Any, name: str) -> Any:
         return _record_from_plain(hint, value, name)
     if get_origin(hint) is dict:
         if not isinstance(value, Mapping):
-            raise ValueError(f"{name}={value} is no mapping of keys to values")
+            raise _wrong_type(name, "a mapping of keys to values", value)
         return dict(value)
     if isinstance(hint, type) and issubclass(hint, Enum):
         if not (isinstance(value, str) and value in hint.__members__):
-            raise ValueError(f"{name}={value} is none of {type_name(hint)}")
+            said = f"must be one of {type_name(hint)}"
+            raise InvalidInputError(Problem("choice-unknown", said, key=name, value=value))
         return hint[value]
     if get_origin(hint) is tuple:
         parts = get_args(hint)
         if not isinstance(value, (list, tuple)) or not (Ellipsis in parts or len(parts) == len(value)):
-            raise ValueError(f"{name}={value} is no {type_name(hint)}")
+            raise _wrong_type(name, type_name(hint), value)
         inner = [parts[0]] * len(value) if Ellipsis in parts else parts
         return tuple(_from_plain(part, one, name) for part, one in zip(inner, value, strict=True))
     is_inf_or_nan = hint is float and value in ("inf", "-inf", "nan")  # as `as_plain` writes them
     kind = {int: Integral, float: Real}.get(hint, hint)
     if not is_inf_or_nan and (not isinstance(value, kind) or (isinstance(value, bool) and hint is not bool)):
-        raise ValueError(f"{name}={value} is no {type_name(hint)}")
+        raise _wrong_type(name, type_name(hint), value)
     return float(value) if hint is float else value
 
 
@@ -162,8 +164,8 @@ def _record_from_plain(hint: type, value: Any, name: str) -> Any:
     plain = {"model": value} if isinstance(value, str) else value
     try:
         chosen = record_for(plain)
-    except ValueError as error:
-        raise ValueError(f"{name}.{error}") from error
+    except InvalidInputError as error:
+        raise error.within(f"{name}.") from error
     return from_plain(chosen, plain, f"{name}.")
 
 
@@ -171,8 +173,8 @@ def finished(record: Record, prefix: str = "") -> Record:
     """The record with lists turned into the declared tuples, after every nested `check` has passed.
 
     Raises:
-        ValueError: A tuple has the wrong length, a number is NaN, or a record's `check` refuses it; the message begins
-            with the full key.
+        InvalidInputError: A tuple has the wrong length, a number is NaN, or a record's `check` refuses it; its key is
+            the full one.
     """
     hints = get_type_hints(type(record))
     changed = {}
@@ -183,19 +185,23 @@ def finished(record: Record, prefix: str = "") -> Record:
         elif isinstance(value, (list, tuple)):
             changed[item.name] = _tuple_of(value, hints[item.name], prefix + item.name)
         elif value is not None and _is_tuple(hints[item.name]):  # as from ${oc.env:NAME}, whose type OmegaConf leaves
-            raise ValueError(f"{prefix}{item.name} must be {type_name(hints[item.name])}, got {value!r}")
+            raise _wrong_type(prefix + item.name, type_name(hints[item.name]), repr(value))
         parts = value if isinstance(value, (list, tuple)) else (value,)
         if any(isinstance(part, float) and math.isnan(part) for part in parts):
             # It would pass every comparison that a check makes the wrong way round.
-            raise ValueError(f"{prefix}{item.name} must be {type_name(hints[item.name])}, got nan")
+            raise _wrong_type(prefix + item.name, type_name(hints[item.name]), math.nan)
     record = replace(record, **changed)  # type: ignore[type-var]
     check = getattr(record, "check", None)
     if check is not None:
         try:
             check()
-        except ValueError as error:
-            raise ValueError(f"{prefix}{error}") from error
+        except InvalidInputError as error:
+            raise error.within(prefix) from error
     return record
+
+
+def _wrong_type(name: str, wanted: str, value: Any) -> InvalidInputError:
+    return InvalidInputError(Problem("wrong-type", f"must be {wanted}", key=name, value=value))
 
 
 def _is_tuple(hint: Any) -> bool:
@@ -207,5 +213,6 @@ def _tuple_of(values: Any, hint: Any, name: str) -> tuple:
         hint = next(part for part in get_args(hint) if get_origin(part) is tuple)
     parts = get_args(hint)
     if Ellipsis not in parts and len(values) != len(parts):
-        raise ValueError(f"{name} must have {len(parts)} values {type_name(hint)}, got {len(values)}")
+        said = f"must have {len(parts)} values {type_name(hint)}"
+        raise InvalidInputError(Problem("wrong-length", said, key=name, value=len(values)))
     return tuple(values)

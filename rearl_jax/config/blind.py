@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 class StudySize(Enum):
@@ -33,10 +34,10 @@ class BlindConfig:
     keep_data: bool = key(False, "leave the generated recordings in the study's folder instead of removing them")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         if self.seed is not None and not 0 <= self.seed < 2**32:
-            raise ValueError(f"seed must be within 0 and {2**32 - 1} or null, got {self.seed}")
+            raise out_of_range("seed", f"must be within 0 and {2**32 - 1} or null", self.seed)
         if self.first is not None and self.first < 1:
-            raise ValueError(f"first must be at least 1 or null, got {self.first}")
+            raise out_of_range("first", "must be at least 1 or null", self.first)
         if not self.sets:
-            raise ValueError("sets must be a shell pattern such as *, got an empty text")
+            raise out_of_range("sets", "must be a shell pattern such as *", repr(self.sets))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 class CurveDistance(Enum):
@@ -91,20 +92,20 @@ class KlConfig:
     seed: int = key(0, "seed of the samples")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         for name in ("k", "iterations", "ball_steps", "members"):
             if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+                raise out_of_range(name, "must be at least 1", getattr(self, name))
         if self.l < 2:
-            raise ValueError(f"l must be at least 2 (a centre has a start and an end), got {self.l}")
+            raise out_of_range("l", "must be at least 2 (a centre has a start and an end)", self.l)
         if self.centre_points < self.l:
-            raise ValueError(f"centre_points must be at least l = {self.l}, got {self.centre_points}")
+            raise out_of_range("centre_points", f"must be at least l = {self.l}", self.centre_points)
         if self.sample < self.k:
-            raise ValueError(f"sample must be at least k = {self.k}, got {self.sample}")
+            raise out_of_range("sample", f"must be at least k = {self.k}", self.sample)
         if not all(weight > 0 for weight in self.weights):
-            raise ValueError(f"weights must be > 0, got {', '.join(map(str, self.weights))}")
+            raise out_of_range("weights", "must be > 0", ", ".join(map(str, self.weights)))
         if self.seed < 0:
-            raise ValueError(f"seed must be >= 0, got {self.seed}")
+            raise out_of_range("seed", "must be >= 0", self.seed)
 
 
 @dataclass(unsafe_hash=True)
@@ -121,12 +122,12 @@ class ClusterConfig:
     seed: int = key(0, "seed of k-means and t-SNE")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         for name in ("n_clusters", "n_init"):
             if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+                raise out_of_range(name, "must be at least 1", getattr(self, name))
         if not 0 <= self.seed < 2**32:
-            raise ValueError(f"seed must be within 0 and 2^32 - 1, got {self.seed}")
+            raise out_of_range("seed", "must be within 0 and 2^32 - 1", self.seed)
 
 
 @dataclass(unsafe_hash=True)
@@ -146,17 +147,17 @@ class BoConfig:
     seed: int = key(0, "seed of the sample of tracks and of the search")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         for name, least in (("k", 2), ("l", 2), ("iterations", 1)):
             values = getattr(self, name)
             if not values or min(values) < least or len(set(values)) != len(values):
-                raise ValueError(f"{name} must be different values of at least {least}, got {values}")
+                raise out_of_range(name, f"must be different values of at least {least}", values)
         for name in ("n_calls", "n_initial"):
             if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+                raise out_of_range(name, "must be at least 1", getattr(self, name))
         if not 0 < self.share <= 1:
-            raise ValueError(f"share must be above 0 and at most 1, got {self.share}")
+            raise out_of_range("share", "must be above 0 and at most 1", self.share)
         if not self.penalty >= 0:
-            raise ValueError(f"penalty must be >= 0, got {self.penalty}")
+            raise out_of_range("penalty", "must be >= 0", self.penalty)
         if self.seed < 0:
-            raise ValueError(f"seed must be >= 0, got {self.seed}")
+            raise out_of_range("seed", "must be >= 0", self.seed)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 class Precision(Enum):
@@ -28,16 +29,16 @@ class CoreConfig:
     chunk: int = key(512, "scenarios one core simulates at a time; more need more memory, fewer leave it idle")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         if not 1 <= self.n_lanes <= 8:
-            raise ValueError(f"n_lanes must be within 1..8, got {self.n_lanes}")
+            raise out_of_range("n_lanes", "must be within 1..8", self.n_lanes)
         for name in ("n_vehicles", "ticks_per_second", "chunk"):
             if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+                raise out_of_range(name, "must be at least 1", getattr(self, name))
         if self.density <= 0:
-            raise ValueError(f"density must be > 0, got {self.density}")
+            raise out_of_range("density", "must be > 0", self.density)
         if self.speed_limit is not None and self.speed_limit <= 0:
-            raise ValueError(f"speed_limit must be > 0 m/s or null, got {self.speed_limit}")
+            raise out_of_range("speed_limit", "must be > 0 m/s or null", self.speed_limit)
 
 
 class InitialSpeed(Enum):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 class Proposer(Enum):
@@ -35,14 +36,15 @@ class CriticalConfig:
     )
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         for name in ("rounds", "rollouts", "attempts", "max_tokens"):
             if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+                raise out_of_range(name, "must be at least 1", getattr(self, name))
         if self.history < 0:
-            raise ValueError(f"history must be at least 0, got {self.history}")
+            raise out_of_range("history", "must be at least 0", self.history)
         if self.ratios is not None and (problem := shares_problem(self.ratios)):
-            raise ValueError(f"ratios must be three shares with a sum of at most 1: {problem}")
+            said = f"must be three shares with a sum of at most 1 ({problem})"
+            raise out_of_range("ratios", said, list(self.ratios))
 
 
 def shares_problem(shares: tuple[float, ...]) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 _DATA = Path(__file__).resolve().parents[1] / "data"
 
@@ -70,13 +71,14 @@ class DataConfig:
     )
 
     def check(self) -> None:
-        """Raise ValueError for a value out of range."""
+        """Raise InvalidInputError for a value out of range."""
         if not self.root and not self.format.shipped:
             name = self.format.name
-            raise ValueError(f"root must name the folder of the recordings for data.format={name}, got none")
+            said = f"must name the folder of the recordings for data.format={name}"
+            raise InvalidInputError(Problem("root-missing", said, key="root"))
         if not self.recordings:
-            raise ValueError("recordings must be a shell pattern such as *, got an empty text")
+            raise out_of_range("recordings", "must be a shell pattern such as *", repr(self.recordings))
         if not self.max_jump > 0.0:
-            raise ValueError(f"max_jump must be > 0, got {self.max_jump}")
+            raise out_of_range("max_jump", "must be > 0", self.max_jump)
         if not 1.0 <= self.default_length <= 30.0:
-            raise ValueError(f"default_length must be within 1 and 30, got {self.default_length}")
+            raise out_of_range("default_length", "must be within 1 and 30", self.default_length)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 class PolicyName(Enum):
@@ -83,9 +84,9 @@ class ExecConfig:
     hold: int = key(1, "time an action is followed unless there is a newer one [s]; REARL: one step")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         if self.hold < 1:
-            raise ValueError(f"hold must be at least 1 s, got {self.hold}")
+            raise out_of_range("hold", "must be at least 1 s", self.hold)
 
 
 @dataclass(unsafe_hash=True)
@@ -101,10 +102,10 @@ class AdmissibleConfig:
     decel_slower: float = key(4.0, "the same for slower [m/s^2]; own choice")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         for name in ("min_gap", "min_time_gap", "decel_faster", "decel_keep", "decel_slower"):
             if not getattr(self, name) >= 0:
-                raise ValueError(f"{name} must be >= 0, got {getattr(self, name)}")
+                raise out_of_range(name, "must be >= 0", getattr(self, name))
 
 
 @dataclass(unsafe_hash=True)
@@ -118,8 +119,8 @@ class MatcherConfig:
     spacing_rule: bool = key(False, "where the spacing is off, spread or contract instead of keeping; own choice")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         if self.value_weight < 0:
-            raise ValueError(f"value_weight must be >= 0, got {self.value_weight}")
+            raise out_of_range("value_weight", "must be >= 0", self.value_weight)
         if self.lane_change_pause < 0:
-            raise ValueError(f"lane_change_pause must be >= 0 s, got {self.lane_change_pause}")
+            raise out_of_range("lane_change_pause", "must be >= 0 s", self.lane_change_pause)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 class Cues(Enum):
@@ -63,16 +64,16 @@ class DetectionConfig:
     )
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         for name in ("threshold_h", "threshold_m"):
             value = getattr(self, name)
             if value is not None and not value >= 0:
-                raise ValueError(f"{name} must be >= 0 or null, got {value}")
+                raise out_of_range(name, "must be >= 0 or null", value)
         for name in ("h_pct", "m_pct"):
             if not 0 <= getattr(self, name) <= 100:
-                raise ValueError(f"{name} must be within 0 and 100 %, got {getattr(self, name)}")
+                raise out_of_range(name, "must be within 0 and 100 %", getattr(self, name))
         if self.interval < 1:
-            raise ValueError(f"interval must be at least 1 s, got {self.interval}")
+            raise out_of_range("interval", "must be at least 1 s", self.interval)
 
 
 @dataclass(unsafe_hash=True)
@@ -89,6 +90,6 @@ class ReferenceConfig:
     )
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         if min(self.weights) < 0 or sum(self.weights) == 0:
-            raise ValueError(f"weights must be >= 0 and not both 0, got {self.weights}")
+            raise out_of_range("weights", "must be >= 0 and not both 0", self.weights)

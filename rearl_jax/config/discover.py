@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 @dataclass(unsafe_hash=True)
@@ -30,12 +31,12 @@ class DiscoverConfig:
     )
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         if self.replicates < 2:
-            raise ValueError(f"replicates must be at least 2, got {self.replicates}")
+            raise out_of_range("replicates", "must be at least 2", self.replicates)
         if self.max_drivers < 9:
-            raise ValueError(f"max_drivers must be at least 9, three for each part of the data, got {self.max_drivers}")
+            raise out_of_range("max_drivers", "must be at least 9, three for each part of the data", self.max_drivers)
         if not 0.5 <= self.confidence < 1.0:
-            raise ValueError(f"confidence must be within 0.5 and 1, got {self.confidence}")
+            raise out_of_range("confidence", "must be within 0.5 and 1", self.confidence)
         if self.draws < 100:
-            raise ValueError(f"draws must be at least 100, got {self.draws}")
+            raise out_of_range("draws", "must be at least 100", self.draws)

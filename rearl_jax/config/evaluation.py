@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 class Method(Enum):
@@ -76,11 +77,11 @@ class EvaluationConfig:
     )
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         for name in ("n_runs", "resamples", "noise_draws"):
             if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+                raise out_of_range(name, "must be at least 1", getattr(self, name))
         if not 0 <= self.seed < 2**31:
-            raise ValueError(f"seed must be within 0 and 2^31 - 1, got {self.seed}")
+            raise out_of_range("seed", "must be within 0 and 2^31 - 1", self.seed)
         if not 0 < self.confidence < 1:
-            raise ValueError(f"confidence must be between 0 and 1, got {self.confidence}")
+            raise out_of_range("confidence", "must be between 0 and 1", self.confidence)

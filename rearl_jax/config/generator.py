@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 @dataclass(unsafe_hash=True)
@@ -74,35 +75,34 @@ class GeneratorConfig:
     smoothing_cutoff: float = key(1.0, "frequency at which the tracker's smoother halves a movement [Hz]; assumed")
 
     def check(self) -> None:
-        """Raise ValueError for a value out of range."""
+        """Raise InvalidInputError for a value out of range."""
         for name in ("n_recordings", "frames_per_step"):
             if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be >= 1, got {getattr(self, name)}")
+                raise out_of_range(name, "must be >= 1", getattr(self, name))
         for name in ("seed", "workers", "position_noise", "acceleration_noise", "lane_change_rate"):
             if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{name} must be >= 0, got {getattr(self, name)}")
+                raise out_of_range(name, "must be >= 0", getattr(self, name))
         if not (self.first_id >= 1 and self.first_id + self.n_recordings <= 1000):
-            raise ValueError(
-                f"first_id must be >= 1 and the last recording below 1000, got {self.first_id} "
-                f"with {self.n_recordings} recordings"
-            )
+            said = f"must be >= 1, and the last of {self.n_recordings} recordings below 1000"
+            raise out_of_range("first_id", said, self.first_id)
         if not 0.05 <= self.duration_scale <= 10.0:
-            raise ValueError(f"duration_scale must be within 0.05 and 10, got {self.duration_scale}")
+            raise out_of_range("duration_scale", "must be within 0.05 and 10", self.duration_scale)
         for stem in ("duration", "in_view", "truck_share"):
             low, mean, high = (getattr(self, f"{stem}_{part}") for part in ("min", "mean", "max"))
             if not 0.0 < low < mean < high:
-                raise ValueError(f"{stem}_mean must lie between {stem}_min and {stem}_max, got {low}, {mean}, {high}")
+                said = f"must lie between {stem}_min = {low} and {stem}_max = {high}"
+                raise out_of_range(f"{stem}_mean", said, mean)
         if not self.truck_share_max < 0.6:
-            raise ValueError(f"truck_share_max must be < 0.6, got {self.truck_share_max}")
+            raise out_of_range("truck_share_max", "must be < 0.6", self.truck_share_max)
         if not self.in_view_max <= 45.0:
-            raise ValueError(f"in_view_max must be <= 45, more does not fit the road, got {self.in_view_max}")
+            raise out_of_range("in_view_max", "must be <= 45, more does not fit the road", self.in_view_max)
         if not 0 < self.vehicles_min < self.vehicles_max:
-            raise ValueError(f"vehicles_min must be > 0 and below vehicles_max, got {self.vehicles_min}")
+            raise out_of_range("vehicles_min", "must be > 0 and below vehicles_max", self.vehicles_min)
         if not 0.0 <= self.congested_share <= 0.5:
-            raise ValueError(f"congested_share must be within 0 and 0.5, got {self.congested_share}")
+            raise out_of_range("congested_share", "must be within 0 and 0.5", self.congested_share)
         for name, low, high in _RANGES:
             if not low <= getattr(self, name) <= high:
-                raise ValueError(f"{name} must be within {low} and {high}, got {getattr(self, name)}")
+                raise out_of_range(name, f"must be within {low} and {high}", getattr(self, name))
 
 
 _RANGES = (

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 class Profile(Enum):
@@ -71,17 +72,18 @@ class LlmConfig:
     cache: str = key("", "SQLite file of the answers, on a local disk; empty = answers.sqlite in the cache folder")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         if self.votes not in (1, 3):
-            raise ValueError(f"votes must be 1 or 3, got {self.votes}")
+            raise out_of_range("votes", "must be 1 or 3", self.votes)
         for name in ("max_tokens", "max_in_flight", "tries", "breaker_failures"):
             if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+                raise out_of_range(name, "must be at least 1", getattr(self, name))
         for name in ("connect_timeout", "read_timeout", "deadline"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be > 0 s, got {getattr(self, name)}")
+                raise out_of_range(name, "must be > 0 s", getattr(self, name))
         for name in ("temperature", "startup", "backoff", "breaker_pause"):
             if not getattr(self, name) >= 0:
-                raise ValueError(f"{name} must be >= 0, got {getattr(self, name)}")
+                raise out_of_range(name, "must be >= 0", getattr(self, name))
         if self.thinking is Thinking.on and self.max_tokens < 256:
-            raise ValueError(f"thinking=on needs a larger max_tokens, such as 4096, got {self.max_tokens}")
+            said = "must be larger for thinking=on, such as 4096"
+            raise out_of_range("max_tokens", said, self.max_tokens)

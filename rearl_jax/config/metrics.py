@@ -5,6 +5,7 @@ from enum import Enum
 
 from rearl_jax.config._key import key
 from rearl_jax.config.scenes import SpacingConfig
+from rearl_jax.problems import out_of_range
 
 
 class OutOfBounds(Enum):
@@ -49,11 +50,11 @@ class HistConfig:
     def check(self) -> None:
         """Raises ValueError where a value cannot be used."""
         if not self.high > self.low:
-            raise ValueError(f"high must exceed low ({self.low}), got {self.high}")
+            raise out_of_range("high", f"must exceed low ({self.low})", self.high)
         if self.n_bins < 1:
-            raise ValueError(f"n_bins must be at least 1, got {self.n_bins}")
+            raise out_of_range("n_bins", "must be at least 1", self.n_bins)
         if self.window < 1:
-            raise ValueError(f"window must be at least 1 frame, got {self.window}")
+            raise out_of_range("window", "must be at least 1 frame", self.window)
 
 
 @dataclass(unsafe_hash=True)
@@ -81,7 +82,7 @@ class ThwConfig:
     def check(self) -> None:
         """Raises ValueError where a value cannot be used."""
         if not self.v_min > 0:
-            raise ValueError(f"v_min must be > 0 m/s (a headway divides by the speed), got {self.v_min}")
+            raise out_of_range("v_min", "must be > 0 m/s (a headway divides by the speed)", self.v_min)
 
 
 @dataclass(unsafe_hash=True)
@@ -96,7 +97,7 @@ class SafetyConfig:
         """Raises ValueError where a value cannot be used."""
         for name in ("ttc", "drac", "jerk"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
+                raise out_of_range(name, "must be > 0", getattr(self, name))
 
 
 @dataclass(unsafe_hash=True)
@@ -111,11 +112,11 @@ class FeatureConfig:
     def check(self) -> None:
         """Raises ValueError where a value cannot be used."""
         if not self.high > self.low:
-            raise ValueError(f"high must exceed low ({self.low}), got {self.high}")
+            raise out_of_range("high", f"must exceed low ({self.low})", self.high)
         if self.n_bins < 1:
-            raise ValueError(f"n_bins must be at least 1, got {self.n_bins}")
+            raise out_of_range("n_bins", "must be at least 1", self.n_bins)
         if self.weight < 0:
-            raise ValueError(f"weight must be >= 0, got {self.weight}")
+            raise out_of_range("weight", "must be >= 0", self.weight)
 
 
 @dataclass(unsafe_hash=True)
@@ -147,12 +148,13 @@ class RealismConfig:
         """Raises ValueError where a value cannot be used."""
         for name in ("pseudocount", "collision_pseudocount"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be > 0 (an empty bin needs a probability), got {getattr(self, name)}")
+                raise out_of_range(name, "must be > 0 (an empty bin needs a probability)", getattr(self, name))
         if self.collision_weight < 0:
-            raise ValueError(f"collision_weight must be >= 0, got {self.collision_weight}")
+            raise out_of_range("collision_weight", "must be >= 0", self.collision_weight)
         features = (self.speed, self.acceleration, self.distance, self.ttc)
         if not self.collision_weight + sum(feature.weight for feature in features) > 0:
-            raise ValueError("collision_weight and the weights of the four features are all 0, one must be > 0")
+            said = "must be > 0 where the weights of the four features are all 0"
+            raise out_of_range("collision_weight", said, self.collision_weight)
 
 
 @dataclass(unsafe_hash=True)
@@ -169,4 +171,4 @@ class MetricsConfig:
     def check(self) -> None:
         """Raises ValueError where a value cannot be used."""
         if not self.frame_interval > 0:
-            raise ValueError(f"frame_interval must be > 0 s, got {self.frame_interval}")
+            raise out_of_range("frame_interval", "must be > 0 s", self.frame_interval)

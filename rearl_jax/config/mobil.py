@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 _SOURCE = "highway-env 1.12.1, IDMVehicle"
 
@@ -28,8 +29,8 @@ class MobilConfig:
         return self == MobilConfig()
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its bounds."""
+        """Raise InvalidInputError for a value outside its bounds."""
         bounds = {"politeness": (-1, 10), "gain_threshold": (-10, 10), "safe_decel": (0, 20), "delay": (0.05, 60)}
         for name, (low, high) in bounds.items():
             if not low <= getattr(self, name) <= high:
-                raise ValueError(f"{name} must be within {low:g} and {high:g}, got {getattr(self, name):g}")
+                raise out_of_range(name, f"must be within {low:g} and {high:g}", getattr(self, name))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from rearl_jax.config._key import key
 from rearl_jax.config.decision import Longitudinal
+from rearl_jax.problems import out_of_range
 
 
 @dataclass(unsafe_hash=True)
@@ -48,23 +49,23 @@ class PpoConfig:
         return self.scenarios * self.horizon * n_vehicles
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         for name in ("scenarios", "horizon", "epochs", "minibatch", "width", "layers", "checkpoint_every"):
             if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+                raise out_of_range(name, "must be at least 1", getattr(self, name))
         if not 1 <= self.car_steps < math.inf:
-            raise ValueError(f"car_steps must be at least 1 and finite, got {self.car_steps:g}")
+            raise out_of_range("car_steps", "must be at least 1 and finite", self.car_steps)
         if not 0 <= self.seed < 2**31:
-            raise ValueError(f"seed must be within 0 and 2^31 - 1, got {self.seed}")
+            raise out_of_range("seed", "must be within 0 and 2^31 - 1", self.seed)
         for name in ("gamma", "gae_lambda"):
             if not 0 <= getattr(self, name) <= 1:
-                raise ValueError(f"{name} must be within 0 and 1, got {getattr(self, name)}")
+                raise out_of_range(name, "must be within 0 and 1", getattr(self, name))
         for name in ("clip", "learning_rate", "max_grad_norm"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
+                raise out_of_range(name, "must be > 0", getattr(self, name))
         for name in ("entropy_weight", "value_weight"):
             if not getattr(self, name) >= 0:
-                raise ValueError(f"{name} must be >= 0, got {getattr(self, name)}")
+                raise out_of_range(name, "must be >= 0", getattr(self, name))
 
 
 @dataclass(unsafe_hash=True)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 @dataclass(unsafe_hash=True)
@@ -25,12 +26,13 @@ class ReportConfig:
     run: int = key(0, "run of the study that is replayed, from 0")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         if not 1 <= self.n_scenes <= 20:
-            raise ValueError(f"n_scenes must be within 1 and 20, got {self.n_scenes}")
+            raise out_of_range("n_scenes", "must be within 1 and 20", self.n_scenes)
         if self.run < 0:
-            raise ValueError(f"run must be at least 0, got {self.run}")
+            raise out_of_range("run", "must be at least 0", self.run)
         if self.scenes is not None and (not self.scenes or len(set(self.scenes)) != len(self.scenes)):
-            raise ValueError(f"scenes must name each scene once, got {list(self.scenes)}")
+            raise out_of_range("scenes", "must name each scene once", list(self.scenes))
         if self.path == "":
-            raise ValueError("path must name a file, or be null for report.html in the study's folder")
+            said = "must name a file, or be null for report.html in the study's folder"
+            raise out_of_range("path", said, repr(self.path))

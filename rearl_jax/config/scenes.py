@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 class Direction(Enum):
@@ -86,15 +87,15 @@ class ScenesConfig:
         return float(self.seconds if self.stride is None else self.stride)
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         if self.seconds < 2:
-            raise ValueError(f"seconds must be at least 2, got {self.seconds}")
+            raise out_of_range("seconds", "must be at least 2", self.seconds)
         if self.slots < 2:
-            raise ValueError(f"slots must be at least 2 (a spacing needs two vehicles), got {self.slots}")
+            raise out_of_range("slots", "must be at least 2 (a spacing needs two vehicles)", self.slots)
         if self.min_vehicles < self.slots:
-            raise ValueError(f"min_vehicles must be at least slots = {self.slots}, got {self.min_vehicles}")
+            raise out_of_range("min_vehicles", f"must be at least slots = {self.slots}", self.min_vehicles)
         if self.stride is not None and not self.stride > 0:
-            raise ValueError(f"stride must be > 0 s, got {self.stride}")
+            raise out_of_range("stride", "must be > 0 s", self.stride)
 
 
 @dataclass(unsafe_hash=True)
@@ -112,11 +113,11 @@ class TracksConfig:
     points: int = key(64, "points of a track's feature curve, evenly spaced in time; own choice")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         if self.min_frames < 2:
-            raise ValueError(f"min_frames must be at least 2, got {self.min_frames}")
+            raise out_of_range("min_frames", "must be at least 2", self.min_frames)
         if self.points < 2:
-            raise ValueError(f"points must be at least 2, got {self.points}")
+            raise out_of_range("points", "must be at least 2", self.points)
 
 
 @dataclass(unsafe_hash=True)
@@ -145,12 +146,12 @@ class SplitConfig:
     evaluation: int | None = key(None, "evaluation scenes; null = 50 (REARL), scaled likewise, at least 5")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         if self.seed < 0:
-            raise ValueError(f"seed must be >= 0, got {self.seed}")
+            raise out_of_range("seed", "must be >= 0", self.seed)
         if not self.block_seconds > 0:
-            raise ValueError(f"block_seconds must be > 0, got {self.block_seconds}")
+            raise out_of_range("block_seconds", "must be > 0", self.block_seconds)
         for name in ("threshold", "tuning", "evaluation"):
             size = getattr(self, name)
             if size is not None and size < 1:
-                raise ValueError(f"{name} must be at least 1 or null, got {size}")
+                raise out_of_range(name, "must be at least 1 or null", size)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from rearl_jax.config._key import key
 from rearl_jax.config._ranges import check_least, check_positive, check_rising
+from rearl_jax.problems import out_of_range
 
 
 @dataclass(unsafe_hash=True)
@@ -21,12 +22,12 @@ class Table1Config:
     )
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         for name in ("llm_interval", "llm_runs"):
             if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+                raise out_of_range(name, "must be at least 1", getattr(self, name))
         if self.rows is not None and (not self.rows or len(set(self.rows)) != len(self.rows)):
-            raise ValueError(f"rows must name each row once, got [{', '.join(self.rows)}]")
+            raise out_of_range("rows", "must name each row once", f"[{', '.join(self.rows)}]")
 
 
 @dataclass(unsafe_hash=True)
@@ -38,11 +39,11 @@ class Table4Config:
     llm_repetitions: int = key(1, "measurements of these steps, after a warm-up")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         if not self.llm_batches or min(self.llm_batches) < 1 or len(set(self.llm_batches)) != len(self.llm_batches):
-            raise ValueError(f"llm_batches must be different positive numbers, got {list(self.llm_batches)}")
+            raise out_of_range("llm_batches", "must be different positive numbers", list(self.llm_batches))
         if self.llm_repetitions < 1:
-            raise ValueError(f"llm_repetitions must be at least 1, got {self.llm_repetitions}")
+            raise out_of_range("llm_repetitions", "must be at least 1", self.llm_repetitions)
 
 
 @dataclass(unsafe_hash=True)
@@ -60,7 +61,7 @@ class StepsConfig:
     steps_repetitions: int = key(20, "measurements of these steps")
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its range."""
+        """Raise InvalidInputError for a value outside its range."""
         if self.steps_batches:
             check_rising(self, "steps_batches")
         check_least(self, 1, "n_references", "steps", "steps_repetitions")
@@ -68,4 +69,4 @@ class StepsConfig:
         check_positive(self, "density")
         check_least(self, 0, "seed")
         if self.reference_seconds < self.steps:
-            raise ValueError(f"reference_seconds must be at least steps ({self.steps}), got {self.reference_seconds}")
+            raise out_of_range("reference_seconds", f"must be at least steps ({self.steps})", self.reference_seconds)

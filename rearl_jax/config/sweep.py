@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 @dataclass(unsafe_hash=True)
@@ -17,12 +18,12 @@ class SweepConfig:
     )
 
     def check(self) -> None:
-        """Raise ValueError for percentiles that are none, or given twice."""
+        """Raise InvalidInputError for percentiles that are none, or given twice."""
         for name in ("h_pct", "m_pct"):
             values = getattr(self, name)
             if not values:
-                raise ValueError(f"{name} must hold at least one percentile, got none")
+                raise out_of_range(name, "must hold at least one percentile", values)
             if not all(0 <= value <= 100 for value in values):
-                raise ValueError(f"{name} must be within 0 and 100 %, got {values}")
+                raise out_of_range(name, "must be within 0 and 100 %", values)
             if len(set(values)) != len(values):
-                raise ValueError(f"{name} holds a percentile twice: {values}")
+                raise out_of_range(name, "must hold each percentile once", values)

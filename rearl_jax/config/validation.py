@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, fields
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 @dataclass(unsafe_hash=True)
@@ -30,9 +31,10 @@ class SceneCountsConfig:
         counts = {field.name: getattr(self, field.name) for field in fields(self)}
         for name, count in counts.items():
             if count < 0:
-                raise ValueError(f"{name} must be at least 0, got {count}")
+                raise out_of_range(name, "must be at least 0", count)
         if not any(counts.values()):
-            raise ValueError(f"{next(iter(counts))} and all other numbers of scenes are 0: nothing to compare")
+            said = "must be > 0, or another number of scenes: there is nothing to compare"
+            raise out_of_range(next(iter(counts)), said, 0)
 
 
 @dataclass(unsafe_hash=True)
@@ -57,19 +59,19 @@ class ValidationConfig:
     def check(self) -> None:
         """Raises ValueError where a value cannot be used."""
         if not 0 < self.share <= 1:
-            raise ValueError(f"share must be within 0 (excluded) and 1, got {self.share}")
+            raise out_of_range("share", "must be within 0 (excluded) and 1", self.share)
         if self.seconds < 1:
-            raise ValueError(f"seconds must be at least 1, got {self.seconds}")
+            raise out_of_range("seconds", "must be at least 1", self.seconds)
         if self.seed < 0:
-            raise ValueError(f"seed must be at least 0, got {self.seed}")
+            raise out_of_range("seed", "must be at least 0", self.seed)
         if self.workers is not None and self.workers < 1:
-            raise ValueError(f"workers must be at least 1 or null, got {self.workers}")
+            raise out_of_range("workers", "must be at least 1 or null", self.workers)
         for name in ("control_share", "least_agree_share"):
             if not 0 <= getattr(self, name) <= 1:
-                raise ValueError(f"{name} must be within 0 and 1, got {getattr(self, name)}")
+                raise out_of_range(name, "must be within 0 and 1", getattr(self, name))
         for name in ("tolerance_f64", "tolerance_f32"):
             if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name} must be positive and finite [m], got {getattr(self, name)}")
+                raise out_of_range(name, "must be positive and finite [m]", getattr(self, name))
         for name in ("least_lane_changes", "least_aborts", "least_crashes"):
             if getattr(self, name) < 0:
-                raise ValueError(f"{name} must be at least 0, got {getattr(self, name)}")
+                raise out_of_range(name, "must be at least 0", getattr(self, name))

@@ -19,8 +19,9 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.columnar import column_names, read_columns, stored_text
 from rearl_jax.data.delimited import read_csv, read_header
 from rearl_jax.data.losses import Losses
-from rearl_jax.data.problems import BadRecordingError, require_columns
+from rearl_jax.data.problems import BadRecordingError, recordings_missing, require_columns
 from rearl_jax.data.schema import COLUMNS, REQUIRED, Recording, RecordingInfo, validate
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.whole_files import replacing
 
 METADATA = "recordings"
@@ -41,10 +42,8 @@ def find_tables(root: Path) -> list[Path]:
     files = [root] if root.is_file() else sorted(root.glob("*"))
     found = [file for file in files if file.suffix.lower() in (".parquet", ".csv")]
     if not found:
-        raise FileNotFoundError(
-            f"no .parquet or .csv in {root}: data.root must name a table, or a folder of tables, with the "
-            f"columns {', '.join(REQUIRED)}; `rearl prepare` writes such tables"
-        )
+        wanted = f"a table, or a folder of tables, with the columns {', '.join(REQUIRED)}, as `rearl prepare` writes"
+        raise recordings_missing("no .parquet or .csv", root, wanted)
     return found
 
 
@@ -67,7 +66,15 @@ class TableFile:
         else:
             names = pd.Series(read_columns(self.path, (), ("recording",))["recording"].unique())
         if names.isna().any():
-            raise BadRecordingError(str(self.path), "a row has no recording", "complete it", "recording")
+            raise BadRecordingError(
+                Problem(
+                    "recording-unnamed",
+                    "a row has no recording",
+                    "complete it",
+                    file=str(self.path),
+                    column="recording",
+                )
+            )
         return [str(name) for name in names]
 
     def read(self, recording: str) -> Recording:
@@ -125,7 +132,9 @@ class TableFile:
             infos = [RecordingInfo.from_json(info, file=str(self.path)) for info in json.loads(stored or "[]")]
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError) as error:
             text = f"what it states about the recordings cannot be used: {type(error).__name__}: {error}"
-            raise BadRecordingError(str(file), text, "correct it, or remove it to have it worked out") from None
+            raise BadRecordingError(
+                Problem("metadata-unusable", text, "correct it, or remove it to have it worked out", file=str(file))
+            ) from None
         return {info.id: info for info in infos}
 
 
@@ -141,7 +150,7 @@ def write_recording(recording: Recording, path: Path) -> Path:
         ValueError: Another ending.
     """
     if path.suffix not in (".parquet", ".csv"):
-        raise ValueError(f"{path} must end in .parquet or .csv")
+        raise InvalidInputError(Problem("ending-unknown", "the name must end in .parquet or .csv", file=str(path)))
     text = describe([recording.info])
     if path.suffix == ".csv":
         with replacing(sidecar(path)) as unfinished:
@@ -165,7 +174,9 @@ def _worked_out(recording: str, rows: pd.DataFrame, path: Path) -> RecordingInfo
     """What the rows themselves tell about a recording."""
     if "time" not in rows:
         text = "without metadata of the recording the frame rate follows from time"
-        raise BadRecordingError(str(path), text, "add the column time [s]", "time")
+        raise BadRecordingError(
+            Problem("frame-rate-unknown", text, "add the column time [s]", file=str(path), column="time")
+        )
     values = {
         name: pd.Series(pd.to_numeric(rows[name], errors="coerce")).to_numpy(np.float64, na_value=np.nan)
         for name in ("track_id", "frame", "time", "direction", "position", "length", "lane")
@@ -180,7 +191,9 @@ def _worked_out(recording: str, rows: pd.DataFrame, path: Path) -> RecordingInfo
     period = float(np.median(seconds[np.isfinite(seconds)])) if np.isfinite(seconds).any() else 0.0
     if period <= 0.0:
         text = "the frame rate cannot be told: no track has two rows with rising frame and time"
-        raise BadRecordingError(str(path), text, "correct frame and time [s]", "time")
+        raise BadRecordingError(
+            Problem("frame-rate-unknown", text, "correct frame and time [s]", file=str(path), column="time")
+        )
     lanes = {}
     for direction in (1, 2):
         here = values["direction"] == direction

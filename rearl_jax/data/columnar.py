@@ -9,7 +9,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from rearl_jax.data.problems import BadRecordingError, require_columns
+from rearl_jax.data.problems import BadRecordingError, file_missing, require_columns
+from rearl_jax.problems import Problem
 
 
 def column_names(path: Path) -> list[str]:
@@ -52,7 +53,9 @@ def read_columns(
     require_columns(found, names, str(path))
     for name in names:
         if found.count(name) > 1:
-            raise BadRecordingError(str(path), "the column is there twice", "remove one of them", name)
+            raise BadRecordingError(
+                Problem("column-twice", "the column is there twice", "remove one of them", file=str(path), column=name)
+            )
     with _readable(path):
         table = _table(path, names, only)
         columns = {name: _cast(table[name], name, path, is_text=name in texts) for name in names}
@@ -91,9 +94,13 @@ def _cast(column: pa.ChunkedArray, name: str, path: Path, *, is_text: bool) -> p
         try:
             return column.cast(kind).cast(pa.float64())
         except pa.ArrowInvalid as error:
-            raise BadRecordingError(str(path), str(error).partition("\n")[0], "write numbers there", name) from None
+            raise BadRecordingError(
+                Problem("wrong-type", str(error).partition("\n")[0], "write numbers there", file=str(path), column=name)
+            ) from None
     wanted = "text" if is_text else "numbers"
-    raise BadRecordingError(str(path), f"the column holds {kind}", f"write {wanted} there", name)
+    raise BadRecordingError(
+        Problem("wrong-type", f"the column holds {kind}", f"write {wanted} there", file=str(path), column=name)
+    )
 
 
 @contextmanager
@@ -101,8 +108,8 @@ def _readable(path: Path) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError:
-        raise FileNotFoundError(f"{path} is missing: complete the recording or correct data.root") from None
+        raise file_missing(path) from None
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         said = str(error).partition("\n")[0]
         text = f"not a readable Parquet file ({said})"
-        raise BadRecordingError(str(path), text, "copy or write it again") from None
+        raise BadRecordingError(Problem("not-parquet", text, "copy or write it again", file=str(path))) from None

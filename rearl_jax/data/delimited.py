@@ -11,7 +11,8 @@ import pyarrow as pa
 from pyarrow import csv
 
 from rearl_jax.config.data import OnBad
-from rearl_jax.data.problems import DROP_HINT, BadRecordingError, require_columns
+from rearl_jax.data.problems import DROP_HINT, BadRecordingError, file_missing, require_columns
+from rearl_jax.problems import Problem
 
 
 def read_header(path: Path) -> list[str]:
@@ -22,15 +23,19 @@ def read_header(path: Path) -> list[str]:
         BadRecordingError: The file is empty or not text.
     """
     if not path.is_file():
-        raise FileNotFoundError(f"{path} is missing: complete the recording or correct data.root")
+        raise file_missing(path)
     try:
         with path.open(encoding="utf-8-sig") as file:
             line = file.readline().strip()
         names = next(header_csv.reader([line], skipinitialspace=True), [])
     except (UnicodeDecodeError, header_csv.Error) as error:
-        raise BadRecordingError(str(path), f"not a text file ({error})", "give a CSV file in UTF-8") from None
+        raise BadRecordingError(
+            Problem("not-text", f"not a text file ({error})", "give a CSV file in UTF-8", file=str(path))
+        ) from None
     if not line:
-        raise BadRecordingError(str(path), "the file is empty", "remove the file or complete it")
+        raise BadRecordingError(
+            Problem("file-empty", "the file is empty", "remove the file or complete it", file=str(path))
+        )
     return [name.strip() for name in names]
 
 
@@ -52,7 +57,9 @@ def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tupl
     require_columns(present, tuple(columns), str(path))
     twice = [name for name, n in Counter(present).items() if n > 1 and name in columns]
     if twice:
-        raise BadRecordingError(str(path), "the column is there twice", "remove one of them", twice[0])
+        raise BadRecordingError(
+            Problem("column-twice", "the column is there twice", "remove one of them", file=str(path), column=twice[0])
+        )
     return _Lines(path, present).table(columns, on_bad)
 
 
@@ -132,8 +139,12 @@ class _Lines:
                 try:
                     line.decode()
                 except UnicodeDecodeError as error:
-                    text = f"line {number} is not text in UTF-8 ({error.reason})"
-                    raise BadRecordingError(str(self.path), text, "the file is damaged: copy it again") from None
+                    text = f"the line is not text in UTF-8 ({error.reason})"
+                    raise BadRecordingError(
+                        Problem(
+                            "not-text", text, "the file is damaged: copy it again", file=str(self.path), line=number
+                        )
+                    ) from None
 
     def _broken_line(self, row: csv.InvalidRow, n_rows: int) -> BadRecordingError:
         text = f"the line has {row.actual_columns} fields instead of {row.expected_columns}"
@@ -141,7 +152,9 @@ class _Lines:
             text += f" (and {n_rows - 1} more lines)"
         remedy = f"the file is cut off or damaged: copy it again{DROP_HINT}"
         # Arrow counts lines from 1, the header among them.
-        return BadRecordingError(str(self.path), text, remedy, row=row.number - self._header_lines)
+        return BadRecordingError(
+            Problem("line-broken", text, remedy, file=str(self.path), row=row.number - self._header_lines)
+        )
 
     def _bad_value(self, message: str) -> BadRecordingError:
         """The error for a message such as `In CSV column #2: Row #5: CSV conversion error to double: ...`."""
@@ -153,4 +166,6 @@ class _Lines:
             elif part.startswith("Row #"):
                 row = int(part.removeprefix("Row #")) - self._header_lines
         remedy = "the file is damaged: copy it again" if column is None else "write a number there"
-        return BadRecordingError(str(self.path), message.splitlines()[0], remedy, column, row)
+        return BadRecordingError(
+            Problem("value-unreadable", message.splitlines()[0], remedy, file=str(self.path), column=column, row=row)
+        )

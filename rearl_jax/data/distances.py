@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rearl_jax.config.scenes import FeatureDistance, SpacingMetric
+from rearl_jax.problems import InvalidInputError, Problem
 
 # Pairs held at once; bounds the memory of a distance matrix to some 100 MB.
 _MAX_PAIRS = 4_000_000
@@ -94,9 +95,8 @@ def distance_headway(vehicles: Vehicles, rows: np.ndarray, present: np.ndarray, 
     Source: highD format, column dhw.
     """
     if (vehicles.lane[rows][present] < 0).any():
-        raise ValueError(
-            "features.d=dhw needs lanes, but a recording has vehicles without one: set features.d=mean_all"
-        )
+        said = "is dhw, which needs lanes, but a recording has vehicles without one: set features.d=mean_all"
+        raise InvalidInputError(Problem("lane-missing", said, key="features.d"))
     result = np.empty((len(rows), n_places))
     for part in _parts(len(rows), n_places * rows.shape[1]):
         own, other = rows[part, :n_places, None], rows[part, None, :]

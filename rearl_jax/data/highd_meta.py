@@ -14,6 +14,7 @@ from rearl_jax.data.losses import Losses
 from rearl_jax.data.problems import DROP_HINT, BadRecordingError, require_columns
 from rearl_jax.data.records import SPEED_LIMITS
 from rearl_jax.data.unit_checks import LANE_WIDTH
+from rearl_jax.problems import Problem
 
 _NEEDED = ("frameRate", "upperLaneMarkings", "lowerLaneMarkings")
 _SLOWEST, _FASTEST = 0.1, 1000.0  # frames per second, beyond every camera that watches roads
@@ -52,7 +53,7 @@ def read_recording_meta(path: Path) -> RecordingMeta:
     columns = {name: pa.string() for name in (*_NEEDED, *({"speedLimit"} & set(present)))}
     rows, _ = read_csv(path, columns, OnBad.stop)
     if not rows.num_rows:
-        raise BadRecordingError(str(path), "the recording has no row", "complete the file")
+        raise BadRecordingError(Problem("no-rows", "the recording has no row", "complete the file", file=str(path)))
 
     def numbers(name: str, at_least: int) -> tuple[float, ...]:
         written = rows[name][0].as_py() or ""
@@ -62,7 +63,7 @@ def read_recording_meta(path: Path) -> RecordingMeta:
             values = []
         if len(values) < at_least or not np.all(np.isfinite(values)):
             text = f"{written!r} is not {at_least} number{'s separated by ; or more' if at_least > 1 else ''}"
-            raise BadRecordingError(str(path), text, "correct it", name, 1)
+            raise BadRecordingError(Problem("not-a-number", text, "correct it", file=str(path), column=name, row=1))
         return tuple(values)
 
     def markings(name: str) -> tuple[float, ...]:
@@ -70,17 +71,19 @@ def read_recording_meta(path: Path) -> RecordingMeta:
         width = float(np.median(np.diff(lines)))
         if not LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
             text = f"the lane markings are {width:.2f} m apart, outside {LANE_WIDTH[0]} to {LANE_WIDTH[1]} m"
-            raise BadRecordingError(str(path), text, "give them in m", name, 1)
+            raise BadRecordingError(Problem("wrong-units", text, "give them in m", file=str(path), column=name, row=1))
         return lines
 
     frame_rate = numbers("frameRate", 1)[0]
     if not _SLOWEST <= frame_rate <= _FASTEST:
         text = f"{frame_rate:g} is no number of frames per second"
-        raise BadRecordingError(str(path), text, "correct it", "frameRate", 1)
+        raise BadRecordingError(Problem("frame-rate", text, "correct it", file=str(path), column="frameRate", row=1))
     limit = numbers("speedLimit", 1)[0] if "speedLimit" in columns and rows["speedLimit"][0].as_py() else -1.0
     if limit > 0.0 and not SPEED_LIMITS[0] <= limit <= SPEED_LIMITS[1]:
         text = f"{limit:g} m/s is no speed limit of a highway"
-        raise BadRecordingError(str(path), text, "give it in m/s, -1 for none", "speedLimit", 1)
+        raise BadRecordingError(
+            Problem("speed-limit", text, "give it in m/s, -1 for none", file=str(path), column="speedLimit", row=1)
+        )
     return RecordingMeta(
         frame_rate=frame_rate,
         # highD writes -1 where there is no speed limit.
@@ -105,10 +108,11 @@ def read_tracks_meta(path: Path, policy: DataConfig, losses: Losses) -> pd.DataF
     meta["class"] = meta["class"].str.lower()
     direction = meta["drivingDirection"]
     stops = (
-        ("id", meta["id"].isna(), "has no id", "complete it"),
-        ("id", meta["id"].duplicated(), "is listed twice", "keep one of the two rows"),
-        ("numFrames", meta["numFrames"].isna(), "has no number of frames", "complete it"),
+        ("id-missing", "id", meta["id"].isna(), "has no id", "complete it"),
+        ("duplicate", "id", meta["id"].duplicated(), "is listed twice", "keep one of the two rows"),
+        ("value-missing", "numFrames", meta["numFrames"].isna(), "has no number of frames", "complete it"),
         (
+            "wrong-direction",
             "drivingDirection",
             ~direction.isin([1, 2]),
             "has a direction that is neither 1 nor 2",
@@ -117,10 +121,10 @@ def read_tracks_meta(path: Path, policy: DataConfig, losses: Losses) -> pd.DataF
     )
     if policy.on_bad is OnBad.stop:
         remedy = f"use one of {', '.join(CLASSES)}{DROP_HINT}"
-        stops += (("class", ~meta["class"].isin(CLASSES), "has an unknown class", remedy),)
-    for column, bad, problem, remedy in stops:
+        stops += (("unknown-class", "class", ~meta["class"].isin(CLASSES), "has an unknown class", remedy),)
+    for code, column, bad, said, remedy in stops:
         if bad.any():
             row = int(np.argmax(bad))
-            text = f"track {meta['id'].iloc[row]} {problem} ({meta[column].astype(object).iloc[row]!r})"
-            raise BadRecordingError(str(path), text, remedy, column, row + 1)
+            text = f"track {meta['id'].iloc[row]} {said} ({meta[column].astype(object).iloc[row]!r})"
+            raise BadRecordingError(Problem(code, text, remedy, file=str(path), column=column, row=row + 1))
     return meta.set_index("id")

@@ -7,6 +7,7 @@ from rearl_jax.config.core import CoreConfig
 from rearl_jax.core.road import traffic_model
 from rearl_jax.core.state import TrafficState, make_state
 from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 def first_lanes(scenes: SceneSet) -> Int[np.ndarray, "scenes slots"]:
@@ -18,7 +19,8 @@ def first_lanes(scenes: SceneSet) -> Int[np.ndarray, "scenes slots"]:
         ValueError: A lane is unknown.
     """
     if (scenes.lane[:, 0] < 0).any():
-        raise ValueError("init.source=scene needs the lane of every vehicle; these recordings lack some")
+        said = "is scene, which needs the lane of every vehicle; these recordings lack some"
+        raise InvalidInputError(Problem("lane-missing", said, key="init.source"))
     lanes = {info.id: info.lane_count for info in scenes.infos}
     first = np.array([lanes[name].get(1, 0) for name in scenes.recording.tolist()])
     return scenes.lane[:, 0] + np.where(scenes.direction[:, 0] == 2, first[:, None], 0)
@@ -35,17 +37,13 @@ def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
         ValueError: The simulated road has too few lanes or another number of vehicles, or a lane is unknown.
     """
     if core.n_vehicles != scenes.n_slots:
-        raise ValueError(
-            f"init.source=scene starts from the {scenes.n_slots} vehicles of a snapshot, but core.n_vehicles "
-            f"is {core.n_vehicles}: set core.n_vehicles={scenes.n_slots} (or scenes.slots)"
-        )
+        said = f"must be the {scenes.n_slots} vehicles of a snapshot, scenes.slots, for init.source=scene"
+        raise out_of_range("core.n_vehicles", said, core.n_vehicles)
     lane = first_lanes(scenes)
     n_lanes = int(lane.max()) + 1
     if n_lanes > core.n_lanes:
-        raise ValueError(
-            f"init.source=scene needs a road of {n_lanes} lanes for these recordings, but core.n_lanes is "
-            f"{core.n_lanes}: set core.n_lanes={n_lanes}"
-        )
+        said = f"must be {n_lanes}, the lanes of these recordings, for init.source=scene"
+        raise out_of_range("core.n_lanes", said, core.n_lanes)
     position = scenes.position[:, 0]
     model = traffic_model(core)
     return make_state(

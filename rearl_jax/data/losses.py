@@ -9,6 +9,7 @@ import pandas as pd
 from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.problems import BadRecordingError, Finding
 from rearl_jax.data.records import RecordingInfo
+from rearl_jax.problems import Problem
 
 
 @dataclass
@@ -66,8 +67,10 @@ def reject(
         rows = rows | np.isin(track, track[rows])
     table = losses.remove(table, rows, finding.name)
     if table.empty:
-        text = f"no row is left after dropping, the last cause was {finding.name}: {finding.problem}"
-        raise BadRecordingError(info.file or info.id, text, finding.remedy, finding.column)
+        text = f"no row is left after dropping, the last cause was {finding.name}: {finding.said}"
+        raise BadRecordingError(
+            Problem("no-row-left", text, finding.remedy, file=info.file or info.id, column=finding.column)
+        )
     return table
 
 
@@ -84,7 +87,9 @@ def remove_fragments(table: pd.DataFrame, info: RecordingInfo, losses: Losses) -
     short = np.isin(track, list(losses.cut)) & (n_rows[which] < info.frame_rate)
     if short.all():
         text = "no row is left: all pieces of tracks that were cut are shorter than 1 s"
-        raise BadRecordingError(info.file or info.id, text, "correct the faults at which they were cut")
+        raise BadRecordingError(
+            Problem("no-row-left", text, "correct the faults at which they were cut", file=info.file or info.id)
+        )
     return losses.remove(table, short, "fragment") if short.any() else table
 
 

@@ -16,9 +16,10 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.columnar import column_names, read_columns
 from rearl_jax.data.losses import Losses, reject, split_tracks
 from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE
-from rearl_jax.data.problems import BadRecordingError, Finding, require_columns
+from rearl_jax.data.problems import BadRecordingError, Finding, recordings_missing, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.unit_checks import MEDIAN_SIZE, require_period
+from rearl_jax.problems import Problem
 
 TRUCK_LENGTH = 7.0  # m; the lengths of I-80 leaders have a gap between 6.8 m (cars) and 7.7 m
 LANES = 7  # six lanes and the on-ramp, NGSIM I-80 data description
@@ -36,10 +37,8 @@ def find_pairs(root: Path) -> Path:
     """
     found = sorted(root.glob("*.parquet"))
     if len(found) != 1:
-        raise FileNotFoundError(
-            f"{len(found)} Parquet files in {root}: data.root must name the folder with the one file of "
-            f"leader-follower pairs, columns run, {', '.join(_NUMBERS)}"
-        )
+        wanted = f"the folder with the one file of leader-follower pairs, columns run, {', '.join(_NUMBERS)}"
+        raise recordings_missing(f"{len(found)} Parquet files", root, wanted)
     return found[0]
 
 
@@ -49,13 +48,15 @@ def pairs_recordings(path: Path) -> dict[str, str]:
     runs = read_columns(path, (), ("run",))["run"].unique().tolist()
     if not runs or None in runs:
         text = "a row has no run" if runs else "the table has no rows"
-        raise BadRecordingError(str(path), text, "complete the file", "run")
+        raise BadRecordingError(Problem("run-unnamed", text, "complete the file", file=str(path), column="run"))
     recordings: dict[str, str] = {}
     for run in sorted(runs):
         name = f"i80_{run[:4]}"
         if name in recordings:
             text = f"the runs {recordings[name]} and {run} would both be {name}"
-            raise BadRecordingError(str(path), text, "give each run another start time", "run")
+            raise BadRecordingError(
+                Problem("run-twice", text, "give each run another start time", file=str(path), column="run")
+            )
         recordings[name] = run
     return recordings
 
@@ -94,7 +95,11 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     if (span > _SAME).any():
         row = int(np.argmax(span > _SAME))
         text = f"vehicle {pairs['leader'].iloc[row]} has several lengths"
-        raise BadRecordingError(info.file, text, "correct the lengths", "leader_length_m", row + 1)
+        raise BadRecordingError(
+            Problem(
+                "lengths-contradict", text, "correct the lengths", file=info.file, column="leader_length_m", row=row + 1
+            )
+        )
     losses = Losses()
     members = _members(pairs, policy.default_length)
     members = _agreeing(members, info, policy, losses)
@@ -118,7 +123,9 @@ def _require_ids(pairs: pd.DataFrame, info: RecordingInfo) -> None:
         if bad.any():
             row = int(np.argmax(bad))
             text = f"{values[row]:g} is no number of a vehicle"
-            raise BadRecordingError(info.file, text, "write a whole number", name, row + 1)
+            raise BadRecordingError(
+                Problem("not-a-number", text, "write a whole number", file=info.file, column=name, row=row + 1)
+            )
 
 
 def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
@@ -127,7 +134,11 @@ def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
     order = np.argsort(pair, kind="stable")
     time = pairs["t_s"].to_numpy(np.float64)[order]
     if (np.abs(time) > _MOST_TIME).any():
-        raise BadRecordingError(info.file, f"a time is beyond {_MOST_TIME:g} s", "give the time in s", "t_s")
+        raise BadRecordingError(
+            Problem(
+                "wrong-units", f"a time is beyond {_MOST_TIME:g} s", "give the time in s", file=info.file, column="t_s"
+            )
+        )
     require_period(time, pair[order], 1.0 / FRAME_RATE, info.file, "t_s")
     lengths = pairs["leader_length_m"].to_numpy(np.float64)
     lengths = lengths[~np.isnan(lengths)]
@@ -138,7 +149,9 @@ def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
     middle = np.quantile(lengths, 0.5, method="lower")  # of two middle ones no mean, which huge ones overflow
     if not (lengths.min() <= high and low <= middle < np.inf):
         text = f"lengths from {lengths.min():.2f} m on, {middle:.2f} m in the median, are not those of cars"
-        raise BadRecordingError(info.file, text, "convert the lengths to m", "leader_length_m")
+        raise BadRecordingError(
+            Problem("wrong-units", text, "convert the lengths to m", file=info.file, column="leader_length_m")
+        )
 
 
 def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:

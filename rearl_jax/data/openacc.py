@@ -18,9 +18,10 @@ from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data import checks
 from rearl_jax.data.columnar import read_columns
 from rearl_jax.data.losses import Losses
-from rearl_jax.data.problems import BadRecordingError, Finding
+from rearl_jax.data.problems import BadRecordingError, Finding, recordings_missing
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.unit_checks import is_other_unit, require_period, scale_of
+from rearl_jax.problems import Problem
 
 FRAME_RATE = 10.0
 LICENCE = "CC BY 4.0"
@@ -58,10 +59,8 @@ def find_platoons(root: Path) -> Path:
     """
     found = sorted(root.glob("*.parquet"))
     if len(found) != 1:
-        raise FileNotFoundError(
-            f"{len(found)} Parquet files in {root}: data.root must name the folder with the one file of "
-            f"OpenACC platoons, columns file, {', '.join(_NUMBERS)}"
-        )
+        wanted = f"the folder with the one file of OpenACC platoons, columns file, {', '.join(_NUMBERS)}"
+        raise recordings_missing(f"{len(found)} Parquet files", root, wanted)
     return found[0]
 
 
@@ -72,7 +71,7 @@ def platoon_recordings(path: Path) -> dict[str, Platoon]:
     wrong = rows["file"].isna().to_numpy() | ~((place >= 1.0) & (place < _MOST_PLACES) & (place == np.rint(place)))
     if wrong.any():
         text, row = "a row does not say which vehicle of which file it is", int(np.argmax(wrong)) + 1
-        raise BadRecordingError(str(path), text, "complete it", "pos", row)
+        raise BadRecordingError(Problem("vehicle-unnamed", text, "complete it", file=str(path), column="pos", row=row))
     has_gap = rows.groupby(["file", "pos"], observed=True)["gap_to_follower_m"].count() > 0
     recordings = {}
     for file in has_gap.index.unique("file"):
@@ -130,7 +129,15 @@ def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfi
     _leave_out(~placed, table, "no_gap", "position", text, info, policy, losses)
     table = table.iloc[np.flatnonzero(placed)]
     if table.empty:
-        raise BadRecordingError(info.file, "no vehicle has a known place", "complete speeds and gaps", "pos")
+        raise BadRecordingError(
+            Problem(
+                "place-unknown",
+                "no vehicle has a known place",
+                "complete speeds and gaps",
+                file=info.file,
+                column="pos",
+            )
+        )
     backward = table["speed"].to_numpy() < 0.0
     note = f"{n_filled} speeds and gaps in holes of 1 s or less interpolated, "
     note += f"{int(backward.sum())} negative speeds set to 0"
@@ -173,7 +180,11 @@ def _plausible(
     _leave_out(lost, rows, "bad_time", "frame", "the time is unknown or a day off", info, policy, losses)
     rows = rows.iloc[np.flatnonzero(inside & ~lost)]
     if rows.empty:
-        raise BadRecordingError(info.file, "no row says when it was measured", "complete the times", "t_s")
+        raise BadRecordingError(
+            Problem(
+                "time-unknown", "no row says when it was measured", "complete the times", file=info.file, column="t_s"
+            )
+        )
     frame = np.rint(rows["t_s"].to_numpy(dtype=np.float64) * FRAME_RATE).astype(np.int64)
     rows = rows.assign(frame=frame)
     twice = rows.duplicated(["pos", "frame"]).to_numpy()
@@ -251,7 +262,9 @@ def _require_units(gaps: np.ndarray, speed: np.ndarray, file: str) -> None:
     scale = scale_of((gaps[n:] - gaps[:-n]).ravel(), expected.ravel())
     if scale is not None and is_other_unit(scale):
         text = f"gaps change {scale[0]:.2f} to {scale[1]:.2f} times as fast as the speeds say"
-        raise BadRecordingError(file, text, "give speeds in m/s and gaps in m", "gap_to_follower_m")
+        raise BadRecordingError(
+            Problem("wrong-units", text, "give speeds in m/s and gaps in m", file=file, column="gap_to_follower_m")
+        )
 
 
 def _leave_out(
@@ -259,7 +272,7 @@ def _leave_out(
     rows: pd.DataFrame,
     name: str,
     column: str,
-    problem: str,
+    said: str,
     info: RecordingInfo,
     policy: DataConfig,
     losses: Losses,
@@ -268,7 +281,7 @@ def _leave_out(
     if not bad.any():
         return
     if policy.on_bad is OnBad.stop:
-        raise Finding(name, column, bad, problem, "complete the source").error(rows, info)
+        raise Finding(name, column, bad, said, "complete the source").error(rows, info)
     losses.counts[name] += int(bad.sum())
 
 

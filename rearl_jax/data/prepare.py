@@ -25,6 +25,7 @@ from rearl_jax.data.recordings import count_recordings, data_id, is_generated, i
 from rearl_jax.data.records import Recording
 from rearl_jax.data.scene_files import save_scenes
 from rearl_jax.data.scenes import build_scenes
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 
@@ -145,7 +146,8 @@ def _totals(seen: _Seen) -> dict:
 def _generate(config: PrepareTask, progress: Progress) -> None:
     root = config.data.root
     if not root:
-        raise ValueError("data.root must name the folder the generated recordings are written to, got none")
+        said = "must name the folder the generated recordings are written to"
+        raise InvalidInputError(Problem("root-unset", said, key="data.root", value="nothing"))
     task = progress.add_task("generating", total=config.generator.n_recordings)
     generate(
         config.generator,

@@ -5,34 +5,19 @@ table as a whole (a missing column, a wrong unit) is always an error.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from rearl_jax.data.records import RecordingInfo
+from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
 
 DROP_HINT = ", or leave it out and have it counted with data.on_bad=drop_row or data.on_bad=drop_track"
 
 
-class BadRecordingError(ValueError):
-    """A recording breaks the schema.
-
-    Attributes:
-        file: File the row comes from.
-        column: Column at fault, as named in the file; None for the table as a whole.
-        row: First row at fault, 1 = first row of data; None for the table as a whole.
-        problem: What is wrong, in words.
-        remedy: What to do about it.
-    """
-
-    def __init__(self, file: str, problem: str, remedy: str, column: str | None = None, row: int | None = None):
-        self.file, self.column, self.row, self.problem, self.remedy = file, column, row, problem, remedy
-        place = [file]
-        if column is not None:
-            place.append(f"column {column}")
-        if row is not None:
-            place.append(f"data row {row}")
-        super().__init__(f"{', '.join(place)}: {problem}. Remedy: {remedy}.")
+class BadRecordingError(InvalidInputError):
+    """A recording breaks the schema."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +25,10 @@ class Finding:
     """Rows of a table that share one problem.
 
     Attributes:
-        name: Key under which dropped rows are counted.
+        name: Key under which dropped rows are counted; with hyphens the code of the problem.
         column: Column at fault, as named in the schema.
         rows: Mask over the rows of the table; for a step (gap, jump) the row after the step.
-        problem: What is wrong with the first marked row, in words.
+        said: What is wrong with the first marked row, in words.
         remedy: What to do about it.
         is_step: The rows are sound, the step from the row before is not.
     """
@@ -51,21 +36,52 @@ class Finding:
     name: str
     column: str
     rows: np.ndarray
-    problem: str
+    said: str
     remedy: str
     is_step: bool = False
+
+    @property
+    def code(self) -> str:
+        """Code of the problem these rows share."""
+        return self.name.replace("_", "-")
 
     def error(self, table: pd.DataFrame, info: RecordingInfo, hint: str = DROP_HINT) -> BadRecordingError:
         """The error this finding becomes; the index of the table holds the rows of the source, from 0."""
         n_rows = int(self.rows.sum())
-        problem = self.problem if n_rows == 1 else f"{self.problem} (and {n_rows - 1} more rows)"
+        said = self.said if n_rows == 1 else f"{self.said} (and {n_rows - 1} more rows)"
         row = int(table.index[int(np.argmax(self.rows))]) + 1
         column = info.columns.get(self.column, self.column)
-        return BadRecordingError(info.file or info.id, problem, f"{self.remedy}{hint}", column, row)
+        file, remedy = info.file or info.id, f"{self.remedy}{hint}"
+        return BadRecordingError(Problem(self.code, said, remedy, file=file, column=column, row=row))
 
 
 def require_columns(found: list[str], required: tuple[str, ...], file: str) -> None:
     """Raise BadRecordingError if one of the required columns is missing."""
     for name in required:
         if name not in found:
-            raise BadRecordingError(file, "the column is missing", f"add it; found: {', '.join(found)}", name)
+            raise BadRecordingError(
+                Problem(
+                    "column-missing",
+                    "the column is missing",
+                    f"add it; found: {', '.join(found)}",
+                    file=file,
+                    column=name,
+                )
+            )
+
+
+def recordings_missing(found: str, root: Path, wanted: str) -> MissingInputError:
+    """The error for a folder without the recordings that are looked for there.
+
+    Args:
+        found: What there is, such as `no .csv`.
+        root: The folder.
+        wanted: What `data.root` must name.
+    """
+    return MissingInputError(Problem("recordings-missing", f"{found}: data.root must name {wanted}", file=str(root)))
+
+
+def file_missing(path: Path) -> MissingInputError:
+    """The error for a file of a recording that is not there."""
+    said = "the file is missing: complete the recording or correct data.root"
+    return MissingInputError(Problem("file-missing", said, file=str(path)))

@@ -10,6 +10,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.reader import Entry
 from rearl_jax.data.readers import reader_of
 from rearl_jax.data.records import Recording, RecordingInfo
+from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
 
 __all__ = [
     "Recording",
@@ -78,10 +79,15 @@ def _selected(data: DataConfig) -> list[Entry]:
     chosen = [entry for entry in entries if fnmatchcase(entry.id, data.recordings)]
     if not chosen:
         names = ", ".join(entry.id for entry in entries[:5]) + (", ..." if len(entries) > 5 else "")
-        raise ValueError(f"data.recordings={data.recordings} selects none of {len(entries)} recordings: {names}")
+        said = f"is {data.recordings}, which selects none of {len(entries)} recordings: {names}"
+        raise InvalidInputError(Problem("selects-none", said, key="data.recordings"))
     twice = sorted(name for name, n in Counter(entry.id for entry in chosen).items() if n > 1)
     if twice:
-        raise ValueError(f"several recordings in {data.root} are called {twice[0]}: give each its own id")
+        raise InvalidInputError(
+            Problem(
+                "recording-twice", f"several recordings are called {twice[0]}: give each its own id", file=data.root
+            )
+        )
     return chosen
 
 
@@ -90,8 +96,11 @@ def _root(data: DataConfig) -> Path:
     root = Path(data.root) if data.root else data.format.shipped
     if root is not None and root.exists():
         return root
-    problem = f"{Path(data.root).absolute()} does not exist" if data.root else "data.root is not set"
-    raise FileNotFoundError(f"{problem}: data.root must name {reader_of(data.format).expected}")
+    said = f"must name {reader_of(data.format).expected}"
+    if data.root:
+        said, file = f"{said}, but there is no such file or folder", str(Path(data.root).absolute())
+        raise MissingInputError(Problem("root-missing", said, key="data.root", file=file))
+    raise MissingInputError(Problem("root-unset", said, key="data.root", value="nothing"))
 
 
 def _files(data: DataConfig) -> list[Path]:

@@ -6,6 +6,8 @@ from typing import Any
 
 import pandas as pd
 
+from rearl_jax.problems import out_of_range
+
 SPEED_LIMITS = (11.0, 45.0)
 """Legal speed limits of highways lie between [m/s]: 40 km/h on ramps are 11.1 m/s, 160 km/h are 44.4 m/s."""
 
@@ -72,20 +74,22 @@ class RecordingInfo:
         """Raise ValueError for what cannot be true of a recording."""
         for name in ("id", "source", "licence", "attribution"):
             if not (isinstance(value := getattr(self, name), str) and value):
-                raise ValueError(f"{name} must be a text, got {value!r}")
+                raise out_of_range(name, "must be a text", repr(value))
         for name in ("frame_rate", "road_length", "speed_limit"):
             value = getattr(self, name)
             if not (_is_number(value) and 0 < value < _MOST) and not (name == "speed_limit" and value is None):
-                raise ValueError(f"{name} must be a number above 0, got {value!r}")
+                raise out_of_range(name, "must be a number above 0", repr(value))
         if self.speed_limit is not None and not SPEED_LIMITS[0] <= self.speed_limit <= SPEED_LIMITS[1]:
-            raise ValueError(f"speed_limit is {self.speed_limit:g} m/s, no limit of a highway: is it in another unit?")
+            said = "must be a limit of a highway in m/s: is it in another unit?"
+            raise out_of_range("speed_limit", said, self.speed_limit)
         if not self.lane_count or not all(side in (1, 2) and 0 < n < 100 for side, n in self.lane_count.items()):
-            raise ValueError(f"lane_count must be the number of lanes of the directions 1 and 2, got {self.lane_count}")
+            raise out_of_range("lane_count", "must be the number of lanes of the directions 1 and 2", self.lane_count)
         for offsets in self.lane_markings.values():
             if not all(_is_number(offset) and abs(offset) < _MOST for offset in offsets):
-                raise ValueError(f"lane_markings must be numbers, got {offsets}")
+                raise out_of_range("lane_markings", "must be numbers", offsets)
         if not isinstance(self.generated, bool) or not all(isinstance(note, str) for note in self.notes):
-            raise ValueError("generated must be true or false, notes texts")
+            said = "must be true or false, and notes texts"
+            raise out_of_range("generated", said, self.generated)
 
     def with_notes(self, *notes: str) -> "RecordingInfo":
         """A copy with further notes."""

@@ -11,9 +11,11 @@ from rearl_jax.config.scenes import SpeedNorm
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.scene_set import ARRAYS, SceneCounts, SceneSet
 from rearl_jax.data.scene_windows import UNKNOWN_LANE
+from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
 from rearl_jax.results import Study, read_metadata
 
 _METADATA = "scenes"
+_WRITE = "write it with `rearl prepare`"
 _PER_SCENE = ("scene_id", "recording", "window", "start_frame", "start_time", "frame_rate")
 _LANES = ("lane", "next_lane")
 _DERIVED = ("scaled_speed",)
@@ -52,24 +54,26 @@ def load_scenes(path: str | Path) -> SceneSet:
     """
     path = Path(path)
     if not path.is_file():
-        raise FileNotFoundError(f"{path} does not exist: write it with `rearl prepare`")
+        raise MissingInputError(Problem("file-missing", "there is no such file", _WRITE, file=str(path)))
     stored = read_metadata(path).get(_METADATA)
     if stored is None:
-        raise ValueError(f"{path} holds no scenes (its metadata has no key {_METADATA}): write it with `rearl prepare`")
+        said = f"the file holds no scenes (its metadata has no key {_METADATA})"
+        raise InvalidInputError(Problem("no-scenes", said, _WRITE, file=str(path)))
     meta = json.loads(stored)
     table = pd.read_parquet(path)
     missing = [name for name in (*ARRAYS, "k", "slot") if name not in table.columns]
     if missing:
-        raise ValueError(f"{path} lacks the columns {', '.join(missing)}: write it again with `rearl prepare`")
+        said = "the column is missing"
+        raise InvalidInputError(Problem("column-missing", said, _WRITE, file=str(path), column=missing[0]))
     shape = tuple(meta["shape"])
     k, slot = table["k"].to_numpy(np.int64), table["slot"].to_numpy(np.int64)
     expected = np.arange(int(np.prod(shape)))
     if len(table) != len(expected) or (k * shape[2] + slot != expected % (shape[1] * shape[2])).any():
-        raise ValueError(
-            f"{path} has {len(table)} rows, its metadata says {shape[0]} scenes x {shape[1]} snapshots x "
-            f"{shape[2]} slots in this order: the file was changed after it was written, write it again with "
-            "`rearl prepare`"
+        said = (
+            f"there are {len(table)} rows, but the metadata says {shape[0]} scenes x {shape[1]} snapshots x {shape[2]} "
+            "slots in this order: the file was changed after it was written"
         )
+        raise InvalidInputError(Problem("rows-changed", said, _WRITE, file=str(path)))
     arrays = {}
     for name in ARRAYS:
         column = table[name]

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Int, Int8, Shaped
 from rearl_jax.config.scenes import SpeedNorm
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.scene_windows import UNKNOWN_LANE
+from rearl_jax.problems import InvalidInputError, Problem
 
 SPEED_RANGE = (5.0, 32.0)
 """Range of the scaled speed [m/s] = target speeds the simulated vehicles can have. Source: Bi et al.; DiLu's
@@ -178,10 +179,11 @@ def speed_extremes(speed: np.ndarray, norm: SpeedNorm) -> tuple[float, float]:
     else:
         low, high = float(speed.min()), float(speed.max())
     if norm in (SpeedNorm.minmax, SpeedNorm.minmax_p01_999) and not low < high:
-        raise ValueError(
-            f"all speeds are {low:g} m/s, so they cannot be spread over {SPEED_RANGE[0]:g} to "
-            f"{SPEED_RANGE[1]:g} m/s: set speed.norm=clip or speed.norm=none"
+        said = (
+            f"cannot spread speeds over {SPEED_RANGE[0]:g} to {SPEED_RANGE[1]:g} m/s that are all {low:g} m/s: set "
+            "speed.norm=clip or speed.norm=none"
         )
+        raise InvalidInputError(Problem("speeds-all-equal", said, key="speed.norm"))
     return low, high
 
 
@@ -222,9 +224,8 @@ def real_lane_change_rate(scenes: SceneSet) -> Float[np.ndarray, " scenes"]:
     """
     unknown = np.argwhere(scenes.lane == UNKNOWN_LANE)
     if len(unknown):
-        raise ValueError(
-            f"recording {scenes.recording[unknown[0, 0]]} has vehicles without a lane: lane changes and "
-            "time headways cannot be measured on it. Choose data with lanes"
-        )
+        said = "a vehicle has no lane: lane changes and time headways cannot be measured"
+        file = f"recording {scenes.recording[unknown[0, 0]]}"
+        raise InvalidInputError(Problem("lane-missing", said, "choose data with lanes", file=file))
     changed = scenes.has_next & (scenes.next_lane != UNKNOWN_LANE) & (scenes.next_lane != scenes.lane)
     return changed.mean(axis=(1, 2))

@@ -12,6 +12,7 @@ import numpy as np
 from rearl_jax.config.scenes import Direction, FeaturesConfig, Pick, ScenesConfig, SpacingConfig, TracksConfig
 from rearl_jax.data.distances import Vehicles, feature_distance, mean_distance
 from rearl_jax.data.records import Recording
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 LEFT, KEEP, RIGHT, FASTER, SLOWER = range(5)
 """Identifiers of the actions. Source: highway-env 1.12.1, DiscreteMetaAction.ACTIONS_ALL."""
@@ -21,6 +22,8 @@ SPEED_CHANGE = 0.5
 
 UNKNOWN_LANE = -1
 """Lane of a vehicle whose lane is not known; lanes count from 0."""
+
+_READ_CHECKED = "read the recording with rearl_jax.data.recordings, which checks it"
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,8 @@ class Tracks:
     def __init__(self, recording: Recording):
         table = recording.table
         if len(table) == 0:
-            raise ValueError(f"recording {recording.info.id} is empty: leave it out or check its source file")
+            said, remedy = "the table has no rows", "leave it out or check its source file"
+            raise InvalidInputError(Problem("no-rows", said, remedy, file=f"recording {recording.info.id}"))
         self.track_id = table["track_id"].to_numpy(np.int64)
         self.frame = table["frame"].to_numpy(np.int64)
         self.starts = np.flatnonzero(np.diff(self.track_id, prepend=self.track_id[0] - 1))
@@ -62,11 +66,12 @@ class Tracks:
         unsorted = (np.diff(self.track_id) < 0) | (np.diff(self.key) <= 0)
         if unsorted.any():
             row = int(np.flatnonzero(unsorted)[0]) + 1
-            raise ValueError(
-                f"recording {recording.info.id} is not sorted by track_id and frame, or holds a frame twice: "
-                f"table row {row} (track {self.track_id[row]}, frame {self.frame[row]}). Read it with "
-                "rearl_jax.data.recordings, which checks it"
+            said = (
+                "the table is not sorted by track_id and frame, or holds a frame twice "
+                f"(track {self.track_id[row]}, frame {self.frame[row]})"
             )
+            file = f"recording {recording.info.id}"
+            raise InvalidInputError(Problem("unsorted", said, _READ_CHECKED, file=file, row=int(row) + 1))
 
     @property
     def lengths(self) -> np.ndarray:
@@ -141,11 +146,11 @@ def windows_of(
     bad = ~np.isfinite(arrays["speed"] + arrays["x"] + arrays["y"] + arrays["position"] + arrays["length"])
     if bad.any():
         scene, frame, slot = np.argwhere(bad)[0]
-        raise ValueError(
-            f"recording {recording.info.id}: speed, x, y, position or length of track "
-            f"{arrays['track_id'][scene, frame, slot]} is not a number in the window from frame "
-            f"{starts[window[scene]]} on. Read the recording with rearl_jax.data.recordings, which checks it"
+        said = (
+            f"speed, x, y, position or length of track {arrays['track_id'][scene, frame, slot]} is not a number in the "
+            f"window from frame {starts[window[scene]]} on"
         )
+        raise InvalidInputError(Problem("not-finite", said, _READ_CHECKED, file=f"recording {recording.info.id}"))
     arrays |= {
         "recording": np.full(len(window), recording.info.id),
         "window": window.astype(np.int64),
@@ -223,10 +228,8 @@ def _window_offsets(recording: Recording, span: int, scenes: ScenesConfig) -> np
     """First frames, counted from the recording's first, of the full windows that fit into `span`."""
     rate, stride = recording.info.frame_rate, scenes.stride_seconds
     if stride * rate < 1:
-        raise ValueError(
-            f"scenes.stride = {stride:g} s is shorter than a frame of recording {recording.info.id} "
-            f"({1 / rate:g} s): set scenes.stride to {1 / rate:g} or more"
-        )
+        said = f"must be at least a frame of recording {recording.info.id}, {1 / rate:g} s"
+        raise out_of_range("scenes.stride", said, stride)
     offsets = frame_offsets(np.arange(int(span / rate / stride) + 1) * stride, rate)
     return offsets[offsets + round(scenes.seconds * rate) <= span]
 

@@ -22,6 +22,7 @@ from rearl_jax.config.scenes import (
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.scene_set import SceneCounts, SceneSet, speed_extremes
 from rearl_jax.data.scene_windows import WindowCount, windows_of
+from rearl_jax.problems import InvalidInputError, Problem
 
 log = logging.getLogger(__name__)
 
@@ -62,7 +63,8 @@ def build_scenes(
     for recording in recordings:
         info = recording.info
         if info.id in seen:
-            raise ValueError(f"two recordings are called {info.id}: give every recording its own id")
+            said = "two recordings are called so: give every recording its own id"
+            raise InvalidInputError(Problem("recording-twice", said, file=f"recording {info.id}"))
         arrays, seen[info.id] = windows_of(recording, scenes, tracks, features, spacing)
         if arrays:
             infos.append(info)
@@ -75,7 +77,7 @@ def build_scenes(
         if progress is not None:
             progress(info.id, n_scenes)
     if n_scenes == 0:
-        raise ValueError(_no_scene(seen, scenes))
+        raise InvalidInputError(_no_scene(seen, scenes))
     counts = _counts(seen)
     log.info("%d scenes of %d windows; REARL reports %d from highD", n_scenes, counts.windows, PAPER_SCENES)
     # Field by field, so that the parts of a field are freed before the next one is joined.
@@ -106,17 +108,16 @@ def _counts(seen: Mapping[str, WindowCount]) -> SceneCounts:
     )
 
 
-def _no_scene(seen: Mapping[str, WindowCount], scenes: ScenesConfig) -> str:
+def _no_scene(seen: Mapping[str, WindowCount], scenes: ScenesConfig) -> Problem:
     """Why there is no scene, and which key to change."""
     if not seen:
-        return "there are no recordings to cut scenes from: check data.format and data.root"
+        said = "there are no recordings to cut scenes from: check data.format and data.root"
+        return Problem("recordings-missing", said)
     windows = sum(count.windows for count in seen.values())
     if windows == 0:
         longest, count = max(seen.items(), key=lambda item: item[1].duration)
-        return (
-            f"no recording lasts scenes.seconds = {scenes.seconds} s: the longest, {longest}, lasts "
-            f"{count.duration:.1f} s. Lower scenes.seconds"
-        )
+        said = f"no recording lasts scenes.seconds = {scenes.seconds} s: the longest, {longest}, {count.duration:.1f} s"
+        return Problem("recordings-too-short", said, "lower scenes.seconds")
     best, count = max(seen.items(), key=lambda item: item[1].best_window)
     most = max(count.most_vehicles for count in seen.values())
     if count.best_window >= 2:
@@ -126,8 +127,9 @@ def _no_scene(seen: Mapping[str, WindowCount], scenes: ScenesConfig) -> str:
         remedy = "lower scenes.seconds"
     if scenes.direction is not Direction.pooled:
         remedy += " or scenes.direction=pooled"
-    return (
+    said = (
         f"none of {windows} windows of {scenes.seconds} s has {scenes.min_vehicles} vehicles in every "
         f"snapshot: at best {count.best_window} in every snapshot of a window (recording {best}), {most} in "
-        f"a single snapshot. Remedy: {remedy}"
+        "a single snapshot"
     )
+    return Problem("vehicles-too-few", said, remedy)

@@ -13,6 +13,7 @@ import numpy as np
 from rearl_jax.config.scenes import SplitConfig, SplitUnit
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.data.scenes import PAPER_SCENES
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 # Splits of the paper's 741 scenes. Source: Bi et al.; 150 is a rounded fifth.
 _PAPER_SIZES = {"evaluation": 50, "threshold": 150, "tuning": 15}
@@ -113,11 +114,8 @@ def split_windows(recording: np.ndarray, start_time: np.ndarray, seconds: float,
     if split.unit is SplitUnit.scenario:
         _refuse_overlap(recording, start_time, seconds)
     if split.unit is SplitUnit.block and split.block_seconds < seconds - _TIME_TOLERANCE:
-        raise ValueError(
-            f"split.block_seconds = {split.block_seconds:g} is shorter than a scene of {seconds:g} s, so no "
-            f"scene lies inside a block: set split.block_seconds to {seconds:g} or more (several times that "
-            "is better)"
-        )
+        said = f"must be at least the {seconds:g} s of a scene, better several times that, to lie inside a block"
+        raise out_of_range("split.block_seconds", said, split.block_seconds)
     sizes = split_sizes(len(recording), split)
     first_unit, last_unit, n_units = _units(recording, start_time, seconds, split)
     rng = np.random.default_rng(split.seed)
@@ -169,12 +167,15 @@ def split_sizes(n_scenes: int, split: SplitConfig) -> dict[str, int]:
             sizes[name] = max(1, min(sizes[name], spare))
     if sum(sizes.values()) > n_scenes:
         least = sum(given.get(name, size) for name, size in _LEAST_SIZES.items())
-        raise ValueError(
-            f"{n_scenes} scenes are too few for the splits evaluation, threshold and tuning: "
-            f"{least} are needed with the sizes given ({given or 'none given'}). Read more recordings, lower "
-            "scenes.min_vehicles, set scenes.stride below scenes.seconds with split.unit=block, or set "
-            "split.evaluation, split.threshold and split.tuning to smaller numbers"
+        said = (
+            f"{n_scenes} scenes are too few for the splits evaluation, threshold and tuning: {least} are needed with "
+            f"the sizes given ({given or 'none given'})"
         )
+        remedy = (
+            "read more recordings, lower scenes.min_vehicles, set scenes.stride below scenes.seconds with "
+            "split.unit=block, or set split.evaluation, split.threshold and split.tuning to smaller numbers"
+        )
+        raise InvalidInputError(Problem("scenes-too-few", said, remedy))
     return sizes
 
 
@@ -191,12 +192,13 @@ def _refuse_overlap(recording: np.ndarray, start_time: np.ndarray, seconds: floa
     overlap = same & (step > _TIME_TOLERANCE) & (step < seconds - _TIME_TOLERANCE)
     if overlap.any():
         at = int(np.flatnonzero(overlap)[0])
-        raise ValueError(
-            f"split.unit=scenario needs windows that do not overlap, but recording {recording[order][at]} "
-            f"has windows of {seconds:g} s that start at {start_time[order][at]:g} s and "
-            f"{start_time[order][at + 1]:g} s: two splits would share seconds of traffic. Set "
-            "split.unit=block (or recording), or leave scenes.stride at null"
+        said = (
+            f"is scenario, which needs windows that do not overlap, but recording {recording[order][at]} has "
+            f"windows of {seconds:g} s that start at {start_time[order][at]:g} s and {start_time[order][at + 1]:g} s: "
+            "two splits would share seconds of traffic"
         )
+        remedy = "set split.unit=block (or recording), or leave scenes.stride at null"
+        raise InvalidInputError(Problem("windows-overlap", said, remedy, key="split.unit"))
 
 
 def _units(
@@ -248,9 +250,9 @@ def _refuse_small(splits: Splits, n_units: int, split: SplitConfig) -> None:
                 SplitUnit.block: "set split.block_seconds lower, or split.unit=scenario without overlap",
             }[split.unit]
             other_seed = ", or set another split.seed" if n_units >= len(_LEAST_SIZES) else ""
-            raise ValueError(
-                f"the {name} split got {sizes[name]} of {splits.requested[name]} scenes, at least {needed} "
-                f"are needed: split.unit={split.unit.name} makes only {n_units} units of {len(splits.label)} "
-                f"scenes ({splits.n_crossing} of them cross the border of two splits). Remedy: "
-                f"{remedy}{other_seed}"
+            said = (
+                f"the {name} split got {sizes[name]} of {splits.requested[name]} scenes, at least {needed} are needed: "
+                f"split.unit={split.unit.name} makes only {n_units} units of {len(splits.label)} scenes "
+                f"({splits.n_crossing} of them cross the border of two splits)"
             )
+            raise InvalidInputError(Problem("split-too-small", said, f"{remedy}{other_seed}"))

@@ -33,6 +33,7 @@ from rearl_jax.evaluation.simulators import (
     rollout_keys,
 )
 from rearl_jax.evaluation.traffic import is_cooperative, population_of
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 NO_SCENE = -1
 """In the place of a scene_id: rollouts that share no initial state with those of any scene, whatever seed and run."""
@@ -90,15 +91,15 @@ class Rollouts:
             self._policy = load_policy(config.ppo.weights, config.core)
         if config.method.needs_references:
             if references is None:
-                raise ValueError(f"method={config.method.name} needs references to hold the traffic against")
+                said = "needs references to hold the traffic against"
+                raise InvalidInputError(Problem("references-missing", said, key=f"method={config.method.name}"))
             self._references = references
             self._thresholds = np.array(thresholds, config.core.dtype.name).T
         self._state = None
         if config.init.source is InitialSource.scene:
             if is_shared:
-                raise ValueError(
-                    "init.source=scene starts every rollout from its own scene: set eval.seed_scope=run_x_scene"
-                )
+                said = "must be run_x_scene for init.source=scene, which starts every rollout from its own scene"
+                raise out_of_range("eval.seed_scope", said, config.eval.seed_scope.name)
             self._state = jax.tree.map(np.asarray, measured_state(scenes.select(held_out), config.core))
 
     @property
@@ -181,7 +182,8 @@ class Rollouts:
         """The same, with the policy outside the compiled program."""
         assert self._thresholds is not None  # the method needs them
         if self._outside is None:
-            raise ValueError(f"decision.policy={acts.policy.name} decides outside the program: say who is to be asked")
+            said = "decides outside the program: say who is to be asked"
+            raise InvalidInputError(Problem("policy-outside", said, key=f"decision.policy={acts.policy.name}"))
         config = self._config
         start = beginnings(config.core, config.init.speed, acts.loop.detection)
         state, drivers, keys, table = start(*self._starts(), self._references, self._traffic)
@@ -205,8 +207,10 @@ def _mixtures(config: EvaluateTask, mixtures: Sequence[Mixture]) -> Sequence[tup
     if mixtures:
         return mixtures
     if config.critical.ratios is None:
-        raise ValueError(
-            "method=critical needs the shares of the driver classes: set critical.ratios=[AGGRESSIVE,DEFENSIVE,TRUCK]; "
-            "`rearl evaluate method=critical` finds such shares and prints them"
+        said = (
+            "must be the shares of the driver classes for method=critical: set "
+            "critical.ratios=[AGGRESSIVE,DEFENSIVE,TRUCK]; `rearl evaluate method=critical` finds such shares and "
+            "prints them"
         )
+        raise InvalidInputError(Problem("key-missing", said, key="critical.ratios"))
     return [config.critical.ratios]

@@ -35,6 +35,7 @@ from rearl_jax.evaluation.scores import (
 from rearl_jax.evaluation.scoring import Scorer, join
 from rearl_jax.evaluation.simulators import NEVER, Simulated
 from rearl_jax.metrics.scene import SceneMetrics
+from rearl_jax.problems import InvalidInputError, Problem
 
 BINS_DRAWN = 4
 """Bins of the drawn speed histogram per bin of the Hellinger distance."""
@@ -286,5 +287,6 @@ def example_scene(scenes: SceneSet, held_out: np.ndarray, scene_id: int | None) 
     if not len(found):
         ids = ", ".join(str(i) for i in scenes.scene_id[held_out][:20])
         more = ", ..." if len(held_out) > 20 else ""
-        raise ValueError(f"eval.example = {scene_id} is not a held-out scene; these are: {ids}{more}")
+        said = f"must be a held-out scene, one of {ids}{more}"
+        raise InvalidInputError(Problem("scene-not-held-out", said, key="eval.example", value=scene_id))
     return int(found[0])

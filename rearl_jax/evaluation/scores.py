@@ -15,6 +15,7 @@ from rearl_jax.metrics import METRICS
 from rearl_jax.metrics.histograms import legacy_scale, noise_floor, speed_edges
 from rearl_jax.metrics.realism import Realism, RealismCounts, realism_scores
 from rearl_jax.metrics.scene import SceneMetrics, SceneSeries
+from rearl_jax.problems import InvalidInputError, Problem
 
 REAL, REAL_VS_REAL, NOISE_FLOOR = "real", "real_vs_real", "noise_floor"
 """Reference rows: the scenes themselves, other scenes in their place, and chance alone."""
@@ -122,7 +123,8 @@ def of_recordings(scores: Scores, scenes: SceneSet) -> Scores:
     not among the picked ones of the next snapshot. A scene scored against itself keeps what describes it.
     """
     if scores.partner is None:
-        raise ValueError(f"row {scores.row} is a simulation: its lane-change rate is measured already")
+        said = f"row {scores.row} is a simulation: its lane-change rate is measured already"
+        raise InvalidInputError(Problem("row-simulated", said))
     if (scenes.lane < 0).any():
         return replace(scores.without(NEEDS_LANES), realism=None)
     values = scores.values | {"lcr": real_lane_change_rate(scenes)[scores.partner]}

@@ -21,6 +21,7 @@ from rearl_jax.evaluation.percentiles import thresholds_of
 from rearl_jax.evaluation.runner import evaluate
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.evaluation.variants import compares_variants, evaluate_variants
+from rearl_jax.problems import out_of_range
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
@@ -34,10 +35,8 @@ def run(config: EvaluateTask) -> dict:
             them, or two keys contradict each other.
     """
     if config.hist.window > config.scenes.seconds:
-        raise ValueError(
-            f"hist.window = {config.hist.window} s is longer than a scene of {config.scenes.seconds} s: set it to "
-            f"{config.scenes.seconds} or less"
-        )
+        said = f"must be at most {config.scenes.seconds} s, the length of a scene"
+        raise out_of_range("hist.window", said, config.hist.window)
     set_precision(config.core.dtype)
     study = Study(
         config.results.root,

@@ -14,6 +14,7 @@ from rearl_jax.data.recordings import data_id
 from rearl_jax.models.file import model_id, read_model
 from rearl_jax.models.population import Population, lane_changing_of, population_of_keys, population_of_model
 from rearl_jax.models.record import EffectValues
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 WITH_MODEL = (Method.base, Method.rearl)
 """Methods whose vehicles follow each other by the traffic model."""
@@ -37,7 +38,7 @@ def inputs_id(config: EvaluateTask) -> str:
 def require_one_variant(config: EvaluateTask) -> None:
     """Raise ValueError for variant=all, which only `rearl evaluate` knows."""
     if config.model is not None and config.variant is Variant.all:
-        raise ValueError("variant=all is for rearl evaluate: set variant=repaired or variant=calibrated")
+        raise out_of_range("variant", "must be repaired or calibrated; all is for rearl evaluate", config.variant.name)
 
 
 def population_of(config: EvaluateTask) -> Population | None:
@@ -54,9 +55,8 @@ def population_of(config: EvaluateTask) -> Population | None:
     if config.model is None:
         return population_of_keys(config.driver, config.mobil, dtype, ticks)
     if not config.driver.is_default:
-        raise ValueError(
-            f"model={config.model} brings its own drivers: leave the keys of driver alone, or leave model out"
-        )
+        said = "brings its own drivers: leave the keys of driver alone, or leave model out"
+        raise InvalidInputError(Problem("drivers-twice", said, key=f"model={config.model}"))
     require_one_variant(config)
     return population_of_model(
         read_model(config.model),
@@ -76,10 +76,12 @@ def _refuse_drivers(config: EvaluateTask) -> None:
     said |= {"mobil": config.mobil.is_default}
     for what, is_left_alone in said.items():
         if not is_left_alone:
-            raise ValueError(
-                f"method={config.method.name} has drivers of its own, to whom {what} means nothing: set method=base or "
-                f"method=rearl, or leave {what.partition('=')[0]} out"
+            key = what.partition("=")[0]
+            said = (
+                f"means nothing to the drivers of method={config.method.name}: set method=base or method=rearl, or "
+                f"leave {key} out"
             )
+            raise InvalidInputError(Problem("drivers-of-method", said, key=key))
 
 
 def calibrated(config: EvaluateTask) -> EvaluateTask:

@@ -14,6 +14,7 @@ from pathlib import Path
 from rearl_jax.cache import kept_folder
 from rearl_jax.config.llm import LlmConfig, Profile
 from rearl_jax.llm.records import TEXTS, TOKEN_COUNTS, Cause, Reply
+from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
 
 _FORMAT = 1
 """Number of the table's form, in the file's user_version."""
@@ -58,10 +59,11 @@ class Answers:
         """
         self._path = path
         if read_only and not path.is_file():
-            raise FileNotFoundError(
-                f"there are no answers to replay at {path}: run with decision.policy=llm first, or name the file "
-                "with llm.cache"
+            said, remedy = (
+                "there are no answers to replay",
+                "run with decision.policy=llm first, or name the file with llm.cache",
             )
+            raise MissingInputError(Problem("answers-missing", said, remedy, file=str(path)))
         try:
             if not read_only:
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -69,12 +71,14 @@ class Answers:
                 _uri(path, read_only), uri=True, timeout=_PATIENCE, isolation_level=None, check_same_thread=False
             )
         except (OSError, sqlite3.Error) as error:
-            raise ValueError(f"answers cannot be kept at {path} ({error}): name another file with llm.cache") from None
+            said = f"answers cannot be kept there ({error})"
+            problem = Problem("answers-not-kept", said, "name another file with llm.cache", file=str(path))
+            raise InvalidInputError(problem) from None
         try:
             self._prepare(read_only)
         except (sqlite3.Error, ValueError) as error:
             self._database.close()
-            raise ValueError(self._complaint(error)) from None
+            raise self._unreadable(error) from None
 
     def find(self, digests: Iterable[str]) -> dict[str, Reply]:
         """The kept answers among those of some requests.
@@ -96,7 +100,7 @@ class Answers:
                     kept = dict(zip(_FIELDS, values, strict=True))
                     found[digest] = Reply(cause=Cause.answered, from_cache=True, **kept)
         except (sqlite3.Error, ValueError) as error:
-            raise ValueError(self._complaint(error)) from None
+            raise self._unreadable(error) from None
         return found
 
     def keep(self, replies: Mapping[str, Reply], model: str, profile: Profile) -> dict[str, Reply]:
@@ -146,7 +150,7 @@ class Answers:
             rows = self._database.execute("SELECT DISTINCT model, profile FROM answers ORDER BY model, profile")
             return [(model, Profile[profile]) for model, profile in rows]
         except (sqlite3.Error, KeyError) as error:
-            raise ValueError(self._complaint(error)) from None
+            raise self._unreadable(error) from None
 
     def __len__(self) -> int:
         return self._database.execute("SELECT count(*) FROM answers").fetchone()[0]
@@ -177,8 +181,9 @@ class Answers:
         database.execute(f"PRAGMA user_version = {_FORMAT}")
         database.execute("COMMIT")
 
-    def _complaint(self, error: Exception) -> str:
-        return f"{self._path} is no readable file of answers ({error}): remove it, or name another one with llm.cache"
+    def _unreadable(self, error: Exception) -> InvalidInputError:
+        said, remedy = f"this is no readable file of answers ({error})", "remove it, or name another with llm.cache"
+        return InvalidInputError(Problem("answers-unreadable", said, remedy, file=str(self._path)))
 
 
 def _check(values: Iterable[object]) -> None:

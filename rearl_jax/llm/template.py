@@ -21,6 +21,8 @@ from jinja2 import (
 from jinja2.runtime import Context
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
+from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
+
 SHIPPED = "prompt.txt.j2"
 """Name of the template that comes with the package."""
 
@@ -68,7 +70,8 @@ class PromptTemplate:
         try:
             return "".join(self._template.blocks[block](context))
         except Exception as error:  # a template can raise anything; all of it is the fault of that file
-            raise ValueError(f"{self.file}, line {self._line(error)}: {_fault(error)}") from error
+            problem = Problem("template-fails", _fault(error), file=self.file, line=self._line(error))
+            raise InvalidInputError(problem) from error
 
     def _line(self, error: BaseException) -> int:
         """Line of the file an error comes from."""
@@ -102,10 +105,11 @@ def load_template(path: str) -> PromptTemplate:
     """
     file, loader = (Path(path), FileSystemLoader(Path(path).parent)) if path else (Path(SHIPPED), _shipped())
     if path and not file.is_file():
-        raise FileNotFoundError(
-            f"prompt.template: there is no file {file}. Name a Jinja file with the blocks system and user, or leave "
-            "the key empty for the shipped one"
+        said = (
+            "must name a Jinja file with the blocks system and user, or be empty for the shipped one, but there is no "
+            f"file {file}"
         )
+        raise MissingInputError(Problem("file-missing", said, key="prompt.template"))
     # Somebody else's template writes text and does nothing else.
     environment = ImmutableSandboxedEnvironment(
         loader=loader, undefined=StrictUndefined, finalize=_written, trim_blocks=True, lstrip_blocks=True
@@ -115,9 +119,11 @@ def load_template(path: str) -> PromptTemplate:
         tree = environment.parse(source, file.name, str(file))
         template = environment.get_template(file.name)
     except TemplateSyntaxError as error:
-        raise ValueError(f"{file}, line {error.lineno}: {error.message}") from error
+        said = str(error.message)
+        raise InvalidInputError(Problem("template-syntax", said, file=str(file), line=error.lineno)) from error
     except UnicodeDecodeError as error:
-        raise ValueError(f"{file} is no text in UTF-8 (byte {error.start}): save it as UTF-8") from error
+        said = f"the file is no text in UTF-8 (byte {error.start}): save it as UTF-8"
+        raise InvalidInputError(Problem("not-text", said, file=str(file))) from error
     _check(environment, tree, file)
     return PromptTemplate(template, str(file))
 
@@ -138,20 +144,17 @@ def _check(environment: Environment, tree: nodes.Template, file: Path) -> None:
     blocks = list(tree.find_all(nodes.Block))
     missing = [name for name in ("system", "user") if name not in {block.name for block in blocks}]
     if missing:
-        raise ValueError(
-            f"{file}: the block {missing[0]} is missing. Add {{% block {missing[0]} %}} ... {{% endblock %}}; the "
-            f"shipped {SHIPPED} says what the two blocks are"
-        )
+        said = f"the block {missing[0]} is missing: the shipped {SHIPPED} says what the two blocks are"
+        remedy = f"add {{% block {missing[0]} %}} ... {{% endblock %}}"
+        raise InvalidInputError(Problem("block-missing", said, remedy, file=str(file)))
     for block in blocks:
         allowed = VARIABLES.get(block.name, _USER)
         alone = nodes.Template([block], lineno=1)
         alone.set_environment(environment)
         for name in sorted(meta.find_undeclared_variables(alone) - allowed):
             line = next((used.lineno for used in block.find_all(nodes.Name) if used.name == name), block.lineno)
-            raise ValueError(
-                f"{file}, line {line}: the block {block.name} has no variable {name!r}. It may use "
-                f"{', '.join(sorted(allowed))}"
-            )
+            said = f"the block {block.name} has no variable {name!r}; it may use {', '.join(sorted(allowed))}"
+            raise InvalidInputError(Problem("variable-unknown", said, file=str(file), line=line))
 
 
 def _fault(error: Exception) -> str:

@@ -31,6 +31,7 @@ from rearl_jax.models.record import (
     RepairedModel,
     Source,
 )
+from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
 from rearl_jax.whole_files import replacing
 
 RANGES = {
@@ -43,7 +44,7 @@ RANGES = {
 """Bounds of a class's numbers, units as of `DriverClass`."""
 
 
-class BadModelError(ValueError):
+class BadModelError(InvalidInputError):
     """A model file that cannot be used: which file, which key, and what to do."""
 
 
@@ -72,7 +73,7 @@ def read_model(path: str | Path) -> RepairedModel:
     """The model in a file.
 
     Raises:
-        FileNotFoundError: There is no such file.
+        MissingInputError: There is no such file.
         IsADirectoryError: It is a folder.
         BadModelError: A key is missing, unknown or outside its bounds.
     """
@@ -80,11 +81,12 @@ def read_model(path: str | Path) -> RepairedModel:
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise FileNotFoundError(f"model={path}: there is no such file; `rearl discover` writes model.yaml") from None
+        said = "must name a file that is there; `rearl discover` writes model.yaml"
+        raise MissingInputError(Problem("file-missing", said, key="model", value=str(path))) from None
     except IsADirectoryError:
         raise IsADirectoryError(f"model={path} is a folder: name the file model.yaml in it") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise BadModelError(f"{path} is no YAML: {error}") from error
+        raise BadModelError(Problem("not-yaml", f"the file is no YAML: {error}", file=str(path))) from error
     return _checked(path, content)
 
 
@@ -108,40 +110,42 @@ class _Reader:
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def refuse(self, key: str, problem: str) -> BadModelError:
-        return BadModelError(f"{self._path}: {key} {problem}")
+    def refuse(self, code: str, key: str, said: str) -> BadModelError:
+        return BadModelError(Problem(code, said, file=str(self._path), key=key))
 
     def mapping(self, value: Any, key: str, names: Sequence[str], optional: Sequence[str] = ()) -> dict[str, Any]:
         """A mapping with exactly these keys."""
         if not isinstance(value, dict):
-            raise self.refuse(key, f"must be a mapping with {', '.join(names)}, got {value!r}")
+            raise self.refuse("wrong-type", key, f"must be a mapping with {', '.join(names)}, got {value!r}")
         for name in value:
             if name not in (*names, *optional):
                 known = (*names, *optional)
-                raise self.refuse(f"{key}.{name}", f"is no key; nearest: {nearest(str(name), known)}")
+                raise self.refuse("key-unknown", f"{key}.{name}", f"is no key; nearest: {nearest(str(name), known)}")
         for name in names:
             if name not in value:
-                raise self.refuse(f"{key}.{name}", "is missing: write it, or let `rearl discover` write the file")
+                said = "is missing: write it, or let `rearl discover` write the file"
+                raise self.refuse("key-missing", f"{key}.{name}", said)
         return value
 
     def number(self, value: Any, key: str, low: float, high: float) -> float:
         """A number within bounds."""
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            raise self.refuse(key, f"must be a finite number, got {value!r} (YAML wants 1.0e-3, not 1e-3)")
+            said = f"must be a finite number, got {value!r} (YAML wants 1.0e-3, not 1e-3)"
+            raise self.refuse("not-a-number", key, said)
         if not low <= value <= high:
-            raise self.refuse(key, f"must be within {low:g} and {high:g}, got {value:g}")
+            raise self.refuse("out-of-range", key, f"must be within {low:g} and {high:g}, got {value:g}")
         return float(value)
 
     def numbers(self, value: Any, key: str, low: float, high: float) -> list[float]:
         """A list of numbers within bounds."""
         if not isinstance(value, list) or not value:
-            raise self.refuse(key, f"must be a list of numbers, got {value!r}")
+            raise self.refuse("wrong-type", key, f"must be a list of numbers, got {value!r}")
         return [self.number(item, f"{key}[{place}]", low, high) for place, item in enumerate(value)]
 
     def text(self, value: Any, key: str) -> str:
         """A text that says something."""
         if not isinstance(value, str) or not value:
-            raise self.refuse(key, f"must be a text, got {value!r}")
+            raise self.refuse("wrong-type", key, f"must be a text, got {value!r}")
         return value
 
 
@@ -152,29 +156,41 @@ def _checked(path: Path, content: Any) -> RepairedModel:
     )
     if whole["schema"] != SCHEMA:
         raise reader.refuse(
-            "schema", f"is {whole['schema']!r}, but this version reads {SCHEMA}: write the model again with it"
+            "schema-unknown",
+            "schema",
+            f"is {whole['schema']!r}, but this version reads {SCHEMA}: write the model again with it",
         )
     car_following = whole.get("car_following", "idm")  # what a file that does not say drives by
     if car_following not in CALIBRATED:
         close = nearest(str(car_following), CALIBRATED)
-        raise reader.refuse("car_following", f"is {car_following!r}; nearest: {close}; models: {', '.join(CALIBRATED)}")
+        raise reader.refuse(
+            "choice-unknown",
+            "car_following",
+            f"is {car_following!r}; nearest: {close}; models: {', '.join(CALIBRATED)}",
+        )
     drivers_of = MODELS[car_following]
     names = [item.name for item in fields(Source)]
     source = reader.mapping(whole["source"], "source", names)
     population, baseline = (_population(reader, whole[name], name, drivers_of) for name in ("population", "baseline"))
     if population.keys() != baseline.keys():
-        raise reader.refuse("baseline", f"must have the classes of population: {', '.join(population)}")
+        raise reader.refuse(
+            "classes-differ", "baseline", f"must have the classes of population: {', '.join(population)}"
+        )
     for kind, drivers in population.items():
         for name in ("share", "length", "length_sd"):
             if getattr(drivers, name) != getattr(baseline[kind], name):
-                raise reader.refuse(f"baseline.{kind}.{name}", f"must equal population.{kind}.{name}: same vehicles")
+                raise reader.refuse(
+                    "vehicles-differ", f"baseline.{kind}.{name}", f"must equal population.{kind}.{name}: same vehicles"
+                )
     if not isinstance(whole["effects"], list):
-        raise reader.refuse("effects", f"must be a list, [] for none, got {whole['effects']!r}")
+        raise reader.refuse("wrong-type", "effects", f"must be a list, [] for none, got {whole['effects']!r}")
     effects = [_effect(reader, value, f"effects[{place}]") for place, value in enumerate(whole["effects"])]
     called = [(effect.name, effect.variable) for effect in effects]
     for place, name in enumerate(called):
         if name in called[:place]:
-            raise reader.refuse(f"effects[{place}].name", f"{name[0]} is there twice: write each effect once")
+            raise reader.refuse(
+                "effect-twice", f"effects[{place}].name", f"{name[0]} is there twice: write each effect once"
+            )
     return RepairedModel(
         Source(**{name: reader.text(source[name], f"source.{name}") for name in names}),
         population,
@@ -189,7 +205,7 @@ def _population(reader: _Reader, value: Any, key: str, model: DriverModel) -> di
     found = {name: _drivers(reader, part, f"{key}.{name}", model) for name, part in classes.items()}
     total = sum(drivers.share for drivers in found.values())
     if abs(total - 1) > 1e-6:
-        raise reader.refuse(key, f"has shares with the sum {total:g}: they must add up to 1")
+        raise reader.refuse("shares", key, f"has shares with the sum {total:g}: they must add up to 1")
     return {name: found[name] for name in (CAR, TRUCK) if name in found}
 
 
@@ -202,13 +218,13 @@ def _drivers(reader: _Reader, value: Any, key: str, model: DriverModel) -> Drive
     }
     name, rows, size = f"{key}.log_covariance", part["log_covariance"], len(model.names)
     if not isinstance(rows, list) or len(rows) != size:
-        raise reader.refuse(name, f"must have {size} rows, in the order {names}")
+        raise reader.refuse("wrong-length", name, f"must have {size} rows, in the order {names}")
     covariance = [reader.numbers(row, f"{name}[{place}]", -25.0, 25.0) for place, row in enumerate(rows)]
     if {len(row) for row in covariance} != {size}:
-        raise reader.refuse(name, f"must have {size} columns, in the order {names}")
+        raise reader.refuse("wrong-length", name, f"must have {size} columns, in the order {names}")
     matrix = np.array(covariance)
     if not np.allclose(matrix, matrix.T, atol=1e-9) or np.linalg.eigvalsh(matrix).min() < -1e-9:
-        raise reader.refuse(name, "must be symmetric and positive semidefinite, as a covariance is")
+        raise reader.refuse("no-covariance", name, "must be symmetric and positive semidefinite, as a covariance is")
     others = {item: reader.number(part[item], f"{key}.{item}", *bounds) for item, bounds in RANGES.items()}
     return DriverClass(log_mean=mean, log_covariance=covariance, **others)
 
@@ -218,7 +234,9 @@ def _effect(reader: _Reader, value: Any, key: str) -> EffectValues:
     name = part["name"]
     if not isinstance(name, str) or name not in EFFECTS:
         known = ", ".join(EFFECTS)
-        raise reader.refuse(f"{key}.name", f"is {name!r}; nearest: {nearest(str(name), EFFECTS)}; effects: {known}")
+        raise reader.refuse(
+            "choice-unknown", f"{key}.name", f"is {name!r}; nearest: {nearest(str(name), EFFECTS)}; effects: {known}"
+        )
     kind = EFFECTS[name]
     given = reader.mapping(part["parameters"], f"{key}.parameters", [item.name for item in kind.parameters])
     is_curve = "variable" in {item.name for item in fields(kind)}
@@ -230,16 +248,18 @@ def _effect(reader: _Reader, value: Any, key: str) -> EffectValues:
     if is_curve:
         _check_curve(reader, parameters, variable, key)
     elif variable is not None:
-        raise reader.refuse(f"{key}.variable", f"means nothing to {name}: leave it out")
+        raise reader.refuse("key-unknown", f"{key}.variable", f"means nothing to {name}: leave it out")
     return EffectValues(name, parameters, variable)
 
 
 def _check_curve(reader: _Reader, parameters: dict[str, Any], variable: Any, key: str) -> None:
     if not isinstance(variable, str) or variable not in VARIABLES:
-        raise reader.refuse(f"{key}.variable", f"is {variable!r}, but must be one of {', '.join(VARIABLES)}")
+        raise reader.refuse(
+            "choice-unknown", f"{key}.variable", f"is {variable!r}, but must be one of {', '.join(VARIABLES)}"
+        )
     knots = np.array(parameters["knots"])
     steps = np.diff(knots)
     if len(knots) < 2 or len(knots) != len(parameters["values"]):
-        raise reader.refuse(f"{key}.parameters.knots", "must be at least two, as many as values")
+        raise reader.refuse("wrong-length", f"{key}.parameters.knots", "must be at least two, as many as values")
     if steps.min() <= 0 or not np.allclose(steps, steps[0], rtol=1e-4):
-        raise reader.refuse(f"{key}.parameters.knots", "must rise in equal steps")
+        raise reader.refuse("knots-uneven", f"{key}.parameters.knots", "must rise in equal steps")

@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import pandas as pd
 
 from rearl_jax.config._schema import from_plain
+from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
 from rearl_jax.results import PROVENANCE, config_hash
 from rearl_jax.tasks import TASKS, Task
 
@@ -54,11 +55,12 @@ class FinishedStudy:
         """
         path = self.path / f"{name}.parquet"
         if not path.exists():
-            raise FileNotFoundError(f"{path} is missing: {self.again}")
+            raise MissingInputError(Problem("file-missing", "the file is missing", self.again, file=str(path)))
         try:
             return pd.read_parquet(path)
         except (OSError, ValueError) as error:  # what pyarrow raises for a file that is no Parquet
-            raise ValueError(f"{path} cannot be read ({error}): {self.again}") from error
+            said = f"the file cannot be read ({error})"
+            raise InvalidInputError(Problem("not-parquet", said, self.again, file=str(path))) from error
 
     def object(self, name: str) -> Any:
         """The content of the JSON file `name`.
@@ -89,10 +91,11 @@ class FinishedStudy:
         """
         for name in names:
             if name not in found:
-                raise ValueError(
-                    f"{self.path / where} has no {name}: the study is of version {self.provenance['code_version']}, "
-                    f"which wrote other figures; {self.again}"
+                said = (
+                    f"is missing: the study is of version {self.provenance['code_version']}, which wrote other figures"
                 )
+                file = str(self.path / where)
+                raise InvalidInputError(Problem("key-missing", said, self.again, file=file, key=name))
 
 
 def read_finished(root: str, name: str) -> FinishedStudy:
@@ -108,43 +111,48 @@ def read_finished(root: str, name: str) -> FinishedStudy:
     """
     parts = PurePosixPath(name).parts
     if not parts or name.startswith("/") or ".." in parts:
-        raise ValueError(f"study={name!r} is no name of a study inside {root}: write the folder's name, e.g. evaluate")
+        said = f"must be the name of a study inside {root}, e.g. evaluate"
+        raise InvalidInputError(Problem("name-unusable", said, key="study", value=repr(name)))
     path = Path(root).joinpath(*parts)
     if not path.is_dir():
         there = sorted(file.parent.relative_to(root).as_posix() for file in Path(root).glob("*/summary.json"))
         known = f"finished studies there: {', '.join(there[:10])}" if there else "no study there is finished"
-        raise FileNotFoundError(f"study={name}: there is no folder {path}; {known} (results.root names the folder)")
+        said = f"must name a folder in {root}; {known} (results.root names the folder)"
+        raise MissingInputError(Problem("study-missing", said, key="study", value=name))
     if not (path / "config.json").exists():
-        raise FileNotFoundError(f"{path} is no folder of a study: it has no config.json; set study or results.root")
+        said = "this is no folder of a study, it has no config.json: set study or results.root"
+        raise MissingInputError(Problem("no-study", said, file=str(path)))
     if not (path / "summary.json").exists():
-        raise FileNotFoundError(
-            f"study={name} is not finished: {path} has no summary.json, which is written last; let it finish, or run "
-            "its task again"
+        said = "the study is not finished, it has no summary.json, which is written last"
+        raise MissingInputError(
+            Problem("study-unfinished", said, "let it finish, or run its task again", file=str(path))
         )
     again = "run the study again with this version"
     summary = _read_json(path / "summary.json", again)
     rows = tuple(summary) if isinstance(summary, list) else (summary,)
     if not rows or not all(isinstance(row, dict) and row.keys() >= set(PROVENANCE) for row in rows):
-        raise ValueError(f"{path / 'summary.json'} does not say where its figures come from: {again}")
+        said = "the file does not say where its figures come from"
+        raise InvalidInputError(Problem("provenance-missing", said, again, file=str(path / "summary.json")))
     provenance = {key: rows[0][key] for key in PROVENANCE}
     task = next((task for task in TASKS if task.words == provenance["task"]), None)
     if task is None:
-        raise ValueError(f"{path / 'summary.json'} is of a task {provenance['task']!r} that this version does not have")
+        said = f"is {provenance['task']!r}, which this version does not have"
+        raise InvalidInputError(Problem("task-unknown", said, file=str(path / "summary.json"), key="task"))
     stored = _read_json(path / "config.json", again)
     try:
         config = from_plain(task.load_config(), stored)
-    except ValueError as error:
-        raise ValueError(
-            f"{path / 'config.json'}: {error}; the study is of version {provenance['code_version']}: {again}, "
-            f"rearl {task.words} study={name} ..."
-        ) from error
+    except InvalidInputError as error:
+        remedy = f"the study is of version {provenance['code_version']}: {again}, rearl {task.words} study={name} ..."
+        file = str(path / "config.json")
+        raise InvalidInputError(replace(error.problem, file=file, remedy=remedy)) from error
     return FinishedStudy(path, task, config, provenance, rows)
 
 
 def _read_json(path: Path, again: str) -> Any:
     if not path.exists():
-        raise FileNotFoundError(f"{path} is missing: {again}")
+        raise MissingInputError(Problem("file-missing", "the file is missing", again, file=str(path)))
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
-        raise ValueError(f"{path} is no JSON ({error}): {again}") from error
+        said = f"the file is no JSON ({error})"
+        raise InvalidInputError(Problem("not-json", said, again, file=str(path))) from error

@@ -30,6 +30,7 @@ from rearl_jax.evaluation.scores import WITH_EFFECT
 from rearl_jax.evaluation.simulators import interventions
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.evaluation.variants import compares_variants
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 from rearl_jax.progress import shown
 from rearl_jax.report.finished import FinishedStudy
 from rearl_jax.report.witness import Decision, Witness, policy_of
@@ -96,7 +97,8 @@ def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -
     """
     config, row = _one_method(study.config)
     if options.run >= config.eval.n_runs:
-        raise ValueError(f"report.run={options.run}: the study has the runs 0 to {config.eval.n_runs - 1}")
+        said = f"must be within the runs of the study, 0 to {config.eval.n_runs - 1}"
+        raise out_of_range("report.run", said, options.run)
     _require_same_data(study)
     set_precision(config.core.dtype)
     folder = Study(str(study.path.parent), study.path.name, study.config, study.task.words, generated=study.generated)
@@ -146,7 +148,8 @@ def chosen_scenes(scenes: SceneSet, held_out: np.ndarray, options: ReportConfig)
         missing = sorted(set(options.scenes) - set(ids.tolist()))
         if missing:
             known = ", ".join(map(str, ids[:20])) + (", ..." if len(ids) > 20 else "")
-            raise ValueError(f"report.scenes: {missing[0]} is no held-out scene of the study; these are: {known}")
+            said = f"must be held-out scenes of the study: {known}"
+            raise InvalidInputError(Problem("scene-not-held-out", said, key="report.scenes", value=missing[0]))
         return held_out[np.isin(ids, options.scenes)]
     by_speed = held_out[np.argsort(scenes.speed[held_out].mean(axis=(1, 2)), kind="stable")]
     places = np.linspace(0, len(by_speed) - 1, min(options.n_scenes, len(by_speed)))

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rearl_jax.config import ReportTask
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import progress_bar
 from rearl_jax.report.content import Content
 from rearl_jax.report.effects import discovery_content
@@ -43,7 +44,8 @@ def run(config: ReportTask) -> dict:
     study = read_finished(config.results.root, config.study)
     words = study.task.words
     if words not in _CONTENTS:
-        raise ValueError(f"study={config.study} is of `rearl {words}`; there are reports on {', '.join(_CONTENTS)}")
+        said = f"must be of {', '.join(_CONTENTS)}, on which there are reports; it is of `rearl {words}`"
+        raise InvalidInputError(Problem("no-report", said, key="study", value=config.study))
     content = _CONTENTS[words](study)
     replay, no_replay = _replay(study, config)
     path = Path(config.report.path) if config.report.path else study.path / FILE

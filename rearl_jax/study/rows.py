@@ -10,6 +10,7 @@ from rearl_jax.config._schema import nearest
 from rearl_jax.config.driver import DEFAULT, record_of
 from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.config.study import Table1Config
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.study.parts import part_record
 
 Record = TypeVar("Record")
@@ -111,11 +112,11 @@ def chosen_rows(table1: Table1Config, model: str | None = None) -> list[Row]:
         return [row for row in ROWS if (table1.llm or not row.asks_model) and (model or not row.is_repaired)]
     for name in table1.rows:
         if name not in known:
-            raise ValueError(
-                f"table1.rows: there is no row {name!r}; nearest: {nearest(name, known)}; rows: {', '.join(known)}"
-            )
+            said = f"must be among {', '.join(known)}; nearest: {nearest(name, known)}"
+            raise InvalidInputError(Problem("choice-unknown", said, key="table1.rows", value=name))
         if known[name].is_repaired and model is None:
-            raise ValueError(f"table1.rows: the row {name} is on the traffic of a repaired model: set model=MODEL.YAML")
+            said = f"must be MODEL.YAML for the row {name}, which is on the traffic of a repaired model"
+            raise InvalidInputError(Problem("key-missing", said, key="model"))
     return [row for row in ROWS if row.name in table1.rows or (table1.llm and row.asks_model)]
 
 
@@ -151,12 +152,13 @@ def changed(record: Record, key: str, value: Any) -> Record:
     """
     name, _, rest = key.partition(".")
     if name not in {item.name for item in fields(record)}:  # type: ignore[arg-type]
-        raise ValueError(f"{type(record).__name__} has no key {name!r}")
+        raise InvalidInputError(Problem("key-unknown", f"is no key of {type(record).__name__}", key=name))
     old = getattr(record, name)
     if rest:
         value = changed(old, rest, value)
     elif isinstance(old, Enum):
         if value not in type(old).__members__:
-            raise ValueError(f"{key} has no value {value!r}, only {', '.join(type(old).__members__)}")
+            said = f"must be one of {', '.join(type(old).__members__)}"
+            raise InvalidInputError(Problem("choice-unknown", said, key=key, value=value))
         value = type(old)[value]
     return replace(record, **{name: value})  # type: ignore[type-var]

@@ -15,6 +15,7 @@ import pandas as pd
 
 from rearl_jax import runtime
 from rearl_jax.config import StudyTable4Task
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study, read_metadata
 from rearl_jax.study.language_model_steps import fresh_client, measure_model_steps
@@ -57,7 +58,8 @@ def run(config: StudyTable4Task) -> dict:
         ImportError, OSError, ValueError: The language model asked for cannot be asked, see `fresh_client`.
     """
     if not config.loop.steps_batches:
-        raise ValueError("loop.steps_batches is empty: this table is made of decision steps, name scenarios at a time")
+        said = "must name scenarios at a time: this table is made of decision steps"
+        raise InvalidInputError(Problem("key-missing", said, key="loop.steps_batches"))
     study = Study(config.results.root, config.study, config, "study table4")
     study.write_config()
     with_model = _measured_with_model(config) if config.table4.llm else None

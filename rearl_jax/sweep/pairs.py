@@ -11,6 +11,7 @@ from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.evaluation.estimates import grouped_mean
 from rearl_jax.evaluation.percentiles import BaseValues
+from rearl_jax.problems import InvalidInputError, Problem
 
 
 @dataclass(frozen=True)
@@ -93,9 +94,8 @@ def choose(
     total = h + mape
     total = total[:, np.isfinite(total).all(axis=0)]
     if not total.size:
-        raise ValueError(
-            "in every tuning scene some pair of thresholds has no figure: raise eval.n_runs, or use more data"
-        )
+        said = "in every tuning scene some pair of thresholds has no figure: raise eval.n_runs, or use more data"
+        raise InvalidInputError(Problem("no-figure", said))
     score = total.mean(axis=1)
     order = np.argsort(score, kind="stable")
     best, runner_up = int(order[0]), int(order[min(1, len(order) - 1)])

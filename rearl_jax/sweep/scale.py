@@ -24,6 +24,7 @@ from rearl_jax.evaluation.percentiles import thresholds_of
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.scores import Scores
 from rearl_jax.evaluation.traffic import inputs_id, require_one_variant
+from rearl_jax.problems import out_of_range
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
@@ -43,7 +44,8 @@ def run(config: SweepScaleTask) -> dict:
     """
     config.check()
     if config.eval.seed_scope is not SeedScope.run_x_scene:
-        raise ValueError("every rollout is scored against its own scene: set eval.seed_scope=run_x_scene")
+        said = "must be run_x_scene: every rollout is scored against its own scene"
+        raise out_of_range("eval.seed_scope", said, config.eval.seed_scope.name)
     require_one_variant(config)
     set_precision(config.core.dtype)
     generated = is_generated(config.data)

@@ -19,6 +19,7 @@ from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.scores import Scores
 from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.evaluation.traffic import inputs_id, require_one_variant
+from rearl_jax.problems import out_of_range
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
@@ -39,9 +40,10 @@ def run(config: SweepThresholdsTask) -> dict:
             keys contradict each other.
     """
     if config.eval.seed_scope is not SeedScope.run_x_scene:
-        raise ValueError("a sweep scores every rollout against its own scene: set eval.seed_scope=run_x_scene")
+        said = "must be run_x_scene: a sweep scores every rollout against its own scene"
+        raise out_of_range("eval.seed_scope", said, config.eval.seed_scope.name)
     if config.method is not Method.rearl:
-        raise ValueError(f"method={config.method.name} has no thresholds: set method=rearl")
+        raise out_of_range("method", "must be rearl, others have no thresholds", config.method.name)
     require_one_variant(config)
     set_precision(config.core.dtype)
     generated = is_generated(config.data)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.config.clustering import CurveDistance, KlConfig, KlInit, KlUpdate
+from rearl_jax.problems import InvalidInputError
 
 SMALL = KlConfig(l=5, sample=60, centre_points=16)
 
@@ -87,5 +88,6 @@ def test_enclosing_ball_of_known_points():
 def test_too_few_curves_are_refused(groups):
     from rearl_jax.clustering.kl import Curves
 
-    with pytest.raises(ValueError, match="2 tracks cannot form kl.k = 3 clusters"):
+    with pytest.raises(InvalidInputError) as caught:
         Curves(groups(2)[0], SMALL)
+    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "kl.k")

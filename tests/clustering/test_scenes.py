@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.config.clustering import ClusterConfig, FitOn, Representative, SceneVector
+from rearl_jax.problems import InvalidInputError
 
 
 def vectors(n=60, seed=0):
@@ -71,8 +72,9 @@ def test_scene_without_labelled_tracks_has_no_cluster():
 def test_no_scene_left_to_fit_on():
     from rearl_jax.clustering.scenes import cluster_scenes
 
-    with pytest.raises(ValueError, match="none of 5 scenes can be clustered.*cluster.fit_on=all"):
+    with pytest.raises(InvalidInputError) as caught:
         cluster_scenes(vectors(5), np.zeros(5, bool), ClusterConfig())
+    assert caught.value.code == "scenes-too-few"
 
 
 def test_references_are_the_recorded_scenes_or_their_means(traffic):

@@ -7,6 +7,7 @@ import pytest
 from rearl_jax.config import DiscoverTask, EvaluateTask
 from rearl_jax.config._schema import as_plain, finished, from_plain, keys_of
 from rearl_jax.config.driver import CALIBRATED, DEFAULT, MODELS, DriverConfig, record_of
+from rearl_jax.problems import InvalidInputError
 
 TRUCKS = {"truck": {"share": 0.1, "time_gap": 1.8, "length": 12.0}}
 
@@ -53,43 +54,49 @@ def test_a_record_survives_being_written_and_sent(name):
 
 def test_a_name_alone_chooses_a_model():
     assert from_plain(EvaluateTask, {"driver": "gipps"}).driver == record_of("gipps")()
-    with pytest.raises(ValueError, match=r"driver\.model=gips is no car-following model"):
+    with pytest.raises(InvalidInputError) as caught:
         from_plain(EvaluateTask, {"driver": "gips"})
+    assert (caught.value.code, caught.value.problem.key) == ("choice-unknown", "driver.model")
 
 
 @pytest.mark.parametrize(
-    ("values", "key"),
+    ("values", "code", "key"),
     [
-        ({"time_gap": 20.0}, r"driver\.time_gap "),
-        ({"time_gap_sd": -0.1}, r"driver\.time_gap_sd"),
-        ({"length": 0.0}, r"driver\.length"),
-        ({"noise_sd": 9.0}, r"driver\.noise_sd"),
-        ({"classes": {"truck": {"time_gap": 1.8}}}, r"driver\.classes\.truck .*share"),
-        ({"classes": {"truck": {"share": 0.1, "timegap": 1.8}}}, r"driver\.classes\.truck\.timegap .*time_gap"),
-        ({"classes": {"truck": {"share": 0.1, "time_gap": 99.0}}}, r"driver\.classes\.truck\.time_gap"),
-        ({"classes": {"truck": {"share": 0.1, "time_gap": "x"}}}, r"driver\.classes\.truck\.time_gap"),
-        ({"classes": {"a": {"share": 0.6}, "b": {"share": 0.6}}}, r"driver\.classes .*1\.2"),
-        ({"model": "gipps"}, r"driver\.model=gipps"),
+        ({"time_gap": 20.0}, "out-of-range", "time_gap"),
+        ({"time_gap_sd": -0.1}, "out-of-range", "time_gap_sd"),
+        ({"length": 0.0}, "out-of-range", "length"),
+        ({"noise_sd": 9.0}, "out-of-range", "noise_sd"),
+        ({"classes": {"truck": {"time_gap": 1.8}}}, "out-of-range", "classes.truck"),
+        ({"classes": {"truck": {"share": 0.1, "timegap": 1.8}}}, "key-unknown", "classes.truck.timegap"),
+        ({"classes": {"truck": {"share": 0.1, "time_gap": 99.0}}}, "out-of-range", "classes.truck.time_gap"),
+        ({"classes": {"truck": {"share": 0.1, "time_gap": "x"}}}, "out-of-range", "classes.truck.time_gap"),
+        ({"classes": {"a": {"share": 0.6}, "b": {"share": 0.6}}}, "out-of-range", "classes"),
+        ({"model": "gipps"}, "driver-keys-of-another", "model"),
     ],
 )
-def test_what_cannot_be_is_refused_by_its_key(values, key):
-    with pytest.raises(ValueError, match=key):
+def test_what_cannot_be_is_refused_by_its_key(values, code, key):
+    with pytest.raises(InvalidInputError) as caught:
         finished(EvaluateTask(driver=record_of("idm")(**values)))
+    assert (caught.value.code, caught.value.problem.key) == (code, f"driver.{key}")
 
 
 def test_a_spread_needs_a_value():
-    with pytest.raises(ValueError, match=r"driver\.desired_speed_sd=2 needs desired_speed"):
+    with pytest.raises(InvalidInputError) as caught:
         finished(EvaluateTask(driver=record_of(DEFAULT)(desired_speed_sd=2.0)))
+    assert (caught.value.code, caught.value.problem.key) == ("key-missing", "driver.desired_speed_sd=2")
 
 
 def test_a_calibration_finds_itself_how_drivers_differ():
     finished(DiscoverTask(driver=record_of("gipps")(time_gap=1.5)))
-    with pytest.raises(ValueError, match="driver.time_gap_sd is found by the calibration"):
+    with pytest.raises(InvalidInputError) as caught:
         finished(DiscoverTask(driver=record_of("idm")(time_gap_sd=0.2)))
-    with pytest.raises(ValueError, match=f"driver={DEFAULT} has parameters without a usual value"):
+    assert (caught.value.code, caught.value.problem.key) == ("found-by-calibration", "driver.time_gap_sd")
+    with pytest.raises(InvalidInputError) as caught:
         finished(DiscoverTask(driver=record_of(DEFAULT)()))
+    assert (caught.value.code, caught.value.problem.key) == ("driver-not-calibrated", "driver")
 
 
 def test_the_base_of_all_models_is_no_choice_of_its_own():
-    with pytest.raises(ValueError, match="driver=NAME"):
+    with pytest.raises(InvalidInputError) as caught:
         finished(EvaluateTask(driver=DriverConfig()))
+    assert (caught.value.code, caught.value.problem.key) == ("driver-keys-of-another", "driver.model")

@@ -10,6 +10,7 @@ from rearl_jax.data.problems import BadRecordingError
 from rearl_jax.data.recordings import is_generated, iterate_recordings
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.schema import validate
+from rearl_jax.problems import InvalidInputError, MissingInputError
 
 STOP = DataConfig()
 DROP_ROW = DataConfig(on_bad=OnBad.drop_row)
@@ -76,7 +77,11 @@ def test_a_foreign_table_of_several_recordings_is_worked_out(recording, tmp_path
         spoiled.to_parquet(path)
     with pytest.raises(BadRecordingError) as caught:
         TableFile(path, STOP).read("other")
-    assert (caught.value.file, caught.value.column, caught.value.row) == (str(path), "speed", 311)
+    assert (caught.value.problem.file, caught.value.problem.column, caught.value.problem.row) == (
+        str(path),
+        "speed",
+        311,
+    )
 
 
 @pytest.mark.parametrize("ending", [".parquet", ".CSV"])
@@ -101,9 +106,10 @@ def test_damaged_tables_stop(recording, tmp_path):
     csv = write_recording(recording, tmp_path / "a.csv")
     text = csv.read_text()
     csv.write_text(text[: text.rindex(",") - 20])
-    with pytest.raises(BadRecordingError, match="cut off or damaged") as caught:
+    with pytest.raises(BadRecordingError) as caught:
         TableFile(csv, STOP).read("made_07")
-    assert caught.value.row == 300
+    assert caught.value.code == "line-broken"
+    assert caught.value.problem.row == 300
     assert TableFile(csv, DROP_ROW).read("made_07").dropped == {"broken_line": 1}
     parquet = write_recording(recording, tmp_path / "a.parquet")
     parquet.write_bytes(parquet.read_bytes()[:-50])
@@ -114,20 +120,25 @@ def test_damaged_tables_stop(recording, tmp_path):
 def test_what_cannot_be_worked_out_is_asked_for(recording, tmp_path):
     path = tmp_path / "a.parquet"
     recording.table.drop(columns="time").to_parquet(path)
-    with pytest.raises(BadRecordingError, match="add the column time"):
+    with pytest.raises(BadRecordingError) as caught:
         TableFile(path, STOP).read("made_07")
+    assert (caught.value.code, caught.value.problem.column) == ("frame-rate-unknown", "time")
     recording.table.assign(time=0.0).to_parquet(path)
-    with pytest.raises(BadRecordingError, match="the frame rate cannot be told"):
+    with pytest.raises(BadRecordingError) as caught:
         TableFile(path, STOP).read("made_07")
+    assert (caught.value.code, caught.value.problem.column) == ("frame-rate-unknown", "time")
     recording.table.drop(columns="speed").to_parquet(path)
-    with pytest.raises(BadRecordingError, match="column speed: the column is missing"):
+    with pytest.raises(BadRecordingError) as caught:
         TableFile(path, STOP).read("made_07")
+    assert (caught.value.code, caught.value.problem.column) == ("column-missing", "speed")
     recording.table.assign(recording=None).to_parquet(path)
-    with pytest.raises(BadRecordingError, match="a row has no recording"):
+    with pytest.raises(BadRecordingError) as caught:
         TableFile(path, STOP).recordings()
+    assert (caught.value.code, caught.value.problem.column) == ("recording-unnamed", "recording")
     path.unlink()
-    with pytest.raises(FileNotFoundError, match="no .parquet or .csv"):
+    with pytest.raises(MissingInputError) as caught:
         find_tables(tmp_path)
+    assert caught.value.code == "recordings-missing"
 
 
 def test_a_failed_write_leaves_the_old_file(recording, tmp_path, monkeypatch):
@@ -142,5 +153,6 @@ def test_a_failed_write_leaves_the_old_file(recording, tmp_path, monkeypatch):
         write_recording(recording, path)
     assert path.read_bytes() == before
     assert [file.name for file in tmp_path.iterdir()] == ["a.parquet"]
-    with pytest.raises(ValueError, match="must end in .parquet or .csv"):
+    with pytest.raises(InvalidInputError) as caught:
         write_recording(recording, tmp_path / "a.txt")
+    assert caught.value.code == "ending-unknown"

@@ -12,6 +12,7 @@ import pytest
 from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.highd import find_recordings, read_recording
 from rearl_jax.data.problems import BadRecordingError
+from rearl_jax.problems import MissingInputError
 
 STOP = DataConfig()
 DROP_ROW = DataConfig(on_bad=OnBad.drop_row)
@@ -93,9 +94,10 @@ def test_lane_ids_beside_the_markings_count_among_themselves(tracks):
 def test_a_single_wrong_lane_id_does_not_move_the_lanes_of_others(tracks):
     sound = read_recording(tracks, STOP).table
     _edit(tracks, _set(7, laneId=99))
-    with pytest.raises(BadRecordingError, match="lane -96 does not exist, direction 1 has lanes 0") as caught:
+    with pytest.raises(BadRecordingError) as caught:
         read_recording(tracks, STOP)
-    assert (caught.value.column, caught.value.row) == ("laneId", 8)
+    assert caught.value.code == "lane-out-of-range"
+    assert (caught.value.problem.column, caught.value.problem.row) == ("laneId", 8)
     dropped = read_recording(tracks, DataConfig(on_bad=OnBad.drop_track))
     assert dropped.dropped == {"lane_out_of_range": 150, "tracks": 1}
     assert dict(dropped.info.lane_count) == {1: 2, 2: 2}
@@ -125,10 +127,11 @@ def test_a_file_cut_inside_a_line_stops_or_loses_the_track(tracks):
     text = tracks.read_text()
     lines = text.splitlines()
     tracks.write_text("\n".join(lines[:-20]) + "\n" + lines[-20][:10])
-    with pytest.raises(BadRecordingError, match="cut off or damaged") as caught:
+    with pytest.raises(BadRecordingError) as caught:
         read_recording(tracks, STOP)
-    assert caught.value.row == len(lines) - 20
-    assert caught.value.file == str(tracks)
+    assert caught.value.code == "line-broken"
+    assert caught.value.problem.row == len(lines) - 20
+    assert caught.value.problem.file == str(tracks)
     recording = read_recording(tracks, DROP_ROW)
     assert recording.dropped == {"broken_line": 1, "truncated": 130, "tracks": 1}
     assert set(recording.table["track_id"]) == set(range(1, 12))
@@ -137,38 +140,40 @@ def test_a_file_cut_inside_a_line_stops_or_loses_the_track(tracks):
 def test_a_file_cut_between_lines_is_noticed_by_the_number_of_frames(tracks):
     lines = tracks.read_text().splitlines()
     tracks.write_text("\n".join(lines[:-20]) + "\n")
-    with pytest.raises(BadRecordingError, match="track 12 has 130 of the 150 frames") as caught:
+    with pytest.raises(BadRecordingError) as caught:
         read_recording(tracks, STOP)
-    assert caught.value.column == "id"
+    assert caught.value.code == "truncated"
+    assert caught.value.problem.column == "id"
     assert read_recording(tracks, DROP_ROW).dropped == {"truncated": 130, "tracks": 1}
 
 
 def test_a_file_cut_before_a_track_is_noticed_by_the_missing_track(tracks):
     lines = tracks.read_text().splitlines()
     tracks.write_text("\n".join(lines[:-300]) + "\n")
-    with pytest.raises(BadRecordingError, match="2 tracks of the meta file have no row, the first is 11"):
+    with pytest.raises(BadRecordingError) as caught:
         read_recording(tracks, STOP)
+    assert (caught.value.code, caught.value.problem.column) == ("tracks-without-rows", "id")
     assert read_recording(tracks, DROP_ROW).dropped == {"tracks_without_rows": 2}
 
 
-# Which file, how it is spoiled, what the message says, column and row of the error.
+# Which file, how it is spoiled, code, column and row of the problem, what it says of the value.
 CONTRADICTIONS = {
-    "direction": ("tracksMeta", _set(4, drivingDirection=2), "track 5 has mean xVel", "xVelocity", 601),
-    "third direction": ("tracksMeta", _set(4, drivingDirection=3), "neither 1 nor 2", "drivingDirection", 5),
-    "class": ("tracksMeta", _set(4, **{"class": "Tram"}), "unknown class ('tram')", "class", 5),
-    "no class": ("tracksMeta", _set(4, **{"class": None}), "unknown class", "class", 5),
-    "same id": ("tracksMeta", _set(4, id=4), "track 4 is listed twice (4)", "id", 5),
-    "not listed": ("tracksMeta", lambda t: t.drop(index=4), "track 5 is not in the meta file", "id", 601),
-    "no frames": ("tracksMeta", _set(4, numFrames=None), "no number of frames", "numFrames", 5),
-    "lane": ("tracks", _set(7, laneId=None), "value is missing", "laneId", 8),
-    "velocity": ("tracks", _set(7, xVelocity=None), "nan", "xVelocity", 8),
-    "text": ("tracks", _set(7, xVelocity="fast"), "fast", "xVelocity", 8),
-    "jump": ("tracks", lambda t: _moved(t, 7, 30.0), "moves", "x", 8),
-    "column": ("tracks", lambda t: t.drop(columns="laneId"), "column is missing", "laneId", None),
-    "marking": ("recordingMeta", _set(0, upperLaneMarkings="8.0"), "'8.0'", "upperLaneMarkings", 1),
-    "frame rate": ("recordingMeta", _set(0, frameRate="x"), "'x'", "frameRate", 1),
-    "slow frame rate": ("recordingMeta", _set(0, frameRate=1e-310), "no number of frames per second", "frameRate", 1),
-    "no frame rate": ("recordingMeta", lambda t: t.drop(columns="frameRate"), "missing", "frameRate", None),
+    "direction": ("tracksMeta", _set(4, drivingDirection=2), "wrong-direction", "xVelocity", 601, "track 5"),
+    "third direction": ("tracksMeta", _set(4, drivingDirection=3), "wrong-direction", "drivingDirection", 5, "(3"),
+    "class": ("tracksMeta", _set(4, **{"class": "Tram"}), "unknown-class", "class", 5, "'tram'"),
+    "no class": ("tracksMeta", _set(4, **{"class": None}), "unknown-class", "class", 5, ""),
+    "same id": ("tracksMeta", _set(4, id=4), "duplicate", "id", 5, "track 4"),
+    "not listed": ("tracksMeta", lambda t: t.drop(index=4), "track-without-meta", "id", 601, "track 5"),
+    "no frames": ("tracksMeta", _set(4, numFrames=None), "value-missing", "numFrames", 5, "track 5"),
+    "lane": ("tracks", _set(7, laneId=None), "not-finite", "laneId", 8, ""),
+    "velocity": ("tracks", _set(7, xVelocity=None), "not-finite", "xVelocity", 8, "nan"),
+    "text": ("tracks", _set(7, xVelocity="fast"), "value-unreadable", "xVelocity", 8, "fast"),
+    "jump": ("tracks", lambda t: _moved(t, 7, 30.0), "jump", "x", 8, ""),
+    "column": ("tracks", lambda t: t.drop(columns="laneId"), "column-missing", "laneId", None, ""),
+    "marking": ("recordingMeta", _set(0, upperLaneMarkings="8.0"), "not-a-number", "upperLaneMarkings", 1, "'8.0'"),
+    "frame rate": ("recordingMeta", _set(0, frameRate="x"), "not-a-number", "frameRate", 1, "'x'"),
+    "slow frame rate": ("recordingMeta", _set(0, frameRate=1e-310), "frame-rate", "frameRate", 1, "1e-310"),
+    "no frame rate": ("recordingMeta", lambda t: t.drop(columns="frameRate"), "column-missing", "frameRate", None, ""),
 }  # fmt: skip
 
 
@@ -179,14 +184,14 @@ def _moved(table: pd.DataFrame, row: int, by: float) -> pd.DataFrame:
 
 @pytest.mark.parametrize("case", CONTRADICTIONS)
 def test_contradictions_stop_with_file_column_and_row(tracks, case):
-    part, spoil, words, column, row = CONTRADICTIONS[case]
+    part, spoil, code, column, row, value = CONTRADICTIONS[case]
     _edit(tracks.with_name(f"01_{part}.csv"), spoil)
     with pytest.raises(BadRecordingError) as caught:
         read_recording(tracks, STOP)
-    error = caught.value
-    assert words in error.problem
-    assert (error.column, error.row) == (column, row)
-    assert "01_" in error.file
+    problem = caught.value.problem
+    assert (problem.code, problem.column, problem.row) == (code, column, row)
+    assert "01_" in problem.file
+    assert value in problem.said
 
 
 @pytest.mark.parametrize("case", ["direction", "class", "no class", "not listed", "lane", "velocity", "jump"])
@@ -212,25 +217,30 @@ def test_a_row_that_is_dropped_does_not_move_the_others(tracks, far):
 
 def test_speeds_in_kmh_stop(tracks):
     _edit(tracks, lambda t: t.assign(xVelocity=t["xVelocity"] * 3.6))
-    with pytest.raises(BadRecordingError, match="speed is in km/h"):
+    with pytest.raises(BadRecordingError) as caught:
         read_recording(tracks, DROP_ROW)
+    assert (caught.value.code, caught.value.problem.column, caught.value.problem.row) == ("wrong-units", "xVelocity", 2)
 
 
 def test_missing_files_and_empty_files_stop(tracks, tmp_path):
-    with pytest.raises(FileNotFoundError, match="data.root must name the folder with NN_tracks.csv"):
+    with pytest.raises(MissingInputError) as caught:
         find_recordings(tmp_path / "elsewhere")
+    assert caught.value.code == "recordings-missing"
     empty = tmp_path / "02_tracks.csv"
     for part in ("tracksMeta", "recordingMeta"):
         shutil.copy(tmp_path / f"01_{part}.csv", tmp_path / f"02_{part}.csv")
     empty.write_text("")
-    with pytest.raises(BadRecordingError, match="the file is empty"):
+    with pytest.raises(BadRecordingError) as caught:
         read_recording(empty, DROP_ROW)
+    assert caught.value.code == "file-empty"
     empty.write_text(tracks.read_text().splitlines()[0] + "\n")
-    with pytest.raises(BadRecordingError, match="no rows"):
+    with pytest.raises(BadRecordingError) as caught:
         read_recording(empty, DROP_ROW)
+    assert caught.value.code == "no-rows"
     tracks.with_name("01_tracksMeta.csv").unlink()
-    with pytest.raises(FileNotFoundError, match="01_tracksMeta.csv is missing"):
+    with pytest.raises(MissingInputError) as caught:
         read_recording(tracks, STOP)
+    assert caught.value.code == "file-missing"
 
 
 def test_the_published_archive_keeps_them_in_a_subfolder(highd_files, tmp_path):
@@ -240,8 +250,9 @@ def test_the_published_archive_keeps_them_in_a_subfolder(highd_files, tmp_path):
 
 def test_files_of_the_intersection_sets_are_named(tracks):
     _edit(tracks, lambda t: t.rename(columns={"x": "xCenter"}))
-    with pytest.raises(BadRecordingError, match="inD, rounD and exiD"):
+    with pytest.raises(BadRecordingError) as caught:
         read_recording(tracks, STOP)
+    assert (caught.value.code, caught.value.problem.column) == ("format-unsupported", "xCenter")
 
 
 @pytest.mark.slow

@@ -54,8 +54,9 @@ def test_what_is_dropped_is_in_the_summary(highd_files, tmp_path):
         data=DataConfig(DataFormat.highd, str(tmp_path / "in")),
         scenes=ScenesConfig(seconds=3, min_vehicles=4, slots=4),
     )
-    with pytest.raises(BadRecordingError, match="xVelocity"):
+    with pytest.raises(BadRecordingError) as caught:
         run(config)
+    assert (caught.value.code, caught.value.problem.column, caught.value.problem.row) == ("not-finite", "xVelocity", 6)
     assert not (tmp_path / "prepare" / "summary.json").exists()
     config.data.on_bad = OnBad.drop_track
     assert run(config)["dropped"] == {"not_finite": 150, "tracks": 1}

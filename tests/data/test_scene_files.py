@@ -10,6 +10,7 @@ from rearl_jax.config.scenes import SpeedNorm
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.scene_files import load_scenes, save_scenes, scene_table
 from rearl_jax.data.scene_set import ARRAYS, SceneCounts, SceneSet
+from rearl_jax.problems import InvalidInputError, MissingInputError
 from rearl_jax.results import Study, read_metadata
 
 
@@ -78,23 +79,27 @@ def test_the_table_is_readable_without_this_package(scenes, study):
 
 
 def test_files_that_hold_no_scenes_are_refused(scenes, study, tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"none.parquet does not exist: write it with `rearl prepare`"):
+    with pytest.raises(MissingInputError) as caught:
         load_scenes(tmp_path / "none.parquet")
+    assert caught.value.code == "file-missing"
     other = study.write_table("other", pd.DataFrame({"a": [1]}))
-    with pytest.raises(ValueError, match="holds no scenes"):
+    with pytest.raises(InvalidInputError) as caught:
         load_scenes(other)
+    assert caught.value.code == "no-scenes"
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "code", "column"),
     [
-        (lambda table: table.iloc[:-1], "has 59 rows, its metadata says 3 scenes x 5 snapshots x 4 slots"),
-        (lambda table: table.iloc[::-1].reset_index(drop=True), "in this order"),
-        (lambda table: table.drop(columns="spacing"), "lacks the columns spacing"),
+        (lambda table: table.iloc[:-1], "rows-changed", None),
+        (lambda table: table.iloc[::-1].reset_index(drop=True), "rows-changed", None),
+        (lambda table: table.drop(columns="spacing"), "column-missing", "spacing"),
     ],
 )
-def test_files_changed_afterwards_are_refused(scenes, study, change, message):
+def test_files_changed_afterwards_are_refused(scenes, study, change, code, column):
     stored = read_metadata(save_scenes(scenes, study))["scenes"]
     path = study.write_table("changed", change(scene_table(scenes)), scenes=stored)
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(InvalidInputError) as caught:
         load_scenes(path)
+    problem = caught.value.problem
+    assert (problem.code, problem.file, problem.column) == (code, str(path), column)

@@ -26,6 +26,7 @@ from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.scene_set import real_lane_change_rate, scale_speed
 from rearl_jax.data.scene_windows import actions
 from rearl_jax.data.scenes import build_scenes
+from rearl_jax.problems import InvalidInputError
 
 SMALL = ScenesConfig(seconds=6, min_vehicles=4, slots=4)
 
@@ -210,8 +211,9 @@ def test_ten_vehicles_are_enough_and_nine_in_one_snapshot_are_not():
     scenes = ScenesConfig(seconds=6)
     missing = np.delete(np.arange(60), 30)
     assert len(build([recording(*standing(10))], scenes)) == 1
-    with pytest.raises(ValueError, match="at best 9 in every snapshot"):
+    with pytest.raises(InvalidInputError) as caught:
         build([recording(*standing(9), {"id": 10, "frames": missing})], scenes)
+    assert caught.value.code == "vehicles-too-few"
     # Only snapshots count: frame 31 lies between two of them.
     missing = np.delete(np.arange(60), 31)
     assert len(build([recording(*standing(9), {"id": 10, "frames": missing})], scenes)) == 1
@@ -295,8 +297,9 @@ def test_other_ways_to_rescale():
 
 def test_equal_speeds_cannot_be_rescaled():
     source = recording(*standing(4, speed=20.0))
-    with pytest.raises(ValueError, match="speed.norm=clip"):
+    with pytest.raises(InvalidInputError) as caught:
         build([source])
+    assert (caught.value.code, caught.value.problem.key) == ("speeds-all-equal", "speed.norm")
     assert (build([source], norm=SpeedNorm.clip).scaled_speed == 20.0).all()
 
 
@@ -354,10 +357,12 @@ def test_unknown_lanes_are_refused_only_where_lanes_matter():
     built = build([recording(*standing(4, lane=pd.NA))])
     assert (built.lane == -1).all()
     assert (built.action == 1).all()
-    with pytest.raises(ValueError, match="recording a has vehicles without a lane"):
+    with pytest.raises(InvalidInputError) as caught:
         real_lane_change_rate(built)
-    with pytest.raises(ValueError, match="features.d=mean_all"):
+    assert caught.value.code == "lane-missing"
+    with pytest.raises(InvalidInputError) as caught:
         build([recording(*standing(4, lane=pd.NA))], d=FeatureDistance.dhw)
+    assert (caught.value.code, caught.value.problem.key) == ("lane-missing", "features.d")
 
 
 def test_overlapping_windows_share_their_snapshots():
@@ -418,36 +423,42 @@ def test_select_keeps_ids_and_extremes():
 
 
 @pytest.mark.parametrize(
-    ("sources", "scenes", "message"),
+    ("sources", "scenes", "code", "facts"),
     [
-        ([], SMALL, "there are no recordings .* data.format and data.root"),
-        ([recording(*standing(4, 59))], SMALL, "the longest, a, lasts 5.9 s. Lower scenes.seconds"),
+        ([], SMALL, "recordings-missing", ["data.format", "data.root"]),
+        ([recording(*standing(4, 59))], SMALL, "recordings-too-short", [" a, 5.9 s", "scenes.seconds"]),
         (
             [recording(*standing(3), name="b"), recording(*standing(2), name="c")],
             SMALL,
-            "at best 3 in every snapshot of a window .recording b., 3 in a single snapshot. "
-            "Remedy: set scenes.min_vehicles=3 and scenes.slots=3",
+            "vehicles-too-few",
+            ["3 in every snapshot", "recording b", "scenes.min_vehicles=3", "scenes.slots=3"],
         ),
-        ([recording(*standing(1))], SMALL, "Remedy: lower scenes.seconds"),
-        ([recording(*standing(4)), recording(*standing(4))], SMALL, "two recordings are called a"),
+        ([recording(*standing(1))], SMALL, "vehicles-too-few", ["scenes.seconds"]),
+        ([recording(*standing(4)), recording(*standing(4))], SMALL, "recording-twice", ["recording a"]),
         (
             [recording(*standing(4))],
             ScenesConfig(seconds=6, min_vehicles=4, slots=4, stride=0.05),
-            "a frame of",
+            "out-of-range",
+            ["scenes.stride", "0.1 s"],
         ),
-        ([recording(*standing(4))], ScenesConfig(min_vehicles=5), "min_vehicles must be at least slots = 10"),
-        ([recording(*standing(4, x=np.nan))], SMALL, "track 1 is not a number"),
+        ([recording(*standing(4))], ScenesConfig(min_vehicles=5), "out-of-range", ["min_vehicles", "slots = 10"]),
+        ([recording(*standing(4, x=np.nan))], SMALL, "not-finite", ["recording a", "track 1"]),
     ],
 )
-def test_what_stops_with_a_remedy(sources, scenes, message):
-    with pytest.raises(ValueError, match=message):
+def test_what_stops_with_a_remedy(sources, scenes, code, facts):
+    with pytest.raises(InvalidInputError) as caught:
         build(sources, scenes)
+    assert caught.value.code == code
+    assert all(fact in str(caught.value) for fact in facts), str(caught.value)
 
 
 def test_unsorted_and_empty_tables_are_refused():
     sound = recording(*standing(4))
-    for order in ([1, 0, *range(2, 240)], [0, *range(240)], [*range(60, 240), *range(60)]):
-        with pytest.raises(ValueError, match="recording a is not sorted by track_id and frame"):
+    for order, row in (([1, 0, *range(2, 240)], 2), ([0, *range(240)], 2), ([*range(60, 240), *range(60)], 181)):
+        with pytest.raises(InvalidInputError) as caught:
             build([Recording(sound.info, sound.table.iloc[order])])
-    with pytest.raises(ValueError, match="recording a is empty"):
+        problem = caught.value.problem
+        assert (problem.code, problem.file, problem.row) == ("unsorted", "recording a", row)
+    with pytest.raises(InvalidInputError) as caught:
         build([Recording(sound.info, sound.table.iloc[:0])])
+    assert caught.value.code == "no-rows"

@@ -96,8 +96,9 @@ def test_a_file_that_cannot_be_used_is_one_sentence(tmp_path, damage, read_only)
         database.commit()
         database.close()
     before = path.read_bytes()
-    with pytest.raises(ValueError, match=r"a\.sqlite is no readable file of answers .*remove it, or .*llm\.cache"):
+    with pytest.raises(InvalidInputError) as caught:
         Answers(path, read_only=read_only)
+    assert caught.value.code == "answers-unreadable"
     assert path.read_bytes() == before
 
 
@@ -116,9 +117,10 @@ def test_damage_found_later_is_one_sentence(tmp_path, replay):
         with Client(config, stub.url) as client:
             client.submit(questions).result()
         damage_the_middle(tmp_path / "answers.sqlite")
-        with pytest.raises(ValueError, match=r"no readable file of answers .*llm\.cache"):
+        with pytest.raises(InvalidInputError) as caught:
             with Client(config, stub.url, replay=replay) as client:
                 client.submit(questions).result()
+        assert caught.value.code == "answers-unreadable"
     assert len(stub.chats) == 200
 
 
@@ -133,22 +135,28 @@ def test_damage_that_only_changes_a_type_is_one_sentence(tmp_path, column, value
     database.execute(f"UPDATE answers SET {column} = {value}")
     database.commit()
     database.close()
-    with pytest.raises(ValueError, match=rf"no readable file of answers \({column} is .*llm\.cache"):
+    with pytest.raises(InvalidInputError) as caught:
         Answers(path, read_only=True).find([f"{0:064x}"])
+    assert (caught.value.code, caught.value.problem.file) == ("answers-unreadable", str(path))
+    assert column in caught.value.problem.said
+    assert "llm.cache" in caught.value.problem.remedy
 
 
 def test_a_place_that_cannot_be_written_is_one_sentence(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(ValueError, match=r"answers cannot be kept at .*llm\.cache"):
+    with pytest.raises(InvalidInputError) as caught:
         Answers(tmp_path / "file" / "a.sqlite")
-    with pytest.raises(ValueError, match=r"answers cannot be kept at .*llm\.cache"):
+    assert caught.value.code == "answers-not-kept"
+    with pytest.raises(InvalidInputError) as caught:
         Answers(tmp_path)
+    assert caught.value.code == "answers-not-kept"
 
 
 def test_an_empty_file_is_nothing_to_replay(tmp_path):
     (tmp_path / "a.sqlite").write_bytes(b"")
-    with pytest.raises(ValueError, match=r"a\.sqlite is no readable file of answers \(empty\)"):
+    with pytest.raises(InvalidInputError) as caught:
         Answers(tmp_path / "a.sqlite", read_only=True)
+    assert caught.value.code == "answers-unreadable"
     Answers(tmp_path / "a.sqlite").close()
 
 
@@ -193,6 +201,7 @@ from pathlib import Path
 from rearl_jax.config.llm import Profile
 from rearl_jax.llm.answers import Answers
 from rearl_jax.llm.records import Cause, Reply
+from rearl_jax.problems import InvalidInputError
 name = sys.argv[2]
 print("ready", flush=True)
 sys.stdin.readline()

@@ -19,6 +19,7 @@ from rearl_jax.llm.records import Message
 from rearl_jax.llm.surroundings import PLACES, look_around
 from rearl_jax.llm.template import PromptTemplate, load_template
 from rearl_jax.llm.variables import Asked, neighbours_of, ranks
+from rearl_jax.problems import InvalidInputError, MissingInputError
 from tests.llm.situations import (
     make_situation,
     make_table,
@@ -321,44 +322,52 @@ def test_own_template_replaces_the_shipped_one(tmp_path):
 
 
 BOTH = "{{% block system %}}\n{}{{% endblock %}}\n{{% block user %}}\n{}{{% endblock %}}"
+# The template, code and line of the problem, what it names.
 BROKEN = {
-    "no block": ("hello", ": the block system is missing"),
-    "one block": ("{% block system %}{% endblock %}", ": the block user is missing"),
-    "syntax": (BOTH.format("", "\n{{ car.speed car }}"), ", line 5: expected token"),
-    "unknown name": (
-        BOTH.format("", "\n{{ cra.speed }}"),
-        ", line 5: the block user has no variable 'cra'. It may",
-    ),
-    "in a branch": (BOTH.format("", "{% if car %}\n{% else %}{{ x }}{% endif %}"), ", line 5: .* no variable 'x'"),
-    "too early": (BOTH.format("{{ car.speed }}", ""), ", line 2: the block system has no variable 'car'"),
-    "unknown filter": (BOTH.format("{{ 1 | wrong }}", ""), ", line 2: No filter named 'wrong'"),
-    "unknown field": (BOTH.format("", "{{ car.sped }}"), ", line 4: .*Car object' has no attribute 'sped'"),
-    "undefined item": (BOTH.format("{{ actions[7] }}", ""), ", line 2: .*has no element 7"),
-    "wrong sum": (BOTH.format("{{ 1 / (levels[0] - levels[0]) }}", ""), ", line 2: ZeroDivisionError"),
+    "no block": ("hello", "block-missing", None, "block system"),
+    "one block": ("{% block system %}{% endblock %}", "block-missing", None, "block user"),
+    "syntax": (BOTH.format("", "\n{{ car.speed car }}"), "template-syntax", 5, "'car'"),
+    "unknown name": (BOTH.format("", "\n{{ cra.speed }}"), "variable-unknown", 5, "'cra'"),
+    "in a branch": (BOTH.format("", "{% if car %}\n{% else %}{{ x }}{% endif %}"), "variable-unknown", 5, "'x'"),
+    "too early": (BOTH.format("{{ car.speed }}", ""), "variable-unknown", 2, "'car'"),
+    "unknown filter": (BOTH.format("{{ 1 | wrong }}", ""), "template-syntax", 2, "'wrong'"),
+    "unknown field": (BOTH.format("", "{{ car.sped }}"), "template-fails", 4, "'sped'"),
+    "undefined item": (BOTH.format("{{ actions[7] }}", ""), "template-fails", 2, "element 7"),
+    "wrong sum": (BOTH.format("{{ 1 / (levels[0] - levels[0]) }}", ""), "template-fails", 2, "ZeroDivisionError"),
     "no text but code": (
         BOTH.format("{{ actions.__class__.__base__.__subclasses__() }}", ""),
-        ", line 2: .*access to attribute '__class__'",
+        "template-fails",
+        2,
+        "'__class__'",
     ),
-    "missing include": (BOTH.format("", "{% include 'b' %}"), ", line 4: TemplateNotFound: 'b'"),
+    "missing include": (BOTH.format("", "{% include 'b' %}"), "template-fails", 4, "'b'"),
     "shared too early": (
         BOTH.format("", "{% block scene %}\n{{ car.speed }}{% endblock %}"),
-        ", line 5: the block scene has no variable 'car'",
+        "variable-unknown",
+        5,
+        "'car'",
     ),
 }
 
 
 @pytest.mark.parametrize("name", BROKEN)
 def test_what_is_wrong_with_a_template_is_one_sentence_with_file_and_line(tmp_path, name):
-    text, message = BROKEN[name]
-    with pytest.raises(ValueError, match=rf"own\.j2{message}") as caught:
-        ask_small(template=str(own_template(tmp_path, text)))
+    text, code, line, named = BROKEN[name]
+    template = str(own_template(tmp_path, text))
+    with pytest.raises(InvalidInputError) as caught:
+        ask_small(template=template)
+    problem = caught.value.problem
+    assert (problem.code, problem.file, problem.line) == (code, template, line)
+    assert named in problem.said
     assert "\n" not in str(caught.value)
 
 
 def test_a_template_that_is_not_there_or_not_text(tmp_path):
     for wrong in (tmp_path / "missing.j2", tmp_path):
-        with pytest.raises(FileNotFoundError, match="there is no file .*leave the key empty"):
+        with pytest.raises(MissingInputError) as caught:
             load_template(str(wrong))
+        assert (caught.value.code, caught.value.problem.key) == ("file-missing", "prompt.template")
     (tmp_path / "own.j2").write_bytes(b"{% block system %}\xff")
-    with pytest.raises(ValueError, match=r"own\.j2 is no text in UTF-8 \(byte 18\)"):
+    with pytest.raises(InvalidInputError) as caught:
         load_template(str(tmp_path / "own.j2"))
+    assert (caught.value.code, caught.value.problem.file) == ("not-text", str(tmp_path / "own.j2"))

@@ -10,6 +10,7 @@ import yaml
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.models.file import BadModelError, model_id, read_model, write_model
 from rearl_jax.models.record import EffectValues
+from rearl_jax.problems import MissingInputError
 from tests.models.drivers import CURVE, GAIN, NOISE, PARAMETERS, SD, drivers, model
 
 
@@ -24,11 +25,13 @@ def content(path):
     return yaml.safe_load(path.read_text())
 
 
-def refused(path, content, match):
+def refused(path, content, code, key):
     path.write_text(yaml.safe_dump(content))
-    with pytest.raises(BadModelError, match=match) as caught:
+    with pytest.raises(BadModelError) as caught:
         read_model(path)
-    assert str(path) in str(caught.value)
+    problem = caught.value.problem
+    assert (problem.code, problem.file, problem.key) == (code, str(path), key)
+    return str(caught.value)
 
 
 def plain(value):
@@ -76,67 +79,97 @@ def test_parameters_outside_their_bounds_are_refused(path, content, name):
             bad = dict(content, effects=[{"name": name, "parameters": usual | {item.name: value}}])
             if variable:
                 bad["effects"][0]["variable"] = variable
-            refused(path, bad, rf"effects\[0\].parameters.{item.name}.*must be within")
+            key = f"effects[0].parameters.{item.name}"
+            refused(path, bad, "out-of-range", f"{key}[1]" if item.is_list else key)
     write_model(path, model(EffectValues(name, usual, variable)))  # within them they are taken
 
 
 def test_a_bad_model_is_not_written(path):
-    with pytest.raises(BadModelError, match="gain must be within"):
+    with pytest.raises(BadModelError) as caught:
         write_model(path, model(EffectValues("leader_acceleration", {"gain": 9.0, "reach": 60.0})))
+    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "effects[0].parameters.gain")
     assert not path.exists()
 
 
+def _in(content, *path):
+    """What stands at a place of the file."""
+    for part in path:
+        content = content[part]
+    return content
+
+
+def _other_share(content):
+    _in(content, "baseline", "truck").update(share=0.3)
+    _in(content, "baseline", "car").update(share=0.7)
+
+
+def _other_classes(content):
+    _in(content, "baseline").pop("truck")
+    _in(content, "baseline", "car").update(share=1.0)
+
+
+CAR = ("population", "car")
 CHANGES = {
-    "schema is 2": lambda c: c.update(schema=2),
-    "source.study is missing": lambda c: c["source"].pop("study"),
-    "the file.efects is no key; nearest: effects": lambda c: c.update(efects=[]),
-    "population has shares with the sum 1.1": lambda c: c["population"]["car"].update(share=0.9),
-    "baseline.car.share must equal": lambda c: (
-        c["baseline"]["truck"].update(share=0.3),
-        c["baseline"]["car"].update(share=0.7),
+    "schema": (lambda c: c.update(schema=2), "schema-unknown", "schema"),
+    "missing": (lambda c: c["source"].pop("study"), "key-missing", "source.study"),
+    "unknown": (lambda c: c.update(efects=[]), "key-unknown", "the file.efects"),
+    "shares": (lambda c: _in(c, *CAR).update(share=0.9), "shares", "population"),
+    "share": (_other_share, "vehicles-differ", "baseline.car.share"),
+    "classes": (_other_classes, "classes-differ", "baseline"),
+    "text": (
+        lambda c: _in(c, *CAR, "log_mean").update(time_gap="1e-3"),
+        "not-a-number",
+        "population.car.log_mean.time_gap",
     ),
-    "baseline must have the classes of population": lambda c: (
-        c["baseline"].pop("truck"),
-        c["baseline"]["car"].update(share=1.0),
+    "nan": (
+        lambda c: _in(c, *CAR, "log_mean").update(time_gap=float("nan")),
+        "not-a-number",
+        "population.car.log_mean.time_gap",
     ),
-    r"population.car.log_mean.time_gap must be a finite number, got '1e-3' \(YAML wants": lambda c: c["population"][
-        "car"
-    ]["log_mean"].update(time_gap="1e-3"),
-    "population.car.log_mean.time_gap must be a finite number, got nan": lambda c: c["population"]["car"][
-        "log_mean"
-    ].update(time_gap=float("nan")),
-    "population.car.log_covariance must be symmetric": lambda c: c["population"]["car"]["log_covariance"][
-        0
-    ].__setitem__(1, 3.0),
-    "population.car.log_covariance must have 5 rows": lambda c: c["population"]["car"]["log_covariance"].pop(),
-    r"effects\[0\].name is 'leader_accel'; nearest: leader_acceleration": lambda c: c["effects"][0].update(
-        name="leader_accel"
+    "asymmetric": (
+        lambda c: _in(c, *CAR, "log_covariance", 0).__setitem__(1, 3.0),
+        "no-covariance",
+        "population.car.log_covariance",
     ),
-    r"effects\[0\].parameters.reach is missing": lambda c: c["effects"][0]["parameters"].pop("reach"),
-    r"effects\[0\].variable means nothing to leader_acceleration": lambda c: c["effects"][0].update(variable="speed"),
-    r"effects\[1\].variable is 'spead', but must be one of": lambda c: c["effects"][1].update(variable="spead"),
-    r"effects\[1\].parameters.knots must rise in equal steps": lambda c: c["effects"][1]["parameters"].update(
-        knots=[0.0, 1.0, 5.0]
+    "rows": (lambda c: _in(c, *CAR, "log_covariance").pop(), "wrong-length", "population.car.log_covariance"),
+    "effect": (lambda c: _in(c, "effects", 0).update(name="leader_accel"), "choice-unknown", "effects[0].name"),
+    "parameter": (
+        lambda c: _in(c, "effects", 0, "parameters").pop("reach"),
+        "key-missing",
+        "effects[0].parameters.reach",
     ),
-    r"effects\[3\].name leader_acceleration is there twice": lambda c: c["effects"].append(
-        copy.deepcopy(c["effects"][0])
+    "no variable": (lambda c: _in(c, "effects", 0).update(variable="speed"), "key-unknown", "effects[0].variable"),
+    "variable": (lambda c: _in(c, "effects", 1).update(variable="spead"), "choice-unknown", "effects[1].variable"),
+    "knots": (
+        lambda c: _in(c, "effects", 1, "parameters").update(knots=[0.0, 1.0, 5.0]),
+        "knots-uneven",
+        "effects[1].parameters.knots",
     ),
-    "effects must be a list": lambda c: c.update(effects=None),
+    "twice": (lambda c: c["effects"].append(copy.deepcopy(c["effects"][0])), "effect-twice", "effects[3].name"),
+    "no list": (lambda c: c.update(effects=None), "wrong-type", "effects"),
 }
 
 
-@pytest.mark.parametrize("match", CHANGES)
-def test_what_is_wrong_is_named(path, content, match):
-    CHANGES[match](content)
-    refused(path, content, match)
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_is_wrong_is_named(path, content, change):
+    alter, code, key = CHANGES[change]
+    alter(content)
+    refused(path, content, code, key)
+
+
+def test_a_misspelt_name_is_told_the_nearest(path, content):
+    content["effects"][0].update(name="leader_accel")
+    assert "leader_acceleration" in refused(path, content, "choice-unknown", "effects[0].name")
 
 
 def test_no_file_and_no_yaml(path):
-    with pytest.raises(FileNotFoundError, match="there is no such file; `rearl discover` writes"):
+    with pytest.raises(MissingInputError) as caught:
         read_model(path)
+    assert (caught.value.code, caught.value.problem.key) == ("file-missing", "model")
     path.write_text("a: [")
-    with pytest.raises(BadModelError, match="is no YAML"):
+    with pytest.raises(BadModelError) as caught:
         read_model(path)
+    assert caught.value.code == "not-yaml"
 
 
 def test_cars_alone_are_a_population(path):

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.data.records import Recording
+from rearl_jax.problems import InvalidInputError, Problem
 
 N_GROUPS = 3
 """Groups of cars. Source: CRITICAL, HIGHD.py."""
@@ -118,10 +119,9 @@ def recorded_mixture(driving: Driving, *, seed: int = 0) -> Mixture:
     columns = (driving.speed, driving.acceleration, driving.lane_changes)
     features = np.stack([column[cars] for column in columns], axis=1).astype(np.float64)
     if len(np.unique(features, axis=0)) < N_GROUPS:
-        raise ValueError(
-            f"the threshold scenes hold too few cars to tell {N_GROUPS} kinds of drivers apart ({len(features)}): set "
-            "critical.ratios=[AGGRESSIVE,DEFENSIVE,TRUCK] or critical.proposer=search"
-        )
+        said = f"the threshold scenes hold too few cars to tell {N_GROUPS} kinds of drivers apart ({len(features)})"
+        remedy = "set critical.ratios=[AGGRESSIVE,DEFENSIVE,TRUCK] or critical.proposer=search"
+        raise InvalidInputError(Problem("cars-too-few", said, remedy))
     spread = features.std(axis=0)
     scaled = (features - features.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
     # Here, because most methods do without scikit-learn, which takes its time to import.

@@ -13,6 +13,7 @@ from typing import Any
 from rearl_jax.config._key import key
 from rearl_jax.config._schema import nearest
 from rearl_jax.config.driver.declaration import DriverModel, DriverParameter
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 DEFAULT = "highway_env_idm"
 """The model of `driver` where nothing else is said: highway-env's, bit for bit."""
@@ -68,7 +69,8 @@ class DriverConfig:
         """
         name = plain.get("model", DEFAULT)
         if name not in MODELS:
-            raise ValueError(f"model={name} is no car-following model; choices: {', '.join(MODELS)}")
+            said = f"must be a car-following model, one of {', '.join(MODELS)}"
+            raise InvalidInputError(Problem("choice-unknown", said, key="model", value=name))
         return record_of(name)
 
     def values(self, class_name: str | None = None) -> dict[str, float | None]:
@@ -77,63 +79,63 @@ class DriverConfig:
         return {name: getattr(self, name) for name in self._names()} | {k: v for k, v in said.items() if k != "share"}
 
     def check_prior(self) -> None:
-        """Raise ValueError where these keys are no prior of a calibration, which finds itself how drivers differ."""
+        """Raise InvalidInputError where these keys are no prior of a calibration, which finds how drivers differ."""
         if self.model not in CALIBRATED:
-            raise ValueError(
-                f"driver={self.model} has parameters without a usual value to calibrate from; choose one of "
-                f"{', '.join(CALIBRATED)}"
-            )
+            said = f"must be one of {', '.join(CALIBRATED)}, which have usual values to calibrate from"
+            raise InvalidInputError(Problem("driver-not-calibrated", said, key="driver", value=self.model))
         usual = record_of(self.model)()
         changed = (item.name for item in fields(self) if getattr(self, item.name) != getattr(usual, item.name))
         for name in changed:
             if name not in self.declaration.names:
-                raise ValueError(f"driver.{name} is found by the calibration: leave it alone")
+                said = "is found by the calibration: leave it alone"
+                raise InvalidInputError(Problem("found-by-calibration", said, key=f"driver.{name}"))
 
     def _names(self) -> list[str]:
         """Names of the keys that every class of drivers has a value of."""
         return [item.name for item in fields(self) if item.name not in ("model", "classes")]
 
     def check(self) -> None:
-        """Raise ValueError for a value outside its bounds, an unknown key of a class, or shares beyond 1."""
+        """Raise InvalidInputError for a value outside its bounds, an unknown key of a class, or shares beyond 1."""
         if type(self) is not record_of(self.model):
-            raise ValueError(f"model={self.model}: choose a car-following model with driver=NAME")
+            said = "must be left alone: choose a car-following model with driver=NAME"
+            raise InvalidInputError(Problem("driver-keys-of-another", said, key="model", value=self.model))
         known = self._names()
         _check_values(self.values(), self.declaration, "")
         total = 0.0
         for class_name, said in self.classes.items():
             place = f"classes.{class_name}"
             if not isinstance(said, Mapping) or not isinstance(said.get("share"), (int, float)):
-                raise ValueError(f"{place} must be keys and values with a share, as {{share: 0.1, time_gap: 1.8}}")
+                raise out_of_range(place, "must be keys and values with a share, as {share: 0.1, time_gap: 1.8}", said)
             for name, value in said.items():
                 if name not in ("share", *known):
                     close = nearest(str(name), ["share", *known])
-                    raise ValueError(f"{place}.{name} is no key of driver={self.model}; nearest: {close}")
+                    words = f"is no key of driver={self.model}; nearest: {close}"
+                    raise InvalidInputError(Problem("key-unknown", words, key=f"{place}.{name}"))
                 if isinstance(value, bool) or not isinstance(value, (int, float)):
-                    raise ValueError(f"{place}.{name} must be a number, got {value!r}")
+                    raise out_of_range(f"{place}.{name}", "must be a number", value)
             if not 0 < said["share"] <= 1:
-                raise ValueError(f"{place}.share must be within 0 and 1, got {said['share']:g}")
+                raise out_of_range(f"{place}.share", "must be within 0 and 1", said["share"])
             total += said["share"]
             _check_values(self.values(class_name), self.declaration, f"{place}.")
         if total > 1 + 1e-9:
-            raise ValueError(f"classes have shares with the sum {total:g}: they must not exceed 1")
+            raise out_of_range("classes", "must have shares with a sum of at most 1", f"{total:g}")
 
 
 def _check_values(values: Mapping[str, float | None], model: DriverModel, place: str) -> None:
     for parameter in model.parameters:
         value, sd = values[parameter.name], values[f"{parameter.name}_sd"]
         if value is not None and not parameter.low <= value <= parameter.high:
-            raise ValueError(
-                f"{place}{parameter.name} must be within {parameter.low:g} and {parameter.high:g} {parameter.unit}, "
-                f"got {value:g}"
-            )
+            bounds = f"must be within {parameter.low:g} and {parameter.high:g} {parameter.unit}"
+            raise out_of_range(f"{place}{parameter.name}", bounds, value)
         if sd is None or sd < 0:
-            raise ValueError(f"{place}{parameter.name}_sd must be at least 0, got {sd}")
+            raise out_of_range(f"{place}{parameter.name}_sd", "must be at least 0", sd)
         if sd > 0 and value is None:
-            raise ValueError(f"{place}{parameter.name}_sd={sd:g} needs {place}{parameter.name} as well")
+            said = f"needs {place}{parameter.name} as well"
+            raise InvalidInputError(Problem("key-missing", said, key=f"{place}{parameter.name}_sd={sd:g}"))
     for name, low, high in (("length", 1.0, 40.0), ("length_sd", 0, 10), ("noise_sd", 0, 3), ("noise_time", 0.05, 60)):
         value = values[name]
         if value is None or not low <= value <= high:
-            raise ValueError(f"{place}{name} must be within {low:g} and {high:g}, got {value}")
+            raise out_of_range(f"{place}{name}", f"must be within {low:g} and {high:g}", value)
 
 
 def record_of(name: str) -> type[DriverConfig]:

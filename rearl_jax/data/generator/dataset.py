@@ -19,6 +19,7 @@ from rearl_jax.data.generator.fleet import draw_drivers
 from rearl_jax.data.generator.highd_tables import highd_tables
 from rearl_jax.data.generator.plan import WARM_UP, plan_recording
 from rearl_jax.data.generator.traffic import FRAME, Traffic
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.whole_files import remove_leftovers, replacing
 
 TRUTH_FILE = "generator.json"
@@ -110,19 +111,21 @@ def _opened_truth(config: GeneratorConfig, root: Path) -> dict:
         try:
             truth = json.loads(path.read_text())
         except json.JSONDecodeError as error:
-            raise ValueError(f"{path}: {error}; remove the folder and generate it again") from error
+            said, remedy = f"the file is no JSON ({error})", "remove the folder and generate it again"
+            raise InvalidInputError(Problem("not-json", said, remedy, file=str(path))) from error
         if truth.get("config_hash") != config_hash:
-            raise ValueError(
-                f"{path}: the folder holds recordings generated with another configuration"
-                f"{_difference(truth, content)}; choose another folder (data.root), or remove this one"
-            )
+            said = f"the folder holds recordings generated with another configuration{_difference(truth, content)}"
+            remedy = "choose another folder (data.root), or remove this one"
+            raise InvalidInputError(Problem("generated-otherwise", said, remedy, file=str(path)))
         return truth
     strangers = sorted(file.name for file in root.glob("*_tracks.csv"))
     if strangers:
-        raise ValueError(
-            f"{root}: holds {strangers[0]} but no {TRUTH_FILE}, so these recordings were not generated here "
-            "and are not overwritten; choose another folder (data.root)"
+        said = (
+            f"the folder holds {strangers[0]} but no {TRUTH_FILE}, so these recordings were not generated here and are "
+            "not overwritten"
         )
+        remedy = "choose another folder (data.root)"
+        raise InvalidInputError(Problem("not-generated", said, remedy, file=str(root)))
     truth = {
         "generated": True,
         "format": "highD",

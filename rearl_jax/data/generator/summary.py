@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from rearl_jax.problems import MissingInputError, Problem
+
 WINDOW = 60  # seconds of a scene and its number of snapshots
 SCENE_VEHICLES = 10  # fewest vehicles in every snapshot of a scene (Bi et al.)
 
@@ -23,7 +25,8 @@ def summarise(root: Path) -> pd.DataFrame:
     """
     paths = sorted(root.glob("*_recordingMeta.csv"))
     if not paths:
-        raise FileNotFoundError(f"{root}: no *_recordingMeta.csv in this folder; name the folder of the recordings")
+        said = "no *_recordingMeta.csv in this folder: name the folder of the recordings"
+        raise MissingInputError(Problem("recordings-missing", said, file=str(root)))
     rows = [_recording(path, path.with_name(path.name.replace("recordingMeta", "tracksMeta"))) for path in paths]
     return pd.DataFrame(rows).set_index("id").sort_index()
 

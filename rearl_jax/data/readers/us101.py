@@ -7,6 +7,7 @@ from pathlib import Path
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import ngsim
 from rearl_jax.data.reader import Entry, Reader
+from rearl_jax.problems import MissingInputError, Problem
 
 FILE = "us101_lane_changers.parquet"
 
@@ -19,7 +20,9 @@ def find_file(root: Path) -> Path:
     """
     path = root / FILE if root.is_dir() else root
     if not path.is_file():
-        raise FileNotFoundError(f"{path} does not exist: leave data.root empty for the shipped file")
+        raise MissingInputError(
+            Problem("file-missing", "there is no such file: leave data.root empty for the shipped one", file=str(path))
+        )
     return path
 
 

@@ -6,6 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.problems import InvalidInputError
+
 RATE = 5
 
 
@@ -99,5 +101,6 @@ def test_too_few_cars_say_what_to_do():
     from rearl_jax.baselines.critical.statistics import driving_of, recorded_mixture
 
     alike = recording(*(track(i, 30.0) for i in range(9)), track(10, 20.0))
-    with pytest.raises(ValueError, match="critical.proposer=search"):
+    with pytest.raises(InvalidInputError) as caught:
         recorded_mixture(driving_of([alike], whole()))
+    assert caught.value.code == "cars-too-few"
