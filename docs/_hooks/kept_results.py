@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from rearl_jax.blind.judging import OUTCOMES
 from rearl_jax.blind.questions import QUESTIONS
 from rearl_jax.discovery.words import error_words, verdict_words
 
@@ -29,22 +28,6 @@ def blind_scores() -> str:
             for score in summary["scores"]
         ]
         blocks.append("\n".join(["| | | rate | goal |", "|---|---|---|---|", *rows]))
-    return "\n\n".join(blocks)
-
-
-def blind_sets() -> str:
-    """Outcomes of the kept blind studies by set, and how many data sets have a name that is not there."""
-    blocks = []
-    for _, summary in _of("discover blind", "summary.json"):
-        outcomes = [outcome for outcome in OUTCOMES if summary[f"n_{outcome}"]]
-        heads = ["", "of", *(f"`{outcome}`" for outcome in outcomes), "name not there", "95 % interval"]
-        rows = [
-            [f"{row['set']}", row["n"], *(row[f"n_{outcome}"] or "" for outcome in outcomes), row["n_false"],
-             f"{100 * row['low']:.1f} to {100 * row['high']:.1f} %"]
-            for row in summary["sets"]
-        ]  # fmt: skip
-        lines = [heads, ["---"] * len(heads), *rows]
-        blocks.append("\n".join(f"| {' | '.join(map(str, line))} |" for line in lines))
     return "\n\n".join(blocks)
 
 

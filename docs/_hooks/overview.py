@@ -55,7 +55,10 @@ def _named_by_strength() -> list[str]:
             _text(x, BOTTOM + 18, label, anchor="middle"),
             _text(x + 8, _height(row["rate"]) + 16, f"{row['n_named']:.0f} of {row['n']:.0f}"),
         ]
-    return [*parts, _text((first + last) / 2, BOTTOM + 38, "strength relative to the usual one", anchor="middle")]
+    return [
+        *parts,
+        _text((first + last) / 2, BOTTOM + 38, "strength relative to the usual one (95 % intervals)", anchor="middle"),
+    ]
 
 
 def _gap_errors() -> list[str]:
@@ -76,7 +79,12 @@ def _gap_errors() -> list[str]:
                 _dot(_along(value["value"]), y + shift, colour),
                 _text(_along(value["value"]), y + shift - 7, f"{value['value']:.2f} m {state}", anchor="middle"),
             ]
-    return [*parts, _text((first + last) / 2, BOTTOM + 38, "root mean square error of the gap [m]", anchor="middle")]
+    return [
+        *parts,
+        _text(
+            (first + last) / 2, BOTTOM + 38, "root mean square error of the gap [m] (90 % intervals)", anchor="middle"
+        ),
+    ]
 
 
 def _height(share: float) -> float:
