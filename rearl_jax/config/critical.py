@@ -25,13 +25,15 @@ class CriticalConfig:
     proposer: Proposer = key(
         Proposer.stats, "stats: as in the recordings (own choice); llm: a language model (CRITICAL); search: a grid"
     )
-    rounds: int = key(5, "rounds of proposer=llm: traffic is simulated, then other shares are proposed; own choice")
-    rollouts: int = key(16, "rollouts of a round or of a point of the grid, from states no evaluation has; own choice")
-    attempts: int = key(5, "answers a language model may give in a round before the shares stay as they are; CRITICAL")
-    history: int = key(5, "past rounds it is shown; CRITICAL")
-    max_tokens: int = key(256, "its longest answer [tokens], if llm.max_tokens is not larger; own choice")
+    rounds: int = key(5, "rounds of proposer=llm, each a simulation and a new proposal of shares; own choice")
+    rollouts: int = key(16, "rollouts per round or grid point, from initial states that no evaluation uses; own choice")
+    attempts: int = key(5, "invalid answers of a language model per round before the shares stay as they are; CRITICAL")
+    history: int = key(5, "past rounds shown to the language model; CRITICAL")
+    max_tokens: int = key(
+        256, "longest answer of the language model [tokens], if llm.max_tokens is not larger; own choice"
+    )
     ratios: tuple[float, float, float] | None = key(
-        None, "shares [aggressive, defensive, truck], the rest regular: nothing is adapted; null = by the proposer"
+        None, "fixed shares [aggressive, defensive, truck], the rest is regular; null = chosen by the proposer"
     )
 
     def check(self) -> None:

@@ -79,12 +79,12 @@ def time_gap(usual: float = 1.25, source: str = _TABLE) -> DriverParameter:
 def jam_gap(usual: float = 2.5, source: str = _TABLE) -> DriverParameter:
     """Gap at standstill s0, which every model has."""
     # Not below the gap below which no model answers more strongly, or nobody would come to rest.
-    return DriverParameter("jam_gap", "m", "gap s0 at standstill, bumper to bumper", usual, 0.5, 20.0, source)
+    return DriverParameter("jam_gap", "m", "bumper-to-bumper gap s0 at standstill", usual, 0.5, 20.0, source)
 
 
 def max_accel(usual: float = 1.4, source: str = _TABLE) -> DriverParameter:
     """Largest acceleration a that a driver asks for."""
-    return DriverParameter("max_accel", "m/s^2", "acceleration a from standstill", usual, 0.05, 10.0, source, truck=0.9)
+    return DriverParameter("max_accel", "m/s^2", "largest acceleration a", usual, 0.05, 10.0, source, truck=0.9)
 
 
 def comfort_decel(usual: float = 2.0, source: str = _TABLE) -> DriverParameter:
@@ -96,11 +96,18 @@ def comfort_decel(usual: float = 2.0, source: str = _TABLE) -> DriverParameter:
 
 def approach_gain(usual: float, source: str) -> DriverParameter:
     """Answer to the approach rate."""
-    return DriverParameter("approach_gain", "1/s", "deceleration per approach rate", usual, 0.01, 5.0, source, 0.5)
+    return DriverParameter("approach_gain", "1/s", "deceleration per approach rate k", usual, 0.01, 5.0, source, 0.5)
 
 
 def speed_gain(usual: float, source: str) -> DriverParameter:
     """Answer to the distance from the desired speed."""
     return DriverParameter(
-        "speed_gain", "1/s", "acceleration per missing speed, on a free road", usual, 0.01, 5.0, source, 0.5
+        "speed_gain",
+        "1/s",
+        "acceleration per speed deficit, on a free road",
+        usual,
+        0.01,
+        5.0,
+        source,
+        0.5,
     )
