@@ -1,4 +1,4 @@
-"""Documented numbers of modules as a table."""
+"""Table of the documented constants of modules."""
 
 import ast
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from typing import Any
 
 
 def constants(*modules: str) -> str:
-    """Every public number that a module documents: its name, its value and what it is."""
+    """Name, value and meaning of every documented public constant of the modules."""
     rows = [row for name in modules for row in _rows(import_module(name))]
     return "\n".join(["| | value | meaning |", "|---|---|---|", *rows])
 

@@ -1,4 +1,4 @@
-"""What pages take from the code while they are built, so that no list is kept twice; and formulas.
+"""Insertion of lists from the code into pages, and formulas.
 
 A line `<!-- generated: NAME WORDS -->` in a page is replaced by what the function of that name in `GENERATED` returns.
 """

@@ -1,4 +1,4 @@
-"""Figures of the studies whose results are kept, read from their files: no number is copied by hand."""
+"""Figures of the kept studies, read from their files so that no number is copied by hand."""
 
 import json
 from collections.abc import Iterator
@@ -9,11 +9,11 @@ from rearl_jax.blind.questions import QUESTIONS
 from rearl_jax.discovery.words import error_words, verdict_words
 
 KEPT = Path(__file__).resolve().parents[2] / "results" / "kept"
-"""Folder of these studies."""
+"""Folder of the kept studies."""
 
 
 def blind_scores() -> str:
-    """What the kept blind studies were asked, and the rates."""
+    """Questions, rates and goals of the kept blind studies."""
     titles = {question.name: question.title for question in QUESTIONS}
     blocks = []
     for study, summary in _of("discover blind", "summary.json"):
@@ -32,7 +32,7 @@ def blind_scores() -> str:
 
 
 def verdicts() -> str:
-    """What discovery said about the recordings whose results are kept."""
+    """Verdicts and errors of the kept studies of recordings."""
     blocks = []
     for study, verdict in _of("discover", "verdict.json"):
         blocks.append(f"`results/kept/{study}`\n:   {verdict_words(verdict)}. {error_words(verdict['error'])}.")

@@ -68,7 +68,7 @@ def bench_keys(name: str) -> str:
 
 
 def docstring(module: str) -> str:
-    """What a module says of itself after its first line, laid out as there."""
+    """Docstring of a module after its first line, with its layout."""
     lines = (import_module(module).__doc__ or "").strip().splitlines()
     return "\n".join(["```text", *lines[2:], "```"])
 

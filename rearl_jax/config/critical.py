@@ -8,7 +8,7 @@ from rearl_jax.config._key import key
 
 
 class Proposer(Enum):
-    """Who proposes the shares of aggressive and defensive drivers and of trucks."""
+    """Source of the shares of aggressive and defensive drivers and of trucks."""
 
     stats = "stats"
     """The recordings: the shares among the vehicles of the threshold scenes."""
@@ -48,7 +48,7 @@ class CriticalConfig:
 
 
 def shares_problem(shares: tuple[float, ...]) -> str:
-    """What is wrong with shares of which the rest is meant; empty where nothing is."""
+    """Problem of shares that must sum to at most 1; empty if there is none."""
     for share in shares:
         if not (math.isfinite(share) and 0 <= share <= 1):
             return f"{share:g} is not within 0 and 1"

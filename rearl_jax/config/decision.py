@@ -27,7 +27,7 @@ class PolicyName(Enum):
 
     @property
     def is_outside(self) -> bool:
-        """Whether the decisions are made outside the compiled program."""
+        """True if the decisions are made outside the compiled program."""
         return self in (PolicyName.llm, PolicyName.replay)
 
 

@@ -20,7 +20,7 @@ class Method(Enum):
 
     @property
     def needs_references(self) -> bool:
-        """Whether the method compares the traffic with representative scenes."""
+        """True for methods that compare the traffic with representative scenes."""
         return self is Method.rearl
 
 

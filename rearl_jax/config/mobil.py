@@ -24,7 +24,7 @@ class MobilConfig:
 
     @property
     def is_default(self) -> bool:
-        """Whether all values are highway-env's."""
+        """True if all values are highway-env's."""
         return self == MobilConfig()
 
     def check(self) -> None:

@@ -59,7 +59,7 @@ class DriverConfig:
 
     @property
     def is_default(self) -> bool:
-        """Whether the drivers are highway-env's, untouched."""
+        """True if all keys have the values of highway-env's drivers."""
         return self == record_of(DEFAULT)()
 
     @staticmethod

@@ -53,7 +53,7 @@ class DriverModel:
 
     @property
     def calibrated(self) -> bool:
-        """Whether every parameter has a usual value, which a calibration starts from."""
+        """True if every parameter has a usual value, the centre of the prior of a calibration."""
         return all(parameter.usual is not None for parameter in self.parameters)
 
     @property
