@@ -1,4 +1,4 @@
-"""The car-following models as a page: equations, parameters, gaps at equilibrium and string stability."""
+"""Tables of the car-following models: equations, parameters, equilibrium time gaps and string stability."""
 
 import ast
 from importlib import import_module
@@ -12,10 +12,10 @@ from rearl_jax.core.car_following import CAR_FOLLOWING
 from rearl_jax.core.car_following.model import linearise
 
 SPEEDS = (5.0, 15.0, 25.0)
-"""Speeds at which models are compared [m/s]."""
+"""Speeds of the comparison [m/s]."""
 
 DRAWN = {"desired_speed": 30.0, "accel_exponent": 4.0}
-"""What takes the place of usual values that highway-env draws with the initial state."""
+"""Values used for parameters that highway-env draws with the initial state."""
 
 
 def car_following() -> str:

@@ -1,4 +1,4 @@
-"""Documented numbers of modules, and the thresholds of discovery, as tables."""
+"""Tables of the documented constants of modules, and of the thresholds of discovery."""
 
 import ast
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from rearl_jax.discovery.thresholds import THRESHOLDS, meanings
 
 
 def constants(*modules: str) -> str:
-    """Every public number that a module documents: its name, its value and what it is."""
+    """Name, value and meaning of every documented public constant of the modules."""
     rows = [row for name in modules for row in _rows(import_module(name))]
     return "\n".join(["| | value | meaning |", "|---|---|---|", *rows])
 

@@ -14,12 +14,12 @@ from rearl_jax.tasks import Task
 
 
 def command_help() -> str:
-    """What `rearl --help` prints."""
+    """Output of `rearl --help`."""
     return f"```text\n{general_help()}\n```"
 
 
 def tasks_and_keys() -> str:
-    """Every task: what it does, the keys it has for itself, the groups it shares with others, sweeps, examples."""
+    """Description, own keys, shared groups, sweeps and examples of every task."""
     return "\n\n".join(_task(task) for task in tasks.TASKS)
 
 
@@ -53,7 +53,7 @@ def _task(task: Task) -> str:
 
 
 def _files(task: Task) -> list[str]:
-    """What the task's module says it writes, from its docstring; it need not be imported for that."""
+    """Files of a task, from the docstring of its module, which is not imported."""
     found = find_spec(task.run.partition(":")[0])
     assert found is not None
     assert found.origin is not None

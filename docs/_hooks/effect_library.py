@@ -1,4 +1,4 @@
-"""The effect library as a page: equations, parameters and sources as the effects themselves state them."""
+"""Sections of the effect library: equations, parameters and sources as stated in the code."""
 
 from inspect import getdoc
 
@@ -10,11 +10,11 @@ from rearl_jax.discovery.observe.candidates import CURVES, NAMED, PLACED, TIME_G
 KINDS = {
     "driver": "Drivers",
     "road": "Road and weather",
-    "lane_change": "Choice of the lane",
+    "lane_change": "Lane choice",
     "random": "Randomness",
-    "generic": "Without a name",
+    "generic": "Unnamed effects",
 }
-"""Headings of the kinds of effects, in the order in which they are shown."""
+"""Headings of the kinds of effects, in the order of the page."""
 
 
 def effects() -> str:
@@ -28,7 +28,7 @@ def effects() -> str:
 
 
 def curves() -> str:
-    """Variables that an unnamed effect may depend on."""
+    """Variables of the free curves."""
     rows = [
         f"| `{name}` | {unit} | {_mark(name in CURVES)} | {_mark(name in TIME_GAP_CURVES)} |"
         for name, (unit, _) in VARIABLES.items()
@@ -60,20 +60,20 @@ def _row(parameter: Parameter) -> str:
 
 
 def _looked_for(effect: type[Effect]) -> str:
-    """How discovery looks for an effect."""
+    """Treatment of an effect by discovery."""
     name = effect.name
     twins = {twin: one for one, others in TWINS.items() for twin in others}
     if name in NAMED:
-        return "Discovery looks for it along its own strengths."
+        return "Discovery searches for it."
     if name in PLACED:
-        return f"Discovery looks for it along a curve over {PLACED[name]}, then fits the section."
+        return f"Discovery finds it through a curve over {PLACED[name]} and then fits its section."
     if name in twins:
-        return f"In trajectories it cannot be told from `{twins[name]}`, beside which discovery lists it."
+        return f"Trajectories cannot distinguish it from `{twins[name]}`; discovery lists it beside that effect."
     if name in {candidate.name for candidate in CANDIDATES}:
-        return "Discovery looks for it in lane changes by choice."
+        return "Discovery searches for it in lane changes by choice."
     if effect.kind == "generic":
-        return "Discovery looks for it as a curve where no named effect explains as much."
-    return "Simulation only: discovery does not look for it."
+        return "Discovery uses it as a curve if no named effect explains as much."
+    return "Only for simulation: discovery does not search for it."
 
 
 def _mark(holds: bool) -> str:

@@ -1,4 +1,4 @@
-"""LaTeX formulas as drawings inside the page: they need no font, no script and no network, and follow dark mode."""
+"""LaTeX formulas as inline SVG, which needs no font, script or network and follows dark mode."""
 
 import io
 import re

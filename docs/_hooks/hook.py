@@ -1,4 +1,4 @@
-"""What pages take from the code while they are built, so that no list is kept twice; and formulas.
+"""Insertion of lists from the code into pages, and formulas.
 
 A line `<!-- generated: NAME WORDS -->` in a page is replaced by what the function of that name in `GENERATED` returns.
 """
@@ -20,7 +20,6 @@ GENERATED: dict[str, Callable[..., str]] = {
     "bench-keys": tables_of_code.bench_keys,
     "car-following": car_following.car_following,
     "blind-scores": kept_results.blind_scores,
-    "blind-sets": kept_results.blind_sets,
     "constants": code_constants.constants,
     "curves": effect_library.curves,
     "docstring": tables_of_code.docstring,
@@ -29,6 +28,7 @@ GENERATED: dict[str, Callable[..., str]] = {
     "help": config_keys.command_help,
     "keys": config_keys.keys,
     "metrics": tables_of_code.metrics,
+    "packages": tables_of_code.packages,
     "public-names": tables_of_code.public_names,
     "recording-formats": tables_of_code.recording_formats,
     "sweeps": config_keys.sweeps,

@@ -1,20 +1,19 @@
-"""Figures of the studies whose results are kept, read from their files: no number is copied by hand."""
+"""Figures of the kept studies, read from their files so that no number is copied by hand."""
 
 import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from rearl_jax.blind.judging import OUTCOMES
 from rearl_jax.blind.questions import QUESTIONS
 from rearl_jax.discovery.report.words import error_words, verdict_words
 
 KEPT = Path(__file__).resolve().parents[2] / "results" / "kept"
-"""Folder of these studies."""
+"""Folder of the kept studies."""
 
 
 def blind_scores() -> str:
-    """What the kept blind studies were asked, and the rates."""
+    """Questions, rates and goals of the kept blind studies."""
     titles = {question.name: question.title for question in QUESTIONS}
     blocks = []
     for study, summary in _of("discover blind", "summary.json"):
@@ -32,24 +31,8 @@ def blind_scores() -> str:
     return "\n\n".join(blocks)
 
 
-def blind_sets() -> str:
-    """Outcomes of the kept blind studies by set, and how many data sets have a name that is not there."""
-    blocks = []
-    for _, summary in _of("discover blind", "summary.json"):
-        outcomes = [outcome for outcome in OUTCOMES if summary[f"n_{outcome}"]]
-        heads = ["", "of", *(f"`{outcome}`" for outcome in outcomes), "name not there", "95 % interval"]
-        rows = [
-            [f"{row['set']}", row["n"], *(row[f"n_{outcome}"] or "" for outcome in outcomes), row["n_false"],
-             f"{100 * row['low']:.1f} to {100 * row['high']:.1f} %"]
-            for row in summary["sets"]
-        ]  # fmt: skip
-        lines = [heads, ["---"] * len(heads), *rows]
-        blocks.append("\n".join(f"| {' | '.join(map(str, line))} |" for line in lines))
-    return "\n\n".join(blocks)
-
-
 def verdicts() -> str:
-    """What discovery said about the recordings whose results are kept."""
+    """Verdicts and errors of the kept studies of recordings."""
     blocks = []
     for study, verdict in _of("discover", "verdict.json"):
         blocks.append(f"`results/kept/{study}`\n:   {verdict_words(verdict)}. {error_words(verdict['error'])}.")

@@ -1,6 +1,8 @@
 """Tables that the code holds: columns and formats of recordings, metrics, keys of measurements, public names."""
 
+import ast
 from importlib import import_module
+from pathlib import Path
 
 import rearl_jax
 from rearl_jax.config.data import DataFormat
@@ -65,9 +67,19 @@ def bench_keys(name: str) -> str:
 
 
 def docstring(module: str) -> str:
-    """What a module says of itself after its first line, laid out as there."""
+    """Docstring of a module after its first line, with its layout."""
     lines = (import_module(module).__doc__ or "").strip().splitlines()
     return "\n".join(["```text", *lines[2:], "```"])
+
+
+def packages() -> str:
+    """The packages of `rearl_jax` with the first paragraph of their docstrings; none is imported."""
+    rows = []
+    for folder in sorted(file.parent for file in Path(rearl_jax.__file__).parent.glob("*/__init__.py")):
+        source = (folder / "__init__.py").read_text(encoding="utf-8")
+        paragraph = " ".join((ast.get_docstring(ast.parse(source)) or "").partition("\n\n")[0].split())
+        rows.append(f"| `rearl_jax.{folder.name}` | {_cell(paragraph)} |")
+    return "\n".join(["| package | content |", "|---|---|", *rows])
 
 
 def public_names() -> str:

@@ -50,7 +50,7 @@ def _study(name: str) -> Any:
 
 @dataclass(unsafe_hash=True)
 class PrepareTask:
-    """Recordings to canonical tables and scenes."""
+    """Canonical tables and scenes from recordings."""
 
     study: str = _study("prepare")
     results: ResultsConfig = _group(ResultsConfig)
@@ -65,7 +65,7 @@ class PrepareTask:
 
 @dataclass(unsafe_hash=True)
 class ClusterTask:
-    """Tracks and scenes in clusters, and representative scenes."""
+    """Clusters of tracks and scenes, and representative scenes."""
 
     study: str = _study("cluster")
     results: ResultsConfig = _group(ResultsConfig)
@@ -83,25 +83,25 @@ class ClusterTask:
 
 @dataclass(unsafe_hash=True)
 class DiscoverTask:
-    """What the traffic model lacks."""
+    """Missing effects of the driver model."""
 
     study: str = _study("discover")
     results: ResultsConfig = _group(ResultsConfig)
     data: DataConfig = _group(DataConfig)
     driver: DriverConfig = key(
         record_of("idm"),
-        "Car-following model that is calibrated, driver=NAME chooses; values are the centre of the calibration's prior",
+        "Car-following model to calibrate, chosen by driver=NAME; the values are the centre of the prior",
     )
     discover: DiscoverConfig = _group(DiscoverConfig)
 
     def check(self) -> None:
-        """Raise InvalidInputError for drivers that cannot be calibrated, or keys that a calibration finds itself."""
+        """Raise InvalidInputError for drivers that cannot be calibrated, and for keys that the calibration estimates."""
         self.driver.check_prior()
 
 
 @dataclass(unsafe_hash=True)
 class DiscoverBlindTask:
-    """Hidden effects that discovery has to find."""
+    """Test of discovery on hidden effects."""
 
     study: str = _study("discover_blind")
     results: ResultsConfig = _group(ResultsConfig)
@@ -110,24 +110,24 @@ class DiscoverBlindTask:
 
 
 _DRIVES = (
-    "what drives the vehicles; base: the drivers of `driver` and `mobil`, rearl: with interventions, ppo: a trained "
+    "control of the vehicles; base: the drivers of `driver` and `mobil`, rearl: these with corrections, ppo: a trained "
     "policy, critical: highway-env's IDM and MOBIL with classes of drivers"
 )
 
 
 @dataclass(unsafe_hash=True)
 class EvaluateTask:
-    """Simulated against measured scenes."""
+    """Comparison of simulated with measured scenes."""
 
     study: str = _study("evaluate")
     method: Method = key(Method.base, _DRIVES)
     model: str | None = key(
-        None, "repaired traffic model, a model.yaml as `rearl discover` writes it; null = highway-env's traffic model"
+        None, "repaired model, a model.yaml written by `rearl discover`; null = the drivers of `driver` and `mobil`"
     )
     variant: Variant = key(
         Variant.all,
-        "with model: all = base and rearl without and with its effects side by side; calibrated (without) or repaired "
-        "(with) = `method` on that traffic alone",
+        "with model: all = base and rearl, each without and with the effects; calibrated = only `method`, without "
+        "effects; repaired = only `method`, with effects",
     )
     results: ResultsConfig = _group(ResultsConfig)
     data: DataConfig = _group(DataConfig)
@@ -145,7 +145,7 @@ class EvaluateTask:
     init: InitConfig = _group(InitConfig)
     core: CoreConfig = _group(CoreConfig)
     driver: DriverConfig = key(
-        record_of(DEFAULT), "Car following, sizes and classes of the drivers; driver=NAME chooses"
+        record_of(DEFAULT), "Car following, sizes and classes of the drivers; driver=NAME chooses the model"
     )
     mobil: MobilConfig = _group(MobilConfig)
     kl: KlConfig = _group(KlConfig)
@@ -174,10 +174,10 @@ _ONE_VARIANT = "with model: calibrated (without its effects) or repaired (with t
 
 @dataclass(unsafe_hash=True)
 class SweepThresholdsTask(EvaluateTask):
-    """Thresholds of the detection."""
+    """Detection thresholds."""
 
     study: str = _study("sweep_thresholds")
-    method: Method = key(Method.rearl, "rearl: thresholds mean nothing to a method without interventions")
+    method: Method = key(Method.rearl, "rearl; the other methods have no detection thresholds")
     variant: Variant = key(Variant.repaired, _ONE_VARIANT)
     sweep: SweepConfig = _group(SweepConfig)
 
@@ -191,7 +191,7 @@ class SweepScaleTask(EvaluateTask):
     variant: Variant = key(Variant.repaired, _ONE_VARIANT)
     # Not int, which OmegaConf refuses to read 1e6 as.
     n_rollouts: float = key(
-        100_000.0, "rollouts of the scenes of eval.subset, every scene as often as needed; a whole number such as 1e6"
+        100_000.0, "number of rollouts, spread evenly over the scenes of eval.subset; a whole number such as 1e6"
     )
 
     def check(self) -> None:
@@ -202,7 +202,7 @@ class SweepScaleTask(EvaluateTask):
 
 @dataclass(unsafe_hash=True)
 class TrainPpoTask:
-    """The policy of the method ppo."""
+    """Training of the policy of method=ppo."""
 
     study: str = _study("train_ppo")
     results: ResultsConfig = _group(ResultsConfig)
@@ -213,23 +213,23 @@ class TrainPpoTask:
 
 @dataclass(unsafe_hash=True)
 class ValidateTask:
-    """The traffic core against highway-env."""
+    """Comparison of the traffic model with highway-env."""
 
     study: str = _study("validate")
     results: ResultsConfig = _group(ResultsConfig)
     validation: ValidationConfig = _group(ValidationConfig)
 
 
-_ROWS_DECIDE = "base; the rows decide what drives the vehicles"
+_ROWS_DECIDE = "base; each row of the table sets its own method"
 
 
 @dataclass(unsafe_hash=True)
 class StudyTable1Task(EvaluateTask):
-    """Methods beside each other: Table 1 of the paper."""
+    """Comparison of methods: Table 1 of the paper."""
 
     study: str = _study("study_table1")
     method: Method = key(Method.base, _ROWS_DECIDE)
-    variant: Variant = key(Variant.all, "all; a model adds rows with and without its effects")
+    variant: Variant = key(Variant.all, "all; model=FILE adds rows with and without its effects")
     table1: Table1Config = _group(Table1Config)
 
     def check(self) -> None:
@@ -245,7 +245,7 @@ class StudyTable1Task(EvaluateTask):
 
 @dataclass(unsafe_hash=True)
 class StudyFig6Task(StudyTable1Task):
-    """Errors second by second: Fig. 6 of the paper."""
+    """Errors by second: Fig. 6 of the paper."""
 
     study: str = _study("study_fig6")
 
@@ -262,7 +262,7 @@ class StudyFig7Task(EvaluateTask):
     """Errors of base and their percentiles: Fig. 7 of the paper."""
 
     study: str = _study("study_fig7")
-    method: Method = key(Method.base, "base: nothing else is simulated")
+    method: Method = key(Method.base, "base; no other method is simulated")
     variant: Variant = key(Variant.repaired, _ONE_VARIANT)
     sweep: SweepConfig = _group(SweepConfig)
 
@@ -301,7 +301,7 @@ class StudyTable4Task:
 
 @dataclass(unsafe_hash=True)
 class ReportTask:
-    """A finished study as one file."""
+    """Report of a finished study in one file."""
 
     study: str = key("evaluate", "name of the finished study: its folder under results.root, as in table1/rows/base")
     results: FolderConfig = _group(FolderConfig)
@@ -310,7 +310,7 @@ class ReportTask:
 
 @dataclass(unsafe_hash=True)
 class DoctorTask:
-    """Is everything there and in order."""
+    """Check of the installation."""
 
     results: FolderConfig = _group(FolderConfig)
     data: DataConfig = _group(DataConfig)

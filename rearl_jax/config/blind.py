@@ -8,7 +8,7 @@ from rearl_jax.problems import out_of_range
 
 
 class StudySize(Enum):
-    """How many data sets are generated."""
+    """Number of data sets."""
 
     small = "small"
     medium = "medium"
@@ -17,21 +17,21 @@ class StudySize(Enum):
 
 @dataclass(unsafe_hash=True)
 class BlindConfig:
-    """Data sets whose hidden effects discovery has to find"""
+    """Data sets with hidden effects"""
 
-    size: StudySize = key(StudySize.small, "data sets of a study; small: one per question, medium: 141, full: 802")
+    size: StudySize = key(StudySize.small, "number of data sets; small: one per question, medium: 141, full: 802")
     seed: int | None = key(
-        None, "master seed of all data sets; null: drawn when the study begins, after the code's hash is written down"
+        None, "master seed of all data sets; null = drawn when the study starts, after the hash of the code is written"
     )
-    sets: str = key("*", "shell pattern on the sets that are run, such as control* or half; * takes all")
+    sets: str = key("*", "shell pattern of the sets to run, such as control* or half; * = all")
     first: int | None = key(
         None,
-        "data sets that are run and judged, the first of the study's random order; null: all. A study goes on from "
-        "what it has when more are asked for",
+        "number of data sets to run, from the beginning of the random order; null = all. A larger number later "
+        "continues the study",
     )
-    sumo: bool = key(True, "generate data sets with SUMO too, in the sizes that have any; needs the extra `bench`")
-    oracle: bool = key(False, "after each verdict, refit with what was hidden, to know the smallest error there is")
-    keep_data: bool = key(False, "leave the generated recordings in the study's folder instead of removing them")
+    sumo: bool = key(True, "also generate data sets with SUMO, if the size includes them; needs the extra `bench`")
+    oracle: bool = key(False, "after each verdict, refit with the hidden effect to know the smallest possible error")
+    keep_data: bool = key(False, "keep the generated recordings in the folder of the study")
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""

@@ -11,7 +11,7 @@ from rearl_jax.problems import out_of_range
 
 
 class CurveDistance(Enum):
-    """How a track is compared with a centre."""
+    """Distance between a track and a centre."""
 
     discrete_resampled = "discrete_resampled"
     """Discrete Frechet distance, the centre's edges subdivided to `kl.centre_points` points."""
@@ -22,7 +22,7 @@ class CurveDistance(Enum):
 
 
 class KlInit(Enum):
-    """Where the first centres come from."""
+    """Initial centres."""
 
     pam = "pam"
     """k-medoids of a sample: BUILD, then SWAP."""
@@ -33,7 +33,7 @@ class KlInit(Enum):
 
 
 class KlUpdate(Enum):
-    """How a centre moves."""
+    """Update of a centre."""
 
     fsa = "fsa"
     """Every vertex to the centre of the smallest ball around the points aligned to it (Frechet centring)."""
@@ -44,7 +44,7 @@ class KlUpdate(Enum):
 
 
 class SceneVector(Enum):
-    """What a scene's label shares count."""
+    """Units counted in the label shares of a scene."""
 
     unique_tracks = "unique_tracks"
     """Every labelled track seen in the scene once."""
@@ -53,7 +53,7 @@ class SceneVector(Enum):
 
 
 class Representative(Enum):
-    """What stands for a cluster of scenes."""
+    """Representative of a cluster of scenes."""
 
     medoid = "medoid"
     """The member nearest to the centroid."""
@@ -62,10 +62,10 @@ class Representative(Enum):
 
 
 class FitOn(Enum):
-    """Which scenes, and tracks in them, clusterings are fitted on."""
+    """Scenes, with their tracks, that clusterings are fitted on."""
 
     not_eval = "not_eval"
-    """None that is an evaluation or tuning scene, or shares traffic with one across a border of splits."""
+    """All but evaluation and tuning scenes and scenes that share traffic with them across a border of splits."""
     all = "all"
     """All."""
 
@@ -74,21 +74,22 @@ class FitOn(Enum):
 class KlConfig:
     """Clustering of tracks: k centres of at most l vertices under the Frechet distance"""
 
-    k: int = key(3, "clusters of tracks; REARL")
-    l: int = key(12, "vertices of a centre; own choice, REARL does not state it")  # noqa: E741 - the name in the field
-    iterations: int = key(3, "updates of the centres at most, fewer once the cost stops falling; REARL")
+    k: int = key(3, "number of clusters of tracks; REARL")
+    l: int = key(12, "largest number of vertices of a centre; own choice, not stated by REARL")  # noqa: E741 - the name in the field
+    iterations: int = key(3, "largest number of updates of the centres; fewer if the cost stops decreasing; REARL")
     weights: tuple[float, float, float] = key(
-        (1.0, 1.0, 0.5), "weights of scaled speed, position and distance after min-max to 0 to 1; own choice"
+        (1.0, 1.0, 0.5), "weights of speed, position and distance, each scaled to 0 to 1; own choice"
     )
     distance: CurveDistance = key(
-        CurveDistance.discrete_resampled, "discrete_resampled, discrete_raw or continuous (small data); own choice"
+        CurveDistance.discrete_resampled,
+        "Frechet distance: discrete_resampled, discrete_raw or continuous (small data); own choice",
     )
     centre_points: int = key(48, "points of a centre for kl.distance=discrete_resampled; own choice")
-    init: KlInit = key(KlInit.pam, "pam, gonzalez_pam or gonzalez (as in klcluster); own choice")
-    update: KlUpdate = key(KlUpdate.fsa, "fsa: Frechet centring (REARL), mean or medoid")
-    sample: int = key(300, "tracks among which the first centres are sought; own choice")
-    members: int = key(500, "members of a cluster that move its centre, sampled; own choice")
-    ball_steps: int = key(60, "steps of Badoiu and Clarkson's enclosing ball; own choice")
+    init: KlInit = key(KlInit.pam, "initial centres: pam, gonzalez_pam or gonzalez (as in klcluster); own choice")
+    update: KlUpdate = key(KlUpdate.fsa, "update of a centre: fsa = Frechet centring (REARL), mean or medoid")
+    sample: int = key(300, "tracks among which the initial centres are sought; own choice")
+    members: int = key(500, "sampled members of a cluster that update its centre; own choice")
+    ball_steps: int = key(60, "iterations of Badoiu and Clarkson's smallest enclosing ball; own choice")
     seed: int = key(0, "seed of the samples")
 
     def check(self) -> None:
@@ -112,9 +113,11 @@ class KlConfig:
 class ClusterConfig:
     """Clustering of scenes and their representatives"""
 
-    n_clusters: int = key(15, "clusters of scenes, fewer where fewer scenes differ; REARL")
+    n_clusters: int = key(15, "number of clusters of scenes; fewer if there are fewer different scenes; REARL")
     n_init: int = key(10, "restarts of k-means; own choice")
-    vector: SceneVector = key(SceneVector.unique_tracks, "shares of labels over unique_tracks or slot_weighted")
+    vector: SceneVector = key(
+        SceneVector.unique_tracks, "label shares of a scene: unique_tracks (each track once) or slot_weighted"
+    )
     representative: Representative = key(Representative.medoid, "medoid: a recorded scene (own choice), or slot_mean")
     fit_on: FitOn = key(
         FitOn.not_eval, "not_eval: without evaluation and tuning scenes (own choice), all (REARL; not held out)"
@@ -134,16 +137,18 @@ class ClusterConfig:
 class BoConfig:
     """Bayesian optimisation of kl.k, kl.l and kl.iterations"""
 
-    enabled: bool = key(False, "search first and use the best; false takes kl.k, kl.l and kl.iterations as given")
-    n_calls: int = key(500, "evaluations at most; stops once the grid is exhausted; REARL")
-    n_initial: int = key(10, "of these drawn at random before the first fit; default of scikit-optimize's gp_minimize")
-    share: float = key(0.05, "share of the tracks every evaluation clusters; REARL")
-    k: tuple[int, ...] = key((2, 3, 4, 5, 6, 7, 8), "values of kl.k tried; own choice")
+    enabled: bool = key(False, "search for the best values first; false = use kl.k, kl.l and kl.iterations as given")
+    n_calls: int = key(500, "largest number of evaluations; the search stops when the grid is exhausted; REARL")
+    n_initial: int = key(10, "random evaluations before the first fit; default of scikit-optimize's gp_minimize")
+    share: float = key(0.05, "share of the tracks that an evaluation clusters [-]; REARL")
+    k: tuple[int, ...] = key((2, 3, 4, 5, 6, 7, 8), "values of kl.k to try; own choice")
     l: tuple[int, ...] = key(  # noqa: E741 - the name in the field
         (4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24), "values of kl.l tried; own choice"
     )
-    iterations: tuple[int, ...] = key((1, 2, 3, 4, 5, 6), "values of kl.iterations tried; own choice")
-    penalty: float = key(0.01, "taken from the silhouette for a centre of 24 vertices, in proportion; own choice")
+    iterations: tuple[int, ...] = key((1, 2, 3, 4, 5, 6), "values of kl.iterations to try; own choice")
+    penalty: float = key(
+        0.01, "penalty on the silhouette for a centre of 24 vertices, proportional to the vertices [-]; own choice"
+    )
     seed: int = key(0, "seed of the sample of tracks and of the search")
 
     def check(self) -> None:

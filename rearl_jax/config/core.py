@@ -16,17 +16,19 @@ class Precision(Enum):
 
 @dataclass(unsafe_hash=True)
 class CoreConfig:
-    """Road, clock and stages of the simulation."""
+    """Road, time step and parts of the simulation."""
 
-    n_lanes: int = key(4, "lanes of the simulated carriageway, 1 to 8; REARL (Bi et al.)")
+    n_lanes: int = key(4, "number of lanes of the carriageway, 1 to 8; REARL (Bi et al.)")
     n_vehicles: int = key(10, "vehicles in each scenario; REARL (Bi et al.)")
-    density: float = key(2.0, "vehicles_density of the initial scene [-]; highway-env, REARL (Bi et al.)")
-    speed_limit: float | None = key(30.0, "cap of the desired speed [m/s], null for none; highway-env 1.12.1")
-    ticks_per_second: int = key(15, "simulation ticks per second [1/s]; highway-env 1.12.1")
+    density: float = key(2.0, "density of the initial traffic, vehicles_density of highway-env [-]; REARL (Bi et al.)")
+    speed_limit: float | None = key(30.0, "upper limit of the desired speed [m/s], null = none; highway-env 1.12.1")
+    ticks_per_second: int = key(15, "time steps per second [1/s]; highway-env 1.12.1")
     lane_changes: bool = key(True, "vehicles change lanes (MOBIL)")
-    collisions: bool = key(True, "vehicles collide; without, they pass through each other")
-    dtype: Precision = key(Precision.float32, "floating type of the simulation")
-    chunk: int = key(512, "scenarios one core simulates at a time; more need more memory, fewer leave it idle")
+    collisions: bool = key(True, "vehicles collide; false = they pass through each other")
+    dtype: Precision = key(Precision.float32, "floating-point type of the simulation")
+    chunk: int = key(
+        512, "scenarios that one core simulates at a time; more need more memory, fewer are slower per scenario"
+    )
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
@@ -42,14 +44,14 @@ class CoreConfig:
 
 
 class InitialSpeed(Enum):
-    """How initial speeds are chosen."""
+    """Initial speeds."""
 
     u21_24 = "u21_24"
     fixed_25 = "fixed_25"
 
 
 class InitialSource(Enum):
-    """Where initial states come from."""
+    """Source of initial states."""
 
     seed = "seed"
     scene = "scene"

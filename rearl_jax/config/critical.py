@@ -9,7 +9,7 @@ from rearl_jax.problems import out_of_range
 
 
 class Proposer(Enum):
-    """Who proposes the shares of aggressive and defensive drivers and of trucks."""
+    """Source of the shares of aggressive and defensive drivers and of trucks."""
 
     stats = "stats"
     """The recordings: the shares among the vehicles of the threshold scenes."""
@@ -26,13 +26,15 @@ class CriticalConfig:
     proposer: Proposer = key(
         Proposer.stats, "stats: as in the recordings (own choice); llm: a language model (CRITICAL); search: a grid"
     )
-    rounds: int = key(5, "rounds of proposer=llm: traffic is simulated, then other shares are proposed; own choice")
-    rollouts: int = key(16, "rollouts of a round or of a point of the grid, from states no evaluation has; own choice")
-    attempts: int = key(5, "answers a language model may give in a round before the shares stay as they are; CRITICAL")
-    history: int = key(5, "past rounds it is shown; CRITICAL")
-    max_tokens: int = key(256, "its longest answer [tokens], if llm.max_tokens is not larger; own choice")
+    rounds: int = key(5, "rounds of proposer=llm, each a simulation and a new proposal of shares; own choice")
+    rollouts: int = key(16, "rollouts per round or grid point, from initial states that no evaluation uses; own choice")
+    attempts: int = key(5, "invalid answers of a language model per round before the shares stay as they are; CRITICAL")
+    history: int = key(5, "past rounds shown to the language model; CRITICAL")
+    max_tokens: int = key(
+        256, "longest answer of the language model [tokens], if llm.max_tokens is not larger; own choice"
+    )
     ratios: tuple[float, float, float] | None = key(
-        None, "shares [aggressive, defensive, truck], the rest regular: nothing is adapted; null = by the proposer"
+        None, "fixed shares [aggressive, defensive, truck], the rest is regular; null = chosen by the proposer"
     )
 
     def check(self) -> None:
@@ -48,7 +50,7 @@ class CriticalConfig:
 
 
 def shares_problem(shares: tuple[float, ...]) -> str:
-    """What is wrong with shares of which the rest is meant; empty where nothing is."""
+    """Problem of shares that must sum to at most 1; empty if there is none."""
     for share in shares:
         if not (math.isfinite(share) and 0 <= share <= 1):
             return f"{share:g} is not within 0 and 1"

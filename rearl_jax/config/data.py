@@ -1,4 +1,4 @@
-"""Configuration of the recordings: which ones, where they are, what happens to bad rows."""
+"""Configuration of the recordings: format, place, treatment of bad rows."""
 
 import pkgutil
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ class DataFormat(Enum, metaclass=_Formats):
 
 
 class OnBad(Enum):
-    """What happens to rows that break the schema."""
+    """Treatment of rows that violate the schema."""
 
     stop = "stop"
     drop_track = "drop_track"
@@ -47,27 +47,27 @@ class OnBad(Enum):
 
 @dataclass(unsafe_hash=True)
 class DataConfig:
-    """Recordings that are read."""
+    """Recordings to read."""
 
     format: DataFormat = key(
         DataFormat.us101,
-        "format of the recordings; data=NAME chooses it together with the keys that usually go with it",
+        "format of the recordings; data=NAME sets it together with the keys that usually belong to it",
     )
-    root: str | None = key(None, "folder of the recordings; not needed for us101, which comes with the package")
-    recordings: str = key("*", "shell pattern on the recording id, such as highd_0? or us101_0750; * takes all")
+    root: str | None = key(None, "folder of the recordings; not needed for us101, which is shipped")
+    recordings: str = key("*", "shell pattern of the recording id, such as highd_0? or us101_0750; * = all")
     on_bad: OnBad = key(
         OnBad.stop,
-        "rows that break the schema: stop with an error, drop_track (the vehicle) or drop_row (the row, and "
-        "cut the track there); what is dropped is counted",
+        "treatment of rows that violate the schema: stop with an error, drop_track (the vehicle) or drop_row (the row, "
+        "cutting the track there); dropped rows are counted",
     )
     max_jump: float = key(
         2.0,
-        "distance beyond speed x time from which a step between frames is a jump [m]; clean recordings stay "
-        "below 0.6 m (NGSIM US-101, I-80)",
+        "excess of a step between frames over speed x time that counts as a jump [m]; clean recordings stay below "
+        "0.6 m (NGSIM US-101, I-80)",
     )
     default_length: float = key(
         4.5,
-        "vehicle length where the source has none [m]; the median leader of the NGSIM I-80 pairs has 4.54 m",
+        "vehicle length if the source has none [m]; the median leader of the NGSIM I-80 pairs has 4.54 m",
     )
 
     def check(self) -> None:

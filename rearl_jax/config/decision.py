@@ -1,4 +1,4 @@
-"""Configuration of the decisions: which policy, which actions are admissible, how they are executed.
+"""Configuration of the decisions: policy, admissible actions, execution.
 
 Defaults marked "REARL" are stated in the paper (Bi et al.); "own choice" resolves something it leaves open.
 """
@@ -11,7 +11,7 @@ from rearl_jax.problems import out_of_range
 
 
 class PolicyName(Enum):
-    """Who decides."""
+    """Policy that decides."""
 
     matcher = "matcher"
     """Imitates the vehicle of the reference whose role is most alike."""
@@ -22,38 +22,38 @@ class PolicyName(Enum):
     matcher_random_ref = "matcher_random_ref"
     """The matcher, shown a reference drawn at random."""
     llm = "llm"
-    """A language model; answers are kept."""
+    """A language model; answers are stored."""
     replay = "replay"
-    """The kept answers of a language model, without a server; who has none is left to IDM and MOBIL."""
+    """The stored answers of a language model, without a server; vehicles without one keep IDM and MOBIL."""
 
     @property
     def is_outside(self) -> bool:
-        """Whether the decisions are made outside the compiled program."""
+        """True if the decisions are made outside the compiled program."""
         return self in (PolicyName.llm, PolicyName.replay)
 
 
 class Longitudinal(Enum):
-    """How a vehicle under a decision follows its target speed."""
+    """Longitudinal control of a vehicle under a decision."""
 
     idm_capped = "idm_capped"
     """Never faster than IDM allows behind the vehicle ahead."""
     mdp = "mdp"
-    """As highway-env's MDPVehicle: blind to others."""
+    """As highway-env's MDPVehicle: ignores other vehicles."""
 
 
 class LaneGate(Enum):
-    """When a lane change is admissible; the lane must exist and no change be in progress in any case."""
+    """Condition of an admissible lane change; the lane must exist and no change be in progress in any case."""
 
     gap = "gap"
     """Enough room ahead and behind on the target lane."""
     exists = "exists"
-    """Always."""
+    """No further condition."""
     mobil_safe = "mobil_safe"
     """Nobody has to brake harder than MOBIL's safe deceleration."""
 
 
 class MatchSpace(Enum):
-    """What the matcher compares."""
+    """Quantities that the matcher compares."""
 
     rank = "rank"
     """Order of speed and spacing among the vehicles, values only a little."""
@@ -63,13 +63,13 @@ class MatchSpace(Enum):
 
 @dataclass(unsafe_hash=True)
 class DecisionConfig:
-    """Who decides for the vehicles that need it"""
+    """Policy for the vehicles that need a decision"""
 
     policy: PolicyName = key(
         PolicyName.matcher,
         "matcher (own choice), llm, replay; controls: idle, random_admissible, matcher_random_ref",
     )
-    server: str = key("local", "of the policy llm: local = a small model on this machine, or http://HOST:PORT/v1")
+    server: str = key("local", "server of policy=llm: local = a small model on this machine, or http://HOST:PORT/v1")
 
 
 @dataclass(unsafe_hash=True)
@@ -78,10 +78,10 @@ class ExecConfig:
 
     longitudinal: Longitudinal = key(
         Longitudinal.idm_capped,
-        "idm_capped: IDM bounds the acceleration (own choice); mdp: as highway-env's MDPVehicle",
+        "speed control; idm_capped: IDM limits the acceleration (own choice); mdp: as highway-env's MDPVehicle",
     )
-    persist_target: bool = key(True, "the target speed stays as the driver's desired speed afterwards; own choice")
-    hold: int = key(1, "time an action is followed unless there is a newer one [s]; REARL: one step")
+    persist_target: bool = key(True, "keep the target speed as the driver's desired speed afterwards; own choice")
+    hold: int = key(1, "duration of an action unless a newer one follows [s]; REARL: one step")
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
@@ -93,13 +93,17 @@ class ExecConfig:
 class AdmissibleConfig:
     """Admissible actions"""
 
-    lane: LaneGate = key(LaneGate.gap, "lane changes: gap, exists (the lane does), mobil_safe; own choice")
-    min_gap: float = key(5.0, "least bumper-to-bumper gap for lane=gap [m]; own choice")
-    min_time_gap: float = key(0.5, "the same in time, of the rear vehicle of each pair [s]; own choice")
-    longitudinal: bool = key(False, "whether keep, faster and slower need room to the vehicle ahead; own choice")
-    decel_faster: float = key(0.5, "strongest IDM interaction at which faster is admissible [m/s^2]; own choice")
-    decel_keep: float = key(1.5, "the same for keep [m/s^2]; own choice")
-    decel_slower: float = key(4.0, "the same for slower [m/s^2]; own choice")
+    lane: LaneGate = key(
+        LaneGate.gap, "condition of a lane change: gap, exists (the lane exists), mobil_safe; own choice"
+    )
+    min_gap: float = key(5.0, "smallest bumper-to-bumper gap for lane=gap [m]; own choice")
+    min_time_gap: float = key(0.5, "smallest time gap of the rear vehicle of each pair for lane=gap [s]; own choice")
+    longitudinal: bool = key(False, "require room ahead for keep, faster and slower; own choice")
+    decel_faster: float = key(
+        0.5, "largest IDM deceleration caused by the leader at which faster is admissible [m/s^2]; own choice"
+    )
+    decel_keep: float = key(1.5, "largest such deceleration for keep [m/s^2]; own choice")
+    decel_slower: float = key(4.0, "largest such deceleration for slower [m/s^2]; own choice")
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
@@ -112,11 +116,13 @@ class AdmissibleConfig:
 class MatcherConfig:
     """The policy that imitates the reference"""
 
-    space: MatchSpace = key(MatchSpace.rank, "rank: by order among the vehicles (own choice); raw: by value (REARL)")
-    value_weight: float = key(0.05, "weight of the values beside the ranks in space=rank [-]; own choice")
+    space: MatchSpace = key(
+        MatchSpace.rank, "similarity by rank among the vehicles (own choice) or by raw values (REARL)"
+    )
+    value_weight: float = key(0.05, "weight of the values relative to the ranks for space=rank [-]; own choice")
     lane_changes: bool = key(True, "imitate lane changes")
-    lane_change_pause: int = key(5, "least time since the last lane change before another one [s]; own choice")
-    spacing_rule: bool = key(False, "where the spacing is off, spread or contract instead of keeping; own choice")
+    lane_change_pause: int = key(5, "shortest time between two lane changes of a vehicle [s]; own choice")
+    spacing_rule: bool = key(False, "if the spacing deviates, spread or contract instead of keeping; own choice")
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""

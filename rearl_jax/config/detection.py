@@ -1,4 +1,4 @@
-"""Configuration of the detection: when simulated traffic has drifted too far from its reference.
+"""Configuration of the detection of simulated traffic that differs too much from its reference.
 
 Defaults marked "REARL" are stated in the paper (Bi et al.); "own choice" resolves something it leaves open.
 """
@@ -11,7 +11,7 @@ from rearl_jax.problems import out_of_range
 
 
 class Cues(Enum):
-    """What triggers a decision."""
+    """Measure that triggers a decision."""
 
     both = "both"
     """Hellinger distance or spacing error above its threshold."""
@@ -20,47 +20,47 @@ class Cues(Enum):
     spacing = "spacing"
     """Spacing error alone."""
     always = "always"
-    """Every time the detection is due."""
+    """Every detection triggers."""
     never = "never"
-    """Nothing: the traffic is that of the method base."""
+    """No detection triggers: the traffic is that of method=base."""
 
 
 class Scope(Enum):
-    """Which vehicles of a triggered scenario need a decision."""
+    """Vehicles of a triggered scenario that need a decision."""
 
     scene = "scene"
     """All."""
     vehicle = "vehicle"
-    """Those that contribute to what is exceeded."""
+    """Those that contribute to the deviation."""
 
 
 class ReferenceMode(Enum):
-    """Which representative scene a rollout is held against."""
+    """Representative scene that a rollout is compared with."""
 
     spacing = "spacing"
-    """The one of least error of the mean spacing, averaged over all frames so far."""
+    """The one with the smallest error of the mean spacing, averaged over all frames so far."""
     spacing_speed = "spacing_speed"
-    """The same with the Hellinger distance of all speeds so far added."""
+    """The same plus the Hellinger distance of all speeds so far."""
     drawn = "drawn"
-    """One for the whole rollout, drawn with the share of the fitted scenes that its cluster holds."""
+    """One for the whole rollout, drawn in proportion to the size of its cluster."""
 
 
 @dataclass(unsafe_hash=True)
 class DetectionConfig:
-    """Detection of traffic that needs decisions"""
+    """Detection of traffic that needs corrections"""
 
     threshold_h: float | None = key(
-        None, "Hellinger distance above which the speeds trigger [-]; null = the percentile h_pct of base"
+        None, "threshold of the Hellinger distance of speeds [-]; null = the percentile h_pct of base"
     )
     threshold_m: float | None = key(
-        None, "spacing error above which the spacing triggers [-], see mape.definition; null = the percentile m_pct"
+        None, "threshold of the spacing error [-], see mape.definition; null = the percentile m_pct of base"
     )
     h_pct: float = key(30.0, "percentile of base's Hellinger distances on the threshold scenes [%]; REARL")
     m_pct: float = key(5.0, "percentile of base's spacing errors on the threshold scenes [%]; REARL")
-    cues: Cues = key(Cues.both, "both (either one, REARL), speed, spacing, always, never")
-    interval: int = key(1, "time between two detections [s]; 1 (REARL: every step), 5 asks less often")
+    cues: Cues = key(Cues.both, "measure that triggers: both (either one; REARL), speed, spacing, always, never")
+    interval: int = key(1, "time between two detections [s]; REARL: every step")
     scope: Scope = key(
-        Scope.scene, "vehicles that need a decision: scene = all (own choice), vehicle = contributing ones"
+        Scope.scene, "vehicles that need a decision: scene = all (own choice), vehicle = those that contribute"
     )
 
     def check(self) -> None:
@@ -78,15 +78,15 @@ class DetectionConfig:
 
 @dataclass(unsafe_hash=True)
 class ReferenceConfig:
-    """Choice of the representative scene a rollout is held against"""
+    """Choice of the representative scene that a rollout is compared with"""
 
     mode: ReferenceMode = key(
         ReferenceMode.spacing,
-        "spacing (can lock on to a congested reference), spacing_speed: REARL describes both; "
-        "drawn: one per rollout, by the share of scenes (own choice)",
+        "spacing (can stay at a congested reference) or spacing_speed, both described by REARL; drawn: one per "
+        "rollout, in proportion to the scenes it represents (own choice)",
     )
     weights: tuple[float, float] = key(
-        (1.0, 1.0), "of spacing error and Hellinger distance in spacing_speed; own choice"
+        (1.0, 1.0), "weights of spacing error and Hellinger distance for spacing_speed; own choice"
     )
 
     def check(self) -> None:

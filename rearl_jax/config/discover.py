@@ -1,4 +1,4 @@
-"""Keys of discovery: what the traffic model lacks, found in measured trajectories."""
+"""Keys of discovery."""
 
 from dataclasses import dataclass
 
@@ -8,26 +8,30 @@ from rearl_jax.problems import out_of_range
 
 @dataclass(unsafe_hash=True)
 class DiscoverConfig:
-    """Closing the loop with measured data."""
+    """Search for missing effects in measured trajectories."""
 
-    seed: int = key(0, "of the split of drivers, the simulated nulls and the resampling")
+    seed: int = key(
+        0, "seed of the split of drivers, of the simulated drives without a missing effect and of the resampling"
+    )
     replicates: int = key(
         30,
-        "drives simulated again without any missing effect, against which evidence is measured; fewer than 20 "
-        "make the threshold itself uncertain",
+        "simulated repetitions without a missing effect, the reference for the evidence of candidates; with fewer "
+        "than 20 the threshold is uncertain",
     )
     max_drivers: int = key(
-        240, "drivers used at most, drawn at random from those who follow long enough; more take longer and see more"
+        240,
+        "largest number of drivers, drawn at random from those who follow long enough; more drivers reveal weaker "
+        "effects",
     )
-    confidence: float = key(0.9, "of all intervals [-]")
-    draws: int = key(1000, "resamples of drivers for the intervals of errors")
+    confidence: float = key(0.9, "confidence level of all intervals [-]")
+    draws: int = key(1000, "bootstrap resamples of drivers for the intervals of errors")
     page: bool = key(
-        True, "write page, figures, maps and residuals too; false: verdict, model and tables only, for many data sets"
+        True, "also write page, figures, maps and residuals; false: only verdict, model and tables, for many data sets"
     )
     oracle: str | None = key(
         None,
-        "name of an effect whose error is reported as that of an oracle, nothing else is looked for; for generated "
-        "data whose effect is known",
+        "name of a known effect of generated data: it is fitted without a search, and its error is reported as that of "
+        "an oracle",
     )
 
     def check(self) -> None:

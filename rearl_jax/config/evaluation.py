@@ -1,4 +1,4 @@
-"""Configuration of the evaluation: which method, how many rollouts, which intervals."""
+"""Configuration of the evaluation: method, rollouts, intervals."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -8,25 +8,25 @@ from rearl_jax.problems import out_of_range
 
 
 class Method(Enum):
-    """What drives the simulated vehicles."""
+    """Control of the simulated vehicles."""
 
     base = "base"
-    """IDM and MOBIL with highway-env's parameters, without intervention."""
+    """IDM and MOBIL with highway-env's parameters, without corrections."""
     rearl = "rearl"
-    """The same, and decisions of a policy where the traffic drifts from its reference."""
+    """The same, with decisions of a policy where the traffic differs too much from its reference."""
     ppo = "ppo"
-    """All vehicles driven by a policy that was trained without recordings."""
+    """One policy for all vehicles, trained without recordings."""
     critical = "critical"
     """IDM and MOBIL with several classes of drivers, whose shares are adapted beforehand."""
 
     @property
     def needs_references(self) -> bool:
-        """Whether it holds the traffic to representative scenes, by thresholds."""
+        """True for methods that compare the traffic with representative scenes."""
         return self is Method.rearl
 
 
 class Variant(Enum):
-    """Which traffic of a repaired model is simulated."""
+    """Traffic of a repaired model that is simulated."""
 
     all = "all"
     """Base and rearl, each without and with the model's effects, side by side."""
@@ -37,7 +37,7 @@ class Variant(Enum):
 
 
 class SeedScope(Enum):
-    """What a rollout belongs to."""
+    """Assignment of rollouts to scenes."""
 
     run_x_scene = "run_x_scene"
     """One rollout per run and scene, scored against its scene."""
@@ -46,14 +46,14 @@ class SeedScope(Enum):
 
 
 class Subset(Enum):
-    """The scenes that are simulated."""
+    """Scenes to simulate."""
 
     evaluation = "evaluation"
-    """Those held out for results."""
+    """Scenes held out for results."""
     tuning = "tuning"
-    """Those that choose among parameters."""
+    """Scenes for the choice of parameters."""
     threshold = "threshold"
-    """Those behind the detection thresholds."""
+    """Scenes that define the detection thresholds."""
 
 
 @dataclass(unsafe_hash=True)
@@ -61,20 +61,18 @@ class EvaluationConfig:
     """Rollouts per scene, random numbers and intervals"""
 
     subset: Subset = key(
-        Subset.evaluation, "scenes that are simulated: evaluation (results), tuning (choice of parameters), threshold"
+        Subset.evaluation, "scenes to simulate: evaluation (results), tuning (choice of parameters), threshold"
     )
-    n_runs: int = key(5, "runs: rollouts of every scene, each from another initial state; REARL")
+    n_runs: int = key(5, "rollouts of every scene, each from another initial state; REARL")
     seed: int = key(0, "seed of initial states, resampling and noise floor; equal for every method")
     seed_scope: SeedScope = key(
         SeedScope.run_x_scene,
-        "run_x_scene: a rollout for every run and scene; run: one per run, scored on all scenes; own choice",
+        "run_x_scene: one rollout per run and scene; run: one per run, scored on all scenes; own choice",
     )
-    resamples: int = key(10_000, "bootstrap resamples of the scenes behind every interval; own choice")
-    confidence: float = key(0.95, "probability an interval is made for; own choice")
-    noise_draws: int = key(1000, "pairs of samples behind the noise floor of each scene; own choice")
-    example: int | None = key(
-        None, "scene_id drawn in the space-time diagram; null = the held-out scene of median speed"
-    )
+    resamples: int = key(10_000, "bootstrap resamples of scenes for the intervals; own choice")
+    confidence: float = key(0.95, "confidence level of the intervals [-]; own choice")
+    noise_draws: int = key(1000, "pairs of samples for the noise floor of each scene; own choice")
+    example: int | None = key(None, "scene_id of the space-time diagram; null = the held-out scene of median speed")
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""

@@ -1,4 +1,4 @@
-"""Configuration of the generated recordings: how many, how much traffic, which drivers, which camera."""
+"""Configuration of the generated recordings: number, traffic, drivers, camera."""
 
 import math
 from dataclasses import dataclass
@@ -11,11 +11,13 @@ from rearl_jax.problems import out_of_range
 class GeneratorConfig:
     """Generated recordings in the highD format (for data.format=generated)."""
 
-    seed: int = key(0, "seed of the whole set; a recording depends on it and on its own number only")
-    n_recordings: int = key(60, "recordings to write, those in the folder stay; highD has 60 (Krajewski et al. 2018)")
-    first_id: int = key(1, "number of the first recording; the files are named after it, 1 -> 01_tracks.csv")
-    workers: int = key(0, "processes that write recordings side by side, 0.8 GiB each; 0 = one per processor core")
-    duration_scale: float = key(1.0, "factor on every duration; below 1 for short trial recordings")
+    seed: int = key(0, "seed of the set; a recording depends only on it and on its number")
+    n_recordings: int = key(
+        60, "number of recordings to write; existing ones are kept; highD has 60 (Krajewski et al. 2018)"
+    )
+    first_id: int = key(1, "number of the first recording, which names its files: 1 gives 01_tracks.csv")
+    workers: int = key(0, "parallel processes, 0.8 GiB each; 0 = one per processor core")
+    duration_scale: float = key(1.0, "factor on all durations [-]; below 1 for short test recordings")
 
     duration_mean: float = key(1000.0, "mean duration of a recording [s]; highD: 16.5 h in 60 recordings")
     duration_min: float = key(640.0, "shortest recording [s]; assumed")
@@ -32,7 +34,7 @@ class GeneratorConfig:
     )
     in_view_mean: float = key(
         24.15,
-        "mean number of vehicles in view over the recordings before congestion adds to it; highD: 24.6",
+        "mean number of vehicles in view over the recordings without congestion; highD: 24.6 with it",
     )
     truck_share_min: float = key(
         0.08, "lowest share of trucks; counts of highD published with CRITICAL (Tian et al. 2024)"
@@ -61,18 +63,20 @@ class GeneratorConfig:
     )
     lane_change_rate: float = key(
         0.123,
-        "lane changes of a driver with full incentive and room [1/s]; fitted to highD's 5,600 lane changes",
+        "rate of lane changes of a driver with full incentive and room [1/s]; fitted to highD's 5,600 lane changes",
     )
 
     camera_length: float = key(420.0, "road length in view [m]; Krajewski et al. 2018")
     approach_length: float = key(
-        1000.0, "road length before the view, where traffic forms its natural state [m]; assumed"
+        1000.0, "road length before the view, where traffic reaches its usual state [m]; assumed"
     )
-    frames_per_step: int = key(2, "frames of 0.04 s per simulation step; frames between are interpolated")
+    frames_per_step: int = key(2, "frames of 0.04 s per simulation step; the others are interpolated")
     position_noise: float = key(
         0.04, "standard deviation of a detected position [m]; Krajewski et al. 2018 state less than 0.10 m"
     )
-    smoothing_cutoff: float = key(1.0, "frequency at which the tracker's smoother halves a movement [Hz]; assumed")
+    smoothing_cutoff: float = key(
+        1.0, "frequency at which the smoothing of the tracker halves an amplitude [Hz]; assumed"
+    )
 
     def check(self) -> None:
         """Raise InvalidInputError for a value out of range."""

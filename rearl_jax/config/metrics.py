@@ -9,14 +9,14 @@ from rearl_jax.problems import out_of_range
 
 
 class OutOfBounds(Enum):
-    """What happens to a speed outside the histogram's range."""
+    """Treatment of speeds outside the range of the histogram."""
 
     clip = "clip"
     drop = "drop"
 
 
 class MapeDefinition(Enum):
-    """Which relative error of the mean spacing decides; all three are always exported."""
+    """Definition of the relative error of the mean spacing; all three are always exported."""
 
     A = "A"
     B = "B"
@@ -31,7 +31,7 @@ class Gap(Enum):
 
 
 class SpeedValues(Enum):
-    """Which speeds the realism of speed compares."""
+    """Speeds compared by the realism of speed."""
 
     scaled = "scaled"
     raw = "raw"
@@ -63,7 +63,7 @@ class MapeConfig:
 
     definition: MapeDefinition = key(
         MapeDefinition.A,
-        "A |sim - real| / sim (REARL, Eq. 8), B the same / real, C mean_j |real_j - sim| / real",
+        "A: |sim - real| / sim (REARL, Eq. 8), B: |sim - real| / real, C: mean_j |real_j - sim| / real",
     )
 
     @property
@@ -76,8 +76,8 @@ class MapeConfig:
 class ThwConfig:
     """Time headway of same-lane leader-follower pairs"""
 
-    gap: Gap = key(Gap.bumper, "numerator: bumper to bumper or centre to centre; own choice")
-    v_min: float = key(1.0, "slowest follower that has a headway [m/s]; keeps the ratio finite, own choice")
+    gap: Gap = key(Gap.bumper, "distance of the headway: bumper to bumper or centre to centre; own choice")
+    v_min: float = key(1.0, "smallest speed of a follower [m/s], which keeps the ratio finite; own choice")
 
     def check(self) -> None:
         """Raises ValueError where a value cannot be used."""
@@ -91,7 +91,7 @@ class SafetyConfig:
 
     ttc: float = key(1.5, "critical time to collision [s]; FHWA-HRT-08-051 (SSAM, Gettman et al. 2008)")
     drac: float = key(3.35, "critical deceleration to avoid a crash [m/s^2], positive; Archer (2005), KTH")
-    jerk: float = key(2.5, "large jerk, magnitude, mean over 1 s [m/s^3]; ISO 15622:2018, limit above 20 m/s")
+    jerk: float = key(2.5, "magnitude of a large jerk, mean over 1 s [m/s^3]; ISO 15622:2018, limit above 20 m/s")
 
     def check(self) -> None:
         """Raises ValueError where a value cannot be used."""
@@ -104,10 +104,10 @@ class SafetyConfig:
 class FeatureConfig:
     """Histogram of one realism feature"""
 
-    low: float = key(0.0, "lower edge; values below fall into the first bin")
-    high: float = key(1.0, "upper edge; values above fall into the last bin")
+    low: float = key(0.0, "lower edge; smaller values count in the first bin")
+    high: float = key(1.0, "upper edge; larger values count in the last bin")
     n_bins: int = key(10, "number of equal bins")
-    weight: float = key(0.0, "weight before renormalisation over the features used")
+    weight: float = key(0.0, "weight before normalisation over the features used [-]")
 
     def check(self) -> None:
         """Raises ValueError where a value cannot be used."""
@@ -159,7 +159,7 @@ class RealismConfig:
 
 @dataclass(unsafe_hash=True)
 class MetricsConfig:
-    """What one call that scores a scene needs"""
+    """Settings of all metrics of a scene"""
 
     hist: HistConfig = key(HistConfig, "speed histogram")
     thw: ThwConfig = key(ThwConfig, "time headway")

@@ -10,22 +10,22 @@ _SOURCE = "highway-env 1.12.1, IDMVehicle"
 
 @dataclass(unsafe_hash=True)
 class MobilConfig:
-    """Lane changing of the drivers, MOBIL (Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86)."""
+    """Lane changes by MOBIL (Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86)."""
 
-    politeness: float = key(0.0, f"weight p of what a change gains the followers [-]; {_SOURCE}.POLITENESS")
+    politeness: float = key(0.0, f"politeness p, the weight of the followers' gain [-]; {_SOURCE}.POLITENESS")
     gain_threshold: float = key(
-        0.2, f"least gain in acceleration that justifies a change [m/s^2]; {_SOURCE}.LANE_CHANGE_MIN_ACC_GAIN"
+        0.2, f"smallest gain in acceleration for a lane change [m/s^2]; {_SOURCE}.LANE_CHANGE_MIN_ACC_GAIN"
     )
     safe_decel: float = key(
         2.0,
-        "largest deceleration a change may impose on the new follower [m/s^2]; "
+        "largest deceleration that a lane change may cause for the new follower [m/s^2]; "
         f"{_SOURCE}.LANE_CHANGE_MAX_BRAKING_IMPOSED",
     )
     delay: float = key(1.0, f"time between two decisions [s]; {_SOURCE}.LANE_CHANGE_DELAY")
 
     @property
     def is_default(self) -> bool:
-        """Whether lanes are changed as in highway-env."""
+        """True if all values are highway-env's."""
         return self == MobilConfig()
 
     def check(self) -> None:

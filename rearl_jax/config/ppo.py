@@ -1,4 +1,4 @@
-"""Configuration of the baseline PPO: how the policy is trained, and which weights are driven with.
+"""Configuration of the baseline PPO: training and weights.
 
 Defaults marked "highway-env" are those of its PPO script (HighwayEnv, scripts/sb3_highway_ppo.py), "purejaxrl" those of
 purejaxrl/ppo.py; "own choice" is what neither says.
@@ -20,25 +20,25 @@ class PpoConfig:
     # Not int, which OmegaConf refuses to read 1e6 as.
     car_steps: float = key(1e6, "vehicle-seconds to train on, rounded up to whole updates; own choice")
     scenarios: int = key(64, "scenarios simulated for every update, each from another initial state; own choice")
-    horizon: int = key(60, "length of these rollouts [s]; REARL (Bi et al.)")
+    horizon: int = key(60, "length of the training rollouts [s]; REARL (Bi et al.)")
     longitudinal: Longitudinal = key(
         Longitudinal.mdp,
-        "how target speeds are followed: mdp: as highway-env, blind to others; idm_capped: never "
-        "faster than IDM allows (own choice)",
+        "speed control; mdp: as in highway-env, without regard to other vehicles; idm_capped: IDM limits the "
+        "acceleration (own choice)",
     )
-    gamma: float = key(0.8, "discount of a second [-]; highway-env")
+    gamma: float = key(0.8, "discount factor per second [-]; highway-env")
     gae_lambda: float = key(0.95, "decay of the advantage estimate [-]; purejaxrl")
-    clip: float = key(0.2, "change of an action's probability that still counts in the objective [-]; purejaxrl")
-    learning_rate: float = key(5e-4, "step size of Adam at the start [-]; highway-env")
-    anneal: bool = key(True, "let the step size fall to zero over the training, linearly; purejaxrl")
-    epochs: int = key(10, "passes over the vehicle-seconds of an update; highway-env")
-    minibatch: int = key(4096, "vehicle-seconds of a gradient step at most; own choice")
+    clip: float = key(0.2, "clipping range of the probability ratio [-]; purejaxrl")
+    learning_rate: float = key(5e-4, "initial step size of Adam [-]; highway-env")
+    anneal: bool = key(True, "reduce the step size linearly to zero; purejaxrl")
+    epochs: int = key(10, "passes over the data of an update; highway-env")
+    minibatch: int = key(4096, "largest number of vehicle-seconds per gradient step; own choice")
     entropy_weight: float = key(0.01, "weight of the entropy in the objective [-]; purejaxrl")
-    value_weight: float = key(0.5, "weight of the squared error of the value [-]; purejaxrl")
-    max_grad_norm: float = key(0.5, "norm that gradients are cut to [-]; purejaxrl")
+    value_weight: float = key(0.5, "weight of the squared error of the value function [-]; purejaxrl")
+    max_grad_norm: float = key(0.5, "largest norm of a gradient [-]; purejaxrl")
     width: int = key(128, "neurons of each hidden layer; own choice")
     layers: int = key(2, "hidden layers; highway-env")
-    checkpoint_every: int = key(5, "updates between two checkpoints, from which a killed training goes on")
+    checkpoint_every: int = key(5, "updates between two checkpoints, from which an interrupted training continues")
 
     def n_updates(self, n_vehicles: int) -> int:
         """Updates that take `car_steps` vehicle-seconds with this many vehicles per scenario."""
@@ -72,6 +72,4 @@ class PpoConfig:
 class PpoPolicyConfig:
     """The policy of method=ppo"""
 
-    weights: str | None = key(
-        None, "file of weights as `rearl train ppo` writes it; null = the weights that come with the package"
-    )
+    weights: str | None = key(None, "file of weights written by `rearl train ppo`; null = the shipped weights")

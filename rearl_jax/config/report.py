@@ -8,22 +8,24 @@ from rearl_jax.problems import out_of_range
 
 @dataclass(unsafe_hash=True)
 class FolderConfig:
-    """Where results lie"""
+    """Folder of the results"""
 
-    root: str = key("results", "folder of all studies; relative to the folder rearl is called from")
+    root: str = key("results", "folder of all studies, relative to the current folder")
 
 
 @dataclass(unsafe_hash=True)
 class ReportConfig:
-    """The file, and the scenes that are replayed in it"""
+    """File of the report, and replayed scenes"""
 
     path: str | None = key(
-        None, "file to write, relative to the folder rearl is called from; null = report.html in the study's folder"
+        None, "file to write, relative to the current folder; null = report.html in the folder of the study"
     )
-    replay: bool = key(True, "simulate some scenes of `rearl evaluate` again and show them beside the recorded ones")
-    n_scenes: int = key(3, "scenes that are replayed, spread evenly from the slowest to the fastest held-out one")
-    scenes: tuple[int, ...] | None = key(None, "scene_id of the scenes that are replayed, e.g. [3,17]; null = n_scenes")
-    run: int = key(0, "run of the study that is replayed, from 0")
+    replay: bool = key(True, "replay scenes of `rearl evaluate` beside the recorded ones")
+    n_scenes: int = key(3, "number of replayed scenes, spread evenly from the slowest to the fastest held-out scene")
+    scenes: tuple[int, ...] | None = key(
+        None, "scene_id of the replayed scenes, e.g. [3,17]; null = as n_scenes states"
+    )
+    run: int = key(0, "number of the replayed run, from 0")
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""

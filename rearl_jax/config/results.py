@@ -1,4 +1,4 @@
-"""Keys of the results: where they are written."""
+"""Keys of the results."""
 
 from dataclasses import dataclass
 
@@ -7,9 +7,9 @@ from rearl_jax.config._key import key
 
 @dataclass(unsafe_hash=True)
 class ResultsConfig:
-    """Where results are written"""
+    """Folder of the results"""
 
-    root: str = key("results", "folder of all studies; relative to the folder rearl is called from")
+    root: str = key("results", "folder of all studies, relative to the current folder")
     resume: bool = key(
-        False, "leave a finished study of the same configuration, data and code alone; jobs of a multirun always do"
+        False, "skip a finished study with the same configuration, data and code; jobs of a multirun always do"
     )

@@ -1,4 +1,4 @@
-"""Configuration of scenes: which windows, which vehicles, which speed and distance, which splits.
+"""Configuration of scenes: windows, vehicles, speeds, distances, splits.
 
 Defaults marked "REARL" are stated in the paper (Bi et al.); "own choice" resolves something it leaves open.
 """
@@ -11,7 +11,7 @@ from rearl_jax.problems import out_of_range
 
 
 class Direction(Enum):
-    """Which vehicles a scene is made of."""
+    """Vehicles of a scene."""
 
     pooled = "pooled"
     """Both carriageways together: a 2 + 2-lane motorway is one scene."""
@@ -20,7 +20,7 @@ class Direction(Enum):
 
 
 class Pick(Enum):
-    """What makes a vehicle of a snapshot one of the longest recorded."""
+    """Criterion for the longest recorded vehicles of a snapshot."""
 
     elapsed = "elapsed"
     """Time since it entered the recording, at that frame."""
@@ -29,12 +29,12 @@ class Pick(Enum):
 
 
 class SpeedNorm(Enum):
-    """How a recorded speed becomes a speed in the simulator's range of 5 to 32 m/s."""
+    """Rescaling of recorded speeds to the simulator's range of 5 to 32 m/s."""
 
     minmax = "minmax"
     """Affine; the extremes of all accepted scenes become 5 and 32 m/s."""
     minmax_p01_999 = "minmax_p01_999"
-    """Affine; the 0.1 and 99.9 percentiles become 5 and 32 m/s, what lies outside is clipped."""
+    """Affine; the 0.1 and 99.9 percentiles become 5 and 32 m/s, values outside are clipped."""
     clip = "clip"
     """Recorded speed, clipped to the range."""
     none = "none"
@@ -51,7 +51,7 @@ class FeatureDistance(Enum):
 
 
 class SpacingMetric(Enum):
-    """How the distance of two vehicles is measured, between their centres."""
+    """Distance between the centres of two vehicles."""
 
     euclid2d = "euclid2d"
     """Euclidean in the ground plane."""
@@ -60,7 +60,7 @@ class SpacingMetric(Enum):
 
 
 class SplitUnit(Enum):
-    """What is assigned to a split as a whole."""
+    """Unit that is assigned to a split as a whole."""
 
     scenario = "scenario"
     """One window; refused where windows overlap."""
@@ -74,11 +74,13 @@ class SplitUnit(Enum):
 class ScenesConfig:
     """Windows of the recordings that become scenes"""
 
-    direction: Direction = key(Direction.pooled, "vehicles pooled or per_direction; own choice")
+    direction: Direction = key(
+        Direction.pooled, "vehicles of both carriageways together (pooled) or per_direction; own choice"
+    )
     seconds: int = key(60, "length of a scene [s] = number of 1 Hz snapshots; REARL")
-    min_vehicles: int = key(10, "vehicles needed in every snapshot of a scene; REARL")
-    slots: int = key(10, "vehicles picked in every snapshot, the longest recorded; REARL")
-    pick: Pick = key(Pick.elapsed, "longest recorded = elapsed since entry, or total_duration; own choice")
+    min_vehicles: int = key(10, "smallest number of vehicles in every snapshot of a scene; REARL")
+    slots: int = key(10, "vehicles used in every snapshot, those recorded longest; REARL")
+    pick: Pick = key(Pick.elapsed, "recorded longest by time since entry (elapsed) or by total_duration; own choice")
     stride: float | None = key(None, "time between two window starts [s]; null = scenes.seconds, no overlap")
 
     @property
@@ -102,14 +104,16 @@ class ScenesConfig:
 class SpeedConfig:
     """Rescaling of recorded speeds to the simulator's range"""
 
-    norm: SpeedNorm = key(SpeedNorm.minmax, "minmax (REARL), minmax_p01_999 (0.1 and 99.9 %), clip, none")
+    norm: SpeedNorm = key(
+        SpeedNorm.minmax, "rescaling: minmax (REARL), minmax_p01_999 (0.1 and 99.9 percentiles), clip, none"
+    )
 
 
 @dataclass(unsafe_hash=True)
 class TracksConfig:
     """Tracks that are long enough for trajectory features"""
 
-    min_frames: int = key(100, "least length of a track in frames of the recording (4 s at 25 Hz); REARL")
+    min_frames: int = key(100, "shortest track [frames of the recording], 4 s at 25 Hz; REARL")
     points: int = key(64, "points of a track's feature curve, evenly spaced in time; own choice")
 
     def check(self) -> None:
@@ -124,7 +128,10 @@ class TracksConfig:
 class FeaturesConfig:
     """Feature vector (v, x, d) of a vehicle"""
 
-    d: FeatureDistance = key(FeatureDistance.mean_all, "mean_all: mean distance to all others; or dhw; own choice")
+    d: FeatureDistance = key(
+        FeatureDistance.mean_all,
+        "distance d [m]: mean_all = mean distance to all others, dhw = gap to the vehicle ahead; own choice",
+    )
 
 
 @dataclass(unsafe_hash=True)
@@ -138,12 +145,16 @@ class SpacingConfig:
 class SplitConfig:
     """Threshold, tuning and evaluation scenes"""
 
-    unit: SplitUnit = key(SplitUnit.scenario, "assigned as a whole: scenario (REARL), recording, block")
+    unit: SplitUnit = key(SplitUnit.scenario, "unit assigned as a whole: scenario (REARL), recording, block")
     seed: int = key(0, "seed of the random assignment")
     block_seconds: float = key(300.0, "length of a block [s], for split.unit=block; own choice")
-    threshold: int | None = key(None, "threshold scenes; null = 150 of 741 (REARL), else a fifth of all")
-    tuning: int | None = key(None, "tuning scenes; null = 15 (REARL), scaled by scenes / 741, at least 5")
-    evaluation: int | None = key(None, "evaluation scenes; null = 50 (REARL), scaled likewise, at least 5")
+    threshold: int | None = key(None, "number of threshold scenes; null = 150 of 741 (REARL), otherwise a fifth of all")
+    tuning: int | None = key(
+        None, "number of tuning scenes; null = 15 of 741 (REARL), otherwise in proportion, at least 5"
+    )
+    evaluation: int | None = key(
+        None, "number of evaluation scenes; null = 50 of 741 (REARL), otherwise in proportion, at least 5"
+    )
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""

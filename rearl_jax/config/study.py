@@ -1,4 +1,4 @@
-"""Configuration of the studies that put the paper's results and ours side by side."""
+"""Configuration of the studies of the paper's tables and figures."""
 
 from dataclasses import dataclass
 
@@ -14,11 +14,12 @@ class Table1Config:
     rows: tuple[str, ...] | None = key(
         None, "names of the rows, e.g. [base,matcher_rank,idle]; null = all, without a language model unless llm=true"
     )
-    llm: bool = key(False, "add the rows in which a language model is asked, see decision.server")
+    llm: bool = key(False, "add the rows with a language model, see decision.server")
     llm_interval: int = key(10, "time between two detections where a language model decides [s]; own choice for a CPU")
     llm_runs: int = key(1, "runs of these rows, each one rollout that is scored on all scenes; own choice for a CPU")
     kept_in: str | None = key(
-        None, "study whose finished rows of the same configuration are used, e.g. study_table1; null = this one"
+        None,
+        "study whose finished rows are reused if their configuration is the same, e.g. study_table1; null = this study",
     )
 
     def check(self) -> None:
@@ -34,9 +35,11 @@ class Table1Config:
 class Table4Config:
     """Inference time with a language model"""
 
-    llm: bool = key(False, "measure decision steps with a language model too, see decision.server")
-    llm_batches: tuple[int, ...] = key((1,), "scenarios at a time in these steps; a CPU needs seconds per decision")
-    llm_repetitions: int = key(1, "measurements of these steps, after a warm-up")
+    llm: bool = key(False, "also measure decision steps with a language model, see decision.server")
+    llm_batches: tuple[int, ...] = key(
+        (1,), "scenarios at a time with a language model; a CPU needs seconds per decision"
+    )
+    llm_repetitions: int = key(1, "measurements with a language model, after a warm-up")
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""

@@ -8,13 +8,13 @@ from rearl_jax.problems import out_of_range
 
 @dataclass(unsafe_hash=True)
 class SweepConfig:
-    """Threshold pairs that are tried on the tuning scenes"""
+    """Threshold pairs to try on the tuning scenes"""
 
     h_pct: tuple[float, ...] = key(
-        (5.0, 10.0, 20.0, 30.0), "percentiles of the Hellinger distances of base that become thresholds [%]; REARL"
+        (5.0, 10.0, 20.0, 30.0), "percentiles of base's Hellinger distances to use as thresholds [%]; REARL"
     )
     m_pct: tuple[float, ...] = key(
-        (5.0, 10.0, 20.0, 30.0), "percentiles of the spacing errors of base that become thresholds [%]; REARL"
+        (5.0, 10.0, 20.0, 30.0), "percentiles of base's spacing errors to use as thresholds [%]; REARL"
     )
 
     def check(self) -> None:

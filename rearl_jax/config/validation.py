@@ -15,15 +15,15 @@ class SceneCountsConfig:
     road10: int = key(100, "10 IDM vehicles, placed by highway-env")
     road30: int = key(30, "30 IDM vehicles, placed by highway-env")
     road60: int = key(8, "60 IDM vehicles, placed by highway-env")
-    env2: int = key(20, "reset of highway-v0: an ego with random meta-actions and 1 IDM vehicle")
-    env10: int = key(60, "reset of highway-v0: an ego with random meta-actions and 10 IDM vehicles")
-    env30: int = key(10, "reset of highway-v0: an ego with random meta-actions and 30 IDM vehicles")
+    env2: int = key(20, "reset of highway-v0: one vehicle with random meta-actions and 1 IDM vehicle")
+    env10: int = key(60, "reset of highway-v0: one vehicle with random meta-actions and 10 IDM vehicles")
+    env30: int = key(10, "reset of highway-v0: one vehicle with random meta-actions and 30 IDM vehicles")
     multi10: int = key(80, "reset of highway-v0: 10 vehicles with random meta-actions and 5 IDM vehicles")
     stress2: int = key(20, "injected: 2 IDM vehicles of very different speeds on one or two lanes")
     stress10: int = key(50, "injected: 10 IDM vehicles of very different speeds in random list order; crashes")
     stress30: int = key(20, "injected: 30 IDM vehicles of very different speeds in random list order; crashes")
     stress60: int = key(4, "injected: 60 IDM vehicles of very different speeds in random list order; crashes")
-    edge10: int = key(40, "injected: 8 IDM and 2 meta-action vehicles before the start or about the end of the road")
+    edge10: int = key(40, "injected: 8 IDM and 2 meta-action vehicles before the start or near the end of the road")
     drivers10: int = key(40, "injected: 10 IDM vehicles that differ in every parameter, in size, heading and timer")
 
     def check(self) -> None:
@@ -39,7 +39,7 @@ class SceneCountsConfig:
 
 @dataclass(unsafe_hash=True)
 class ValidationConfig:
-    """Comparison of the traffic core with highway-env"""
+    """Comparison of the traffic model with highway-env"""
 
     scenes: SceneCountsConfig = key(SceneCountsConfig, "Scenes of each set")
     share: float = key(1.0, "share of all numbers of scenes and of the least numbers of events; 0.05 for a quick look")
@@ -47,14 +47,14 @@ class ValidationConfig:
     seed: int = key(0, "seed of all scenes")
     workers: int | None = key(None, "processes that run highway-env; null for one per core")
     control_share: float = key(
-        0.1, "share of each set that highway-env runs a second time with NumPy's vector functions: its own noise"
+        0.1, "share of each set that highway-env runs again with NumPy's vector functions, as a control [-]"
     )
     tolerance_f64: float = key(1e-9, "largest difference of a position in float64 [m]; own choice")
     tolerance_f32: float = key(2e-3, "largest difference of a position in float32 before contact [m]; own choice")
-    least_agree_share: float = key(0.99, "least share of scenes that must agree in float64; own choice")
-    least_lane_changes: int = key(5000, "least number of lane changes, else the comparison proves too little")
-    least_aborts: int = key(300, "least number of lane changes broken off")
-    least_crashes: int = key(500, "least number of crashed vehicles")
+    least_agree_share: float = key(0.99, "smallest share of scenes that must agree in float64 [-]; own choice")
+    least_lane_changes: int = key(5000, "smallest number of lane changes in the comparison")
+    least_aborts: int = key(300, "smallest number of aborted lane changes")
+    least_crashes: int = key(500, "smallest number of crashed vehicles")
 
     def check(self) -> None:
         """Raises ValueError where a value cannot be used."""

@@ -18,7 +18,7 @@ _FILE = re.compile(r"((?:[\w.-]+/)+[\w.-]+\.\w+)(?:, in (\w+))?")
 
 _SPAN = re.compile(r"(?<!`)`(rearl [^`\n]+)`(?!`)")
 _UNFINISHED = re.compile(r"\.\.\.|\b(TASK|STUDY|NAME)\b")
-"""What stands for something else in running text."""
+"""Placeholders in running text."""
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,7 @@ def blocks(page: Path) -> list[Block]:
 
 
 def steps(page: Path, *, titled: bool = False) -> Iterator[tuple[str, list[str]]]:
-    """What is run one after the other, and where it stands: shell blocks by themselves, Python blocks that follow each
-    other together.
+    """Steps of a page and their places: each shell block, and each run of consecutive Python blocks as one.
 
     Args:
         page: The page.

@@ -1,4 +1,4 @@
-"""What README and pages say about the kept blind study, beside its tables."""
+"""Figures of the kept blind study in README and pages, beside its tables."""
 
 import json
 from collections import Counter
@@ -62,34 +62,33 @@ SAYS = {"named": ("n_right", "n_more"), '"nothing"': ("n_right",), '"unexplained
 """Outcomes that are what should be said; where it is something else, those of `named`."""
 
 LINES = (
-    (f"an effect of the list, usual strength ({len(LISTED)} of them, 10 sets each)", "named", ["named"]),
+    (f"an effect of the library, usual strength ({len(LISTED)} effects, 10 data sets each)", "named", ["named"]),
     ("the same at half strength", "named", ["half"]),
     ("at half strength, with four times the data", "named", ["half_four_times"]),
     ("at a quarter of the strength", "named", ["quarter"]),
     ("at twice the strength", "named", ["double"]),
     ("in records of 14 s", "named", ["short"]),
-    ("an effect on the choice of the lane", "named", ["lane_choice"]),
+    ("an effect on lane choice", "named", ["lane_choice"]),
     ("two effects at once", "both named", ["two"]),
-    ("one of two that look alike", "the right one alone", ["confusable"]),
+    ("one of two effects that look alike", "the right one alone", ["confusable"]),
     ("two opposite effects that nearly cancel", "the difference named", ["cancelling"]),
-    ("an effect in no list, over a measured variable", "the right variable", ["unlisted, over a variable"]),
+    ("an effect outside the library, over a measured variable", "the right variable", ["unlisted, over a variable"]),
     ("action points, misjudged gaps, distraction", '"unexplained"', ["unlisted, no variable"]),
-    (f"a fault of the measurement ({len(ARTEFACTS)} of them, 10 sets each)", "named", ["artefact"]),
+    (f"a measurement fault ({len(ARTEFACTS)} faults, 10 data sets each)", "named", ["artefact"]),
     ("nothing", '"nothing"', ["control"]),
     ("nothing, with free lane changes", '"nothing"', ["lane_choice_control"]),
     ("SUMO: nothing", '"nothing"', ["SUMO idm"]),
-    ("SUMO: an effect of the list", "named", [f"SUMO {model}" for model in SUMO_LISTED]),
+    ("SUMO: an effect of the library", "named", [f"SUMO {model}" for model in SUMO_LISTED]),
     ("SUMO: decisions every .8 s", "named as a delay", ["SUMO idm_action_steps"]),
     ("SUMO: other driver models", '"unexplained"', [f"SUMO {model}" for model in SUMO_OTHERS]),
 )
-"""Of README's table: what is hidden, what should be said, and the sets."""
+"""Rows of the page's table: what is hidden, the right outcome, and the sets."""
 
 
 def line_of(hidden, said, row):
-    """A line of README's table."""
+    """A row of the page's table."""
     right = SAYS.get(said, SAYS["named"])
-    wrong = "another name" if said in ("named", "the right one alone") else "an effect named"
-    words = {"n_nothing": '"nothing"', "n_unexplained": '"unexplained"', "n_wrong": wrong}
+    words = {"n_nothing": '"nothing"', "n_unexplained": '"unexplained"', "n_wrong": "false effect only"}
     words |= {"n_ambiguous": "among the alternatives", "n_part": "one of two", "n_failed": "stopped", "n_more": "more"}
     other = [f"{row[key]} {word}" for key, word in words.items() if row[key] and key not in right]
     line = (
@@ -98,97 +97,114 @@ def line_of(hidden, said, row):
     return line.replace("|  |", "| |")
 
 
-def test_the_table_of_readme(readme, sets):
+def test_the_table_of_the_page(page, sets):
     counts = sets.drop(columns=["rate", "low", "high"])
     lines = [line_of(hidden, said, counts.loc[names].sum().to_dict()) for hidden, said, names in LINES]
-    heading = "| hidden | of | found | else | name not there | |---|---|---|---|---|"
-    assert f"{heading} {' '.join(lines)} Of the 501" in readme
+    heading = "| hidden | data sets | correct | other outcomes | with a false effect | |---|---|---|---|---|"
+    assert f"{heading} {' '.join(lines)} - **False effects**" in page
     shown = [name for _, _, names in LINES for name in names]
     assert sorted(shown) == sorted(set(sets.index) - {"all with effects of the list"})
     assert counts.loc[shown, "n"].sum() == 802
+
+
+def test_the_table_of_readme(readme, sets):
+    named, half, control, listed = (
+        sets.loc[name] for name in ("named", "half", "control", "all with effects of the list")
+    )
+    hits = [f"{row['n_right'] + row['n_more']:.0f} of {row['n']:.0f}" for row in (named, half, control)]
+    assert f"{hits[0]} at usual strength, {hits[1]} at half strength | " in readme
+    assert f"Is nothing reported where nothing is hidden? *Generated data* | {hits[2]} |" in readme
+    assert control["n_more"] == 0
+    assert (
+        f"beside or instead of the hidden one? *Generated data* | {listed['n_false']:.0f} of {listed['n']:.0f} |"
+        in readme
+    )
 
 
 def test_what_of_two_alike_is_named_is_alone(sets, scores):
     assert scores.n_hits["confusable_alone"] == sets.n_right["confusable"]
 
 
-def test_names_that_are_not_there(readme, page, sets):
+def test_false_effects(page, sets):
     listed = sets.loc["all with effects of the list"]
     n, n_false, n_more, n_wrong = (int(listed[key]) for key in ("n", "n_false", "n_more", "n_wrong"))
     assert n_false == n_more + n_wrong
     low, high = 100 * listed["low"], 100 * listed["high"]
     ends = f"{low:.1f} to {high:.1f} %".removeprefix("0")
     share = f"({100 * listed['rate']:.1f} %, 95 % interval {ends})"
-    hiding = "that hide effects of the list and nothing else"
-    having = f"{n_false} have a name that is not there"
-    assert f"Of the {n} data sets of the generator {hiding}, {having} {share}, {n_more} of them beside" in readme
-    assert f"Of the {n} data sets {hiding}, {having}, {n_more} of them beside the right one:" in page
+    hiding = "data sets that hide only effects of the library"
+    assert f"{n_false} of the {n} {hiding} {share}, {n_more} of them beside the right effect" in page
+    assert f"### False effects in the {n} data sets" in page
     limits = text_of(DOCS / "discovery" / "limits.md")
     n_sumo = sum(int(sets.n_false[f"SUMO {model}"]) for model in SUMO_LISTED)
     cancelling = sets.loc["cancelling"]
-    assert f"in {n_more} of the {n} data sets of the kept blind study {hiding} (in {n_wrong} more it stands" in limits
+    assert f"beside the right effect in {n_more} of the {n} {hiding}, and alone in {n_wrong} of them" in limits
     assert f"in {cancelling['n_false']:.0f} of {cancelling['n']:.0f} where two opposite effects nearly cancel" in limits
-    assert f"in {n_sumo} of 10 of SUMO with an effect of the list" in limits
+    assert f"in {n_sumo} of 10 SUMO data sets with an effect of the library" in limits
     limitations = text_of(DOCS / "limitations.md")
-    assert f"in the kept blind study {n_false} of {n} data sets with effects of the list have such a" in limitations
+    assert f"in the kept blind study {n_false} of {n} data sets with effects of the library" in limitations
 
 
-def test_figures_below_the_table_of_readme(readme, cases, scores):
+def test_figures_below_the_table(page, cases, scores):
     summary = json.loads((FOLDER / "summary.json").read_text(encoding="utf-8"))
     assert (cases["n_drivers"].median(), Scenario(1).duration, summary["n_cases"]) == (36, 60.0, 802)
-    assert "has judged all its 802 data sets" in readme
+    assert "holds all 802 data sets of `blind.size=full`, most of them with 36 drivers of 60 s" in page
     share, n_oracles = summary["oracle_share"], summary["n_oracles"]
-    assert f"hidden effect itself brings, {100 * share:.0f} % was reached ({n_oracles} data sets)" in readme
+    oracle = "of the error reduction of the oracle, which knows the hidden effect"
+    assert f"repaired models recover {100 * share:.0f} % {oracle} ({n_oracles} data sets)" in page
     rose, n_changed = (int(scores[key]["error_rose"]) for key in ("n_hits", "n_cases"))
     named = cases[cases["named"] != ""]["named"]
     assert n_changed == sum(not set(names.split("+")) <= set(ARTEFACTS) for names in named)
-    assert f"of {n_changed} models that were changed, {rose} made the error of other drivers surely rise" in readme
+    assert f"Of {n_changed} repaired models, {rose} † have a significantly larger error than before" in page
     parameters = table("parameters")
     n = int(parameters["n_intervals"].sum())
     covered = round((parameters["coverage"] * parameters["n_intervals"]).sum())
-    assert f"{covered} of {n} intervals of parameters ({100 * covered / n:.0f} %) hold the truth" in readme
+    assert f"{covered} of {n} intervals ({100 * covered / n:.0f} %) contain the true value" in page
     low, high = (dict(row) for _, row in table("calibration").iterrows())
     n_low, n_high = (f"{row['true'] * row['n_claims']:.0f} of {row['n_claims']:.0f}" for row in (low, high))
     assert (high["from"], low["to"]) == (0.95, 0.5)
-    assert f"with a confidence of .95 or more, {n_high} are there ({100 * high['true']:.0f} %), of those" in readme
-    assert f"of those with .5 or less {n_low}." in readme
+    assert f"with a confidence of .95 or more, {n_high} are in the data ({100 * high['true']:.0f} %)" in page
+    assert f"with .5 or less, {n_low}." in page
 
 
-def test_goals_that_were_missed(readme, scores):
+def test_goals_that_were_missed(page, scores):
     missed = scores[~scores["is_met"]]
     goals = {"cancelling_false": 0, "confusable_in_set": 100, "sumo_error": 95, "error_rose": 0, "error_fell": 80}
     assert set(missed.index) == set(goals)
     assert all(scores.goal[name].endswith(f" {goal} %") for name, goal in goals.items())
     hits = {name: f"{row['n_hits']} of {row['n_cases']}" for name, row in scores.iterrows()}
+    marked = {name: f"{row['n_hits']} † of {row['n_cases']}" for name, row in scores.iterrows()}
     named, control = (100 * scores.loc[name, ["low", "high"]] for name in ("identified", "control_false"))
-    rose, fell, surely = (scores.n_hits[name] for name in ("error_rose", "error_fell", "error_surely_fell"))
+    surely = scores.n_hits["error_surely_fell"]
     for said in (
-        f"Of {len(scores)} goals set before, {len(missed)} were missed: ",
-        f"nearly cancel have a name that is not there in {hits['cancelling_false']} (none wanted)",
-        f"of two alike the true one was kept in {hits['confusable_in_set']} (all wanted)",
-        f"every .8 s or other models had something added, {hits['sumo_error']} have a lower error after (95 % wanted)",
-        f"the {rose} errors that surely rose (none wanted)",
-        f"the error fell beyond its interval in {hits['error_fell']} (80 % wanted; driver by driver in {surely})",
-        f"{hits['identified']} means {named['low']:.1f} to {named['high']:.1f} %",
-        f"{hits['control_false']} named in controls {control['low']:.0f} to {control['high']:.1f} %",
-        f"the {rose}, the {fell} and the {surely}) is shown as it was counted when the study was run",
+        f"{len(missed)} of the {len(scores)} goals were missed",
+        f"no false effect where two opposite effects nearly cancel | {hits['cancelling_false']} have one |",
+        f"the true one of two effects that look alike is always kept | {hits['confusable_in_set']} |",
+        "a lower error for 95 % of the repaired models on SUMO's action steps and other models | "
+        f"{hits['sumo_error']} |",
+        f"no significantly larger error after a repair | {marked['error_rose']} |",
+        "an error reduction beyond its interval for 80 % of the named effects | "
+        f"{marked['error_fell']}; driver by driver {surely} † |",
+        f"{hits['identified']} is {named['low']:.1f} to {named['high']:.1f} %",
+        f"{scores.n_hits['control_false']} false effect in {scores.n_cases['control_false']} controls is "
+        f"{control['low']:.0f} to {control['high']:.1f} %",
     ):
-        assert said in readme
+        assert said in page
 
 
 def test_what_stands_beside_effects_of_the_list(page, cases):
     assert beside(cases, "named") == {"resignation: weather": 1, "no_undertaking: lens+grade": 1}
-    assert "at usual strength weather beside resignation, and a distortion and a slope beside the rule against" in page
+    assert "Usual strength: weather beside resignation; a camera distortion and a slope beside the rule against" in page
     assert beside(cases, "half_four_times") == {"speed_dependent_time_gap: dependence": 1}
-    assert "four times the data a curve beside a time gap that depends on the speed" in page
+    assert "Half strength with four times the data: a free curve beside a speed-dependent time gap" in page
     assert beside(cases, "double") == {
         "resignation: weather": 2, "lane_friction: grade": 1, "reaction_delay: variance_driven_time_gap": 1,
     }  # fmt: skip
     assert (
-        "weather beside resignation (twice), a slope beside friction between lanes, and a time gap that follows" in page
+        "weather beside resignation (twice); a slope beside friction between lanes; a time gap that depends on" in page
     )
     assert beside(cases, "quarter") == {"speed_limit: grade": 1}
-    assert "at a quarter of the strength a slope in the place of a speed limit" in page
+    assert "A quarter of the strength: a slope instead of a speed limit" in page
     assert not any(beside(cases, name) for name in ("half", "short", "two", "confusable", "lane_choice", "artefact"))
 
 
@@ -201,8 +217,8 @@ def test_what_was_missed(page, cases):
     missed = cases[(cases["set"] == "confusable") & (cases["outcome"] != "right")]
     assert list(missed["variant"]) == ["leader_class"]
     assert (
-        "depends on the speed was `unexplained` in 2 of 10, the leader's class in 1 of 10, and once more in the 3"
-        in page
+        "speed-dependent time gap was `unexplained` in 2 of 10 at usual strength, the leader's class in 1 of 10 and in "
+        "1 of the 3" in page
     )
     assert set(half["n"]) == {5}
     assert dict(half["n_named"][half["n_named"] < 5]) == {
@@ -210,29 +226,33 @@ def test_what_was_missed(page, cases):
         "relaxation": 4,
     }  # fmt: skip
     assert (
-        "a time gap that depends on the speed was named in 0 of 5, a lane's own speed in 1 of 5, the leader's class "
-        "and resignation in 3 of 5, asymmetry and relaxation in 4 of 5, all others in 5 of 5" in page
+        "a speed-dependent time gap was named in 0 of 5, a lane's own desired speed in 1 of 5, the leader's class "
+        "and resignation in 3 of 5, asymmetry and relaxation in 4 of 5, every other effect in 5 of 5" in page
     )
 
 
 def test_what_was_said_in_other_sets(page, cases, sets):
     assert beside(cases, "control") == {"camera: asymmetry": 1}
     assert (sets.n_unexplained["control"], sets.n["control"]) == (1, 108)
-    assert "Asymmetry was named in one control of 108, in a camera's view; another of these was `unexplained`" in page
+    assert "asymmetry was named in one of 108, in a camera's view; another of these was `unexplained`" in page
     assert sum(beside(cases, "cancelling").values()) == 3
-    assert "have a curve or another effect beside the difference in 3 of 10" in page
+    assert "a free curve or another effect beside the difference in 3 of 10" in page
     assert beside(cases, "unlisted", "roadworks") == {"roadworks: dependence": 2}
-    assert "have a curve over another variable beside the right one in 2 of 5" in page
+    assert "a free curve over another variable beside the right one in 2 of 5" in page
     acting = beside(cases, "unlisted", "action_points")
     assert (sets.n_unexplained["unlisted, no variable"], sets.n_false["unlisted, no variable"]) == (20, 6)
     assert (sum(acting.values()), sum(n for said, n in acting.items() if "reaction_delay" in said)) == (5, 4)
     assert (
-        "all 20 are `unexplained`; 6 of them state a name or a curve all the same, 5 of these action points, of" in page
+        "all 20 `unexplained`, and 6 of them with a false effect, 5 of these for action points, of which 4 are a"
+        in page
     )
     for model in SUMO_LISTED:
         said = beside(cases, "sumo", model, "sumo")
         assert sum(n for names, n in said.items() if "resignation" in names) == sum(said.values()) == 2
-    assert "has resignation beside it in 2 of 5, its limited section in 2 of 5, once with the limit only among" in page
+    assert (
+        "passing on the right: resignation beside it in 2 of 5. SUMO's speed limit: resignation beside it in 2 of 5, "
+        "once with the limit only among the alternatives" in page
+    )
     assert sets.n_ambiguous["SUMO idm_limit"] == 1
 
 
@@ -240,11 +260,8 @@ def test_what_was_said_of_other_driver_models(page, cases, sets):
     others = cases[cases["variant"].isin(SUMO_OTHERS) & (cases["source"] == "sumo")]
     unexplained = others[others["outcome"] == "unexplained"]
     assert (len(others), len(unexplained), sum(unexplained["false"] != "")) == (20, 19, 18)
-    assert (
-        "19 of 20 are `unexplained`, and 18 of these state names or curves; of EIDM asymmetry alone was named once"
-        in page
-    )
+    assert "19 of 20 `unexplained`, 18 of these with a false effect. For EIDM asymmetry alone was named once" in page
     assert list(others["named"][others["outcome"] == "wrong"]) == ["asymmetry"]
     acc = others[others["variant"] == "acc"]
     assert (len(acc), sum(acc["named"] != ""), sum(acc["change"] > 0)) == (5, 5, 3)
-    assert "All 5 of SUMO's ACC had something added; in 3 the error of other drivers is higher after" in page
+    assert "ACC: all 5 models were changed; in 3 the error of other drivers is larger afterwards" in page

@@ -1,4 +1,4 @@
-"""Pages that extend the package: with the files they show, at most two, what they promise works in a copy of it."""
+"""Pages that extend the package: their files, at most two, work in a copy of the package."""
 
 import os
 import re
@@ -16,14 +16,14 @@ MOST_FILES = 2
 
 PROMISED = {
     "add-car-following-model": (
-        r"driver\.speed_gain=2\.0 +\(float\)\n +acceleration per missing speed, on a free road \[1/s\]; own choice",
+        r"driver\.speed_gain=2\.0 +\(float\)\n +acceleration per speed deficit, on a free road \[1/s\]; own choice",
         r"^newell: \d+\.\d+ m/s, idm: \d+\.\d+ m/s$",
     ),
     "add-effect": (r"at 1000 m: \d+\.\d m/s without, \d+\.\d m/s with it", r"EffectValues\(name='rubbernecking'"),
     "add-recording-format": (r"^morning \d+ rows$", r"recordings +│ +1\b"),
     "add-metric": (r"^short time headways: 0\.5 of 6 pairs$",),
 }
-"""What is printed where a page is followed, as patterns."""
+"""Patterns of the output of a page."""
 
 LATER = {
     "add-car-following-model": (r"newell",),
@@ -31,7 +31,7 @@ LATER = {
     "add-recording-format": (),
     "add-metric": (r"[1-9]\d* passed",),
 }
-"""The same of what takes longer."""
+"""Further patterns of the blocks that take longer."""
 
 
 def content(folder):
@@ -60,7 +60,7 @@ def extended(tmp_path):
 
 
 def followed(page, copy, place, *, titled=False):
-    """What the steps of a page print, in a folder, with the copy of the package."""
+    """Output of the steps of a page, run in a folder with the copy of the package."""
     place.mkdir()
     programs = Path(sys.executable).parent
     environment = os.environ | {

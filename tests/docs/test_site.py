@@ -144,7 +144,7 @@ def test_what_is_generated_is_there(site):
     measured = shown(site, "measured.html")
     assert "closed-loop gap error" in measured
     assert "controls with an effect named" in measured
-    assert "all with effects of the list" in shown(site, "discovery/blind.html")
+    assert "<code>rearl_jax.core</code>" in shown(site, "reference/packages.html")
     assert shown(site, "discovery/index.html").count('<svg role="img"') >= 5
 
 

@@ -1,4 +1,4 @@
-"""Keys of the drivers: which car-following model they have, and the values and spreads of its parameters.
+"""Keys of the drivers: car-following model, values and spreads of its parameters.
 
 Every module beside this one that holds a `MODEL` is one model: `driver=NAME` chooses it, and its keys follow from its
 declaration. Another file is all that another model needs here.
@@ -33,22 +33,25 @@ CALIBRATED: tuple[str, ...] = tuple(name for name, model in MODELS.items() if mo
 class DriverConfig:
     """Car following, sizes and classes of the drivers."""
 
-    model: str = key(DEFAULT, "the car-following model, which driver=NAME chooses")
+    model: str = key(DEFAULT, "car-following model; driver=NAME chooses it")
     # Mutable, so it has no part in the hash; equality sees it.
     classes: dict[str, Any] = field(
         default_factory=dict,
         hash=False,
         metadata={
             "help": (
-                "further classes of drivers by name, each with its share of all vehicles and whatever differs, as in "
-                "'driver.classes={truck: {share: 0.1, time_gap: 1.8, length: 12}}'; the keys below are of all others"
+                "additional classes of drivers by name, each with its share of all vehicles and the keys that "
+                "differ, as in "
+                "'driver.classes={truck: {share: 0.1, time_gap: 1.8, length: 12}}'; all others have the keys below"
             )
         },
     )
     length: float = key(5.0, "mean length of the vehicles [m]; highway-env 1.12.1, Vehicle.LENGTH")
-    length_sd: float = key(0.0, "its standard deviation between vehicles [m]")
-    noise_sd: float = key(0.0, "standard deviation of what drivers do beside the model [m/s^2]; 0 = nothing")
-    noise_time: float = key(1.5, "its correlation time [s]; Treiber, Kesting & Helbing, Physica A 360 (2006) 71")
+    length_sd: float = key(0.0, "standard deviation of the length between vehicles [m]")
+    noise_sd: float = key(0.0, "standard deviation of the acceleration noise of the drivers [m/s^2]; 0 = none")
+    noise_time: float = key(
+        1.5, "correlation time of the acceleration noise [s]; Treiber, Kesting & Helbing, Physica A 360 (2006) 71"
+    )
 
     @property
     def declaration(self) -> DriverModel:
@@ -57,7 +60,7 @@ class DriverConfig:
 
     @property
     def is_default(self) -> bool:
-        """Whether the drivers are highway-env's, untouched."""
+        """True if all keys have the values of highway-env's drivers."""
         return self == record_of(DEFAULT)()
 
     @staticmethod

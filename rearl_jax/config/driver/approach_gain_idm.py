@@ -6,7 +6,7 @@ _OWN = "own choice: order of magnitude of calibrated adaptive cruise control"
 
 MODEL = usual.DriverModel(
     name="approach_gain_idm",
-    title="Intelligent Driver Model whose answer to the approach rate is a parameter of its own",
+    title="Intelligent Driver Model with a separate gain for the approach rate",
     source=(
         "after Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805, and the relative-speed term of Milanes & "
         "Shladover, Transp. Res. C 48 (2014) 285"

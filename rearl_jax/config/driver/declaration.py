@@ -53,7 +53,7 @@ class DriverModel:
 
     @property
     def calibrated(self) -> bool:
-        """Whether every parameter has a usual value, which a calibration starts from."""
+        """True if every parameter has a usual value, the centre of the prior of a calibration."""
         return all(parameter.usual is not None for parameter in self.parameters)
 
     @property
@@ -67,7 +67,7 @@ _TABLE = "own choice, near Treiber & Kesting, Traffic Flow Dynamics (2013), tabl
 
 def desired_speed(usual: float | None = 32.0, source: str = _TABLE) -> DriverParameter:
     """Desired speed v0, which every model has."""
-    # What is seen in a queue says little about it: a wide spread would let it run away.
+    # A queue holds little information about it: with a wide spread the estimate would diverge.
     return DriverParameter("desired_speed", "m/s", "desired speed v0", usual, 1.0, 100.0, source, 0.12, truck=25.0)
 
 
@@ -77,30 +77,37 @@ def time_gap(usual: float = 1.25, source: str = _TABLE) -> DriverParameter:
 
 
 def jam_gap(usual: float = 2.5, source: str = _TABLE) -> DriverParameter:
-    """Gap at standstill s0, which every model has."""
-    # Not below the gap below which no model answers more strongly, or nobody would come to rest.
-    return DriverParameter("jam_gap", "m", "gap s0 at standstill, bumper to bumper", usual, 0.5, 20.0, source)
+    """Standstill gap s0, which every model has."""
+    # Below the lower bound the response of the models no longer grows, and vehicles would not stop.
+    return DriverParameter("jam_gap", "m", "bumper-to-bumper gap s0 at standstill", usual, 0.5, 20.0, source)
 
 
 def max_accel(usual: float = 1.4, source: str = _TABLE) -> DriverParameter:
-    """Largest acceleration a that a driver asks for."""
-    return DriverParameter("max_accel", "m/s^2", "acceleration a from standstill", usual, 0.05, 10.0, source, truck=0.9)
+    """Largest acceleration a."""
+    return DriverParameter("max_accel", "m/s^2", "largest acceleration a", usual, 0.05, 10.0, source, truck=0.9)
 
 
 def comfort_decel(usual: float = 2.0, source: str = _TABLE) -> DriverParameter:
-    """Deceleration b that a driver finds comfortable."""
+    """Comfortable deceleration b."""
     return DriverParameter(
         "comfort_decel", "m/s^2", "comfortable deceleration b, positive", usual, 0.05, 20.0, source, 0.35
     )
 
 
 def approach_gain(usual: float, source: str) -> DriverParameter:
-    """Answer to the approach rate."""
+    """Gain of the approach rate."""
     return DriverParameter("approach_gain", "1/s", "deceleration per approach rate", usual, 0.01, 5.0, source, 0.5)
 
 
 def speed_gain(usual: float, source: str) -> DriverParameter:
-    """Answer to the distance from the desired speed."""
+    """Gain of the difference to the desired speed."""
     return DriverParameter(
-        "speed_gain", "1/s", "acceleration per missing speed, on a free road", usual, 0.01, 5.0, source, 0.5
+        "speed_gain",
+        "1/s",
+        "acceleration per speed deficit, on a free road",
+        usual,
+        0.01,
+        5.0,
+        source,
+        0.5,
     )

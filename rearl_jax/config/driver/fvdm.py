@@ -4,7 +4,7 @@ from rearl_jax.config.driver import declaration as usual
 
 MODEL = usual.DriverModel(
     name="fvdm",
-    title="Full velocity difference model: relaxation towards a speed that belongs to the gap, and the approach rate",
+    title="Full velocity difference model: relaxation towards a gap-dependent speed, plus a term in the approach rate",
     source=(
         "Jiang, Wu & Zhu, Phys. Rev. E 64 (2001) 017101; optimal velocity a hyperbolic tangent as of Bando et al., "
         "Phys. Rev. E 51 (1995) 1035, with its inflection at standstill"

@@ -4,7 +4,7 @@ from rearl_jax.config.driver import declaration as usual
 
 MODEL = usual.DriverModel(
     name="gipps",
-    title="Gipps: the fastest speed from which the driver can stop behind a leader who brakes",
+    title="Gipps: the fastest speed from which the driver can stop behind a braking leader",
     source="Gipps, Transp. Res. B 15 (1981) 105",
     parameters=(
         usual.desired_speed(),

@@ -6,7 +6,7 @@ _SOURCE = "highway-env 1.12.1, IDMVehicle"
 
 MODEL = usual.DriverModel(
     name="highway_env_idm",
-    title="Intelligent Driver Model as highway-env has it, from centre to centre of vehicles of 5 m",
+    title="Intelligent Driver Model of highway-env, with gaps from centre to centre of vehicles of 5 m",
     source="highway-env 1.12.1, IDMVehicle.acceleration",
     parameters=(
         usual.desired_speed(None, "highway-env 1.12.1: null = each vehicle's initial speed"),

@@ -4,7 +4,7 @@ from rearl_jax.config.driver import declaration as usual
 
 MODEL = usual.DriverModel(
     name="idm",
-    title="Intelligent Driver Model as published, on the gap between bumpers",
+    title="Intelligent Driver Model as published, with bumper-to-bumper gaps",
     source="Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805",
     parameters=(
         usual.desired_speed(),
