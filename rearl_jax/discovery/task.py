@@ -12,6 +12,7 @@ import logging
 import re
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import pandas as pd
@@ -25,11 +26,12 @@ from rearl_jax.discovery.adequacy import adequacy
 from rearl_jax.discovery.clocks import NAME
 from rearl_jax.discovery.confirmation import clocks_confirmed, confirmed, lens_confirmed
 from rearl_jax.discovery.drivers import prior_of
-from rearl_jax.discovery.errors import model_errors
+from rearl_jax.discovery.errors import ModelErrors, model_errors
 from rearl_jax.discovery.gate import SMOOTHING, Finding, amount
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
 from rearl_jax.discovery.lane_choice import lane_choice, with_lane_choice
 from rearl_jax.discovery.layout import layout_of
+from rearl_jax.discovery.measured import Measured
 from rearl_jax.discovery.moments import Programs
 from rearl_jax.discovery.noise import calibrate
 from rearl_jax.discovery.null import Null, null_of
@@ -55,6 +57,7 @@ from rearl_jax.discovery.verdict import (
     verdict_of,
 )
 from rearl_jax.models.file import write_model
+from rearl_jax.models.record import RepairedModel
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 
@@ -66,32 +69,119 @@ SHARES = (1 / 3, 1 / 3, 1 / 3)
 NULL_TABLE = "null"
 
 
-def run(config: DiscoverTask) -> dict:
+@dataclass(frozen=True)
+class Behind:
+    """What figures and page are drawn from.
+
+    Attributes:
+        solver: Solves for drivers and effects.
+        search: What was searched and found.
+        parts: The drivers.
+        reported: Those reported on, in time with their leaders.
+        errors: Errors of the models before and after, by name.
+    """
+
+    solver: Solver
+    search: Search
+    parts: Parts
+    reported: Measured
+    errors: dict[str, ModelErrors]
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """What the traffic model lacks in measured trajectories.
+
+    Attributes:
+        config: The task.
+        data_id: Identity of the data.
+        verdict: As in verdict.json, see `discovery.verdict`.
+        tables: Parquet tables by name; empty where `discover.oracle` says what is missing.
+        model: The repaired model; None for the same reason.
+        behind: What figures and page are drawn from; None for the same reason.
+    """
+
+    config: DiscoverTask
+    data_id: str
+    verdict: dict[str, Any]
+    tables: dict[str, pd.DataFrame] = field(default_factory=dict)
+    model: RepairedModel | None = None
+    behind: Behind | None = None
+
+
+def run(config: DiscoverTask, *, show: bool = True) -> dict:
     """The verdict, as in verdict.json.
+
+    Args:
+        config: The task.
+        show: Whether the verdict is printed.
 
     Raises:
         FileNotFoundError, ValueError: There are no recordings, one is bad, or too few drivers follow a leader.
     """
-    begin = time.perf_counter()
     identity, generated = data_id(config.data), is_generated(config.data)
     study = Study(config.results.root, config.study, config, "discover", identity, generated=generated)
     if study.begin(resume=config.results.resume) is not None:
         return json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
     with progress_bar() as bar:
-        parts, recordings = read_parts(config, identity, bar, generated=generated)
-        solver = Solver(Programs(layout_of(parts.fitted, prior_of(config.driver)), parts.fitted.dt))
-        if config.discover.oracle is not None:
-            verdict = _oracle(config, solver, parts)
-        else:
-            found = _search(config, study, solver, parts, bar)
-            lanes = lane_choice(solver, found, parts, recordings, config.discover)
-            del recordings  # they may be large, and nobody needs them any more
-            verdict = _verdict(config, study, solver, parts, found, lanes)
-    verdict["seconds"] = time.perf_counter() - begin
-    study.write_text("verdict.json", json.dumps(verdict, indent=1, allow_nan=False) + "\n")
-    terminal.print_verdict(verdict, generated=generated)
-    study.write_summary(tables.summary(verdict))
-    return verdict
+        discovery = compute(config, bar, study)
+    write(study, discovery)
+    if show:
+        terminal.print_verdict(discovery.verdict)
+    return discovery.verdict
+
+
+def compute(config: DiscoverTask, bar: Progress, study: Study | None = None) -> Discovery:
+    """What the traffic model lacks; nothing is printed.
+
+    Args:
+        config: The task.
+        bar: Shows how far it is.
+        study: Keeps the simulated nulls, the longest part, for a run that goes on after it was killed; None to keep
+            nothing.
+
+    Raises:
+        FileNotFoundError, ValueError: As `run`.
+    """
+    begin = time.perf_counter()
+    identity, generated = data_id(config.data), is_generated(config.data)
+    parts, recordings = read_parts(config, identity, bar, generated=generated)
+    solver = Solver(Programs(layout_of(parts.fitted, prior_of(config.driver)), parts.fitted.dt))
+    if config.discover.oracle is not None:
+        discovery = Discovery(config, identity, _oracle(config, solver, parts))
+    else:
+        found = _search(config, study, solver, parts, bar)
+        lanes = lane_choice(solver, found, parts, recordings, config.discover)
+        del recordings  # they may be large, and nobody needs them any more
+        discovery = _discovery(config, solver, parts, found, lanes)
+    discovery.verdict["seconds"] = time.perf_counter() - begin
+    return discovery
+
+
+def write(study: Study, discovery: Discovery) -> None:
+    """Writes tables, model, figures, page and verdict, and last of all summary.json."""
+    seeds = {"seeds": f"discover.seed={discovery.config.discover.seed}"}
+    for name, table in discovery.tables.items():
+        study.write_table(name, table, **seeds)
+    if discovery.model is not None:
+        write_model(study.path / "model.yaml", discovery.model)
+    if discovery.behind is not None and discovery.config.discover.page:
+        # Only now, so that nobody waits for matplotlib to know the verdict.
+        from rearl_jax.discovery.presentation import present
+
+        behind = discovery.behind
+        present(
+            study,
+            behind.solver,
+            behind.search,
+            behind.parts,
+            behind.reported,
+            behind.errors,
+            discovery.verdict,
+            discovery.config,
+        )
+    study.write_text("verdict.json", json.dumps(discovery.verdict, indent=1, allow_nan=False) + "\n")
+    study.write_summary(tables.summary(discovery.verdict))
 
 
 def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated: bool) -> tuple[Parts, list[Recording]]:
@@ -131,7 +221,7 @@ def _each_once(notes: Sequence[str]) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _search(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, bar: Progress) -> Search:
+def _search(config: DiscoverTask, study: Study | None, solver: Solver, parts: Parts, bar: Progress) -> Search:
     """What is found about car following."""
     options = config.discover
     line = bar.add_task("calibrating drivers", total=None)
@@ -141,10 +231,11 @@ def _search(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, ba
         bar.update(line, description=words, completed=done, total=total)
 
     def null_for(base: Fit) -> Null:
-        if study.owns(NULL_TABLE):  # of a run that was killed
+        if study is not None and study.owns(NULL_TABLE):  # of a run that was killed
             return tables.read_null(study.path / f"{NULL_TABLE}.parquet")
         null = null_of(solver, base.world, base.noise, options.replicates, options.seed, replicates)
-        study.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
+        if study is not None:
+            study.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
         return null
 
     found = search(solver, parts.fitted, parts.checked, null_for, report)
@@ -158,10 +249,10 @@ def _search(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, ba
     return confirmed(solver, found, options.seed)
 
 
-def _verdict(
-    config: DiscoverTask, study: Study, solver: Solver, parts: Parts, found: Search, lanes: LaneChangeFindings
-) -> dict[str, Any]:
-    """The verdict, with the tables and the model; the page too where it is wanted."""
+def _discovery(
+    config: DiscoverTask, solver: Solver, parts: Parts, found: Search, lanes: LaneChangeFindings
+) -> Discovery:
+    """The verdict, with the tables and the model."""
     options = config.discover
     left = adequacy(solver, found, options.seed)
     reported = in_time(solver, found, parts.reported)
@@ -187,21 +278,16 @@ def _verdict(
         "data": _described(parts, solver, (*parts.notes, *([MISJUDGED] if left.misjudges else ()))),
     }
     verdict = with_lane_choice(following, lanes)
-    seeds = {"seeds": f"discover.seed={options.seed}"}
-    study.write_table("candidates", pd.DataFrame(tables.candidate_table(verdict)), **seeds)
-    study.write_table("errors", tables.error_table(errors), **seeds)
-    study.write_table("drivers", tables.driver_table(solver, found), **seeds)
     model = repaired_model(
         found.first, found.last, found.added, lanes.effects, parts.fitted, solver.layout, parts.id, config.study
     )
-    write_model(study.path / "model.yaml", model)
-
-    if options.page:
-        # Only now, so that nobody waits for matplotlib to know the verdict.
-        from rearl_jax.discovery.presentation import present
-
-        present(study, solver, found, parts, reported, errors, verdict, config)
-    return verdict
+    written = {
+        "candidates": pd.DataFrame(tables.candidate_table(verdict)),
+        "errors": tables.error_table(errors),
+        "drivers": tables.driver_table(solver, found),
+        NULL_TABLE: tables.null_table(found.null),
+    }
+    return Discovery(config, parts.id, verdict, written, model, Behind(solver, found, parts, reported, errors))
 
 
 def _effects(

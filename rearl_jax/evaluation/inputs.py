@@ -50,12 +50,29 @@ class Inputs:
         return self.splits.indices(Split[eval.subset.name.upper()])
 
 
-def read_inputs(config: EvaluateTask | ClusterTask, study: Study, bar: Progress, *, with_references: bool) -> Inputs:
+def inputs_of_scenes(config: EvaluateTask, scenes: SceneSet) -> Inputs:
+    """What a study works on whose scenes are given.
+
+    Raises:
+        ValueError: There are too few scenes, or the method needs representative scenes, whose clusters take whole
+            tracks.
+    """
+    if config.method.needs_references:
+        raise ValueError(
+            f"method={config.method.name} needs representative scenes, which are clustered from whole recordings: give "
+            "a table of trajectories instead of scenes, or name the recordings with data"
+        )
+    return Inputs(scenes, split_scenes(scenes, config.split))
+
+
+def read_inputs(
+    config: EvaluateTask | ClusterTask, study: Study | None, bar: Progress, *, with_references: bool
+) -> Inputs:
     """Scenes, splits and, where asked for, references.
 
     Args:
         config: The task.
-        study: Keeps the trace of a search for the clusters' parameters.
+        study: Keeps the trace of a search for the clusters' parameters; None to keep nothing.
         bar: Shows the recordings read.
         with_references: Whether representative scenes are needed.
 
