@@ -13,11 +13,13 @@ A rollout of 100 scenarios, the scenario axis last:
     last, frames = simulate(state, drivers)
     print(frames.speed.shape, frames.speed.mean())  # seconds, vehicles, scenarios; m/s
 
-The metric table, simulated against measured scenes:
+The metric table, simulated against measured scenes; trajectories are a DataFrame, or files that `data` names:
 
-    result = rearl_jax.evaluate(method="base", eval={"n_runs": 1})
+    trajectories = next(rearl_jax.read_recordings()).table  # your own DataFrame, in the same columns
+    result = rearl_jax.evaluate(trajectories, method="base", eval={"n_runs": 1})
     print(result)
     print(result.summary.pivot(index="metric", columns="method", values="value"))
+    result.save("results/mine")  # tables, figures and page, as `rearl evaluate` writes them
 
 A calibration of drivers, and traffic that drives by it:
 
@@ -27,9 +29,11 @@ A calibration of drivers, and traffic that drives by it:
 
 A discovery of what the drivers' model lacks:
 
-    found = rearl_jax.discover(data={"format": "table", "root": folder})
+    trajectories = pandas.read_parquet(folder)  # your own DataFrame
+    found = rearl_jax.discover(trajectories)
     print(found)
     print(found.verdict["verdict"], [effect["name"] for effect in found.verdict["effects"]])
+    found.save("results/mine")
 
 An environment of reinforcement learning in Gymnasium's way, or in gymnax's:
 

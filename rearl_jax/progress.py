@@ -37,6 +37,11 @@ def shown(bar: Progress, title: str) -> Callable[[int, int], None]:
     return lambda done, total: bar.update(line, completed=done, total=total)
 
 
+def silent() -> Progress:
+    """A bar that shows nothing."""
+    return Progress(disable=True)
+
+
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
     """A live progress bar; what is logged meanwhile appears above it."""

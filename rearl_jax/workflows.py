@@ -1,36 +1,43 @@
-"""The main tasks as functions: data in, tables and records out.
+"""The main tasks as functions: tables, arrays or files in, tables and records out.
 
-Keys are those of the command line, groups as mappings: `evaluate(method="rearl", eval={"n_runs": 1})` is
-`rearl evaluate method=rearl eval.n_runs=1`, and `data={"format": "highd", "root": "/data/highD"}` names recordings.
-Nothing is printed, and nothing is kept unless a folder is named. `start()` of `rearl_jax.runtime`, called first, uses
-all cores and keeps compiled programs, as the command does.
+Measured trajectories are a table in memory in the canonical schema (see the page on recordings), or the files that
+`data={"format": "highd", "root": "/data/highD"}` names. All other keys are those of the command line, groups as
+mappings: `evaluate(method="rearl", eval={"n_runs": 1})` is `rearl evaluate method=rearl eval.n_runs=1`. Nothing is
+printed, and results are written only by their `save`. `start()` of `rearl_jax.runtime`, called first, uses all cores
+and keeps compiled programs, as the command does.
 """
 
 import contextlib
-import io
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import jax
 import pandas as pd
 
-from rearl_jax.config import DiscoverTask, PrepareTask
+from rearl_jax.config import DiscoverTask, EvaluateTask, PrepareTask, ResultsConfig
 from rearl_jax.config._schema import finished, from_plain, keys_of, nearest
 from rearl_jax.config.data import DataConfig
 from rearl_jax.config.driver import DriverConfig
+from rearl_jax.data.in_memory import in_memory
 from rearl_jax.data.recordings import Recording, iterate_recordings
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.data.scenes import build_scenes
 from rearl_jax.discovery.calibration import Calibration, calibration
-from rearl_jax.models.file import read_model
+from rearl_jax.discovery.discover import Discovery
+from rearl_jax.evaluation.estimates import Estimate
+from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.models.record import RepairedModel
 from rearl_jax.problems import InvalidInputError, Problem
+from rearl_jax.progress import silent
+from rearl_jax.results import Study
 from rearl_jax.tasks import TASKS
 
 Record = TypeVar("Record")
+
+Measured: TypeAlias = pd.DataFrame | SceneSet | None
+"""Measured trajectories: a table in the canonical schema; scenes, where they were cut before; None for files."""
 
 
 @dataclass(frozen=True)
@@ -38,17 +45,48 @@ class Evaluated:
     """Simulated against measured scenes.
 
     Attributes:
-        summary: One row per method (or reference row) and metric: `value`, interval, unit, definition.
-        runs: One row per scored rollout and recorded scene, a column per metric.
-        text: The table as the command prints it.
+        config: The task.
+        evaluation: Everything that was measured.
+        estimates: The figures of the table, by row and metric.
+        has_own_scenes: Whether the scenes were given, and not cut from the recordings of `config.data`.
     """
 
-    summary: pd.DataFrame
-    runs: pd.DataFrame
-    text: str
+    config: EvaluateTask
+    evaluation: Evaluation
+    estimates: dict[tuple[str, str], Estimate]
+    has_own_scenes: bool = False
+
+    @property
+    def summary(self) -> pd.DataFrame:
+        """One row per method (or reference row) and metric: `value`, interval, unit, definition."""
+        from rearl_jax.evaluation.tables import summary_table
+
+        return summary_table(self.evaluation, self.estimates, self.evaluation.config.eval.confidence)
+
+    @property
+    def runs(self) -> pd.DataFrame:
+        """One row per scored rollout and recorded scene, a column per metric."""
+        from rearl_jax.evaluation.tables import run_table
+
+        return run_table(self.evaluation)
+
+    def save(self, folder: str | Path) -> None:
+        """Writes all that `rearl evaluate` writes."""
+        from rearl_jax.evaluation import task
+        from rearl_jax.evaluation.traffic import inputs_id
+
+        config, scenes = _in_folder(self.config, folder), self.evaluation.scenes
+        identity = inputs_id(config, scenes.data_id if self.has_own_scenes else None)
+        study = Study(config.results.root, config.study, config, "evaluate", identity, generated=scenes.generated)
+        study.write_config()
+        evaluation = replace(self.evaluation, config=_in_folder(self.evaluation.config, folder))
+        task.write_tables(study, evaluation, self.estimates)
+        task.write_pages(study, evaluation, self.estimates)
 
     def __str__(self) -> str:
-        return self.text
+        from rearl_jax.evaluation.terminal import text_of
+
+        return text_of(self.evaluation, self.estimates)
 
 
 @dataclass(frozen=True)
@@ -56,19 +94,41 @@ class Discovered:
     """What the traffic model lacks.
 
     Attributes:
-        verdict: As in verdict.json, see `discovery.verdict`.
-        candidates: One row per candidate; empty where `discover.oracle` says what is missing.
-        model: The repaired model; None for the same reason.
-        text: The verdict as the command prints it.
+        discovery: Everything that was found.
     """
 
-    verdict: dict[str, Any]
-    candidates: pd.DataFrame
-    model: RepairedModel | None
-    text: str
+    discovery: Discovery
+
+    @property
+    def verdict(self) -> dict[str, Any]:
+        """As in verdict.json, see `discovery.verdict`."""
+        return self.discovery.verdict
+
+    @property
+    def candidates(self) -> pd.DataFrame:
+        """One row per candidate; empty where `discover.oracle` says what is missing."""
+        return self.discovery.tables.get("candidates", pd.DataFrame())
+
+    @property
+    def model(self) -> RepairedModel | None:
+        """The repaired model; None where `discover.oracle` says what is missing."""
+        return self.discovery.model
+
+    def save(self, folder: str | Path) -> None:
+        """Writes all that `rearl discover` writes, `model.yaml` among it."""
+        from rearl_jax.discovery import task
+
+        config = _in_folder(self.discovery.config, folder)
+        identity, generated = self.discovery.data_id, self.verdict["data"]["generated"]
+        study = Study(config.results.root, config.study, config, "discover", identity, generated=generated)
+        study.write_config()
+        with _double_precision():
+            task.write(study, replace(self.discovery, config=config))
 
     def __str__(self) -> str:
-        return self.text
+        from rearl_jax.discovery.terminal import text_of
+
+        return text_of(self.verdict)
 
 
 def read_recordings(**keys: Any) -> Iterator[Recording]:
@@ -86,63 +146,77 @@ def read_recordings(**keys: Any) -> Iterator[Recording]:
     return iterate_recordings(_configured(DataConfig, keys))
 
 
-def cut_scenes(**keys: Any) -> SceneSet:
+def cut_scenes(measured: pd.DataFrame | None = None, **keys: Any) -> SceneSet:
     """All scenes of recordings. Example:
 
         scenes = cut_scenes(data={"format": "highd", "root": "/data/highD"}, scenes={"seconds": 30})
         print(scenes.speed.shape)  # scenes, seconds, vehicles
 
     Args:
+        measured: A table in the canonical schema; None for the recordings that `data` names.
         **keys: Those of `rearl prepare`.
 
     Raises:
         FileNotFoundError, ValueError: A key is unknown, there are no recordings, one is bad, or no scene can be cut.
     """
-    config = _configured(PrepareTask, keys)
+    config = _with_table(_configured(PrepareTask, keys), measured)
     groups = (config.scenes, config.speed, config.tracks, config.features, config.spacing)
     return build_scenes(iterate_recordings(config.data), *groups)
 
 
-def evaluate(folder: str | Path | None = None, **keys: Any) -> Evaluated:
+def evaluate(measured: Measured = None, **keys: Any) -> Evaluated:
     """The metric table: simulated against measured scenes. Example:
 
         result = evaluate(method="rearl", eval={"n_runs": 1})
         print(result)
         table = result.summary.pivot(index="metric", columns="method", values="value")
+        result.save("results/mine")
 
     Args:
-        folder: Where to keep everything the command writes; None to keep nothing.
+        measured: A table in the canonical schema, or scenes; None for the recordings that `data` names.
         **keys: Those of `rearl evaluate`.
 
     Raises:
         FileNotFoundError, ValueError: A key is unknown, there are no recordings, one is bad, or scenes are too few.
     """
-    with _run("evaluate", folder, keys) as (_, place, text):
-        summary, runs = (pd.read_parquet(place / f"{name}.parquet") for name in ("summary", "runs"))
-        return Evaluated(summary, runs, text)
+    from rearl_jax.evaluation import task
+    from rearl_jax.evaluation.estimates import estimates
+
+    config = _task_record("evaluate", keys)
+    scenes = None
+    if isinstance(measured, SceneSet):
+        scenes = measured
+    else:
+        config = _with_table(config, measured)
+    with silent() as bar:
+        evaluation = task.compute(config, bar, scenes=scenes)
+    found = estimates(evaluation.rows, evaluation.held_out, config.eval)
+    return Evaluated(config, evaluation, found, has_own_scenes=scenes is not None)
 
 
-def discover(folder: str | Path | None = None, **keys: Any) -> Discovered:
+def discover(measured: pd.DataFrame | None = None, **keys: Any) -> Discovered:
     """What the traffic model lacks in measured trajectories; takes minutes. Example:
 
-        found = discover("results/highd", data={"format": "highd", "root": "/data/highD"})
+        found = discover(data={"format": "highd", "root": "/data/highD"})
         print(found.verdict["verdict"], [effect["name"] for effect in found.verdict["effects"]])
+        found.save("results/highd")
         print(evaluate(model="results/highd/model.yaml", speed={"norm": "none"}))
 
     Args:
-        folder: Where to keep everything the command writes, `model.yaml` among it; None to keep nothing.
+        measured: A table in the canonical schema; None for the recordings that `data` names.
         **keys: Those of `rearl discover`.
 
     Raises:
         FileNotFoundError, ValueError: A key is unknown, there are no recordings, one is bad, or too few drivers follow.
     """
-    with _run("discover", folder, keys) as (verdict, place, text):
-        told = not (place / "model.yaml").exists()
-        candidates = pd.DataFrame() if told else pd.read_parquet(place / "candidates.parquet")
-        return Discovered(verdict, candidates, None if told else read_model(place / "model.yaml"), text)
+    from rearl_jax.discovery.discover import compute
+
+    config = _with_table(_task_record("discover", keys), measured)
+    with _double_precision(), silent() as bar:
+        return Discovered(compute(config, bar))
 
 
-def calibrate(**keys: Any) -> Calibration:
+def calibrate(measured: pd.DataFrame | None = None, **keys: Any) -> Calibration:
     """Drivers calibrated to measured trajectories, by published IDM unless `driver` names another model. Example:
 
         found = calibrate(data={"format": "table", "root": "trajectories.csv"})
@@ -151,32 +225,48 @@ def calibrate(**keys: Any) -> Calibration:
         print(evaluate(model="model.yaml", variant="calibrated", speed={"norm": "none"}))
 
     Args:
+        measured: A table in the canonical schema; None for the recordings that `data` names.
         **keys: Those of `rearl discover`; what concerns the search for effects means nothing here.
 
     Raises:
         FileNotFoundError, ValueError: A key is unknown, there are no recordings, one is bad, or nobody follows.
     """
-    config = _configured(DiscoverTask, keys)
+    config = _with_table(_configured(DiscoverTask, keys), measured)
     with _double_precision():
         return calibration(config)
 
 
-@contextlib.contextmanager
-def _run(words: str, folder: str | Path | None, keys: Mapping[str, Any]) -> Iterator[tuple[dict, Path, str]]:
-    """What a task returns, the folder of its files while they are read, and what it prints."""
+def _task_record(words: str, keys: Mapping[str, Any]) -> Any:
+    """The configuration of a task; keys of a group imply others as they do on the command line.
+
+    Raises:
+        ValueError: As `_configured`, or a key names where the command would write.
+    """
     for name in ("study", "results"):
         if name in keys:
-            said = f"must be left out: name the folder instead, {words}(folder=...)"
+            said = f"must be left out, for {words}() writes nothing: call save(FOLDER) of what it returns"
             raise InvalidInputError(Problem("key-implied", said, key=name))
     task = next(task for task in TASKS if task.words == words)
     implied = (word.split("=") for group, word in task.implied.items() if group in keys)
-    with TemporaryDirectory() as temporary, contextlib.redirect_stdout(io.StringIO()) as printed:
-        place = Path(temporary, words) if folder is None else Path(folder)
-        own = {"study": place.name, "results": {"root": str(place.parent)}}
-        config = _configured(task.load_config(), dict(implied) | dict(keys) | own)
-        with _double_precision() if task.x64 else contextlib.nullcontext():
-            result = task.load_run()(config)
-        yield result, place, printed.getvalue()
+    return _configured(task.load_config(), dict(implied) | dict(keys))
+
+
+def _with_table(config: Record, table: pd.DataFrame | None) -> Record:
+    """The configuration with a table in memory as its recordings.
+
+    Raises:
+        BadRecordingError: A column is missing.
+    """
+    if table is None:
+        return config
+    changed: Any = replace(config, data=in_memory(table, config.data))  # type: ignore[attr-defined, type-var]
+    return changed
+
+
+def _in_folder(config: Any, folder: str | Path) -> Any:
+    """The configuration of a study that is kept there."""
+    place = Path(folder)
+    return replace(config, study=place.name, results=ResultsConfig(str(place.parent)))
 
 
 def _configured(kind: type[Record], keys: Mapping[str, Any]) -> Record:

@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -29,7 +30,7 @@ def examples():
 
 def follow(name, **given):
     """The names an example leaves behind."""
-    space = {"rearl_jax": rearl_jax, "jax": jax} | given
+    space = {"rearl_jax": rearl_jax, "jax": jax, "pandas": pd} | given
     exec(compile(examples()[name], f"example of {name}", "exec"), space)
     return space
 
@@ -75,8 +76,11 @@ def test_example_rollout(capsys):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("lenient")
-def test_example_metric_table(capsys):
+def test_example_metric_table(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
     result = follow("evaluate")["result"]
+    assert {"summary.json", "runs.parquet", "page.html"} <= {file.name for file in Path("results/mine").iterdir()}
+    assert pd.read_parquet("results/mine/runs.parquet").equals(result.runs)
     printed = capsys.readouterr().out
     assert "real against real" in printed
     assert str(result) in printed
@@ -104,8 +108,10 @@ def test_example_calibration(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("lenient")
-def test_example_discovery(tmp_path, capsys):
-    found = follow("discover", folder=str(planted(tmp_path)))["found"]
+def test_example_discovery(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    found = follow("discover", folder=str(planted(tmp_path / "data")))["found"]
+    assert {"verdict.json", "model.yaml", "page.html"} <= {file.name for file in Path("results/mine").iterdir()}
     printed = capsys.readouterr().out
     assert found.verdict["verdict"] in printed
     assert isinstance(found.candidates, pd.DataFrame)
@@ -152,27 +158,63 @@ def test_wrong_keys_are_named(call, code, key):
         assert "nearest: " in str(caught.value)
 
 
-def test_keys_imply_what_they_do_on_the_command_line(monkeypatch):
-    from rearl_jax import workflows
+def test_keys_imply_what_they_do_on_the_command_line():
     from rearl_jax.config.evaluation import Method
+    from rearl_jax.workflows import _task_record
 
-    seen = []
-
-    def refuse(task):
-        def run(config):
-            seen.append(config)
-            raise RuntimeError
-
-        return run
-
-    monkeypatch.setattr("rearl_jax.tasks.Task.load_run", refuse)
     detection, ppo = {"detection": {"interval": 3}}, {"ppo": {"weights": "some.eqx"}}
     # Where two groups imply a method, the order in which they are given does not matter.
-    for keys in ({}, detection, detection | {"method": "base"}, detection | ppo, ppo | detection):
-        with pytest.raises(RuntimeError):
-            workflows.evaluate("some/place", **keys)
-    assert [config.method for config in seen] == [Method.base, Method.rearl, Method.base, Method.ppo, Method.ppo]
-    assert (seen[0].results.root, seen[0].study) == ("some", "place")
+    methods = [
+        _task_record("evaluate", keys).method
+        for keys in ({}, detection, detection | {"method": "base"}, detection | ppo, ppo | detection)
+    ]
+    assert methods == [Method.base, Method.rearl, Method.base, Method.ppo, Method.ppo]
+
+
+def test_a_table_in_memory_is_read_as_its_file_is(tmp_path):
+    from rearl_jax.data.canonical import write_recording
+
+    recording = next(rearl_jax.read_recordings())
+    write_recording(recording, tmp_path / "one.csv")
+    (tmp_path / "one.csv.info.json").unlink()
+    of_file = rearl_jax.cut_scenes(data={"format": "table", "root": str(tmp_path / "one.csv")})
+    of_table = rearl_jax.cut_scenes(recording.table)
+    assert len(of_table) == len(of_file) > 0
+    np.testing.assert_allclose(of_table.speed, of_file.speed, rtol=1e-6)
+
+
+def test_a_table_in_memory_names_what_is_wrong_in_it():
+    from rearl_jax.data.problems import BadRecordingError
+
+    table = next(rearl_jax.read_recordings()).table
+    with pytest.raises(BadRecordingError) as error:
+        rearl_jax.cut_scenes(table.drop(columns="speed"))
+    assert error.value.problem.column == "speed"
+    with pytest.raises(BadRecordingError) as error:
+        rearl_jax.cut_scenes(table.assign(recording=["a"] * (len(table) - 1) + [None]))
+    assert (error.value.problem.column, error.value.problem.row) == ("recording", len(table))
+
+
+def test_recordings_in_one_table_are_told_apart():
+    from rearl_jax.config.data import DataConfig
+    from rearl_jax.data.in_memory import in_memory
+    from rearl_jax.data.recordings import count_recordings, data_id, iterate_recordings
+
+    tables = [recording.table.assign(recording=recording.info.id) for recording in rearl_jax.read_recordings()][:2]
+    data = in_memory(pd.concat(tables), DataConfig())
+    assert [len(recording.table) for recording in iterate_recordings(data)] == [len(table) for table in tables]
+    assert count_recordings(data) == 2
+    assert data_id(data) != data_id(in_memory(tables[0], DataConfig()))
+    assert data_id(data) == data_id(in_memory(pd.concat(tables), DataConfig()))
+
+
+def test_scenes_are_evaluated_as_the_recordings_they_were_cut_from():
+    scenes = rearl_jax.cut_scenes()
+    once = {"n_runs": 1}
+    assert rearl_jax.evaluate(scenes, eval=once).runs.equals(rearl_jax.evaluate(eval=once).runs)
+    with pytest.raises(InvalidInputError) as caught:
+        rearl_jax.evaluate(scenes, method="rearl")
+    assert (caught.value.code, caught.value.problem.key) == ("recordings-needed", "method")
 
 
 def test_double_precision_ends_with_the_task():

@@ -7,8 +7,6 @@ set), then `cases.parquet` (one row per data set), `scores.parquet`, `sets.parqu
 run again.
 """
 
-import contextlib
-import io
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -87,7 +85,7 @@ def _judged(
 
 
 def discovery_of(config: DiscoverBlindTask) -> Discover:
-    """The task `rearl discover` as a function of a folder; what it prints is on its own pages."""
+    """The task `rearl discover` as a function of a folder."""
 
     def discover(folder: Path, study: str, oracle: str | None = None) -> dict[str, Any]:
         asked = DiscoverTask(
@@ -96,7 +94,6 @@ def discovery_of(config: DiscoverBlindTask) -> Discover:
             data=DataConfig(format=DataFormat.table, root=str(folder)),
             discover=replace(config.discover, oracle=oracle),
         )
-        with contextlib.redirect_stdout(io.StringIO()):
-            return discovery.run(asked)
+        return discovery.run(asked, show=False)
 
     return discover

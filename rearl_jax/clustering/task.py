@@ -25,8 +25,12 @@ log = logging.getLogger(__name__)
 _STAGES = {"search": "search", "tracks": "clusters of tracks"}
 
 
-def run(config: ClusterTask) -> dict:
+def run(config: ClusterTask, *, show: bool = True) -> dict:
     """The summary, as written to summary.json; see `tables.summary`.
+
+    Args:
+        config: The task.
+        show: Whether the table is printed.
 
     Raises:
         FileNotFoundError, ValueError: There are no recordings, one is bad, or too few tracks or scenes to cluster.
@@ -51,12 +55,12 @@ def run(config: ClusterTask) -> dict:
         splits = split_scenes(scenes, config.split)
         was_read, stages = time.perf_counter(), {}
 
-        def show(stage: str, done: int, total: int) -> None:
+        def watch(stage: str, done: int, total: int) -> None:
             if stage not in stages:
                 stages[stage] = bar.add_task(_STAGES[stage], total=total)
             bar.update(stages[stage], completed=done, total=total)
 
-        references, clusters = builder.build(scenes, splits, study, show)
+        references, clusters = builder.build(scenes, splits, study, watch)
     # Said, but not in the summary: a second run ends with the same files.
     log.info("read in %.1f s, clustered in %.1f s", was_read - begin, time.perf_counter() - was_read)
     metadata = {"scenes_id": scenes.data_id, "seeds": tables.seeds(config)}
@@ -68,7 +72,8 @@ def run(config: ClusterTask) -> dict:
     if clusters.trace is not None and not (study.path / f"{TRACE}.parquet").exists():
         study.write_table(TRACE, clusters.trace, **metadata)  # the clustering, and with it its trace, was on disk
     summary = tables.summary(config, scenes, splits, clusters)
-    terminal.print_table(config, scenes, splits, clusters)
+    if show:
+        terminal.print_table(config, scenes, splits, clusters)
 
     # Only now, so that nobody waits for matplotlib to see the table.
     from rearl_jax.clustering.figures import draw

@@ -95,7 +95,7 @@ class DiscoverTask:
     discover: DiscoverConfig = _group(DiscoverConfig)
 
     def check(self) -> None:
-        """Raise InvalidInputError for drivers that cannot be calibrated, and for keys that the calibration estimates."""
+        """Raise InvalidInputError for drivers that cannot be calibrated, and for keys that are estimated."""
         self.driver.check_prior()
 
 

@@ -98,9 +98,12 @@ def as_written(value: Any) -> str:
 
 
 def as_plain(value: Any) -> Any:
-    """A record as dictionaries, lists, texts and numbers, the same on every machine; inf and nan by name."""
+    """A record as dictionaries, lists, texts and numbers, the same on every machine; inf and nan by name.
+
+    Fields that do not take part in comparisons are no configuration and are left out.
+    """
     if is_dataclass(value) and not isinstance(value, type):
-        return {item.name: as_plain(getattr(value, item.name)) for item in fields(value)}
+        return {item.name: as_plain(getattr(value, item.name)) for item in fields(value) if item.compare}
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, Mapping):

@@ -93,7 +93,7 @@ class TableFile:
             rows = self._parquet_rows(recording)
         if "recording" in rows:
             rows = rows.iloc[np.flatnonzero(rows["recording"].to_numpy() == recording)]
-        info = self.stated().get(recording) or _worked_out(recording, rows, self.path)
+        info = self.stated().get(recording) or info_of_rows(recording, rows, str(self.path), self.path.name)
         table, dropped = validate(rows, info, self._policy, losses)
         return Recording(info, table, dropped)
 
@@ -170,12 +170,22 @@ def sidecar(path: Path) -> Path:
     return path.with_name(f"{path.name}.info.json")
 
 
-def _worked_out(recording: str, rows: pd.DataFrame, path: Path) -> RecordingInfo:
-    """What the rows themselves tell about a recording."""
+def info_of_rows(recording: str, rows: pd.DataFrame, file: str, source: str) -> RecordingInfo:
+    """Frame rate, lanes and road length of a recording, worked out from its rows.
+
+    Args:
+        recording: Its id.
+        rows: Canonical rows.
+        file: Where they come from, for messages.
+        source: Name of the data set.
+
+    Raises:
+        BadRecordingError: There is no column `time`, or the frame rate cannot be told from it.
+    """
     if "time" not in rows:
         text = "without metadata of the recording the frame rate follows from time"
         raise BadRecordingError(
-            Problem("frame-rate-unknown", text, "add the column time [s]", file=str(path), column="time")
+            Problem("frame-rate-unknown", text, "add the column time [s]", file=file, column="time")
         )
     values = {
         name: pd.Series(pd.to_numeric(rows[name], errors="coerce")).to_numpy(np.float64, na_value=np.nan)
@@ -192,7 +202,7 @@ def _worked_out(recording: str, rows: pd.DataFrame, path: Path) -> RecordingInfo
     if period <= 0.0:
         text = "the frame rate cannot be told: no track has two rows with rising frame and time"
         raise BadRecordingError(
-            Problem("frame-rate-unknown", text, "correct frame and time [s]", file=str(path), column="time")
+            Problem("frame-rate-unknown", text, "correct frame and time [s]", file=file, column="time")
         )
     lanes = {}
     for direction in (1, 2):
@@ -207,9 +217,9 @@ def _worked_out(recording: str, rows: pd.DataFrame, path: Path) -> RecordingInfo
         frame_rate=round(1.0 / period, 6),
         lane_count=lanes or {1: 1},
         road_length=float(np.max(end, where=np.isfinite(end), initial=0.0)),
-        source=path.name,
+        source=source,
         licence="not stated in the file",
         attribution="not stated in the file",
         notes=("frame rate, lanes and road length worked out from the rows",),
-        file=str(path),
+        file=file,
     )

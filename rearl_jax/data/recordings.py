@@ -1,4 +1,4 @@
-"""Recordings of a data set, one in memory at a time, whatever their format."""
+"""Recordings of a data set, one read at a time, whatever their format; a table in memory is a data set too."""
 
 import hashlib
 from collections import Counter
@@ -7,6 +7,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
+from rearl_jax.data import in_memory
+from rearl_jax.data.in_memory import TableInMemory
 from rearl_jax.data.reader import Entry
 from rearl_jax.data.readers import reader_of
 from rearl_jax.data.records import Recording, RecordingInfo
@@ -44,6 +46,8 @@ def count_recordings(data: DataConfig) -> int:
 
 def is_generated(data: DataConfig) -> bool:
     """Whether any of the recordings was made by the generator, whatever they are read as."""
+    if isinstance(data, TableInMemory):
+        return False
     made = reader_of(data.format).generated
     return made is not None and made(data, _root(data))
 
@@ -55,6 +59,9 @@ def data_id(data: DataConfig) -> str:
     """
     policy = (data.recordings, data.on_bad.name, data.max_jump, data.default_length)
     digest = hashlib.sha256(repr(policy).encode())
+    if isinstance(data, TableInMemory):
+        digest.update(data.id.encode())
+        return f"{data.format.name}-{digest.hexdigest()[:12]}"
     for file in sorted(_files(data), key=lambda path: path.name):
         with file.open("rb") as content:
             head = content.read(2**16)
@@ -70,12 +77,17 @@ def file_stamps(data: DataConfig) -> list[tuple[str, int, int]]:
 
     Changes whenever a file is touched, also where `data_id` cannot see it, and on every machine.
     """
+    if isinstance(data, TableInMemory):
+        return [(data.id, len(data.table), 0)]
     stats = sorted((path.name, path.stat()) for path in _files(data))
     return [(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]
 
 
 def _selected(data: DataConfig) -> list[Entry]:
-    entries = list(reader_of(data.format).entries(data, _root(data)))
+    if isinstance(data, TableInMemory):
+        entries = list(in_memory.entries(data))
+    else:
+        entries = list(reader_of(data.format).entries(data, _root(data)))
     chosen = [entry for entry in entries if fnmatchcase(entry.id, data.recordings)]
     if not chosen:
         names = ", ".join(entry.id for entry in entries[:5]) + (", ..." if len(entries) > 5 else "")

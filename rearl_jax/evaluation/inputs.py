@@ -20,6 +20,7 @@ from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.data.scenes import build_scenes
 from rearl_jax.data.splits import Split, Splits, split_scenes
 from rearl_jax.detection.references import References
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.results import Study
 
 if TYPE_CHECKING:
@@ -50,12 +51,28 @@ class Inputs:
         return self.splits.indices(Split[eval.subset.name.upper()])
 
 
-def read_inputs(config: EvaluateTask | ClusterTask, study: Study, bar: Progress, *, with_references: bool) -> Inputs:
+def inputs_of_scenes(config: EvaluateTask, scenes: SceneSet) -> Inputs:
+    """What a study works on whose scenes are given.
+
+    Raises:
+        InvalidInputError: There are too few scenes, or the method needs representative scenes, whose clusters take
+            whole tracks.
+    """
+    if config.method.needs_references:
+        said = "needs representative scenes, which are clustered from whole recordings"
+        remedy = "give a table of trajectories instead of scenes, or name the recordings with data"
+        raise InvalidInputError(Problem("recordings-needed", said, remedy, key="method", value=config.method.name))
+    return Inputs(scenes, split_scenes(scenes, config.split))
+
+
+def read_inputs(
+    config: EvaluateTask | ClusterTask, study: Study | None, bar: Progress, *, with_references: bool
+) -> Inputs:
     """Scenes, splits and, where asked for, references.
 
     Args:
         config: The task.
-        study: Keeps the trace of a search for the clusters' parameters.
+        study: Keeps the trace of a search for the clusters' parameters; None to keep nothing.
         bar: Shows the recordings read.
         with_references: Whether representative scenes are needed.
 

@@ -9,7 +9,10 @@ from jaxtyping import Int
 
 from rearl_jax.decision.loop import Decisions
 from rearl_jax.decision.situation import ACTION_NAMES
-from rearl_jax.evaluation.extras import Extra
+from rearl_jax.evaluation.extras import Extra, Figures
+from rearl_jax.evaluation.scores import title_of
+
+_SECONDS_PER_MINUTE = 60
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,25 @@ def intervention_extra(scene_id: np.ndarray, log: DecisionLog, window: int) -> E
     """Table, note and figures of the summary; arguments as of `decision_table`."""
     table = decision_table(scene_id, log, window)
     return Extra({"decisions": table}, (intervention_note(log),), intervention_figures(log))
+
+
+def variants_extra(scene_id: np.ndarray, logs: dict[str, DecisionLog], window: int, n_vehicles: int) -> Extra:
+    """The decisions of several rows in one table, with the row under `method`, and one sentence per row.
+
+    Args:
+        scene_id: Number of every scene.
+        logs: What was detected and decided, by row.
+        window: Length of the window of the Hellinger distance [s].
+        n_vehicles: Vehicles in each rollout.
+    """
+    tables, notes = [], []
+    for name, log in logs.items():
+        table = decision_table(scene_id, log, window)
+        table.insert(0, "method", pd.Categorical([name], list(logs)).repeat(len(table)))
+        tables.append(table)
+        rate = intervention_rates(log, n_vehicles)["interventions_per_vehicle_minute"]
+        notes.append(f"{title_of(name)}: {rate:.2f} interventions per vehicle and minute; {intervention_note(log)}")
+    return Extra({"decisions": pd.concat(tables, ignore_index=True)}, tuple(notes))
 
 
 def decision_table(scene_id: np.ndarray, log: DecisionLog, window: int) -> pd.DataFrame:
@@ -83,6 +105,21 @@ def intervention_figures(log: DecisionLog) -> dict[str, int | float]:
         "invalid": int(np.sum(decisions.n_invalid, dtype=np.int64)),
         "main_reference": int(ends_at.argmax()),
         "main_reference_share": float(ends_at.max() / ends_at.sum()),
+    }
+
+
+def intervention_rates(log: DecisionLog, n_vehicles: int) -> Figures:
+    """Figures of a row beside others in which was intervened: those of `intervention_figures`, `triggered_seconds` (of
+    all rollouts together), `interventions` (seconds in which a vehicle followed an action, summed over vehicles) and
+    `interventions_per_vehicle_minute`.
+    """
+    decisions = log.decisions
+    accepted = int(np.sum(decisions.n_accepted, dtype=np.int64))
+    vehicle_minutes = decisions.triggered.size * n_vehicles / _SECONDS_PER_MINUTE
+    return intervention_figures(log) | {
+        "triggered_seconds": int(np.sum(decisions.triggered, dtype=np.int64)),
+        "interventions": accepted,
+        "interventions_per_vehicle_minute": accepted / vehicle_minutes,
     }
 
 

@@ -1,10 +1,10 @@
-"""All rows of the table: the method simulated and scored chunk by chunk, and the reference rows."""
+"""All rows of the table: simulated traffic scored chunk by chunk, and the reference rows."""
 
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import jax
 import numpy as np
@@ -12,16 +12,17 @@ from jaxtyping import Float, Int
 
 from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.config import EvaluateTask
-from rearl_jax.config.evaluation import Method, SeedScope
+from rearl_jax.config.evaluation import SeedScope
 from rearl_jax.config.metrics import HistConfig, MetricsConfig
 from rearl_jax.core.rollout import Frames
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.detection.references import References
 from rearl_jax.evaluation.driven import count_actions, driving_extra
 from rearl_jax.evaluation.extras import Extra, Figures
-from rearl_jax.evaluation.interventions import DecisionLog, intervention_extra
+from rearl_jax.evaluation.interventions import DecisionLog, intervention_extra, intervention_rates, variants_extra
 from rearl_jax.evaluation.outside import MakePolicy
 from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import Row, rows_of
 from rearl_jax.evaluation.scores import (
     REAL,
     REAL_VS_REAL,
@@ -60,32 +61,39 @@ class Sample:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Everything that was measured.
+    """Simulated against measured scenes: everything that was measured.
 
     Attributes:
+        config: The task.
         scenes: All scenes.
         held_out: Indices of the evaluation scenes, rising.
-        rows: The method first, then the reference rows.
-        sample: What the figures show of the method.
-        log: What was detected and decided; None where nothing is detected.
-        extras: What the method adds to the usual results.
+        rows: The simulated rows first, then the reference rows.
+        sample: What the figures show of the main row.
+        main: Name of the row that figures and differences are about.
+        logs: What was detected and decided, by row; empty where nothing is detected.
+        extras: What methods add to the usual results.
         figures: What a row has in summary.json besides its estimates and what the extras say, by row.
-        main: Name of the row that figures and differences are about; None for the first.
     """
 
+    config: EvaluateTask
     scenes: SceneSet
     held_out: Int[np.ndarray, " scenes"]
     rows: list[Scores]
     sample: Sample
-    log: DecisionLog | None = None
+    main: str
+    logs: Mapping[str, DecisionLog] = field(default_factory=dict)
     extras: tuple[Extra, ...] = ()
     figures: Mapping[str, Figures] = field(default_factory=dict)
-    main: str | None = None
 
     @property
     def method(self) -> Scores:
         """The row that figures and differences are about."""
-        return self.rows[0] if self.main is None else self.row(self.main)
+        return self.row(self.main)
+
+    @property
+    def log(self) -> DecisionLog | None:
+        """What was detected and decided in that row; None where nothing is detected."""
+        return self.logs.get(self.main)
 
     def row(self, name: str) -> Scores:
         """The row of that name."""
@@ -102,48 +110,59 @@ def evaluate(
     outside: MakePolicy | None = None,
     mixture: Mixture | None = None,
 ) -> Evaluation:
-    """The method and the rows it must be read against, scored on the held-out scenes.
-
-    Another method is followed by the method base from the same initial states.
+    """The simulated rows and those they must be read against, scored on the held-out scenes.
 
     Args:
-        config: The task.
+        config: The task; `rows.rows_of` says which rows it has.
         scenes: All scenes; those not held out serve only as partners in real against real.
         held_out: Indices of the scenes to evaluate on, rising.
-        progress: Called with the number of rollouts done and their total.
+        progress: Called with the number of rollouts done and their total, row by row.
         references: Representative scenes, for methods that intervene.
         thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene.
         outside: Makes the policies that decide outside the compiled program, where one does.
         mixture: Shares of the driver classes, for method=critical; None for `critical.ratios`.
     """
-    mixtures = () if mixture is None else (mixture,)
-    rollouts = Rollouts(config, scenes, held_out, references, [thresholds], outside, mixtures=mixtures)
+    wanted = rows_of(config, mixture)
     scorer, width = make_scorer(config, scenes, config.eval.n_runs * len(held_out))
     example = example_scene(scenes, held_out, config.eval.example)
+    rows, logs, extras, shown = [], {}, [], None
     # Beside the simulation's compilation, which is the longest part of a short job.
     with ThreadPoolExecutor(1) as beside:
         reference = beside.submit(reference_rows, config, scenes, held_out, scorer)
-        method, sample, log = simulated_row(config, rollouts, scorer, held_out, width, example, progress)
-        rows = [method]
-        if config.method is not Method.base:
-            without = replace(config, method=Method.base)
-            rows.append(scored_rollouts(without, Rollouts(without, scenes, held_out), scenes, held_out, progress))
+        for row in wanted.rows:
+            mixtures = () if row.mixture is None else (row.mixture,)
+            held_to = references if row.config.method.needs_references else None
+            rollouts = Rollouts(row.config, scenes, held_out, held_to, [thresholds], outside, mixtures=mixtures)
+            scores, sample, log = simulated_row(row, rollouts, scorer, held_out, width, example, progress)
+            rows.append(scores)
+            if log is not None:
+                logs[row.name] = log
+            if row.name == wanted.main:
+                shown = sample
+                extras += _driving(config, scenes, rollouts, sample)
         rows += reference.result()
-    real = next(row for row in rows if row.row == REAL)
-    rows = with_realism(rows, real, config.realism)
-    extras = []
-    if log is not None:
-        extras.append(intervention_extra(scenes.scene_id, log, config.hist.window))
-    if rollouts.policy is not None and sample.action_counts is not None:
-        edges, generated = speed_histogram_edges(config.hist), scenes.generated
-        extras.append(
-            driving_extra(rollouts.policy, sample.action_counts, edges, config.method.name, generated=generated)
-        )
-    return Evaluation(scenes, held_out, rows, sample, log, tuple(extras))
+    assert shown is not None  # of the main row
+    rows = with_realism(rows, next(row for row in rows if row.row == REAL), config.realism)
+    window, n_vehicles = config.hist.window, config.core.n_vehicles
+    figures = {}
+    if wanted.has_variants:
+        figures = {name: intervention_rates(log, n_vehicles) for name, log in logs.items()}
+        extras.append(variants_extra(scenes.scene_id, logs, window, n_vehicles))
+    elif logs:
+        extras.insert(0, intervention_extra(scenes.scene_id, logs[wanted.main], window))
+    return Evaluation(config, scenes, held_out, rows, shown, wanted.main, logs, tuple(extras), figures)
+
+
+def _driving(config: EvaluateTask, scenes: SceneSet, rollouts: Rollouts, sample: Sample) -> list[Extra]:
+    """What a trained policy did that drove everybody; nothing where none does."""
+    if rollouts.policy is None or sample.action_counts is None:
+        return []
+    edges, generated = speed_histogram_edges(config.hist), scenes.generated
+    return [driving_extra(rollouts.policy, sample.action_counts, edges, config.method.name, generated=generated)]
 
 
 def simulated_row(
-    config: EvaluateTask,
+    row: Row,
     rollouts: Rollouts,
     scorer: Scorer,
     held_out: np.ndarray,
@@ -151,7 +170,8 @@ def simulated_row(
     example: int,
     progress: Callable[[int, int], None],
 ) -> tuple[Scores, Sample, DecisionLog | None]:
-    """Scores of the method on the held-out scenes, what the figures show of it, and what was decided."""
+    """Scores of a row on the held-out scenes, what the figures show of it, and what was decided."""
+    config = row.config
     begin = time.perf_counter()
     edges = speed_histogram_edges(config.hist)
     speed_counts = np.zeros(len(edges) - 1, np.int64)
@@ -166,13 +186,13 @@ def simulated_row(
         if shown is None and example in chunk.scene:
             column = chunk.rollout[np.flatnonzero(chunk.scene == example)[0]]
             shown = jax.tree.map(lambda leaf, at=column: leaf[..., at].copy(), frames)
-    row = _joined(config, chunks, len(rollouts), time.perf_counter() - begin)
+    scores = _joined(row.name, chunks, len(rollouts), time.perf_counter() - begin)
     assert shown is not None  # the example is one of the held-out scenes
     log = None
     if decided[0] is not None:
         joined = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *decided)
         log = DecisionLog(rollouts.scene, rollouts.run, joined)
-    return row, Sample(example, shown, speed_counts, np.sum(taken, axis=0) if taken else None), log
+    return scores, Sample(example, shown, speed_counts, np.sum(taken, axis=0) if taken else None), log
 
 
 def scored_rollouts(
@@ -195,7 +215,7 @@ def scored_rollouts(
     n_pairs = config.eval.n_runs * len(held_out) if config.eval.seed_scope is SeedScope.run else len(rollouts)
     scorer, width = make_scorer(config, scenes, n_pairs)
     chunks = [chunk for _, chunk in scored_chunks(config, rollouts, scorer, held_out, width, progress)]
-    return _joined(config, chunks, len(rollouts), time.perf_counter() - begin)
+    return _joined(config.method.name, chunks, len(rollouts), time.perf_counter() - begin)
 
 
 def make_scorer(config: EvaluateTask, scenes: SceneSet, n_pairs: int) -> tuple[Scorer, int]:
@@ -244,10 +264,10 @@ def scored_chunks(
         progress(done, len(rollouts))
 
 
-def _joined(config: EvaluateTask, chunks: list[ScoredChunk], n_rollouts: int, seconds: float) -> Scores:
-    scene, run = (np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in ("scene", "run"))
+def _joined(name: str, chunks: list[ScoredChunk], n_rollouts: int, seconds: float) -> Scores:
+    scene, run = (np.concatenate([getattr(chunk, index) for chunk in chunks]) for index in ("scene", "run"))
     metrics = join([chunk.metrics for chunk in chunks])
-    return scores_of(config.method.name, scene, run, metrics, n_rollouts=n_rollouts, seconds=seconds)
+    return scores_of(name, scene, run, metrics, n_rollouts=n_rollouts, seconds=seconds)
 
 
 def reference_rows(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray, scorer: Scorer) -> list[Scores]:

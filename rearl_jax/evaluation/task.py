@@ -10,34 +10,37 @@ row per rollout and second, where a policy intervenes), `requests.parquet` (one 
 from contextlib import ExitStack
 from dataclasses import replace
 
+from rich.progress import Progress
+
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.evaluation import Method
 from rearl_jax.data.recordings import is_generated
+from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.evaluation import tables, terminal
-from rearl_jax.evaluation.estimates import estimates
+from rearl_jax.evaluation.estimates import Estimate, estimates
 from rearl_jax.evaluation.extras import Extra
-from rearl_jax.evaluation.inputs import read_inputs
+from rearl_jax.evaluation.inputs import inputs_of_scenes, read_inputs
 from rearl_jax.evaluation.percentiles import thresholds_of
-from rearl_jax.evaluation.runner import evaluate
+from rearl_jax.evaluation.rows import compares_variants
+from rearl_jax.evaluation.runner import Evaluation, evaluate
 from rearl_jax.evaluation.traffic import inputs_id
-from rearl_jax.evaluation.variants import compares_variants, evaluate_variants
 from rearl_jax.problems import out_of_range
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
 
 
-def run(config: EvaluateTask) -> dict:
+def run(config: EvaluateTask, *, show: bool = True) -> dict:
     """The summary under `rows`: one object per row of the table, the method first, as in summary.json.
 
+    Args:
+        config: The task.
+        show: Whether the table is printed.
+
     Raises:
-        FileNotFoundError, ValueError: There are no recordings, one is bad, too few scenes can be cut from
-            them, or two keys contradict each other.
+        FileNotFoundError, ValueError: As `compute`.
     """
-    if config.hist.window > config.scenes.seconds:
-        said = f"must be at most {config.scenes.seconds} s, the length of a scene"
-        raise out_of_range("hist.window", said, config.hist.window)
-    set_precision(config.core.dtype)
+    check(config)
     study = Study(
         config.results.root,
         config.study,
@@ -49,37 +52,80 @@ def run(config: EvaluateTask) -> dict:
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return {"rows": stored}
     with progress_bar() as bar:
-        if is_compared := compares_variants(config):
-            config = replace(config, method=Method.rearl)
-        inputs = read_inputs(config, study, bar, with_references=config.method.needs_references)
-        scenes, held_out = inputs.scenes, inputs.held_out(config.eval)
-        thresholds = thresholds_of(config, inputs, bar)
-        mixture, extras = None, list[Extra]()
-        if config.method is Method.critical:
-            from rearl_jax.evaluation.critical import adapt  # only here: it brings the client of a language model
-
-            mixture, extras = adapt(config, scenes, inputs.splits.threshold, bar)
-        with ExitStack() as opened:
-            asked = None
-            if config.decision.policy.is_outside:
-                from rearl_jax.evaluation.language_model import language_model  # likewise
-
-                asked = opened.enter_context(language_model(config, bar))
-            measure = evaluate_variants if is_compared else evaluate
-            evaluation = measure(
-                config,
-                scenes,
-                held_out,
-                shown(bar, "rollouts"),
-                inputs.references,
-                thresholds,
-                None if asked is None else asked.make_policy,
-                mixture,
-            )
-            if asked is not None:
-                extras.append(asked.extra())
-    evaluation = replace(evaluation, extras=(*evaluation.extras, *extras))
+        evaluation = compute(config, bar, study=study)
     found = estimates(evaluation.rows, evaluation.held_out, config.eval)
+    write_tables(study, evaluation, found)
+    if show:
+        terminal.print_table(evaluation, found)
+    return {"rows": write_pages(study, evaluation, found)}
+
+
+def check(config: EvaluateTask) -> None:
+    """Raise InvalidInputError where two keys contradict each other."""
+    if config.hist.window > config.scenes.seconds:
+        said = f"must be at most {config.scenes.seconds} s, the length of a scene"
+        raise out_of_range("hist.window", said, config.hist.window)
+
+
+def compute(
+    config: EvaluateTask, bar: Progress, *, scenes: SceneSet | None = None, study: Study | None = None
+) -> Evaluation:
+    """Everything that is measured; nothing is printed.
+
+    Args:
+        config: The task.
+        bar: Shows how far it is.
+        scenes: Scenes to evaluate on; None for those of `config.data`.
+        study: Keeps the trace of a search for the clusters' parameters; None to keep nothing.
+
+    Raises:
+        FileNotFoundError, ValueError: There are no recordings, one is bad, too few scenes can be cut from
+            them, or two keys contradict each other.
+    """
+    check(config)
+    set_precision(config.core.dtype)
+    if compares_variants(config):
+        config = replace(config, method=Method.rearl)
+    if scenes is None:
+        inputs = read_inputs(config, study, bar, with_references=config.method.needs_references)
+    else:
+        inputs = inputs_of_scenes(config, scenes)
+    thresholds = thresholds_of(config, inputs, bar)
+    mixture, extras = None, list[Extra]()
+    if config.method is Method.critical:
+        from rearl_jax.evaluation.critical import adapt  # only here: it brings the client of a language model
+
+        mixture, extras = adapt(config, inputs.scenes, inputs.splits.threshold, bar)
+    with ExitStack() as opened:
+        asked = None
+        if config.decision.policy.is_outside:
+            from rearl_jax.evaluation.language_model import language_model  # likewise
+
+            asked = opened.enter_context(language_model(config, bar))
+        evaluation = evaluate(
+            config,
+            inputs.scenes,
+            inputs.held_out(config.eval),
+            shown(bar, "rollouts"),
+            inputs.references,
+            thresholds,
+            None if asked is None else asked.make_policy,
+            mixture,
+        )
+        if asked is not None:
+            extras.append(asked.extra())
+    return replace(evaluation, extras=(*evaluation.extras, *extras))
+
+
+def write_tables(study: Study, evaluation: Evaluation, found: dict[tuple[str, str], Estimate]) -> None:
+    """Writes the Parquet tables.
+
+    Args:
+        study: The folder.
+        evaluation: What was measured.
+        found: Its estimates by row and metric.
+    """
+    config = evaluation.config
     metadata = tables.metadata(config, evaluation)
     study.write_table("runs", tables.run_table(evaluation), **metadata)
     study.write_table("frames", tables.frame_table(evaluation, config.hist.window), **metadata)
@@ -87,16 +133,19 @@ def run(config: EvaluateTask) -> dict:
     for extra in evaluation.extras:
         for name, table in extra.tables.items():
             study.write_table(name, table, **metadata)
-    terminal.print_table(config, evaluation, found)
 
+
+def write_pages(study: Study, evaluation: Evaluation, found: dict[tuple[str, str], Estimate]) -> list[dict]:
+    """The objects of summary.json, written last, after figures and page; arguments as of `write_tables`."""
     # Only now, so that nobody waits for matplotlib to see the table.
     from rearl_jax.evaluation.figures import draw
     from rearl_jax.evaluation.page import render
 
+    config = evaluation.config
     figures = draw(config, evaluation)
     for name, png in figures.items():
         study.write_bytes(f"{name}.png", png)
     study.write_text("page.html", render(config, evaluation, found, figures))
     rows = tables.summary_rows(evaluation, found)
     study.write_summary(rows)
-    return {"rows": rows}
+    return rows

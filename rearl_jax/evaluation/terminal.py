@@ -1,7 +1,8 @@
 """The table in the terminal."""
 
-from rearl_jax.config import EvaluateTask
-from rearl_jax.console import print_notes, standard_output, titled_table
+import io
+
+from rearl_jax.console import Console, print_notes, standard_output, titled_table
 from rearl_jax.evaluation.estimates import Estimate
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.evaluation.tables import HEADINGS, SHOWN, source_names, table_notes, written
@@ -10,9 +11,20 @@ _WIDTH = 120
 """Columns the table with intervals needs."""
 
 
-def print_table(config: EvaluateTask, evaluation: Evaluation, estimates: dict[tuple[str, str], Estimate]) -> None:
+def print_table(evaluation: Evaluation, estimates: dict[tuple[str, str], Estimate]) -> None:
     """Prints the table people read; in a narrow terminal without intervals."""
-    console = standard_output(_WIDTH)
+    _show(standard_output(_WIDTH), evaluation, estimates)
+
+
+def text_of(evaluation: Evaluation, estimates: dict[tuple[str, str], Estimate]) -> str:
+    """The table as text without colours."""
+    console = Console(width=_WIDTH, file=io.StringIO())
+    with console.capture() as captured:
+        _show(console, evaluation, estimates)
+    return captured.get()
+
+
+def _show(console: Console, evaluation: Evaluation, estimates: dict[tuple[str, str], Estimate]) -> None:
     has_room = console.width >= _WIDTH
     title = f"{evaluation.method.title} on {source_names(evaluation.scenes)}"
     table = titled_table(title, generated=evaluation.scenes.generated)
@@ -23,7 +35,7 @@ def print_table(config: EvaluateTask, evaluation: Evaluation, estimates: dict[tu
         cells = (_cell(estimates.get((row.row, name)), name, has_room) for name in SHOWN)
         table.add_row(row.title, *cells)
     console.print(table)
-    print_notes(console, table_notes(config, evaluation, estimates))
+    print_notes(console, table_notes(evaluation.config, evaluation, estimates))
     if not has_room:
         console.print(f"intervals: page.html, or a terminal of {_WIDTH} columns", highlight=False)
 

@@ -20,13 +20,17 @@ WITH_MODEL = (Method.base, Method.rearl)
 """Methods whose vehicles follow each other by the traffic model."""
 
 
-def inputs_id(config: EvaluateTask) -> str:
+def inputs_id(config: EvaluateTask, scenes: str | None = None) -> str:
     """Identity of all that is read: the data, weights where a trained policy drives, and a repaired model.
+
+    Args:
+        config: The task.
+        scenes: Identity of the data of scenes that were cut before; None for the recordings of `config.data`.
 
     Raises:
         FileNotFoundError, ValueError: There are no such weights, or they do not fit the road; there is no such model.
     """
-    identity = data_id(config.data)
+    identity = data_id(config.data) if scenes is None else scenes
     if config.method is Method.ppo:
         identity += f", weights-{load_policy(config.ppo.weights, config.core).digest}"
     if config.model is not None:

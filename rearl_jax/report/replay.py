@@ -25,11 +25,11 @@ from rearl_jax.evaluation.language_model import language_model
 from rearl_jax.evaluation.outside import MakePolicy
 from rearl_jax.evaluation.percentiles import thresholds_of
 from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import compares_variants
 from rearl_jax.evaluation.runner import make_scorer, scored_chunks
 from rearl_jax.evaluation.scores import WITH_EFFECT
 from rearl_jax.evaluation.simulators import interventions
 from rearl_jax.evaluation.traffic import inputs_id
-from rearl_jax.evaluation.variants import compares_variants
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 from rearl_jax.progress import shown
 from rearl_jax.report.finished import FinishedStudy

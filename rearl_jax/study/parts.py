@@ -3,12 +3,9 @@
 A part that is finished for the same configuration, data and code is left alone, so a killed study goes on.
 """
 
-import contextlib
-import io
-from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from rearl_jax.config import ResultsConfig
 
@@ -30,11 +27,13 @@ def part_record(kind: type[Record], config: Any, study: str, **other: Any) -> Re
     return kind(**(shared | {"study": study, "results": results} | other))
 
 
-def carry_out(run: Callable[[Any], dict], part: Any) -> Path:
-    """The folder of a part, with all its results in it.
+class Run(Protocol):
+    """The function of a task."""
 
-    What the task prints about a part is on the part's own page; only the study's table is printed.
-    """
-    with contextlib.redirect_stdout(io.StringIO()):
-        run(part)
+    def __call__(self, config: Any, *, show: bool = True) -> dict: ...
+
+
+def carry_out(run: Run, part: Any) -> Path:
+    """The folder of a part, with all its results in it; only the study's own table is printed."""
+    run(part, show=False)
     return Path(part.results.root) / part.study

@@ -32,8 +32,12 @@ FIGURES = ("h", "mape_a", "mape_b", "mape_c", "thw", "lcr", "collisions")
 """Metrics of the table beside the two that decide."""
 
 
-def run(config: SweepThresholdsTask) -> dict:
+def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
     """The summary: thresholds, best pair, lead over the runner-up.
+
+    Args:
+        config: The task.
+        show: Whether the table is printed.
 
     Raises:
         FileNotFoundError, ValueError: There are no recordings, one is bad, too few scenes can be cut from them, or two
@@ -96,7 +100,8 @@ def run(config: SweepThresholdsTask) -> dict:
         "is_distinguishable": choice.is_distinguishable,
     }
     note = generated_mark(generated)
-    terminal.print_pairs(config, pairs, table, choice, base, base_means, note)
+    if show:
+        terminal.print_pairs(config, pairs, table, choice, base, base_means, note)
 
     # Only now, so that nobody waits for matplotlib to see the table.
     from rearl_jax.sweep.figures import cumulative, heat_maps

@@ -1,11 +1,12 @@
 """The verdict in the terminal."""
 
+import io
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.table import Table
 
-from rearl_jax.console import print_notes, standard_output, titled_table
+from rearl_jax.console import Console, print_notes, standard_output, titled_table
 from rearl_jax.discovery.report.words import (
     described,
     effect_words,
@@ -22,9 +23,21 @@ _SHOWN, _SHOWN_LANES = 8, 5
 """Candidates that are printed, of car following and of the choice of the lane."""
 
 
-def print_verdict(verdict: dict[str, Any], *, generated: bool) -> None:
+def print_verdict(verdict: dict[str, Any]) -> None:
     """Prints what was missing, how we know, and what it changes."""
-    console = standard_output(_WIDTH)
+    _show(standard_output(_WIDTH), verdict)
+
+
+def text_of(verdict: dict[str, Any]) -> str:
+    """The same as text without colours."""
+    console = Console(width=_WIDTH, file=io.StringIO())
+    with console.capture() as captured:
+        _show(console, verdict)
+    return captured.get()
+
+
+def _show(console: Console, verdict: dict[str, Any]) -> None:
+    generated = verdict["data"]["generated"]
     drivers = verdict["data"]["drivers"]
     title = (
         f"{verdict_words(verdict)} [{drivers['fitted']} drivers fitted, {drivers['checked']} checked, "

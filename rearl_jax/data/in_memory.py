@@ -1,0 +1,83 @@
+"""Recordings in a table in memory, read as those in files are."""
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from pandas.util import hash_pandas_object
+
+from rearl_jax.config.data import DataConfig, DataFormat
+from rearl_jax.data.canonical import info_of_rows
+from rearl_jax.data.problems import BadRecordingError, require_columns
+from rearl_jax.data.reader import Entry
+from rearl_jax.data.records import Recording
+from rearl_jax.data.schema import REQUIRED, validate
+from rearl_jax.problems import Problem
+
+NAME = "table"
+"""The recording in a table without the column `recording`, and where its rows come from in messages."""
+
+
+@dataclass(unsafe_hash=True)
+class TableInMemory(DataConfig):
+    """A data set whose rows are a table in memory, in the canonical schema, instead of files.
+
+    Attributes:
+        table: The rows; the column `recording`, where there is one, tells recordings apart. `root` holds their hash,
+            so that two equal tables are the same data set.
+    """
+
+    table: pd.DataFrame = field(default_factory=pd.DataFrame, compare=False, repr=False)
+
+    @property
+    def id(self) -> str:
+        """Identity of the rows."""
+        assert self.root is not None
+        return self.root
+
+
+def in_memory(table: pd.DataFrame, data: DataConfig) -> TableInMemory:
+    """The data set of a table, with what `data` says about bad rows, jumps and lengths.
+
+    Raises:
+        BadRecordingError: A column is missing.
+    """
+    require_columns([str(name) for name in table.columns], REQUIRED, NAME)
+    names = ",".join(map(str, table.columns)).encode()
+    hashes: pd.Series = hash_pandas_object(table, index=False)  # type: ignore[operator]
+    rows = hashes.to_numpy().tobytes()
+    keys = {item.name: getattr(data, item.name) for item in fields(DataConfig)}
+    digest = hashlib.sha256(names + rows).hexdigest()[:12]
+    return TableInMemory(**keys | {"format": DataFormat.table, "root": f"table in memory {digest}"}, table=table)
+
+
+def entries(data: TableInMemory) -> Iterator[Entry]:
+    """The recordings of the table, in the order of their names.
+
+    Raises:
+        BadRecordingError: A row has no recording.
+    """
+    if "recording" not in data.table:
+        yield Entry(NAME, partial(_read, data, NAME))
+        return
+    names = pd.Series(data.table["recording"])
+    missing = np.flatnonzero(names.isna())
+    if len(missing):
+        place = {"file": NAME, "column": "recording", "row": int(missing[0]) + 1}
+        raise BadRecordingError(Problem("recording-missing", "a row has no recording", "complete it", **place))
+    for name in sorted(names.astype(str).unique()):
+        yield Entry(name, partial(_read, data, name))
+
+
+def _read(data: TableInMemory, name: str) -> Recording:
+    """One recording, checked as those in files are."""
+    rows = data.table.reset_index(drop=True)
+    if "recording" in rows:
+        own = np.flatnonzero(rows["recording"].astype(str).to_numpy() == name)
+        rows = rows.iloc[own].drop(columns="recording")
+    info = info_of_rows(name, rows, NAME, "a table in memory")
+    table, dropped = validate(rows, info, data)
+    return Recording(info, table, dropped)

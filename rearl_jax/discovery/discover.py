@@ -1,0 +1,304 @@
+"""What the traffic model lacks in measured trajectories: recordings in, a record of everything found out."""
+
+import logging
+import re
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import pandas as pd
+from rich.progress import Progress
+
+from rearl_jax.config import DiscoverTask
+from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
+from rearl_jax.data.records import Recording
+from rearl_jax.discovery.lane_changes import LaneChangeFindings
+from rearl_jax.discovery.observe.clocks import NAME
+from rearl_jax.discovery.observe.drivers import prior_of
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.layout import layout_of
+from rearl_jax.discovery.observe.moments import Programs
+from rearl_jax.discovery.observe.noise import calibrate
+from rearl_jax.discovery.observe.parts import Parts, measured_drivers
+from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.uncertainty import known
+from rearl_jax.discovery.read.gate import SMOOTHING, Finding, amount
+from rearl_jax.discovery.report import tables
+from rearl_jax.discovery.report.errors import ModelErrors, model_errors
+from rearl_jax.discovery.report.repaired import repaired_model
+from rearl_jax.discovery.report.verdict import (
+    MISJUDGED,
+    Named,
+    candidate_rows,
+    differing_clocks,
+    found_in_columns,
+    leaves_shifts,
+    named_trial,
+    unseen,
+    verdict_of,
+)
+from rearl_jax.discovery.search.adequacy import Adequacy, adequacy
+from rearl_jax.discovery.search.confirmation import clocks_confirmed, confirmed, lens_confirmed
+from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
+from rearl_jax.discovery.search.null import Null, null_of
+from rearl_jax.discovery.search.procedure import Search, in_time, search, split_drivers
+from rearl_jax.discovery.search.refit import rebased, refit
+from rearl_jax.discovery.search.screen import scores
+from rearl_jax.discovery.thresholds import THRESHOLDS
+from rearl_jax.models.record import RepairedModel
+from rearl_jax.progress import shown
+from rearl_jax.results import Study
+
+log = logging.getLogger(__name__)
+
+SHARES = (1 / 3, 1 / 3, 1 / 3)
+"""Shares of drivers that are fitted, checked and reported."""
+
+NULL_TABLE = "null"
+
+
+@dataclass(frozen=True)
+class Behind:
+    """What figures and page are drawn from.
+
+    Attributes:
+        solver: Solves for drivers and effects.
+        search: What was searched and found.
+        parts: The drivers.
+        reported: Those reported on, in time with their leaders.
+        errors: Errors of the models before and after, by name.
+    """
+
+    solver: Solver
+    search: Search
+    parts: Parts
+    reported: Measured
+    errors: dict[str, ModelErrors]
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """What the traffic model lacks in measured trajectories.
+
+    Attributes:
+        config: The task.
+        data_id: Identity of the data.
+        verdict: As in verdict.json, see `discovery.verdict`.
+        tables: Parquet tables by name; empty where `discover.oracle` says what is missing.
+        model: The repaired model; None for the same reason.
+        behind: What figures and page are drawn from; None for the same reason.
+    """
+
+    config: DiscoverTask
+    data_id: str
+    verdict: dict[str, Any]
+    tables: dict[str, pd.DataFrame] = field(default_factory=dict)
+    model: RepairedModel | None = None
+    behind: Behind | None = None
+
+
+def compute(config: DiscoverTask, bar: Progress, study: Study | None = None) -> Discovery:
+    """What the traffic model lacks; nothing is printed.
+
+    Args:
+        config: The task.
+        bar: Shows how far it is.
+        study: Keeps the simulated nulls, the longest part, for a run that goes on after it was killed; None to keep
+            nothing.
+
+    Raises:
+        FileNotFoundError, ValueError: As `run`.
+    """
+    begin = time.perf_counter()
+    identity, generated = data_id(config.data), is_generated(config.data)
+    parts, recordings = read_parts(config, identity, bar, generated=generated)
+    solver = Solver(Programs(layout_of(parts.fitted, prior_of(config.driver)), parts.fitted.dt))
+    if config.discover.oracle is not None:
+        discovery = Discovery(config, identity, _oracle(config, solver, parts))
+    else:
+        found = _search(config, study, solver, parts, bar)
+        lanes = lane_choice(solver, found, parts, recordings, config.discover)
+        del recordings  # they may be large, and nobody needs them any more
+        discovery = _discovery(config, solver, parts, found, lanes)
+    discovery.verdict["seconds"] = time.perf_counter() - begin
+    return discovery
+
+
+def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated: bool) -> tuple[Parts, list[Recording]]:
+    """Recordings read, looked at and split, and the recordings themselves.
+
+    Raises:
+        ValueError: The frame rates differ, or too few drivers follow a leader long enough.
+    """
+    say = shown(bar, "reading recordings")
+    recordings: list[Recording] = []
+    for recording in iterate_recordings(config.data):
+        recordings.append(recording)
+        say(len(recordings), len(recordings))
+    findings, data = measured_drivers(recordings, config.discover, prior_of(config.driver))
+    notes = _each_once([note for one in recordings for note in one.info.notes])
+    if data.jumps:
+        notes += (f"positions jump {data.jumps} times: left out around them",)
+    if data.n_drivers < THRESHOLDS.least_drivers:
+        raise ValueError(
+            f"{data.n_drivers} drivers follow a leader long enough, at least {THRESHOLDS.least_drivers} are needed "
+            "to fit, check and report on different ones: choose more recordings (data.recordings), or longer ones"
+        )
+    fitted, checked, reported = split_drivers(data, SHARES, config.discover.seed)
+    infos = tuple(one.info for one in recordings)
+    return Parts(identity, generated, infos, findings, fitted, checked, reported, notes), recordings
+
+
+def _each_once(notes: Sequence[str]) -> tuple[str, ...]:
+    """Notes without repetition; of those that differ in their numbers only, the first."""
+    alike: dict[str, list[str]] = {}
+    for note in notes:
+        alike.setdefault(re.sub(r"\d+", "#", note), []).append(note)
+    said = []
+    for same in alike.values():
+        others = len(set(same)) - 1
+        said.append(f"{same[0]} (and {others} alike with other numbers)" if others else same[0])
+    return tuple(said)
+
+
+def _search(config: DiscoverTask, study: Study | None, solver: Solver, parts: Parts, bar: Progress) -> Search:
+    """What is found about car following."""
+    options = config.discover
+    line = bar.add_task("calibrating drivers", total=None)
+    replicates = shown(bar, "simulated nulls")
+
+    def report(words: str, done: int, total: int) -> None:
+        bar.update(line, description=words, completed=done, total=total)
+
+    def null_for(base: Fit) -> Null:
+        if study is not None and study.owns(NULL_TABLE):  # of a run that was killed
+            return tables.read_null(study.path / f"{NULL_TABLE}.parquet")
+        null = null_of(solver, base.world, base.noise, options.replicates, options.seed, replicates)
+        if study is not None:
+            study.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
+        return null
+
+    found = search(solver, parts.fitted, parts.checked, null_for, report)
+    if not clocks_confirmed(solver, found, parts.checked, options.seed):
+        log.info("clocks put right make simulations of other drivers worse: left as they are")
+        found = search(solver, parts.fitted, parts.checked, null_for, report, excluded=frozenset({NAME}))
+    if not lens_confirmed(solver, found, options.seed):
+        log.info("a camera's distortion makes simulations of other drivers worse: left as it is")
+        found = search(solver, parts.fitted, parts.checked, null_for, report, excluded=found.excluded | {"lens"})
+    report("reporting", 0, 1)
+    return confirmed(solver, found, options.seed)
+
+
+def _discovery(
+    config: DiscoverTask, solver: Solver, parts: Parts, found: Search, lanes: LaneChangeFindings
+) -> Discovery:
+    """The verdict, with the tables and the model."""
+    options = config.discover
+    left = adequacy(solver, found, options.seed)
+    reported = in_time(solver, found, parts.reported)
+    errors = model_errors(solver, parts.reported, {"before": found.before}, options.seed)
+    if found.added or found.clocks is not None:
+        errors |= model_errors(solver, reported, {"after": found.last}, options.seed)
+    effects = _effects(solver, found, left, parts.findings, options.confidence)
+    following = {
+        "verdict": verdict_of(found, parts.findings, left),
+        "effects": [effect.plain() for effect in effects],
+        "candidates": candidate_rows(found),
+        "unseen": unseen(found, found.null.threshold(THRESHOLDS.candidate_z_score)),
+        "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
+        "adequacy": {
+            "kurtosis": left.kurtosis,
+            "kurtosis_before": left.kurtosis_before,
+            "autocorrelation": left.autocorrelation,
+            "unequal_noise": left.unequal_noise,
+            "misjudgement": left.misjudgement,
+            "staleness": left.staleness,
+            "remaining": {"name": left.remaining[0], "surprise": left.remaining[1]},
+        },
+        "data": _described(parts, solver, (*parts.notes, *([MISJUDGED] if left.misjudges else ()))),
+        "thresholds": THRESHOLDS.plain(),
+    }
+    verdict = with_lane_choice(following, lanes)
+    model = repaired_model(
+        found.first, found.last, found.added, lanes.effects, parts.fitted, solver.layout, parts.id, config.study
+    )
+    written = {
+        "candidates": pd.DataFrame(tables.candidate_table(verdict)),
+        "errors": tables.error_table(errors),
+        "drivers": tables.driver_table(solver, found),
+        NULL_TABLE: tables.null_table(found.null),
+    }
+    return Discovery(config, parts.id, verdict, written, model, Behind(solver, found, parts, reported, errors))
+
+
+def _effects(
+    solver: Solver, found: Search, left: Adequacy, findings: Sequence[Finding], confidence: float
+) -> list[Named]:
+    """What is claimed: what the columns show, then what was added, with the numbers of the final model."""
+    effects = [found_in_columns(finding, confidence) for finding in findings]
+    if amount(findings, SMOOTHING):
+        return effects  # what drivers seem to do may be what the smoothing left of it: candidates, not claims
+    most, doubtful = THRESHOLDS.most_confidence, THRESHOLDS.doubtful_confidence
+    usual = most if left.is_enough and not leaves_shifts(found) else doubtful
+    if found.clocks is not None:
+        effects.append(differing_clocks(found.clocks, most if left.is_of_clocks else doubtful))
+    deviations = known(solver, found.last.world).theta
+    first = 0
+    for one in found.rounds:
+        trial = one.chosen
+        if trial is None:
+            continue
+        size = len(trial.candidate.free)
+        own = deviations[first : first + size]
+        reliability = doubtful if found.is_doubtful(trial) else usual
+        effects.append(
+            named_trial(trial, one.trials, found.last.world.theta, own, solver.layout, confidence, reliability)
+        )
+        first += size
+    return effects
+
+
+def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any]:
+    """Error of the model that was told the effect; nothing else is looked for."""
+    name = config.discover.oracle
+    candidates = solver.layout.candidates
+    if name not in candidates:
+        known_names = ", ".join(sorted(candidates))
+        raise ValueError(f"discover.oracle={name} is none of the candidates for these data: {known_names}")
+    world, noise = calibrate(solver, parts.fitted)
+    base = Fit(None, world, noise)
+    (seen,) = scores(solver, [world])
+    fits = refit(solver, base, [candidates[name]], seen)
+    base = rebased(solver, base, fits)
+    errors = model_errors(solver, parts.reported, {"before": base, "oracle": fits[name]}, config.discover.seed)
+    options = config.discover
+    return {
+        "verdict": "named",
+        "effects": [],
+        "candidates": [],
+        "unseen": [],
+        "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
+        "adequacy": None,
+        "lane_choice": None,
+        "data": _described(parts, solver, parts.notes),
+    }
+
+
+def _described(parts: Parts, solver: Solver, notes: Sequence[str]) -> dict[str, Any]:
+    return {
+        "id": parts.id,
+        "car_following": solver.layout.prior.name,
+        "recordings": len(parts.infos),
+        "generated": parts.generated,
+        "drivers": {
+            "fitted": parts.fitted.n_drivers,
+            "checked": parts.checked.n_drivers,
+            "reported": parts.reported.n_drivers,
+        },
+        "driver_seconds": parts.fitted.seconds + parts.checked.seconds + parts.reported.seconds,
+        "step": parts.fitted.dt,
+        "position_noise": parts.fitted.noise,
+        "findings": [finding.words for finding in parts.findings],
+        "notes": list(notes),
+    }

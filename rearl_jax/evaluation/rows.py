@@ -1,0 +1,65 @@
+"""The simulated rows of the table: whose traffic each is, and which of them figures and differences are about."""
+
+from dataclasses import dataclass, replace
+
+from rearl_jax.baselines.critical.mixture import Mixture
+from rearl_jax.config import EvaluateTask
+from rearl_jax.config.evaluation import Method, Variant
+from rearl_jax.evaluation.scores import WITH_EFFECT
+from rearl_jax.evaluation.traffic import WITH_MODEL
+
+
+@dataclass(frozen=True)
+class Row:
+    """Traffic that is simulated from the initial states of the held-out scenes and scored on them.
+
+    Attributes:
+        name: Its name in tables and files.
+        config: Method, model and everything else that its traffic follows from.
+        mixture: Shares of the driver classes, for method=critical; None for `critical.ratios`.
+    """
+
+    name: str
+    config: EvaluateTask
+    mixture: Mixture | None = None
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows from the same initial states, with the same quantiles of drivers and the same thresholds.
+
+    Attributes:
+        rows: In the order of the table.
+        main: Name of the row that figures and differences are about.
+        has_variants: Whether base and rearl stand on calibrated drivers without and with the effects of a model.
+    """
+
+    rows: tuple[Row, ...]
+    main: str
+    has_variants: bool = False
+
+
+def compares_variants(config: EvaluateTask) -> bool:
+    """Whether base and rearl are evaluated without and with the effects of a model."""
+    return config.model is not None and config.variant is Variant.all
+
+
+def rows_of(config: EvaluateTask, mixture: Mixture | None = None) -> Rows:
+    """The method and, where it is another one, base beside it; or the four rows of a repaired model.
+
+    Args:
+        config: The task.
+        mixture: Shares of the driver classes, for method=critical.
+    """
+    if compares_variants(config):
+        variants = ((Variant.calibrated, ""), (Variant.repaired, WITH_EFFECT))
+        rows = (
+            Row(f"{method.name}{ending}", replace(config, method=method, variant=variant))
+            for method in WITH_MODEL
+            for variant, ending in variants
+        )
+        return Rows(tuple(rows), f"{Method.rearl.name}{WITH_EFFECT}", has_variants=True)
+    rows = (Row(config.method.name, config, mixture),)
+    if config.method is not Method.base:
+        rows += (Row(Method.base.name, replace(config, method=Method.base)),)
+    return Rows(rows, config.method.name)
