@@ -126,7 +126,7 @@ class Discovered:
             task.write(study, replace(self.discovery, config=config))
 
     def __str__(self) -> str:
-        from rearl_jax.discovery.terminal import text_of
+        from rearl_jax.discovery.report.terminal import text_of
 
         return text_of(self.verdict)
 

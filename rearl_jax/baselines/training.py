@@ -223,13 +223,13 @@ def _restored(config: TrainPpoTask, study: Study, learner: Learner, curve: Point
     if not path.exists():
         return learner, curve, 0
     with path.open("rb") as file:
-        found = json.loads(file.readline())
-        if {key: found[key] for key in _identity(config)} != _identity(config):
+        header = json.loads(file.readline())
+        if {key: header[key] for key in _identity(config)} != _identity(config):
             log.info("%s is of another configuration or code: the training begins anew", path)
             return learner, curve, 0
         learner, curve = eqx.tree_deserialise_leaves(file, (learner, curve))
-    log.info("the training goes on after update %d", found["updates"])
-    return learner, curve, found["updates"]
+    log.info("the training goes on after update %d", header["updates"])
+    return learner, curve, header["updates"]
 
 
 def _identity(config: TrainPpoTask) -> dict[str, str]:

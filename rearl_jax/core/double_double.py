@@ -3,7 +3,12 @@
 The lateral controller passes every steering command through both, and below 0.1 m/s it amplifies one unit in the last
 place to 1e-9 m within a minute. XLA's own arcsine misses the last place for every fourth argument, its arctangent for
 almost every second where it is vectorised; the C library, which highway-env calls, for two in a thousand. So both are
-summed here as numbers in two parts, the second of which holds what rounding took from the first.
+summed here in double-double arithmetic: a number is the unevaluated sum of two float64, the second of which holds the
+rounding error of the first. That gives about 106 bits, rounded to 53 once at the end.
+
+The error terms below are exact only where every operation is rounded by itself. XLA may contract a product and a sum
+into a fused multiply-add, or cancel a constant that is added and taken away again; `rounded` and optimisation barriers
+forbid both.
 
 Source of the arithmetic: Dekker, Numer. Math. 18 (1971) 224.
 """
@@ -16,8 +21,8 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
-_Parts = tuple[Array, Array]
-"""A number as a float64 and what is missing from it."""
+_DoubleDouble = tuple[Array, Array]
+"""Leading part of a number and the rest, both float64."""
 
 ARCSINE_SERIES = [
     *itertools.accumulate((Fraction((2 * k + 1) ** 2, (2 * k + 2) * (2 * k + 3)) for k in range(50)), Fraction.__mul__)
@@ -25,10 +30,10 @@ ARCSINE_SERIES = [
 """Taylor coefficients of (arcsin(v) / v - 1) / v^2 in powers of v^2; 50 are enough for v^2 <= 1/2."""
 
 _N_EXACT = 12
-"""Leading terms of the series summed in two parts; of the others, rounding errors are too small to matter."""
+"""Leading terms of the series summed as double-double; rounding errors of the others are too small to matter."""
 
 _HALF_PI = (np.pi / 2, 6.123233995736766e-17)
-"""pi / 2 in two parts."""
+"""pi / 2 as double-double."""
 
 
 def rounded(product: Float[Array, "*n"]) -> Float[Array, "*n"]:
@@ -47,19 +52,19 @@ def arcsine(value: Float[Array, "*n"]) -> Float[Array, "*n"]:
 
 def arctangent(value: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """Arctangent [rad] of finite values: arcsin(t / sqrt(1 + t^2)) of t = |v| or, beyond 1, of its inverse."""
-    size, one = jnp.abs(value), jnp.ones_like(value)
+    size, unit = jnp.abs(value), jnp.ones_like(value)
     is_steep = size > 1
-    inverse = _divide((one, 0 * one), (jnp.where(is_steep, size, 1.0), 0 * one))
+    inverse = _divide((unit, 0 * unit), (jnp.where(is_steep, size, 1.0), 0 * unit))
     tangent = jnp.where(is_steep, inverse[0], size), jnp.where(is_steep, inverse[1], 0.0)
     high, low = _times(tangent, tangent)
-    cosine = _square_root(_add(lax.optimization_barrier(one), (high, low)))
+    cosine = _square_root(_add(lax.optimization_barrier(unit), (high, low)))
     angle = _arcsine(_divide(tangent, cosine))
-    complement = _add(lax.optimization_barrier(_HALF_PI[0] * one), (-angle[0], _HALF_PI[1] - angle[1]))
+    complement = _add(lax.optimization_barrier(_HALF_PI[0] * unit), (-angle[0], _HALF_PI[1] - angle[1]))
     angle = _round((jnp.where(is_steep, complement[0], angle[0]), jnp.where(is_steep, complement[1], angle[1])))
     return jnp.where(value < 0, -angle, angle)
 
 
-def _arcsine(value: _Parts) -> _Parts:
+def _arcsine(value: _DoubleDouble) -> _DoubleDouble:
     """By Taylor series: v + v^3 (1/6 + v^2 (3/40 + ...))."""
     square = _times(value, value)
     rest = jnp.full_like(value[0], float(ARCSINE_SERIES[-1]))
@@ -75,19 +80,19 @@ def _arcsine(value: _Parts) -> _Parts:
     return _add(value[0], (high, low + value[1]))
 
 
-def _round(value: _Parts) -> Array:
+def _round(value: _DoubleDouble) -> Array:
     """The nearest float64."""
     return value[0] + value[1]
 
 
-def _add(large: Array, small: _Parts) -> _Parts:
-    """Sum of a number and a smaller one."""
+def _add(large: Array, small: _DoubleDouble) -> _DoubleDouble:
+    """Sum of a float64 and a double-double of smaller size, by Dekker's fast two-sum."""
     total = large + small[0]
     return total, (small[0] - (total - large)) + small[1]
 
 
-def _product(a: Array, b: Array) -> _Parts:
-    """Product of two numbers, exactly."""
+def _product(a: Array, b: Array) -> _DoubleDouble:
+    """Exact product of two float64, by Veltkamp's split into halves of 26 bits, whose products are exact."""
     split = 2.0**27 + 1
     a_high = rounded(split * a) - rounded(rounded(split * a) - a)
     b_high = rounded(split * b) - rounded(rounded(split * b) - b)
@@ -95,21 +100,21 @@ def _product(a: Array, b: Array) -> _Parts:
     return product, a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low)
 
 
-def _times(a: _Parts, b: _Parts) -> _Parts:
-    """Product."""
+def _times(a: _DoubleDouble, b: _DoubleDouble) -> _DoubleDouble:
+    """Product of two double-doubles."""
     product, lost = _product(a[0], b[0])
     return product, lost + (a[0] * b[1] + a[1] * b[0])
 
 
-def _divide(a: _Parts, b: _Parts) -> _Parts:
-    """Quotient."""
+def _divide(a: _DoubleDouble, b: _DoubleDouble) -> _DoubleDouble:
+    """Quotient of two double-doubles: that of the leading parts, corrected by its exact remainder."""
     quotient = a[0] / b[0]
     high, low = _product(quotient, b[0])
     return quotient, (((a[0] - high) - low) + (a[1] - quotient * b[1])) / b[0]
 
 
-def _square_root(value: _Parts) -> _Parts:
-    """Square root of a positive number."""
+def _square_root(value: _DoubleDouble) -> _DoubleDouble:
+    """Square root of a positive double-double: one Newton step from that of the leading part."""
     root = jnp.sqrt(value[0])
     high, low = _product(root, root)
     return root, (((value[0] - high) - low) + value[1]) / (2 * root)

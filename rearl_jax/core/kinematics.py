@@ -164,7 +164,7 @@ def control(
 def add_compensated(
     total: Float[Array, "*n"], step: Float[Array, "*n"], lost: Float[Array, "*n"]
 ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-    """Sum and what rounding took from it (Kahan), so that 900 small steps do not drift in float32.
+    """Sum and its accumulated rounding error (Kahan), so that 900 small steps do not drift in float32.
 
     In float64 the plain sum, whose rounding highway-env shares.
     """

@@ -24,6 +24,7 @@ from rearl_jax.discovery.observe.parts import Parts, measured_drivers
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import known
 from rearl_jax.discovery.read.gate import SMOOTHING, Finding, amount
+from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.report.errors import ModelErrors, model_errors
 from rearl_jax.discovery.report.repaired import repaired_model

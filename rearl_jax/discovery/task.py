@@ -49,7 +49,7 @@ def write(study: Study, discovery: Discovery) -> None:
         write_model(study.path / "model.yaml", discovery.model)
     if discovery.behind is not None and discovery.config.discover.page:
         # Only now, so that nobody waits for matplotlib to know the verdict.
-        from rearl_jax.discovery.presentation import present
+        from rearl_jax.discovery.report.presentation import present
 
         behind = discovery.behind
         present(

@@ -202,19 +202,21 @@ def _checked(path: Path, content: Any) -> RepairedModel:
 
 def _population(reader: _Reader, value: Any, key: str, model: DriverModel) -> dict[str, DriverClass]:
     classes = reader.mapping(value, key, (CAR,), (TRUCK,))
-    found = {name: _drivers(reader, part, f"{key}.{name}", model) for name, part in classes.items()}
-    total = sum(drivers.share for drivers in found.values())
+    drivers_of = {name: _drivers(reader, part, f"{key}.{name}", model) for name, part in classes.items()}
+    total = sum(drivers.share for drivers in drivers_of.values())
     if abs(total - 1) > 1e-6:
         raise reader.refuse("shares", key, f"has shares with the sum {total:g}: they must add up to 1")
-    return {name: found[name] for name in (CAR, TRUCK) if name in found}
+    return {name: drivers_of[name] for name in (CAR, TRUCK) if name in drivers_of}
 
 
 def _drivers(reader: _Reader, value: Any, key: str, model: DriverModel) -> DriverClass:
     part = reader.mapping(value, key, [item.name for item in fields(DriverClass)])
     means, names = reader.mapping(part["log_mean"], f"{key}.log_mean", model.names), ", ".join(model.names)
     mean = {
-        one.name: reader.number(means[one.name], f"{key}.log_mean.{one.name}", math.log(one.low), math.log(one.high))
-        for one in model.parameters
+        item.name: reader.number(
+            means[item.name], f"{key}.log_mean.{item.name}", math.log(item.low), math.log(item.high)
+        )
+        for item in model.parameters
     }
     name, rows, size = f"{key}.log_covariance", part["log_covariance"], len(model.names)
     if not isinstance(rows, list) or len(rows) != size:

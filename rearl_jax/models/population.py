@@ -99,7 +99,7 @@ def population_of_keys(
     if driver.is_default and mobil.is_default:
         return None
     others = {name: _class(driver, name, float(said["share"])) for name, said in driver.classes.items()}
-    rest = max(1.0 - sum(one.share for one in others.values()), 0.0)
+    rest = max(1.0 - sum(drivers.share for drivers in others.values()), 0.0)
     classes = {CAR if CAR not in others else "": _class(driver, None, rest), **others}
     medians = [_medians(driver, name) for name in (None, *others)]
     lane_changing = lane_changing_of(mobil, dtype, ticks_per_second)
@@ -132,7 +132,7 @@ def _class(driver: DriverConfig, name: str | None, share: float) -> DriverClass:
     """One class of drivers."""
     values, medians = driver.values(name), _medians(driver, name)
     log_mean = dict(zip(driver.declaration.names, map(math.log, medians), strict=True))
-    covariance = np.diag([_log_variance(values, one) for one in driver.declaration.names]).tolist()
+    covariance = np.diag([_log_variance(values, parameter) for parameter in driver.declaration.names]).tolist()
     sizes: dict[str, Any] = {key: values[key] for key in ("noise_sd", "noise_time", "length", "length_sd")}
     return DriverClass(share=share, log_mean=log_mean, log_covariance=covariance, **sizes)
 

@@ -97,7 +97,7 @@ def populate(
 
 def _within_bounds(values: dict[str, Array], population: Population) -> list[tuple[str, Array]]:
     """Parameters by name, within the bounds that their model declares."""
-    declared = {one.name: one for one in MODELS[population.car_following].parameters}
+    declared = {parameter.name: parameter for parameter in MODELS[population.car_following].parameters}
     return [(name, jnp.clip(value, declared[name].low, declared[name].high)) for name, value in values.items()]
 
 
@@ -165,11 +165,11 @@ def make_room(
     lane = nearest_lane(state.y, model)
 
     def place(fronts: tuple[Array, ...], vehicle: tuple[Array, Array, Array]) -> tuple[tuple[Array, ...], Array]:
-        x, its_length, its_lane = vehicle
+        x, own_length, own_lane = vehicle
         for number, front in enumerate(fronts):
-            x = jnp.where(its_lane == number, jnp.maximum(x, front + LEAST_GAP + its_length / 2), x)
-        ends = x + its_length / 2
-        return tuple(jnp.where(its_lane == number, ends, front) for number, front in enumerate(fronts)), x
+            x = jnp.where(own_lane == number, jnp.maximum(x, front + LEAST_GAP + own_length / 2), x)
+        ends = x + own_length / 2
+        return tuple(jnp.where(own_lane == number, ends, front) for number, front in enumerate(fronts)), x
 
     nobody = jnp.full(state.x.shape[1:], -jnp.inf, state.x.dtype)
     vehicles = take_vehicles(state.x, order), take_vehicles(length, order), take_vehicles(lane, order)

@@ -89,11 +89,11 @@ def _spawn_on_road(scenario: Scenario) -> Road:
 
 def _reset_env(scenario: Scenario) -> Road:
     """The road of `highway-v0` after its reset."""
-    one = {"type": "DiscreteMetaAction", "target_speeds": list(scenario.speed_levels)}
-    many = {"type": "MultiAgentAction", "action_config": one}
+    single = {"type": "DiscreteMetaAction", "target_speeds": list(scenario.speed_levels)}
+    many = {"type": "MultiAgentAction", "action_config": single}
     env = HighwayEnv(
         config={
-            "action": many if scenario.n_meta > 1 else one,
+            "action": many if scenario.n_meta > 1 else single,
             "controlled_vehicles": scenario.n_meta,
             "vehicles_count": scenario.n_idm,
             "vehicles_density": DENSITY,

@@ -105,8 +105,8 @@ def summarise(scenes: pd.DataFrame, reference: str) -> dict:
         "control_core_agree_share": _mean(same, "agrees"),
     }
     for precision, ending in PRECISIONS.items():
-        found = list(where(scenes, precision=precision, agrees=False)["cause"])
-        summary[f"exceptions_{ending}"] = {cause.value: found.count(cause.value) for cause in Cause}
+        named = list(where(scenes, precision=precision, agrees=False)["cause"])
+        summary[f"exceptions_{ending}"] = {cause.value: named.count(cause.value) for cause in Cause}
     summary["unexplained"] = sum(
         summary[f"exceptions_{ending}"][Cause.unexplained.value] for ending in PRECISIONS.values()
     )
@@ -115,27 +115,27 @@ def summarise(scenes: pd.DataFrame, reference: str) -> dict:
 
 def shortfalls(summary: dict, config: ValidationConfig) -> list[str]:
     """Requirements that the run has not met, one sentence each; empty where all are met."""
-    found = []
+    unmet = []
     for events in ("lane_changes", "aborts", "crashes"):
         least = round(getattr(config, f"least_{events}") * config.share)
         if summary[events] < least:
-            found.append(
+            unmet.append(
                 f"only {summary[events]} {events.replace('_', ' ')} happened, too few to prove much (least {least});"
                 f" raise validation.scenes.*, or lower validation.least_{events}"
             )
     if summary["agree_share_f64"] < config.least_agree_share:
-        found.append(
+        unmet.append(
             f"{summary['agree_share_f64']:.2%} of the scenes agree in float64 within {config.tolerance_f64:g} m,"
             f" less than validation.least_agree_share = {config.least_agree_share:.2%}"
         )
     if summary["agree_share_f32"] < 1:
-        found.append(
+        unmet.append(
             f"{summary['agree_share_f32']:.2%} of the scenes agree in float32 within {config.tolerance_f32:g} m"
             " before the first contact, not all"
         )
     if summary["unexplained"]:
-        found.append(f"{summary['unexplained']} scenes differ without an explanation; see cause in scenes.parquet")
-    return found
+        unmet.append(f"{summary['unexplained']} scenes differ without an explanation; see cause in scenes.parquet")
+    return unmet
 
 
 def _flat(scenes: pd.DataFrame, prefix: str) -> dict:

@@ -147,9 +147,9 @@ class _Validation:
         """Rows of a batch in one precision; its differences go to `errors`."""
         tracks = simulation.simulate(recorded, simulation.model_of(chosen), np.dtype(precision).type)
         batch = stack(recorded)
-        found = comparison.compare(batch.tracks, tracks)
-        errors.add(found)
-        return self._rows(chosen, jobs, batch, found, precision)
+        compared = comparison.compare(batch.tracks, tracks)
+        errors.add(compared)
+        return self._rows(chosen, jobs, batch, compared, precision)
 
     def _control(self, chosen: ScenarioSet, jobs: Sequence[Job], recorded: Sequence[Recorded]) -> list[dict]:
         """Rows of those scenes of a batch that highway-env has run both ways."""
@@ -163,25 +163,25 @@ class _Validation:
             return []
         own_jobs, plain, vectorised = zip(*pairs, strict=True)
         batch = stack(plain)
-        found = comparison.compare(batch.tracks, stack(vectorised).tracks)
-        return self._rows(chosen, own_jobs, batch, found, summary.CONTROL)
+        compared = comparison.compare(batch.tracks, stack(vectorised).tracks)
+        return self._rows(chosen, own_jobs, batch, compared, summary.CONTROL)
 
     def _rows(
-        self, chosen: ScenarioSet, jobs: Sequence[Job], batch: Recorded, found: Comparison, precision: str
+        self, chosen: ScenarioSet, jobs: Sequence[Job], batch: Recorded, compared: Comparison, precision: str
     ) -> list[dict]:
         before_contact = precision == "float32"
         tolerance = self.options.tolerance_f32 if before_contact else self.options.tolerance_f64
         bounds = {"tolerance": tolerance, "only_before_contact": before_contact}
-        agrees = comparison.agrees(found, **bounds)
+        agrees = comparison.agrees(compared, **bounds)
         # What a scene of float32 does after contact is no exception, but its cause is of interest all the same.
-        differs, first = comparison.first_disagreement(found, tolerance=tolerance, only_before_contact=False)
+        differs, first = comparison.first_disagreement(compared, tolerance=tolerance, only_before_contact=False)
         if before_contact:
-            excepted, first_before = comparison.first_disagreement(found, **bounds)
+            excepted, first_before = comparison.first_disagreement(compared, **bounds)
             first = np.where(excepted, first_before, first)
         rows = []
-        measured = comparison.rows(found, batch.tracks, batch.start.is_meta)
+        measured = comparison.rows(compared, batch.tracks, batch.start.is_meta)
         for number, (job, row) in enumerate(zip(jobs, measured, strict=True)):
-            contact = int(found.contact[number])
+            contact = int(compared.contact[number])
             scene = {
                 "set": chosen.name,
                 "size": chosen.size,
@@ -189,10 +189,10 @@ class _Validation:
                 "scenario": job.scenario.identity(),
                 "vehicles": chosen.n_vehicles,
                 "precision": precision,
-                "first_contact": contact / TICKS_PER_SECOND if contact < len(found.position) else None,
+                "first_contact": contact / TICKS_PER_SECOND if contact < len(compared.position) else None,
                 "agrees": bool(agrees[number]),
             }
-            facts = _facts(found, batch, number, int(first[number]), tolerance) if differs[number] else {}
+            facts = _facts(compared, batch, number, int(first[number]), tolerance) if differs[number] else {}
             rows.append(scene | row | dict.fromkeys(FACTS) | facts)
         return rows
 
@@ -216,8 +216,8 @@ class _Validation:
         return scenes.assign(own_difference=[own.get(identity, np.nan) for identity in scenes["scenario"]])
 
 
-def _facts(found: Comparison, batch: Recorded, number: int, tick: int, tolerance: float) -> dict:
-    facts = causes.measure(found, batch, number, tick, tolerance)
+def _facts(compared: Comparison, batch: Recorded, number: int, tick: int, tolerance: float) -> dict:
+    facts = causes.measure(compared, batch, number, tick, tolerance)
     return {
         "cause": causes.name_cause(facts).value,
         "first_time": facts.tick / TICKS_PER_SECOND,
@@ -236,10 +236,10 @@ class _Errors:
         self._position: list[np.ndarray] = []
         self._before: list[np.ndarray] = []
 
-    def add(self, found: Comparison) -> None:
+    def add(self, compared: Comparison) -> None:
         """Takes in a batch."""
-        self._position.append(found.errors["position"])
-        self._before.append(found.before_contact)
+        self._position.append(compared.errors["position"])
+        self._before.append(compared.before_contact)
 
     def table(self, chosen: ScenarioSet, precision: str) -> pd.DataFrame:
         """Quantiles over scenes at every tick, of all scenes and of those before their first contact."""

@@ -110,4 +110,4 @@ def test_nobody_starts_inside_another_and_most_stay_where_they_were(traffic):
 def test_desired_speeds_are_those_of_the_drivers(traffic):
     _, state, people = traffic
     np.testing.assert_array_equal(state.desired_speed, people.car_following.desired_speed)
-    assert (np.asarray(state.memory.wished_side) == 0).all()
+    assert (np.asarray(state.memory.desired_side) == 0).all()

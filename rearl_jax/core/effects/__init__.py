@@ -19,9 +19,9 @@ __all__ = [
 ]
 
 EFFECTS: dict[str, type[Effect]] = {
-    found.name: found
+    effect.name: effect
     for module in sorted(info.name for info in pkgutil.iter_modules(__path__))
-    for found in vars(import_module(f"{__name__}.{module}")).values()
-    if isinstance(found, type) and issubclass(found, Effect) and found is not Effect
+    for effect in vars(import_module(f"{__name__}.{module}")).values()
+    if isinstance(effect, type) and issubclass(effect, Effect) and effect is not Effect
 }
 """Every effect by its name in model files and verdicts."""

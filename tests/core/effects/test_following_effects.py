@@ -230,17 +230,17 @@ def test_trajectories_part_only_where_an_effect_is_on(states):
 
 
 def test_a_change_of_the_leader_is_remembered(states):
-    encounter = states.memory.encounter
+    history = states.memory.leader_history
     scenario = len(NAMES)
-    leader = encounter.leader[:, 2, scenario]
+    leader = history.leader[:, 2, scenario]
     assert leader[1] == 3  # the vehicle ahead on the lane
     assert leader[-1] == 4  # the one that has come in between
     change = int(np.flatnonzero(leader == 4)[0])
-    assert encounter.time_since_change[change, 2, scenario] == 0
+    assert history.time_since_change[change, 2, scenario] == 0
     np.testing.assert_allclose(
-        encounter.time_since_change[change:, 2, scenario], DT * np.arange(N_TICKS + 1 - change), atol=1e-12
+        history.time_since_change[change:, 2, scenario], DT * np.arange(N_TICKS + 1 - change), atol=1e-12
     )
-    gap = encounter.gap[:, 2, scenario]
+    gap = history.gap[:, 2, scenario]
     assert gap[change] < gap[change - 1] - 5
-    assert encounter.gap_lost[-1, 2, scenario] == gap[change - 1] - gap[change]
-    assert (encounter.time_since_change[:, 0, scenario] == 60.0).all()
+    assert history.gap_lost[-1, 2, scenario] == gap[change - 1] - gap[change]
+    assert (history.time_since_change[:, 0, scenario] == 60.0).all()

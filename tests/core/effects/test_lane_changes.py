@@ -151,7 +151,7 @@ def test_the_new_follower_minds_who_is_coming_over_but_not_who_only_wishes_to():
     np.testing.assert_allclose(first.acceleration[0], [acceleration(25.0, gap(cars, 0, 2), 25.0), expected], rtol=1e-10)
     cars = [(1, 100.0, 25.0, 1), (1, 130.0, 18.0, 1), (0, 88.0, 28.0, 0), (2, 103.0, 20.0, 2)]
     first, second = simulate(cars, "early_response", {"of_follower": np.array([0.0, 1.0])})
-    assert (first.memory.wished_side[0] == -1).all()
+    assert (first.memory.desired_side[0] == -1).all()
     np.testing.assert_array_equal(second.acceleration[2, 0], second.acceleration[2, 1])
 
 
@@ -160,7 +160,7 @@ def test_who_wishes_to_change_minds_the_leader_there_before_there_is_room():
     cars = [(1, 100.0, 25.0, 1), (1, 180.0, 25.0, 1), (2, 88.0, 28.0, 2), (0, 103.0, 20.0, 0), (2, 160.0, 24.0, 2)]
     changes = {"of_changer": np.array([0.0, 1.0]), "limit": 6.0}
     first, second = simulate(cars, "early_response", changes, keep_right={"bias": 0.9})
-    assert (first.memory.wished_side[0] == 1).all()
+    assert (first.memory.desired_side[0] == 1).all()
     np.testing.assert_array_equal(first.acceleration[0, 0], first.acceleration[0, 1])  # nobody wished before
     assert (second.target_lane[0] == 1).all()
     x, v = first.x[:, 1], first.speed[:, 1]
@@ -175,8 +175,8 @@ def test_cooperation_opens_a_gap_for_who_finds_none():
     cars = [(1, 100.0, 25.0, 1), (1, 130.0, 18.0, 1), (0, 88.0, 28.0, 0), (2, 103.0, 20.0, 2)]
     first, second = simulate(cars, "cooperation", {"weight": np.array([0.0, 1.0]), "limit": 2.0})
     assert (first.target_lane[0] == 1).all()
-    assert (first.memory.wished_side[0] == -1).all()
-    assert (first.memory.wished_side[1:] == 0).all()
+    assert (first.memory.desired_side[0] == -1).all()
+    assert (first.memory.desired_side[1:] == 0).all()
     np.testing.assert_array_equal(first.acceleration[2, 0], first.acceleration[2, 1])  # nobody knew yet
     v = first.speed[2, 1]
     assert second.acceleration[2, 1] == pytest.approx(-2.0, abs=1e-9)
