@@ -14,7 +14,8 @@ from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
-from rearl_jax.discovery.observe.clocks import NAME
+from rearl_jax.discovery.observe.candidates import LENS, Term
+from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.layout import layout_of
@@ -183,10 +184,10 @@ def _search(config: DiscoverTask, study: Study | None, solver: Solver, parts: Pa
     found = search(solver, parts.fitted, parts.checked, null_for, report)
     if not clocks_confirmed(solver, found, parts.checked, options.seed):
         log.info("clocks put right make simulations of other drivers worse: left as they are")
-        found = search(solver, parts.fitted, parts.checked, null_for, report, excluded=frozenset({NAME}))
+        found = search(solver, parts.fitted, parts.checked, null_for, report, excluded=frozenset({CLOCK_OFFSET}))
     if not lens_confirmed(solver, found, options.seed):
         log.info("a camera's distortion makes simulations of other drivers worse: left as it is")
-        found = search(solver, parts.fitted, parts.checked, null_for, report, excluded=found.excluded | {"lens"})
+        found = search(solver, parts.fitted, parts.checked, null_for, report, excluded=found.excluded | {LENS})
     report("reporting", 0, 1)
     return confirmed(solver, found, options.seed)
 
@@ -215,7 +216,7 @@ def _discovery(
             "unequal_noise": left.unequal_noise,
             "misjudgement": left.misjudgement,
             "staleness": left.staleness,
-            "remaining": {"name": left.remaining[0], "surprise": left.remaining[1]},
+            "remaining": {"name": str(left.remaining[0]), "surprise": left.remaining[1]},
         },
         "data": _described(parts, solver, (*parts.notes, *([MISJUDGED] if left.misjudges else ()))),
         "thresholds": THRESHOLDS.plain(),
@@ -262,17 +263,17 @@ def _effects(
 
 def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any]:
     """Error of the model that was told the effect; nothing else is looked for."""
-    name = config.discover.oracle
-    candidates = solver.layout.candidates
-    if name not in candidates:
-        known_names = ", ".join(sorted(candidates))
-        raise ValueError(f"discover.oracle={name} is none of the candidates for these data: {known_names}")
+    assert config.discover.oracle is not None
+    term, candidates = Term.read(config.discover.oracle), solver.layout.candidates
+    if term not in candidates:
+        known_terms = ", ".join(sorted(map(str, candidates)))
+        raise ValueError(f"discover.oracle={term} is none of the candidates for these data: {known_terms}")
     world, noise = calibrate(solver, parts.fitted)
     base = Fit(None, world, noise)
     (seen,) = scores(solver, [world])
-    fits = refit(solver, base, [candidates[name]], seen)
+    fits = refit(solver, base, [candidates[term]], seen)
     base = rebased(solver, base, fits)
-    errors = model_errors(solver, parts.reported, {"before": base, "oracle": fits[name]}, config.discover.seed)
+    errors = model_errors(solver, parts.reported, {"before": base, "oracle": fits[term]}, config.discover.seed)
     options = config.discover
     return {
         "verdict": "named",

@@ -66,18 +66,53 @@ RANGES = {
 
 
 @dataclass(frozen=True)
+class Term:
+    """What may be added to the model: an effect, or a curve over one variable.
+
+    Attributes:
+        effect: Name of an effect of the library, or of an artefact.
+        variable: What a curve is over; None for what has parameters of its own.
+    """
+
+    effect: str
+    variable: str | None = None
+
+    @classmethod
+    def read(cls, text: str) -> "Term":
+        """The term that a file names as `effect` or `effect.variable`."""
+        effect, _, variable = text.partition(".")
+        return cls(effect, variable or None)
+
+    def __str__(self) -> str:
+        """As in files: `effect` or `effect.variable`."""
+        return self.effect if self.variable is None else f"{self.effect}.{self.variable}"
+
+    @property
+    def is_effect(self) -> bool:
+        """Whether it is an effect of the library with parameters of its own."""
+        return self.variable is None and self.effect in EFFECTS
+
+
+ALONG_ROAD = Term("dependence", "position")
+"""The acceleration depends on the place: what a grade looks like before it has edges."""
+
+LENS = Term("lens")
+"""Distortion of positions by the camera."""
+
+
+@dataclass(frozen=True)
 class Candidate:
     """Something that may be missing.
 
     Attributes:
-        name: As in the verdict.
+        term: What it is.
         kind: `driver`, `road`, `generic`, `artefact`.
         look: Places of theta whose directions the screen looks along.
         free: Places that are fitted.
         variables: What it depends on.
     """
 
-    name: str
+    term: Term
     kind: str
     look: tuple[int, ...]
     free: tuple[int, ...]
@@ -111,7 +146,7 @@ class Layout:
     """Where everything is in theta.
 
     Attributes:
-        candidates: By name.
+        candidates: By term.
         reference: Theta at which nothing acts, and shapes have their usual values.
         low, high: Bounds.
         scale: Standard deviation of the prior.
@@ -121,7 +156,7 @@ class Layout:
         prior: What is taken for usual of drivers.
     """
 
-    candidates: dict[str, Candidate]
+    candidates: dict[Term, Candidate]
     reference: Float[np.ndarray, " parameters"]
     low: Float[np.ndarray, " parameters"]
     high: Float[np.ndarray, " parameters"]
@@ -152,13 +187,13 @@ class Layout:
         return [numbers[name][first:end] for name, first, end in runs]
 
 
-def effects_at(numbers: Numbers, knots: Knots, active: Sequence[str] | None = None) -> tuple[Effect, ...]:
+def effects_at(numbers: Numbers, knots: Knots, active: Sequence[Term] | None = None) -> tuple[Effect, ...]:
     """Effects and curves with these numbers.
 
     Args:
         numbers: Of `Layout.by_name`.
         knots: Of the curves.
-        active: Names of the candidates that are built; None for all, and for everything the screen looks along.
+        active: Terms that are built; None for all, and for everything the screen looks along.
     """
 
     def rows(name: str) -> Float[Array, "knots *#n"]:
@@ -187,15 +222,13 @@ def effects_at(numbers: Numbers, knots: Knots, active: Sequence[str] | None = No
             *(time_gap_curve(variable) for variable in knots.curve if variable in TIME_GAP_CURVES),
         )
     effects = []
-    for name in active:
-        if name in EFFECTS:
-            effects.append(named(name))
-        elif name == "dependence.position":
+    for term in active:
+        if term.is_effect:
+            effects.append(named(term.effect))
+        elif term == ALONG_ROAD:
             effects.append(along_road())
-        elif name.startswith("dependence."):
-            effects.append(curve(name.removeprefix("dependence.")))
-        elif name.startswith("time_gap_dependence."):
-            effects.append(time_gap_curve(name.removeprefix("time_gap_dependence.")))
+        elif term.variable is not None:
+            effects.append((curve if term.effect == "dependence" else time_gap_curve)(term.variable))
     return tuple(effects)
 
 

@@ -12,10 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
+from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.observer import synchronised
 from rearl_jax.discovery.read.measured import Measured
 
-NAME = "clock_offset"
+CLOCK_OFFSET = Term("clock_offset")
+"""Clocks that differ from vehicle to vehicle."""
 
 MOST_LEADERS = 4
 """Leaders of one driver that are told apart; the others count as on time."""

@@ -135,7 +135,8 @@ def steady_state(noise: Noise, dt: float, stride: int) -> SteadyState:
         gain = variance @ MEASURED / (MEASURED @ variance @ MEASURED + measured)
         variance = variance - np.outer(gain, MEASURED @ variance)
     expected = MEASURED @ covariance[-1] @ MEASURED + measured
-    found = Gain(*map(float, gain), kept_o=float(kept), kept_w=float(lasting), variance=float(expected))
+    # Numbers of NumPy, not of Python: beside them, arrays of single precision are computed with in double.
+    found = Gain(*np.array([*gain, kept, lasting, expected]))
     corrected = step - step @ np.outer(gain, MEASURED)
     return SteadyState(found, step, corrected, [covariance[-1], *covariance[:-1]])
 

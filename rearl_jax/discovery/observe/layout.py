@@ -8,9 +8,11 @@ from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.effects.dependence import VARIABLES, hat_weights
 from rearl_jax.core.effects.effect import Parameter
 from rearl_jax.discovery.observe.candidates import (
+    ALONG_ROAD,
     CURVE_KNOTS,
     CURVES,
     FLAT,
+    LENS,
     LENS_KNOTS,
     NAMED,
     PLACED,
@@ -21,6 +23,7 @@ from rearl_jax.discovery.observe.candidates import (
     Candidate,
     Knots,
     Layout,
+    Term,
 )
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
 from rearl_jax.discovery.observe.observer import stimulus
@@ -45,11 +48,11 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
     builder.curve("weather_speed", TIME_KNOTS, 0.2)
     builder.curve("weather_time_gap", TIME_KNOTS, 0.2)
     place = builder.places
-    builder.candidate("grade", "road", place["position"], builder.all_of("grade"), ("position",))
-    builder.candidate("speed_limit", "road", place["desired_speed"], builder.all_of("speed_limit"), ("position",))
+    builder.candidate(Term("grade"), "road", place["position"], builder.all_of("grade"), ("position",))
+    builder.candidate(Term("speed_limit"), "road", place["desired_speed"], builder.all_of("speed_limit"), ("position",))
     weather = place["weather_speed"] + place["weather_time_gap"]
-    builder.candidate("weather", "road", weather, builder.all_of("weather"), ("time",))
-    builder.candidate("dependence.position", "generic", place["position"], place["position"], ("position",))
+    builder.candidate(Term("weather"), "road", weather, builder.all_of("weather"), ("time",))
+    builder.candidate(ALONG_ROAD, "generic", place["position"], place["position"], ("position",))
     knots, centres = {}, {}
     for variable in CURVES:
         values = curve_values(data, variable)[used]
@@ -62,13 +65,13 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
         centres[variable] = np.asarray(hat_weights(jnp.asarray(values), jnp.asarray(knots[variable]))).mean(axis=1)
         builder.curve(f"curve.{variable}", CURVE_KNOTS, 0.3)
         where = builder.places[f"curve.{variable}"]
-        builder.candidate(f"dependence.{variable}", "generic", where, where, (variable,))
+        builder.candidate(Term("dependence", variable), "generic", where, where, (variable,))
         if variable in TIME_GAP_CURVES:
             builder.curve(f"time_gap.{variable}", CURVE_KNOTS, 0.3)
             where = builder.places[f"time_gap.{variable}"]
-            builder.candidate(f"time_gap_dependence.{variable}", "generic", where, where, (variable,))
+            builder.candidate(Term("time_gap_dependence", variable), "generic", where, where, (variable,))
     builder.curve("lens", LENS_KNOTS, 2.0)
-    builder.candidate("lens", "artefact", builder.places["lens"], builder.places["lens"], ("position",))
+    builder.candidate(LENS, "artefact", builder.places["lens"], builder.places["lens"], ("position",))
     low, high, off, scale, unit = (np.array(part) for part in zip(*builder.rows, strict=True))
     return Layout(
         candidates=builder.candidates,
@@ -89,7 +92,7 @@ class _Builder:
     def __init__(self) -> None:
         self.rows: list[tuple[float, float, float, float, float]] = []
         self.places: dict[str, tuple[int, ...]] = {}
-        self.candidates: dict[str, Candidate] = {}
+        self.candidates: dict[Term, Candidate] = {}
 
     def parameters(self, name: str) -> None:
         """Places of an effect's parameters."""
@@ -103,7 +106,7 @@ class _Builder:
         self.parameters(name)
         strengths = (p.name for p in EFFECTS[name].parameters if p.is_strength)
         look = tuple(self.places[f"{name}.{strength}"][0] for strength in strengths)
-        self.candidate(name, EFFECTS[name].kind, look, self.all_of(name), EFFECTS[name].depends_on)
+        self.candidate(Term(name), EFFECTS[name].kind, look, self.all_of(name), EFFECTS[name].depends_on)
 
     def all_of(self, name: str) -> tuple[int, ...]:
         """Places of all parameters of an effect."""
@@ -115,10 +118,10 @@ class _Builder:
         self.rows += [(-20.0, 20.0, 0.0, scale, scale)] * n_knots
 
     def candidate(
-        self, name: str, kind: str, look: tuple[int, ...], free: tuple[int, ...], variables: tuple[str, ...]
+        self, term: Term, kind: str, look: tuple[int, ...], free: tuple[int, ...], variables: tuple[str, ...]
     ) -> None:
         """Registers a candidate."""
-        self.candidates[name] = Candidate(name, kind, look, free, variables)
+        self.candidates[term] = Candidate(term, kind, look, free, variables)
 
 
 def _prior(parameter: Parameter) -> float:

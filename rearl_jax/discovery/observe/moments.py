@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from rearl_jax.core.batch import ScenarioMap, select_scenarios
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.effects.effect import Effect
-from rearl_jax.discovery.observe.candidates import Knots, Layout, effects_at, lens_at
+from rearl_jax.discovery.observe.candidates import LENS, Knots, Layout, Term, effects_at, lens_at
 from rearl_jax.discovery.observe.observer import Pieces, innovations
 from rearl_jax.discovery.observe.robust import kept_share, robust_square
 from rearl_jax.discovery.observe.sensitivity import look_along
@@ -47,11 +47,11 @@ class Programs:
         self._configuration = (dt, tuple(layout.places.items()), layout.prior)
         self._made = _MADE.setdefault(self._configuration, {})
 
-    def free(self, active: tuple[str, ...]) -> tuple[int, ...]:
+    def free(self, active: tuple[Term, ...]) -> tuple[int, ...]:
         """Places of theta that belong to active candidates, in order."""
-        return tuple(place for name in active for place in self.layout.candidates[name].free)
+        return tuple(place for term in active for place in self.layout.candidates[term].free)
 
-    def innovations(self, active: tuple[str, ...]) -> Callable[[dict], np.ndarray]:
+    def innovations(self, active: tuple[Term, ...]) -> Callable[[dict], np.ndarray]:
         """Measured minus predicted positions [m] with these candidates."""
 
         def run(a: dict) -> Array:
@@ -59,9 +59,9 @@ class Programs:
 
         return self._program(("innovations", active), run, WIDEST)
 
-    def sums(self, active: tuple[str, ...]) -> Callable[[dict], dict]:
+    def sums(self, active: tuple[Term, ...]) -> Callable[[dict], dict]:
         """Sums with the derivatives by the drivers' own parameters and by those of the active candidates."""
-        if not any(_remembers(name) for name in active):
+        if not any(_remembers(term) for term in active):
             return self._sums_from_one_pass(active)
         places = jnp.asarray(self.free(active), int)
 
@@ -78,7 +78,7 @@ class Programs:
 
         return self._program(("sums", active), run, WIDEST if len(places) < 8 else WIDEST // 4)
 
-    def _sums_from_one_pass(self, active: tuple[str, ...]) -> Callable[[dict], dict]:
+    def _sums_from_one_pass(self, active: tuple[Term, ...]) -> Callable[[dict], dict]:
         """The same where nothing is remembered: one reverse pass per moment serves all directions."""
         places = self.free(active)
 
@@ -105,12 +105,12 @@ class Programs:
         return self._program(("look", places, groups, n_kept), run, WIDEST // 2)
 
     def _surprise(
-        self, z: Array, theta: Array, knots: Knots, pieces: Pieces, active: tuple[str, ...]
+        self, z: Array, theta: Array, knots: Knots, pieces: Pieces, active: tuple[Term, ...]
     ) -> Float[Array, "steps pieces"]:
         knots = _squeezed(knots)
         numbers = self.layout.by_name(theta)
         effects = effects_at(numbers, knots, active)
-        lens = lens_at(numbers, knots) if "lens" in active else None
+        lens = lens_at(numbers, knots) if LENS in active else None
         return innovations(pieces, self.layout.prior.drivers(z, pieces.is_truck), effects, lens, self.dt)
 
     def _program(self, key: tuple, run: Callable[[dict], object], widest: int) -> Callable[[dict], Any]:
@@ -147,8 +147,8 @@ def _widened(arguments: dict, n: int, width: int) -> dict:
     return select_scenarios(arguments, columns, n) if width > n else arguments
 
 
-def _remembers(name: str) -> bool:
-    return name in EFFECTS and EFFECTS[name].remember is not Effect.remember
+def _remembers(term: Term) -> bool:
+    return term.is_effect and EFFECTS[term.effect].remember is not Effect.remember
 
 
 def _squeezed(knots: Knots) -> Knots:

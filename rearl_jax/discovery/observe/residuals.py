@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.core.effects.stimulus import Stimulus
-from rearl_jax.discovery.observe.candidates import lens_at
+from rearl_jax.discovery.observe.candidates import LENS, lens_at
 from rearl_jax.discovery.observe.closed_loop import FARTHEST
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit
@@ -93,7 +93,7 @@ def _residuals(solver: Solver, world: World, noise: Noise) -> Residuals:
     )
     gain, seen = noise.gain(data.dt, data.stride), data.halfway()
     expected = data.y.astype(np.float32).astype(float) - innovation
-    if "lens" in world.active:
+    if LENS in world.active:
         lens = lens_at(solver.layout.by_name(jnp.asarray(world.theta)[:, None, None]), solver.layout.knots)
         expected = expected - np.asarray(lens.bend(jnp.asarray(expected)))
         seen = straightened(seen, lens)

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 from rearl_jax.core.compaction import if_any
 from rearl_jax.core.effects.effect import Effect
 from rearl_jax.core.following import begin_effects, follow
-from rearl_jax.discovery.observe.candidates import Knots, Layout, effects_at, lens_at
+from rearl_jax.discovery.observe.candidates import LENS, Knots, Layout, Term, effects_at, lens_at
 from rearl_jax.discovery.observe.kalman import State, correct, halfway, predict
 from rearl_jax.discovery.observe.lens import Lens
 from rearl_jax.discovery.observe.observer import Pieces, stimulus, straightened, straightened_start, synchronised
@@ -36,7 +36,7 @@ def look_along(
     n_kept: int,
     following: Float[Array, "leaders steps pieces"],
     dt: float,
-    active: tuple[str, ...] | None = None,
+    active: tuple[Term, ...] | None = None,
 ) -> dict[str, Float[Array, "*any pieces"]]:
     """Sums over time for the drivers' own directions and for single places of theta.
 
@@ -51,7 +51,7 @@ def look_along(
         n_kept: How many have been added already.
         following: 1 where a driver follows its k-th usual leader, whose clock may be ahead.
         dt: Time between moments [s].
-        active: Candidates that are computed; None for all.
+        active: Terms that are computed; None for all.
 
     Returns:
         `square` and `count` (robust squares of innovations, weights), `gradient` (innovation times derivative, own
@@ -62,7 +62,7 @@ def look_along(
     n_own, n = z.shape
     numbers = layout.by_name(theta)
     is_actuated = any(type(effect).actuate is not Effect.actuate for effect in effects_at(numbers, knots, active))
-    bends = active is None or "lens" in active
+    bends = active is None or LENS in active
     lens, first_lens = lens_at(numbers, knots) if bends else None, layout.places["lens"][0]
     n_clocks = following.shape[0]
     size, n_nuisance = n_own + len(places) + n_clocks, n_own + n_kept
@@ -100,8 +100,8 @@ def look_along(
                 for block, part in zip(total["blocks"], parts, strict=True)
             ),
         }
-        gain = pieces.gain
-        state, d = correct(state, looks * surprise, gain), correct(d, looks[None] * slope, gain)
+        gain, along = pieces.gain, jax.tree.map(lambda values: values[None], pieces.gain)
+        state, d = correct(state, looks * surprise, gain), correct(d, looks[None] * slope, along)
         (middle_x, middle_v), (d_middle_x, d_middle_v) = halfway(state, last, dt), halfway(d, d_last, dt)
         middle = (middle_x, jnp.maximum(middle_v, 0.0))
         by, (acceleration, memory) = answer((*middle, z, numbers, jnp.zeros_like(x), last), memory, around)
@@ -115,7 +115,7 @@ def look_along(
         acceleration, d_acceleration = acceleration + state.o + extra, d_wanted + d.o
         free = state.v + acceleration * dt
         speed, d_speed = jnp.maximum(free, 0.0), jnp.where((free > 0)[None], d.v + d_acceleration * dt, 0.0)
-        state, d = predict(state, speed, gain, dt), predict(d, d_speed, gain, dt)
+        state, d = predict(state, speed, gain, dt), predict(d, d_speed, along, dt)
         return ((state, acceleration, memory), (d, d_acceleration), total), None
 
     groups = [*groups, range(len(places), len(places) + n_clocks)]

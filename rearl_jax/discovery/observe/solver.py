@@ -17,7 +17,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from rearl_jax.discovery.observe.candidates import Layout
+from rearl_jax.discovery.observe.candidates import Layout, Term
 from rearl_jax.discovery.observe.clocks import following
 from rearl_jax.discovery.observe.kalman import Gain
 from rearl_jax.discovery.observe.moments import Programs
@@ -44,7 +44,7 @@ class World:
         z: Standardised parameters of the drivers.
         mean: Their mean over cars and trucks.
         theta: What was added.
-        active: Names of the candidates that have been added; theirs are the places of theta that are searched.
+        active: Terms that have been added; theirs are the places of theta that are searched.
         variance: Mean squared innovation S [m^2].
         holds_population: Whether the mean stays as it is, and only the drivers are searched.
         holds_variance: Whether S stays as it is.
@@ -58,7 +58,7 @@ class World:
     z: Float[np.ndarray, "drivers own"]
     mean: Float[np.ndarray, "classes own"]
     theta: Float[np.ndarray, " parameters"]
-    active: tuple[str, ...]
+    active: tuple[Term, ...]
     variance: float
     holds_population: bool = False
     holds_variance: bool = False

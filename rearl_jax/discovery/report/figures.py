@@ -8,6 +8,7 @@ from jaxtyping import Bool, Int
 from matplotlib.patches import Patch
 from scipy.stats import norm
 
+from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.residuals import Residuals
 from rearl_jax.discovery.report.errors import ModelErrors
@@ -24,24 +25,30 @@ FARTHEST_SIGMA = 5.0
 
 
 def draw_evidence(
-    rows: Sequence[Mapping], titles: Sequence[str], keys: Sequence[str], null: Null, surprise: float, *, generated: bool
+    rows: Sequence[Mapping],
+    titles: Sequence[str],
+    terms: Sequence[Term],
+    null: Null,
+    z_score: float,
+    *,
+    generated: bool,
 ) -> bytes:
     """PNG of the candidates' evidence with the null's band, and of what they gain.
 
     Args:
         rows: Candidates as in the verdict.
         titles: What people call them.
-        keys: Their names in the null; unknown ones have no band.
+        terms: What they are in the null; unknown ones have no band.
         null: Evidence where nothing is missing.
-        surprise: Standard deviations of the null from which a candidate fires.
+        z_score: Standard deviations of the null from which evidence exceeds chance [-].
         generated: Whether the data are no measurements.
     """
-    shown = list(zip(rows, titles, keys, strict=True))[:BARS]
-    places, threshold = np.arange(len(shown)), null.threshold(surprise)
+    shown = list(zip(rows, titles, terms, strict=True))[:BARS]
+    places, threshold = np.arange(len(shown)), null.threshold(z_score)
     figure, (axes,) = panels(7.2, 1.2 + 0.26 * max(len(shown), 3), generated=generated)
-    for place, (row, _, key) in zip(places, shown, strict=True):
-        if key in threshold:
-            axes.barh(place, threshold[key] - null.mean[key], 0.9, null.mean[key], color=LIGHT_GREY, zorder=0)
+    for place, (row, _, term) in zip(places, shown, strict=True):
+        if term in threshold:
+            axes.barh(place, threshold[term] - null.mean[term], 0.9, null.mean[term], color=LIGHT_GREY, zorder=0)
         axes.plot(row["evidence"], place, "o", color=DARK_GREY, markersize=5, zorder=3)
         for name, colour, marker in (("gain", VERMILION, "s"), ("check", BLUE, "D")):
             if row[name] is not None:

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config import DiscoverTask
+from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import on_others
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
@@ -78,13 +79,13 @@ def present(
     from rearl_jax.discovery.report.words import described, is_lane_choice
 
     rows = [row for row in verdict["candidates"] if not is_lane_choice(row)]
-    keys = [row["name"] if row["name"] in search.null.mean else f"{row['name']}.{row['variables'][0]}" for row in rows]
+    terms = [Term(row["name"], row["variables"][0] if row["kind"] == "generic" else None) for row in rows]
     titles = [described(row) for row in rows]
     of_report = {model: found[-1] for model, found in left.items()}
     drawn = {
         "maps": map_figures.draw_maps(atlases, added, generated=generated),
         "evidence": figures.draw_evidence(
-            rows, titles, keys, search.null, THRESHOLDS.candidate_z_score, generated=generated
+            rows, titles, terms, search.null, THRESHOLDS.candidate_z_score, generated=generated
         ),
         "closed_loop": figures.draw_errors(errors, generated=generated),
         "example": figures.draw_example(of_report, errors, generated=generated),

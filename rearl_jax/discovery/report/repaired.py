@@ -93,9 +93,10 @@ def _unknown(fit: Fit, members: np.ndarray) -> np.ndarray:
 
 def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> EffectValues:
     """A candidate as the effect of the library that does the same."""
-    if candidate.name in EFFECTS:
-        names = [parameter.name for parameter in EFFECTS[candidate.name].parameters]
-        return EffectValues(candidate.name, dict(zip(names, (float(theta[p]) for p in candidate.free), strict=True)))
+    effect = candidate.term.effect
+    if candidate.term.is_effect:
+        names = [parameter.name for parameter in EFFECTS[effect].parameters]
+        return EffectValues(effect, dict(zip(names, (float(theta[p]) for p in candidate.free), strict=True)))
     (variable,) = candidate.variables
     values = theta[list(candidate.free)]
     if variable == "position":
@@ -105,7 +106,7 @@ def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> Ef
     # Weights sum to 1, so a curve less its mean is the curve of the values less that mean.
     values = values - values @ np.asarray(centre)
     parameters = {"values": values.tolist(), "knots": np.asarray(knots).tolist()}
-    return EffectValues(candidate.name.partition(".")[0], parameters, variable)
+    return EffectValues(effect, parameters, variable)
 
 
 def lane_effect_values(effect: LaneEffect) -> EffectValues:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import known
@@ -19,12 +20,11 @@ MAIN_MEASURE = "gap_rmse"
 
 def null_table(null: Null) -> pd.DataFrame:
     """Evidence of each candidate where nothing is missing."""
-    names = list(null.mean)
     return pd.DataFrame(
         {
-            "candidate": names,
-            "mean": [null.mean[name] for name in names],
-            "spread": [null.spread[name] for name in names],
+            "candidate": [str(term) for term in null.mean],
+            "mean": list(null.mean.values()),
+            "spread": [null.spread[term] for term in null.mean],
             "replicates": null.replicates,
         }
     )
@@ -33,10 +33,10 @@ def null_table(null: Null) -> pd.DataFrame:
 def read_null(path: Path) -> Null:
     """The null of a run that was killed."""
     table = pd.read_parquet(path)
-    names = table["candidate"]
+    terms = table["candidate"].map(Term.read)
     return Null(
-        dict(zip(names, table["mean"].astype(float), strict=True)),
-        dict(zip(names, table["spread"].astype(float), strict=True)),
+        dict(zip(terms, table["mean"].astype(float), strict=True)),
+        dict(zip(terms, table["spread"].astype(float), strict=True)),
         int(table["replicates"].iloc[0]),
     )
 

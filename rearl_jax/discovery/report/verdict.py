@@ -27,8 +27,8 @@ from typing import Any
 import numpy as np
 
 from rearl_jax.core.effects import EFFECTS
-from rearl_jax.discovery.observe.candidates import TWINS, Candidate, Layout
-from rearl_jax.discovery.observe.clocks import NAME
+from rearl_jax.discovery.observe.candidates import TWINS, Candidate, Layout, Term
+from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.uncertainty import interval
 from rearl_jax.discovery.read.gate import SMOOTHING, Finding, amount
 from rearl_jax.discovery.search.adequacy import Adequacy
@@ -68,11 +68,6 @@ class Named:
         }
 
 
-def public_name(candidate: Candidate) -> str:
-    """Name of a candidate in files: curves are told apart by their variable, not by their name."""
-    return candidate.name.partition(".")[0]
-
-
 def named_trial(
     trial: Trial,
     others: Sequence[Trial],
@@ -99,7 +94,7 @@ def named_trial(
         parameter_names(candidate), parameter_units(candidate), candidate.free, deviations, strict=True
     ):
         value = float(theta[place])
-        if candidate.name == "reaction_delay":
+        if candidate.term == Term("reaction_delay"):
             deviation = np.hypot(deviation, THRESHOLDS.delay_deviation * trial.fit.world.data.dt)
         low, high = interval(value, THRESHOLDS.interval_stretch * float(deviation), confidence)
         low, high = max(low, float(layout.low[place])), min(high, float(layout.high[place]))
@@ -107,7 +102,7 @@ def named_trial(
     rivals = [0.0, *(one.total for one in others if one is not trial)]
     share = 1.0 / (1.0 + float(np.exp(np.clip(np.array(rivals) - trial.total, -50, 50)).sum()))
     return Named(
-        public_name(candidate),
+        candidate.term.effect,
         candidate.kind,
         parameters,
         candidate.variables,
@@ -118,16 +113,16 @@ def named_trial(
 
 def parameter_names(candidate: Candidate) -> list[str]:
     """Names of what is fitted."""
-    if candidate.name in EFFECTS:
-        return [parameter.name for parameter in EFFECTS[candidate.name].parameters]
+    if candidate.term.is_effect:
+        return [parameter.name for parameter in EFFECTS[candidate.term.effect].parameters]
     return [f"value_{k}" for k in range(len(candidate.free))]
 
 
 def parameter_units(candidate: Candidate) -> list[str]:
     """Units of what is fitted."""
-    if candidate.name in EFFECTS:
-        return [parameter.unit for parameter in EFFECTS[candidate.name].parameters]
-    unit = {"lens": "m", "time_gap_dependence": "-"}.get(public_name(candidate), "m/s^2")
+    if candidate.term.is_effect:
+        return [parameter.unit for parameter in EFFECTS[candidate.term.effect].parameters]
+    unit = {"lens": "m", "time_gap_dependence": "-"}.get(candidate.term.effect, "m/s^2")
     return [unit] * len(candidate.free)
 
 
@@ -141,7 +136,7 @@ def found_in_columns(finding: Finding, confidence: float) -> Named:
 def differing_clocks(check: ClockCheck, reliability: float) -> Named:
     """Clocks that differ, as an effect of the verdict with its stated confidence."""
     return Named(
-        NAME,
+        CLOCK_OFFSET.effect,
         "artefact",
         {"sd": {"value": check.spread, "low": None, "high": None, "unit": "s"}},
         ("clock",),
@@ -184,39 +179,37 @@ def _is_sure(last: Round) -> bool:
 def candidate_rows(search: Search) -> list[dict[str, Any]]:
     """All candidates of the first round, those that were fitted first and by their total, then by evidence."""
     first = search.rounds[0]
-    trials = {trial.candidate.name: trial for one in reversed(search.rounds) for trial in one.trials}
-    ambiguous = {trial.candidate.name for one in search.rounds for trial in one.alternatives}
-    chosen = [trial.candidate.name for trial in search.added]
-    for name in chosen:
-        ambiguous |= set(TWINS.get(name, ()))
-    names = sorted(
-        first.evidence, key=lambda name: (-trials[name].total if name in trials else np.inf, -first.surprise[name])
+    trials = {trial.candidate.term: trial for one in reversed(search.rounds) for trial in one.trials}
+    ambiguous = {trial.candidate.term for one in search.rounds for trial in one.alternatives}
+    chosen = [trial.candidate.term for trial in search.added]
+    terms = sorted(
+        first.evidence, key=lambda term: (-trials[term].total if term in trials else np.inf, -first.surprise[term])
     )
     rows = []
-    for name in names:
-        candidate, trial = search.layout.candidates[name], trials.get(name)
+    for term in terms:
+        candidate, trial = search.layout.candidates[term], trials.get(term)
         rows.append(
             {
-                "name": public_name(candidate),
+                "name": term.effect,
                 "kind": candidate.kind,
                 "variables": list(candidate.variables),
-                "evidence": first.evidence[name],
-                "surprise": first.surprise[name],
+                "evidence": first.evidence[term],
+                "surprise": first.surprise[term],
                 "gain": None if trial is None else trial.gain,
                 "check": None if trial is None else trial.check,
-                "ambiguous": name in ambiguous,
-                "told_apart_by": told_apart_by(name, chosen) if name in ambiguous else None,
+                "ambiguous": term in ambiguous,
+                "told_apart_by": told_apart_by(term, chosen) if term in ambiguous else None,
             }
         )
-    for name in chosen:
-        for twin in TWINS.get(name, ()):
-            place, row = next((place, row) for place, row in enumerate(rows) if row["name"] == name)
-            others = {"name": twin, "ambiguous": True, "told_apart_by": told_apart_by(twin, chosen)}
+    for term in chosen:
+        for twin in TWINS.get(term.effect, ()):
+            place, row = next((place, row) for place, row in enumerate(rows) if row["name"] == term.effect)
+            others = {"name": twin, "ambiguous": True, "told_apart_by": told_apart_by(Term(twin), chosen)}
             rows.insert(place + 1, row | others)
     return rows
 
 
-def unseen(search: Search, threshold: dict[str, float]) -> list[dict[str, Any]]:
+def unseen(search: Search, threshold: dict[Term, float]) -> list[dict[str, Any]]:
     """For every named effect, the strength from which it would have been seen in these data.
 
     Args:
@@ -224,12 +217,12 @@ def unseen(search: Search, threshold: dict[str, float]) -> list[dict[str, Any]]:
         threshold: Evidence from which a candidate fires [nats].
     """
     rows = []
-    for name, score in search.first_scores.items():
-        candidate = search.layout.candidates.get(name)
-        if candidate is None or name not in EFFECTS or candidate.look != candidate.free[: len(candidate.look)]:
+    for term, score in search.first_scores.items():
+        candidate = search.layout.candidates.get(term)
+        if candidate is None or not term.is_effect or candidate.look != candidate.free[: len(candidate.look)]:
             continue
-        parameter = EFFECTS[name].parameters[0]
-        needed = max(threshold[name], 3.0) + 0.5 * np.log1p(score.information[0, 0] * parameter.scale**2)
+        parameter = EFFECTS[term.effect].parameters[0]
+        needed = max(threshold[term], 3.0) + 0.5 * np.log1p(score.information[0, 0] * parameter.scale**2)
         strength = float(np.sqrt(2 * needed / max(score.information[0, 0], 1e-12)))
-        rows.append({"name": name, "parameter": parameter.name, "strength": strength, "unit": parameter.unit})
+        rows.append({"name": term.effect, "parameter": parameter.name, "strength": strength, "unit": parameter.unit})
     return rows

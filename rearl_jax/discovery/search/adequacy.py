@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.core.following import follow
+from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit, on_others
 from rearl_jax.discovery.observe.forcing import answers, drivers_of
 from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
@@ -62,7 +63,7 @@ class Adequacy:
     unequal_noise: dict[str, float]
     misjudgement: float
     staleness: float
-    remaining: tuple[str, float]
+    remaining: tuple[Term, float]
     driver_minutes: float
 
     @property
@@ -120,7 +121,7 @@ def adequacy(solver: Solver, found: Search, seed: int) -> Adequacy:
     lag = world.data.stride
     pair = weight[lag:] * weight[:-lag]
     neighbours = (surprise[lag:] * surprise[:-lag] * pair).sum() / pair.sum()
-    name = max(last.surprise, key=lambda key: last.surprise[key])
+    term = max(last.surprise, key=lambda key: last.surprise[key])
     return Adequacy(
         kurtosis=kurtosis(surprise, weight),
         kurtosis_deviation=float(np.sqrt(24.0 / weight.sum())),
@@ -129,7 +130,7 @@ def adequacy(solver: Solver, found: Search, seed: int) -> Adequacy:
         unequal_noise=unequal_noise(surprise, world.data),
         misjudgement=misjudgement(everybody, chance),
         staleness=staleness(everybody, chance),
-        remaining=(name, float(last.surprise[name])),
+        remaining=(term, float(last.surprise[term])),
         driver_minutes=sum(one.data.seconds for one in worlds) / 60,
     )
 

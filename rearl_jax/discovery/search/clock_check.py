@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rearl_jax.discovery.observe.clocks import NAME, Clocks, Estimate, Pairs, Shifts
+from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, Clocks, Estimate, Pairs, Shifts
 from rearl_jax.discovery.observe.fit import Fit, on_others
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
@@ -87,7 +87,7 @@ def put_right(solver: Solver, shifts: Shifts, base: Fit) -> PutRight:
     (world,) = on_others(solver, shifts.data, [base])
     before, values, best = world.penalised(), shifts.values, None
     for _ in range(LOOKS):
-        seen = scores(solver, [world])[0][NAME]
+        seen = scores(solver, [world])[0][CLOCK_OFFSET]
         estimate = shifts.estimate(values, seen.driver_score, seen.driver_information)
         values, data = estimate.values, shifts.corrected(estimate.values)
         (world,) = on_others(solver, data, [base])

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from rearl_jax.discovery.observe.candidates import LENS
 from rearl_jax.discovery.observe.closed_loop import gap_errors
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
@@ -63,7 +64,7 @@ def lens_confirmed(solver: Solver, found: Search, seed: int) -> bool:
     distortion, which takes other irregularities in as well.
     """
     for turn in found.rounds:
-        if turn.chosen is not None and turn.chosen.candidate.name == "lens":
+        if turn.chosen is not None and turn.chosen.candidate.term == LENS:
             before, after = gap_errors(solver, found.checked, [turn.base, turn.chosen.fit])
             return _share_worse(before, after, seed) < 0.5
     return True

@@ -1,52 +1,56 @@
-"""Candidates that are easily taken for one another: where one fires, all are fitted and compete.
+"""Candidates that are easily taken for one another: where one exceeds chance, all are fitted and compete.
 
 Source: share of a candidate's detectable signal that another can imitate, from the projected Fisher information.
 """
 
+from collections.abc import Sequence
+
+from rearl_jax.discovery.observe.candidates import Term
+
+
+def _family(*effects: str, on: Sequence[str] = (), time_gap_on: Sequence[str] = ()) -> tuple[Term, ...]:
+    """Effects, and curves of the acceleration and of the time gap over variables."""
+    return (
+        *(Term(effect) for effect in effects),
+        *(Term("dependence", variable) for variable in on),
+        *(Term("time_gap_dependence", variable) for variable in time_gap_on),
+    )
+
+
 FAMILIES = (
-    ("grade", "speed_limit", "lens", "dependence.position"),
-    ("weather", "dependence.time"),
-    ("reaction_delay", "leader_acceleration", "several_leaders"),
-    ("speed_dependent_time_gap", "resignation"),
-    ("relaxation", "dependence.time_since_change", "time_gap_dependence.time_since_change"),
-    (
-        "lane_friction",
-        "no_undertaking",
-        "dependence.speed_beside",
-        "dependence.vehicles_beside",
-        "time_gap_dependence.vehicles_beside",
+    _family("grade", "speed_limit", "lens", on=("position",)),
+    _family("weather", on=("time",)),
+    _family("reaction_delay", "leader_acceleration", "several_leaders"),
+    _family("speed_dependent_time_gap", "resignation"),
+    _family("relaxation", on=("time_since_change",), time_gap_on=("time_since_change",)),
+    _family(
+        "lane_friction", "no_undertaking", on=("speed_beside", "vehicles_beside"), time_gap_on=("vehicles_beside",)
     ),
-    ("rear_pressure", "dependence.follower_gap", "time_gap_dependence.follower_gap"),
-    ("leader_class", "dependence.leader_length", "time_gap_dependence.leader_length", "clock_offset"),
-    ("dependence.lateral_offset", "time_gap_dependence.lateral_offset"),
-    ("lane_desired_speed", "dependence.lane"),
-    ("asymmetry", "dependence.approach_rate"),
+    _family("rear_pressure", on=("follower_gap",), time_gap_on=("follower_gap",)),
+    _family("leader_class", "clock_offset", on=("leader_length",), time_gap_on=("leader_length",)),
+    _family(on=("lateral_offset",), time_gap_on=("lateral_offset",)),
+    _family("lane_desired_speed", on=("lane",)),
+    _family("asymmetry", on=("approach_rate",)),
 )
 
 KINSHIPS = (
     *FAMILIES,
-    ("several_leaders", "variance_driven_time_gap", "dependence.second_gap", "dependence.leader_acceleration"),
-    (
-        "reaction_delay",
-        "leader_acceleration",
-        "dependence.leader_acceleration",
-        "asymmetry",
-        "dependence.approach_rate",
-    ),
-    ("speed_dependent_time_gap", "resignation", "dependence.speed", "dependence.gap"),
-    ("speed_limit", "grade", "weather", "dependence.time", "dependence.position", "lens", "dependence.speed"),
-    ("relaxation", "dependence.gap", "dependence.second_gap"),
+    _family("several_leaders", "variance_driven_time_gap", on=("second_gap", "leader_acceleration")),
+    _family("reaction_delay", "leader_acceleration", "asymmetry", on=("leader_acceleration", "approach_rate")),
+    _family("speed_dependent_time_gap", "resignation", on=("speed", "gap")),
+    _family("speed_limit", "grade", "weather", "lens", on=("time", "position", "speed")),
+    _family("relaxation", on=("gap", "second_gap")),
 )
 """Candidates of which one may be no more than what another, of a slightly other form, has left."""
 
 
-def with_families(names: set[str], known: set[str]) -> set[str]:
+def with_families(terms: set[Term], known: set[Term]) -> set[Term]:
     """The candidates and all members of their families that there are."""
-    related = {member for family in FAMILIES if names & set(family) for member in family}
-    return names | (related & known)
+    related = {member for family in FAMILIES if terms & set(family) for member in family}
+    return terms | (related & known)
 
 
-def are_kin(one: str, other: str) -> bool:
+def are_kin(one: Term, other: Term) -> bool:
     """Whether one may be a remainder of the other."""
     return any(one in kinship and other in kinship for kinship in KINSHIPS)
 
@@ -67,10 +71,10 @@ APART = {
 """What data would tell candidates apart; a free curve goes by the name of its variable."""
 
 
-def told_apart_by(name: str, chosen: list[str]) -> str:
-    """What data would tell a candidate from those that were chosen."""
+def told_apart_by(term: Term, chosen: Sequence[Term]) -> str:
+    """Data that would tell a candidate from those that were chosen."""
     for other in chosen:
         for pair, words in APART.items():
-            if {one.rpartition(".")[2] for one in (name, other)} == set(pair):
+            if {member.variable or member.effect for member in (term, other)} == set(pair):
                 return words
     return "more drivers, or a wider range of what they depend on"

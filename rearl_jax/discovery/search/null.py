@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, Noise
 from rearl_jax.discovery.observe.solver import Solver, World, copied
 from rearl_jax.discovery.read.smoothing import cut_off, smoothed
@@ -20,24 +21,24 @@ AT_ONCE = 1200
 class Null:
     """Mean and standard deviation of each candidate's evidence where nothing is missing [nats]."""
 
-    mean: dict[str, float]
-    spread: dict[str, float]
+    mean: dict[Term, float]
+    spread: dict[Term, float]
     replicates: int
 
-    def excess(self, evidence: dict[str, float]) -> dict[str, float]:
+    def excess(self, evidence: dict[Term, float]) -> dict[Term, float]:
         """Evidence above the null's mean [nats]."""
-        return {name: value - max(self.mean[name], THRESHOLDS.least_null_mean) for name, value in evidence.items()}
+        return {term: value - max(self.mean[term], THRESHOLDS.least_null_mean) for term, value in evidence.items()}
 
-    def luck(self, name: str) -> float:
+    def luck(self, term: Term) -> float:
         """Evidence for a candidate that is to be had where nothing is missing [nats]."""
-        return max(self.mean[name], 0.0)
+        return max(self.mean[term], 0.0)
 
-    def surprise(self, evidence: dict[str, float]) -> dict[str, float]:
+    def surprise(self, evidence: dict[Term, float]) -> dict[Term, float]:
         """Evidence above the null's mean in standard deviations of the null [-]."""
         excess = self.excess(evidence)
-        return {name: value / max(self.spread[name], THRESHOLDS.least_null_spread) for name, value in excess.items()}
+        return {term: value / max(self.spread[term], THRESHOLDS.least_null_spread) for term, value in excess.items()}
 
-    def threshold(self, surprise: float) -> dict[str, float]:
+    def threshold(self, surprise: float) -> dict[Term, float]:
         """Evidence of each candidate at a surprise [nats]."""
         return {
             name: max(self.mean[name], THRESHOLDS.least_null_mean)
@@ -134,7 +135,7 @@ def null_of(
         seed: Of the random numbers.
         progress: Called with the replicates done and wanted.
     """
-    found: list[dict[str, float]] = []
+    found: list[dict[Term, float]] = []
     for worlds in noise_alone(solver, world, noise, replicates, seed):
         seen = scores(solver, worlds)
         found += [evidences(one, score, solver.layout) for one, score in zip(worlds, seen, strict=True)]
@@ -143,7 +144,7 @@ def null_of(
     return summarise(found)
 
 
-def summarise(found: Sequence[dict[str, float]]) -> Null:
+def summarise(found: Sequence[dict[Term, float]]) -> Null:
     """Mean and spread over replicates."""
     names = found[0]
     values = {name: np.array([one[name] for one in found]) for name in names}

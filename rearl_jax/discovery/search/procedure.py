@@ -6,8 +6,8 @@ from itertools import takewhile
 
 import numpy as np
 
-from rearl_jax.discovery.observe.candidates import Layout
-from rearl_jax.discovery.observe.clocks import NAME, Clocks
+from rearl_jax.discovery.observe.candidates import Layout, Term
+from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, Clocks
 from rearl_jax.discovery.observe.fit import Fit, on_others, with_others
 from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.solver import Solver, World
@@ -20,7 +20,7 @@ from rearl_jax.discovery.search.refit import rebased, refit
 from rearl_jax.discovery.search.screen import Score, clock_evidence, evidences, scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
-UNDERSTATED = frozenset({"reaction_delay"})
+UNDERSTATED = frozenset({Term("reaction_delay")})
 """What is fitted wherever it fires: drivers who were calibrated without a delay have taken most of it in, and
 the score, which looks at delays close to none, sees little.
 """
@@ -45,10 +45,10 @@ class Round:
     """
 
     base: Fit
-    evidence: dict[str, float]
-    excess: dict[str, float]
-    surprise: dict[str, float]
-    firing: frozenset[str]
+    evidence: dict[Term, float]
+    excess: dict[Term, float]
+    surprise: dict[Term, float]
+    firing: frozenset[Term]
     trials: list[Trial]
     held: list[Trial]
     clock_surprise: float = 0.0
@@ -89,12 +89,12 @@ class Search:
 
     layout: Layout
     null: Null
-    first_scores: dict[str, Score]
+    first_scores: dict[Term, Score]
     checked: Measured
     clocks: ClockCheck | None = None
     rounds: list[Round] = field(default_factory=list)
     rejected: list[Trial] = field(default_factory=list)
-    excluded: frozenset[str] = frozenset()
+    excluded: frozenset[Term] = frozenset()
 
     @property
     def before(self) -> Fit:
@@ -148,7 +148,7 @@ def search(
     null_for: Callable[[Fit], Null],
     report: Report,
     *,
-    excluded: frozenset[str] = frozenset(),
+    excluded: frozenset[Term] = frozenset(),
 ) -> Search:
     """The loop: until nothing more fires, or nothing that fires is believed.
 
@@ -168,10 +168,8 @@ def search(
     (seen,) = scores(solver, [everybody.world])
     found = Search(solver.layout, null, seen, checked, excluded=excluded)
     clocks = None
-    if (
-        NAME not in excluded
-        and null.surprise({NAME: clock_evidence(everybody.world, seen)})[NAME] > THRESHOLDS.candidate_z_score
-    ):
+    of_clocks = null.surprise({CLOCK_OFFSET: clock_evidence(everybody.world, seen)})[CLOCK_OFFSET]
+    if CLOCK_OFFSET not in excluded and of_clocks > THRESHOLDS.candidate_z_score:
         report("comparing clocks", 0, 1)
         clocks = check_clocks(solver, base, checked)
     while len(found.added) <= THRESHOLDS.most_effects:
@@ -197,54 +195,56 @@ def in_time(solver: Solver, found: Search, data: Measured) -> Measured:
     return data if found.clocks is None else put_right(solver, Clocks(data), found.clocks.base).data
 
 
-def _round(solver: Solver, base: Fit, everybody: World, seen: dict[str, Score], found: Search, report: Report) -> Round:
+def _round(
+    solver: Solver, base: Fit, everybody: World, seen: dict[Term, Score], found: Search, report: Report
+) -> Round:
     """The next turn from a model and its scores."""
     layout, null, added = solver.layout, found.null, found.added
     report(f"looking for effects, round {len(added) + 1}", 0, 1)
-    left = {NAME, *layout.candidates} - {*base.world.active, *found.excluded - {NAME}}
-    evidence = {name: value for name, value in evidences(everybody, seen, layout).items() if name in left}
-    fires = {name for name, surprise in null.surprise(evidence).items() if surprise > THRESHOLDS.candidate_z_score}
-    clock_surprise = null.surprise({NAME: evidence.pop(NAME)})[NAME]
+    left = {CLOCK_OFFSET, *layout.candidates} - {*base.world.active, *found.excluded - {CLOCK_OFFSET}}
+    evidence = {term: value for term, value in evidences(everybody, seen, layout).items() if term in left}
+    fires = {term for term, surprise in null.surprise(evidence).items() if surprise > THRESHOLDS.candidate_z_score}
+    clock_surprise = null.surprise({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
     excess, surprise, known = null.excess(evidence), null.surprise(evidence), set(evidence)
     if len(added) == THRESHOLDS.most_effects or not fires:
         return Round(base, evidence, excess, surprise, frozenset(fires & known), [], [], clock_surprise)
-    order = sorted(evidence, key=lambda name: -excess[name])
+    order = sorted(evidence, key=lambda term: -excess[term])
     firing = with_families(fires, known) & known
-    tried = {name for name in order[: THRESHOLDS.leading_fitted] if excess[name] > THRESHOLDS.fitting_excess}
-    tried |= with_families({name for name in order[:2] if name in tried} | fires & {NAME}, known) & known
+    tried = {term for term in order[: THRESHOLDS.leading_fitted] if excess[term] > THRESHOLDS.fitting_excess}
+    tried |= with_families({term for term in order[:2] if term in tried} | fires & {CLOCK_OFFSET}, known) & known
     tried |= fires & UNDERSTATED & known
-    fits: dict[str, Fit] = {}
+    fits: dict[Term, Fit] = {}
     while True:
-        new = [layout.candidates[name] for name in order if name in tried - fits.keys()]
+        new = [layout.candidates[term] for term in order if term in tried - fits.keys()]
         fits |= refit(solver, base, new, seen, lambda k, n: report("fitting candidates", k, n))
         base = rebased(solver, base, fits)
         report("checking on other drivers", 0, 1)
         trials = _trials(solver, base, fits, found)
         held = believed([one for one in trials if _is_significant(one, firing) and _is_news(one, added)])
         # Nothing is added before all that it is easily taken for have been tried as well.
-        tried = with_families({one.candidate.name for one in held[:1]}, known)
+        tried = with_families({one.candidate.term for one in held[:1]}, known)
         if tried <= fits.keys():
-            surprise |= {one.candidate.name: 0.0 for one in trials if _is_of_numerics(one)}
+            surprise |= {one.candidate.term: 0.0 for one in trials if _is_of_numerics(one)}
             return Round(base, evidence, excess, surprise, frozenset(firing), trials, held, clock_surprise)
 
 
-def _trials(solver: Solver, base: Fit, fits: dict[str, Fit], found: Search) -> list[Trial]:
+def _trials(solver: Solver, base: Fit, fits: dict[Term, Fit], found: Search) -> list[Trial]:
     """How every candidate that was fitted fared."""
     other_base, *others = on_others(solver, found.checked, [base, *fits.values()])
     return [
-        trial(solver, fit, base.world, other, other_base, found.null.luck(name))
-        for (name, fit), other in zip(fits.items(), others, strict=True)
+        trial(solver, fit, base.world, other, other_base, found.null.luck(term))
+        for (term, fit), other in zip(fits.items(), others, strict=True)
     ]
 
 
-def _is_significant(one: Trial, firing: Collection[str]) -> bool:
+def _is_significant(one: Trial, firing: Collection[Term]) -> bool:
     """Whether a candidate fires, or is so much better in full than at a glance that it needs not."""
-    return not _is_of_numerics(one) and (one.candidate.name in firing or one.total > THRESHOLDS.total_below_z_score)
+    return not _is_of_numerics(one) and (one.candidate.term in firing or one.total > THRESHOLDS.total_below_z_score)
 
 
 def _is_of_numerics(one: Trial) -> bool:
     """Whether it is a reaction delay of less than a moment, which is not of the driver."""
-    if one.candidate.name != "reaction_delay":
+    if one.candidate.term != Term("reaction_delay"):
         return False
     (place,) = one.candidate.free
     return bool(abs(one.fit.world.theta[place]) < one.fit.world.data.dt)
@@ -256,7 +256,7 @@ def _is_news(one: Trial, added: list[Trial]) -> bool:
         return False
 
     def may_be_remainder(other: Trial) -> bool:
-        return is_free(one) or is_free(other) or are_kin(one.candidate.name, other.candidate.name)
+        return is_free(one) or is_free(other) or are_kin(one.candidate.term, other.candidate.term)
 
     return all(one.total > THRESHOLDS.confounded_share * other.total for other in added if may_be_remainder(other))
 

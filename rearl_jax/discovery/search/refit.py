@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rearl_jax.discovery.observe.candidates import Candidate, Layout
+from rearl_jax.discovery.observe.candidates import Candidate, Layout, Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, best_noise, noises
 from rearl_jax.discovery.observe.solver import Solver, World, copied, with_gain
@@ -30,11 +30,12 @@ LONGEST_SECTION = 8
 def starts(candidate: Candidate, score: Score, world: World, layout: Layout) -> list[np.ndarray]:
     """Values of theta from which a candidate is searched."""
     theta = world.theta
-    if candidate.name == "reaction_delay":
+    effect = candidate.term.effect if candidate.term.is_effect else ""
+    if effect == "reaction_delay":
         return [_with(theta, layout, {"reaction_delay.delay": delay}) for delay in DELAYS]
-    if candidate.name in ("grade", "speed_limit"):
-        return _sections(candidate.name, score, world, layout)
-    if candidate.name == "weather":
+    if effect in ("grade", "speed_limit"):
+        return _sections(effect, score, world, layout)
+    if effect == "weather":
         return _onsets(score, theta, layout)
     start = theta.copy()
     if set(candidate.look) <= set(candidate.free):
@@ -116,9 +117,9 @@ def refit(
     solver: Solver,
     base: Fit,
     candidates: Sequence[Candidate],
-    found: dict[str, Score],
+    found: dict[Term, Score],
     progress: Callable[[int, int], None] | None = None,
-) -> dict[str, Fit]:
+) -> dict[Term, Fit]:
     """Every candidate added to the model and fitted.
 
     Args:
@@ -132,23 +133,23 @@ def refit(
     lower = [sd for sd in ACCELERATIONS if sd <= base.noise.acceleration] or [ACCELERATIONS[0]]
     fits = {}
     for number, candidate in enumerate(candidates):
-        active = (*base.world.active, candidate.name)
+        active = (*base.world.active, candidate.term)
         worlds = [
             copied(base.world, theta=theta, active=active)
-            for theta in starts(candidate, found[candidate.name], base.world, solver.layout)
+            for theta in starts(candidate, found[candidate.term], base.world, solver.layout)
         ]
         solver.solve(worlds, iterations=15, tolerance=0.3)
         best = min(worlds, key=lambda world: world.log[-1])
         noise, _ = best_noise(solver, best, noises(base.noise, lower[-TRIED:]))
         best = with_gain(best, noise.gain(best.data.dt, best.data.stride))
         solver.solve([best], iterations=20, tolerance=0.05)
-        fits[candidate.name] = Fit(candidate, best, noise)
+        fits[candidate.term] = Fit(candidate, best, noise)
         if progress is not None:
             progress(number + 1, len(candidates))
     return fits
 
 
-def rebased(solver: Solver, base: Fit, fits: dict[str, Fit]) -> Fit:
+def rebased(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> Fit:
     """The model without the candidates, fitted again from each one's drivers, under its noise: a stuck baseline would
     hand every candidate the same false gain.
     """

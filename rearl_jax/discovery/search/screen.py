@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe import clocks
-from rearl_jax.discovery.observe.candidates import Layout
+from rearl_jax.discovery.observe.candidates import Layout, Term
 from rearl_jax.discovery.observe.solver import CLASSES, Solver, World
 
 PRIOR_WIDTHS = (0.35, 1.0, 2.0)
@@ -42,17 +42,17 @@ class Score:
         return np.linalg.lstsq(self.information, self.score, rcond=1e-9)[0]
 
 
-def scores(solver: Solver, worlds: Sequence[World]) -> list[dict[str, Score]]:
+def scores(solver: Solver, worlds: Sequence[World]) -> list[dict[Term, Score]]:
     """Scores of every candidate in worlds that have been solved with the same additions."""
     layout = solver.layout
     kept = solver.programs.free(worlds[0].active)
     looked = sorted({place for candidate in layout.candidates.values() for place in candidate.look} - set(kept))
     places = (*kept, *looked)
     where = {place: k for k, place in enumerate(places)}
-    names = {name: tuple(where[place] for place in candidate.look) for name, candidate in layout.candidates.items()}
-    groups = tuple(sorted(set(names.values())))
-    numbered = {name: (groups.index(group), group) for name, group in names.items()}
-    numbered[clocks.NAME] = len(groups), tuple(range(len(places), len(places) + clocks.MOST_LEADERS))
+    of_term = {term: tuple(where[place] for place in candidate.look) for term, candidate in layout.candidates.items()}
+    groups = tuple(sorted(set(of_term.values())))
+    numbered = {term: (groups.index(group), group) for term, group in of_term.items()}
+    numbered[clocks.CLOCK_OFFSET] = len(groups), tuple(range(len(places), len(places) + clocks.MOST_LEADERS))
     return [
         _scores(world, sums, numbered, np.array(kept, int), layout)
         for world, sums in zip(worlds, solver.look(worlds, places, groups), strict=True)
@@ -62,10 +62,10 @@ def scores(solver: Solver, worlds: Sequence[World]) -> list[dict[str, Score]]:
 def _scores(
     world: World,
     sums: dict[str, np.ndarray],
-    groups: dict[str, tuple[int, tuple[int, ...]]],
+    groups: dict[Term, tuple[int, tuple[int, ...]]],
     free: np.ndarray,
     layout: Layout,
-) -> dict[str, Score]:
+) -> dict[Term, Score]:
     variance, n_kept, n_own = world.variance, len(free), layout.prior.size
     gradient, nuisance = sums["gradient"] / variance, sums["nuisance"] / variance
     away = world.z - world.mean[world.truck]
@@ -99,34 +99,34 @@ def _scores(
         across = np.linalg.solve(inner, kept).T
         score = score - across @ (score[:n_kept] - (world.theta - layout.reference)[free] / scale**2)
     found = {}
-    for name, (number, group) in groups.items():
+    for term, (number, group) in groups.items():
         index = np.array(group)
         own = sums[f"block_{number}"] / variance
         own = own - np.einsum("dij,dik->djk", coupling[:, :, index], response[:, :, index])
         information = own.sum(axis=0) - across[index] @ kept[:, index]
         for pull, answer in pulls:
             information = information - pull[:, index].T @ answer[:, index]
-        found[name] = Score(score[index], (information + information.T) / 2, driver_score[:, index], own)
+        found[term] = Score(score[index], (information + information.T) / 2, driver_score[:, index], own)
     return found
 
 
-def clock_evidence(world: World, found: dict[str, Score]) -> float:
+def clock_evidence(world: World, found: dict[Term, Score]) -> float:
     """Evidence [nats] for clocks that differ, from the scores of a world."""
-    score = found[clocks.NAME]
+    score = found[clocks.CLOCK_OFFSET]
     return clocks.Clocks(world.data).evidence(score.driver_score, score.driver_information)
 
 
-def evidences(world: World, found: dict[str, Score], layout: Layout) -> dict[str, float]:
+def evidences(world: World, found: dict[Term, Score], layout: Layout) -> dict[Term, float]:
     """Evidence [nats] of every candidate; the least over leaving out one driver where it is positive."""
-    evidence = {clocks.NAME: clock_evidence(world, found)}
-    for name, candidate in layout.candidates.items():
-        score, scale = found[name], layout.scale[list(candidate.look)]
+    evidence = {clocks.CLOCK_OFFSET: clock_evidence(world, found)}
+    for term, candidate in layout.candidates.items():
+        score, scale = found[term], layout.scale[list(candidate.look)]
         value = float(_evidence(score.score[None], score.information[None], scale)[0])
         if value > 0 and len(score.driver_score) > 1:
             without = score.score - score.driver_score
             rest = score.information - score.driver_information
             value = float(min(value, _evidence(without, rest, scale).min()))
-        evidence[name] = value
+        evidence[term] = value
     return evidence
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
+from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, PULL, Gain, Noise
 from rearl_jax.discovery.observe.solver import new_world
 from rearl_jax.discovery.search.null import driver_noise, simulate_again
@@ -65,7 +66,7 @@ def test_derivatives_are_those_of_finite_differences(solver, calibrated, name):
     world, _ = calibrated
     step = 1e-5 if name != "lens" else 1e-3
     layout = solver.layout
-    look = layout.candidates[name].look
+    look = layout.candidates[Term(name)].look
     start = layout.reference.copy()
     start[list(look)] += 2.0 * np.sin(np.arange(len(look))) if name == "lens" else 0.0
     place = look[min(4, len(look) - 1)]
@@ -73,13 +74,13 @@ def test_derivatives_are_those_of_finite_differences(solver, calibrated, name):
     def errors(change: float) -> np.ndarray:
         theta = start.copy()
         theta[place] += change
-        moved = replace(world, theta=theta, active=(name,))
+        moved = replace(world, theta=theta, active=(Term(name),))
         return solver.innovations([moved])[0]
 
     slope = (errors(step) - errors(-step)) / (2 * step) * world.data.weight
-    here = replace(world, theta=start, active=(name,))
+    here = replace(world, theta=start, active=(Term(name),))
     solver.sums([here])
-    k = 5 + layout.candidates[name].free.index(place)
+    k = 5 + layout.candidates[Term(name)].free.index(place)
     square = np.bincount(world.data.driver, (slope**2).sum(axis=0))
     gradient = np.bincount(world.data.driver, (slope * errors(0.0)).sum(axis=0))
     assert square.min() > 0

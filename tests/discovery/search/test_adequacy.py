@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.moments import Programs
@@ -64,7 +65,7 @@ def test_restless_drivers_are_not_taken_for_late_ones(solver, calibrated):
 
 
 LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "autocorrelation": 0.01,
-        "unequal_noise": {}, "misjudgement": -1.0, "staleness": 0.5, "remaining": ("grade", 1.0),
+        "unequal_noise": {}, "misjudgement": -1.0, "staleness": 0.5, "remaining": (Term("grade"), 1.0),
         "driver_minutes": 70.0}  # fmt: skip
 
 

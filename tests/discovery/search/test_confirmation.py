@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.discovery.observe.candidates import LENS, Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.solver import copied
 from rearl_jax.discovery.search.clock_check import ClockCheck
@@ -26,10 +27,10 @@ def search_that_added(solver, calibrated, *added):
     rounds, fit = [], Fit(None, world, noise)
     gains = world.penalised() * 0.0 + 10.0
     for name, values in added:
-        candidate = solver.layout.candidates[name]
+        candidate = solver.layout.candidates[Term.read(name)]
         theta = fit.world.theta.copy()
         theta[list(candidate.free)] = values
-        changed = copied(world, theta=theta, active=(*fit.world.active, name))
+        changed = copied(world, theta=theta, active=(*fit.world.active, candidate.term))
         solver.sums([changed])
         trial = Trial(candidate, Fit(candidate, changed, noise), gains, gains, 0.0)
         rounds.append(Round(fit, {}, {}, {}, frozenset(), [trial], [trial]))
@@ -71,7 +72,7 @@ def test_a_later_addition_that_makes_simulations_worse_goes_alone(solver, calibr
 
 def test_a_distortion_that_makes_simulations_worse_is_not_believed(solver, calibrated):
     assert lens_confirmed(solver, search_with(solver, calibrated, 1.2), 0)  # there is none
-    wave = np.cos(np.arange(len(solver.layout.candidates["lens"].free)))
+    wave = np.cos(np.arange(len(solver.layout.candidates[LENS].free)))
     assert lens_confirmed(solver, search_that_added(solver, calibrated, ("lens", 0.0 * wave)), 0)  # no worse
     assert not lens_confirmed(solver, search_that_added(solver, calibrated, ("lens", 12.0 * wave)), 0)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.discovery.observe import clocks
+from rearl_jax.discovery.observe.candidates import Candidate, Term
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR
 from rearl_jax.discovery.observe.fit import Fit, with_others
 from rearl_jax.discovery.observe.kalman import Noise
@@ -49,21 +50,21 @@ def test_drivers_are_found_again(solver, calibrated):
 def test_what_is_planted_in_the_model_is_what_the_screen_sees(solver, calibrated):
     """Drives simulated with leader acceleration, screened without it."""
     world, _ = calibrated
-    layout, name = solver.layout, "leader_acceleration"
+    layout, term = solver.layout, Term("leader_acceleration")
     theta = layout.reference.copy()
-    theta[layout.places[f"{name}.gain"][0]] = 0.5
-    planted = replace(world, theta=theta, active=(name,))
+    theta[layout.places["leader_acceleration.gain"][0]] = 0.5
+    planted = replace(world, theta=theta, active=(term,))
     again = simulate_again(solver, planted, Noise(0.1, 1.5, 0.1), np.random.default_rng(0))
     again = replace(again, active=(), theta=layout.reference.copy(), z=world.z.copy(), mean=world.mean.copy())
     solver.solve([again], iterations=12)
     (found,) = scores(solver, [again])
     evidence = evidences(again, found, layout)
     best = max(evidence, key=lambda key: evidence[key])
-    assert best in (name, f"dependence.{name}")
-    assert evidence[name] > 10
-    place = layout.candidates[name].look.index(layout.places[f"{name}.gain"][0])
-    assert found[name].fitted()[place] == pytest.approx(0.5, abs=0.25)
-    assert price(solver, replace(planted, sums=_sums(solver, planted)), layout.candidates[name].free) > 0
+    assert best in (term, Term("dependence", "leader_acceleration"))
+    assert evidence[term] > 10
+    place = layout.candidates[term].look.index(layout.places["leader_acceleration.gain"][0])
+    assert found[term].fitted()[place] == pytest.approx(0.5, abs=0.25)
+    assert price(solver, replace(planted, sums=_sums(solver, planted)), layout.candidates[term].free) > 0
 
 
 def _sums(solver, world):
@@ -75,50 +76,50 @@ def _sums(solver, world):
 def test_candidates_on_top_of_what_was_added_are_scored_without_it(solver, calibrated):
     """Once an effect is in the model, its own direction has nothing left to say."""
     world, _ = calibrated
-    name = "speed_dependent_time_gap"
-    added = replace(world, active=(name,), z=world.z.copy(), mean=world.mean.copy(), log=[])
+    term = Term("speed_dependent_time_gap")
+    added = replace(world, active=(term,), z=world.z.copy(), mean=world.mean.copy(), log=[])
     solver.solve([added], iterations=15)
     (found,) = scores(solver, [added])
-    assert abs(found[name].score[0]) < 1e-2 * np.sqrt(found["asymmetry"].information[0, 0]) + 1.0
-    assert found[name].information[0, 0] < 1 / solver.layout.scale[list(solver.layout.candidates[name].look)][0] ** 2
+    assert abs(found[term].score[0]) < 1e-2 * np.sqrt(found[Term("asymmetry")].information[0, 0]) + 1.0
+    assert found[term].information[0, 0] < 1 / solver.layout.scale[list(solver.layout.candidates[term].look)][0] ** 2
 
 
 def test_the_screen_sees_with_everybody_what_the_fitted_alone_hardly_show(solver, calibrated):
     """A small effect in drives of all, one half of whom is fitted."""
     world, noise = calibrated
-    layout, name = solver.layout, "leader_acceleration"
+    layout, term = solver.layout, Term("leader_acceleration")
     theta = layout.reference.copy()
-    theta[layout.places[f"{name}.gain"][0]] = 0.3
-    planted = simulate_again(solver, replace(world, theta=theta, active=(name,)), noise, np.random.default_rng(1))
+    theta[layout.places["leader_acceleration.gain"][0]] = 0.3
+    planted = simulate_again(solver, replace(world, theta=theta, active=(term,)), noise, np.random.default_rng(1))
     data = replace(world.data, y=planted.pieces.y)
     halves = [data.select(np.flatnonzero(data.driver % 2 == half)) for half in (0, 1)]
     alone = Fit(None, *calibrate(solver, halves[0]))
     both = with_others(solver, alone, halves[1])
     assert both.world.data.n_drivers == len(both.world.z) == data.n_drivers
-    evidence = [evidences(one.world, scores(solver, [one.world])[0], layout)[name] for one in (alone, both)]
+    evidence = [evidences(one.world, scores(solver, [one.world])[0], layout)[term] for one in (alone, both)]
     assert evidence[1] > 1.5 * evidence[0] > 0
 
 
 def test_null_counts_nats_above_what_nothing_gives():
-    null = summarise([{"a": -1.0, "b": 4.0}, {"a": 1.0, "b": 8.0}])
-    assert null.mean == {"a": 0.0, "b": 6.0}
+    a, b = Term("a"), Term("b")
+    null = summarise([{a: -1.0, b: 4.0}, {a: 1.0, b: 8.0}])
+    assert null.mean == {a: 0.0, b: 6.0}
     assert null.replicates == 2
-    assert null.excess({"a": 5.0, "b": 5.0}) == {"a": 5.0, "b": -1.0}
-    surprise = null.surprise({"a": 5.0, "b": 12.0})
-    assert surprise["a"] == pytest.approx(5.0 / np.sqrt(2))
+    assert null.excess({a: 5.0, b: 5.0}) == {a: 5.0, b: -1.0}
+    surprise = null.surprise({a: 5.0, b: 12.0})
+    assert surprise[a] == pytest.approx(5.0 / np.sqrt(2))
     # A mean far below zero and a tiny spread must not make the threshold sharp.
-    sharp = Null({"a": -50.0}, {"a": 1e-3}, 30)
-    assert sharp.surprise({"a": 0.0}) == {"a": 3.0}
-    assert sharp.threshold(4.5) == {"a": 1.5}
+    sharp = Null({a: -50.0}, {a: 1e-3}, 30)
+    assert sharp.surprise({a: 0.0}) == {a: 3.0}
+    assert sharp.threshold(4.5) == {a: 1.5}
 
 
 @pytest.fixture
 def trial(calibrated):
     """A trial with given gains."""
-    from rearl_jax.discovery.observe.candidates import Candidate
 
     def make(name, fitted, checked, price=2.0, kind="driver", variable="speed", luck=0.0):
-        candidate, fit = Candidate(name, kind, (0,), (0,), (variable,)), Fit(None, *calibrated)
+        candidate, fit = Candidate(Term(name), kind, (0,), (0,), (variable,)), Fit(None, *calibrated)
         return decision.Trial(candidate, fit, np.asarray(fitted, float), np.asarray(checked, float), price, luck)
 
     return make
@@ -135,8 +136,8 @@ def test_no_single_driver_decides_and_others_must_agree(trial):
     assert trial("a little more", [1.0] * 10, [0.9] * 10).holds
     close = trial("e", [1.9] * 10, [2.0] * 10)
     best = decision.ranked([trial("f", [0.1] * 10, [0.1] * 10), close, broad])
-    assert [one.candidate.name for one in best] == ["b", "e"]
-    assert [one.candidate.name for one in decision.not_told_apart(best)] == ["b", "e"]
+    assert [one.candidate.term.effect for one in best] == ["b", "e"]
+    assert [one.candidate.term.effect for one in decision.not_told_apart(best)] == ["b", "e"]
 
 
 def test_what_is_to_be_had_where_nothing_is_missing_does_not_count(trial):
@@ -145,15 +146,18 @@ def test_what_is_to_be_had_where_nothing_is_missing_does_not_count(trial):
     assert sound.total - lucky.total == 8.0
     assert sound.holds
     assert not lucky.holds
-    assert Null({"a": 8.0, "b": -1.0}, {}, 30).luck("a") == 8.0
-    assert Null({"a": 8.0, "b": -1.0}, {}, 30).luck("b") == 0.0
+    null = Null({Term("a"): 8.0, Term("b"): -1.0}, {}, 30)
+    assert (null.luck(Term("a")), null.luck(Term("b"))) == (8.0, 0.0)
 
 
 def test_what_convinces_others_far_more_is_believed_before_what_holds(trial):
     holds, hardly = trial("holds", [0.7] * 10, [1.5] * 10), trial("hardly", [0.3] * 10, [4.0] * 10)
     loses, close = trial("loses", [0.1] * 10, [4.0] * 10), trial("close", [0.3] * 10, [2.0] * 10)
     assert [one.holds for one in (holds, hardly, loses, close)] == [True, False, False, False]
-    assert [one.candidate.name for one in decision.believed([holds, hardly, loses, close])] == ["hardly", "holds"]
+    assert [one.candidate.term.effect for one in decision.believed([holds, hardly, loses, close])] == [
+        "hardly",
+        "holds",
+    ]
     assert decision.believed([hardly, loses]) == []
 
 
@@ -161,7 +165,7 @@ def test_what_convinces_others_far_more_is_believed_before_what_holds(trial):
 def test_what_is_beaten_by_something_not_believed_is_doubtful(trial, solver, calibrated, fires, doubtful):
     holds, loses = trial("holds", [0.6] * 10, [1.3] * 10), trial("loses", [0.1] * 10, [2.5] * 10)
     assert decision.believed([holds, loses]) == [holds]
-    firing = frozenset({"holds", "loses"} if fires else {"holds"})
+    firing = frozenset({Term("holds"), Term("loses")} if fires else {Term("holds")})
     turn = Round(Fit(None, *calibrated), {}, {}, {}, firing, [holds, loses], [holds])
     search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=[turn])
     assert search.is_doubtful(holds) == doubtful
@@ -174,7 +178,7 @@ def test_a_delay_of_less_than_a_moment_is_of_the_numerics(trial, calibrated, mom
     theta = world.theta.copy()
     theta[list(delay.candidate.free)] = moments * world.data.dt
     delay = replace(delay, fit=Fit(delay.candidate, copied(world, theta=theta), noise))
-    firing = frozenset({"holds", "reaction_delay"})
+    firing = frozenset({Term("holds"), Term("reaction_delay")})
     assert Round(Fit(None, world, noise), {}, {}, {}, firing, [holds, delay], [holds]).is_beaten == counts
 
 
@@ -182,7 +186,9 @@ def test_a_delay_of_less_than_a_moment_is_of_the_numerics(trial, calibrated, mom
 def test_a_name_after_a_free_curve_is_doubtful(trial, solver, calibrated, kinds, doubtful):
     """What the curve left may be of what the curve itself stands for."""
     added = {kind: trial(kind, [0.6] * 10, [0.3] * 10, kind=kind, variable=kind) for kind in kinds}
-    turns = [Round(Fit(None, *calibrated), {}, {}, {}, frozenset({kind}), [one], [one]) for kind, one in added.items()]
+    turns = [
+        Round(Fit(None, *calibrated), {}, {}, {}, frozenset({Term(kind)}), [one], [one]) for kind, one in added.items()
+    ]
     search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=turns)
     assert search.is_doubtful(added["driver"]) == doubtful
     assert not search.is_doubtful(added["generic"])
@@ -196,14 +202,14 @@ def test_a_curve_that_was_taken_back_leaves_its_dependence_and_an_effect_a_contr
 ):
     named = trial("named", [0.6] * 10, [0.3] * 10, variable="speed")
     back = trial("back", [0.6] * 10, [0.3] * 10, kind=kind, variable=variable)
-    turn = Round(Fit(None, *calibrated), {}, {}, {}, frozenset({"named"}), [named], [named])
+    turn = Round(Fit(None, *calibrated), {}, {}, {}, frozenset({Term("named")}), [named], [named])
     search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=[turn], rejected=[back])
     assert search.is_doubtful(named) == doubtful
 
 
 @pytest.mark.parametrize(("staleness", "expected"), [(0.0, "artefact"), (5.0, "unexplained")])
 def test_clocks_that_leave_more_than_noise_do_not_explain_it(solver, calibrated, staleness, expected):
-    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -1.0, staleness, ("grade", 1.0), 70.0)
+    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -1.0, staleness, (Term("grade"), 1.0), 70.0)
     ends = Round(fit, {}, {}, {}, frozenset(), [], [])
     data = calibrated[0].data
     check = ClockCheck(fit, 40.0, 40.0, 0.2, data, data)
@@ -217,7 +223,7 @@ def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, c
     fit, data = Fit(None, *calibrated), calibrated[0].data
     ends = Round(fit, {}, {}, {}, frozenset(), [], [])
     found = Search(solver.layout, Null({}, {}, 1), {}, data, ClockCheck(fit, 9.0, 9.0, 0.2, data, data), rounds=[ends])
-    rough = Adequacy(0.3, 0.02, 0.3, 0.0, {}, -4.0, -1.0, ("grade", 1.0), 70.0)
+    rough = Adequacy(0.3, 0.02, 0.3, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
     assert not rough.is_enough
     assert verdict_of(found, [], rough) == "artefact"
     assert verdict_of(found, [], replace(rough, staleness=2.4)) == "unexplained"
@@ -226,8 +232,8 @@ def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, c
 
 @pytest.mark.parametrize(("surprise", "expected"), [(2.0, "named"), (12.0, "unexplained")])
 def test_what_leaves_shifts_between_pairs_is_not_named(trial, solver, calibrated, surprise, expected):
-    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -4.0, -1.0, ("grade", 1.0), 70.0)
-    holds = replace(trial("holds", [0.6] * 10, [0.3] * 10), candidate=solver.layout.candidates["several_leaders"])
+    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
+    holds = replace(trial("holds", [0.6] * 10, [0.3] * 10), candidate=solver.layout.candidates[Term("several_leaders")])
     first = Round(fit, {}, {}, {}, frozenset(), [holds], [holds], 12.0)
     found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
     found.rounds = [first, replace(first, trials=[], held=[], clock_surprise=surprise)]
@@ -237,20 +243,32 @@ def test_what_leaves_shifts_between_pairs_is_not_named(trial, solver, calibrated
 
 
 def test_confusable_candidates_compete_together():
-    assert families.with_families({"grade"}, {"grade", "speed_limit", "asymmetry"}) == {"grade", "speed_limit"}
-    assert families.are_kin("reaction_delay", "leader_acceleration")
-    assert not families.are_kin("leader_class", "grade")
-    assert "map" in families.told_apart_by("bend", ["speed_limit"])
-    assert families.told_apart_by("time_gap_dependence.leader_length", ["leader_class"]).startswith("trucks")
-    assert families.told_apart_by("dependence.follower_gap", ["leader_class"]).startswith("more drivers")
+    grade, limit, leader_class = Term("grade"), Term("speed_limit"), Term("leader_class")
+    assert families.with_families({grade}, {grade, limit, Term("asymmetry")}) == {grade, limit}
+    assert families.are_kin(Term("reaction_delay"), Term("leader_acceleration"))
+    assert not families.are_kin(leader_class, grade)
+    assert "map" in families.told_apart_by(Term("bend"), [limit])
+    by_length = Term("time_gap_dependence", "leader_length")
+    assert families.told_apart_by(by_length, [leader_class]).startswith("trucks")
+    assert families.told_apart_by(Term("dependence", "follower_gap"), [leader_class]).startswith("more drivers")
+
+
+def test_every_member_of_a_family_is_something_that_is_looked_for(solver):
+    known = {*solver.layout.candidates, clocks.CLOCK_OFFSET}
+    never_changes = {Term("dependence", "lateral_offset"), Term("time_gap_dependence", "lateral_offset")}
+    members = {member for family in families.KINSHIPS for member in family}
+    assert len(members) > 25
+    assert {member for member in members - known if member.variable is None} == set()
+    assert {Term.read(str(member)) for member in members} == members
+    assert never_changes <= members
 
 
 def test_a_twin_stands_behind_the_candidate_that_it_looks_like(solver, calibrated):
-    names = ("reaction_delay", "speed_limit", "asymmetry")
-    fit, evidence = Fit(None, *calibrated), dict(zip(names, (50.0, 40.0, 1.0), strict=True))
+    delay, limit, asymmetry = (Term(name) for name in ("reaction_delay", "speed_limit", "asymmetry"))
+    fit, evidence = Fit(None, *calibrated), dict(zip((delay, limit, asymmetry), (50.0, 40.0, 1.0), strict=True))
     first, second = (
-        decision.Trial(solver.layout.candidates[name], fit, np.full(10, gain), np.full(10, gain), 0.0)
-        for name, gain in (("reaction_delay", 5.0), ("speed_limit", 4.0))
+        decision.Trial(solver.layout.candidates[term], fit, np.full(10, gain), np.full(10, gain), 0.0)
+        for term, gain in ((delay, 5.0), (limit, 4.0))
     )
     rounds = [
         Round(fit, evidence, evidence, evidence, frozenset(evidence), [first, second], held)
@@ -309,7 +327,7 @@ def test_a_search_has_a_start_even_where_nothing_is_seen_of_a_candidate(solver, 
     from rearl_jax.discovery.search.refit import starts
     from rearl_jax.discovery.search.screen import Score
 
-    world, candidate = calibrated[0], solver.layout.candidates[name]
+    world, candidate = calibrated[0], solver.layout.candidates[Term(name)]
     n, n_drivers = len(candidate.look), world.data.n_drivers
     unseen = Score(np.zeros(n), np.zeros((n, n)), np.zeros((n_drivers, n)), np.zeros((n_drivers, n, n)))
     (start,) = starts(candidate, unseen, world, solver.layout)
