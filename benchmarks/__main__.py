@@ -52,7 +52,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 write_object({"task": stored["task"], "results": str(folder)} | stored, output)
         return SLOWER if summary.get("n_slower") else DONE
     except KeyboardInterrupt as stop:
-        print(f"benchmarks: interrupted by {name_of(stop)}", file=sys.stderr)
+        kept = "sizes that were measured are kept, the same command goes on" if said.benchmark == "discover" else ""
+        print(f"benchmarks: interrupted by {name_of(stop)}; {kept or 'nothing is kept'}", file=sys.stderr)
         return exit_code(stop)
     except (options.OptionError, OSError) as error:
         print(f"benchmarks: {error}", file=sys.stderr)

@@ -76,12 +76,15 @@ def test_json_is_the_summary_in_one_line_and_slower_is_a_failure(n_slower, code,
     assert "a table" in said.err
 
 
-def test_an_interruption_has_the_code_of_its_signal(monkeypatch, capsys):
-    class Loop:
+@pytest.mark.parametrize(("benchmark", "kept"), [("loop", "nothing is kept"), ("discover", "the same command goes on")])
+def test_an_interruption_has_the_code_of_its_signal(benchmark, kept, monkeypatch, capsys):
+    class Interrupted:
         @staticmethod
         def run(config):
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(module, "import_module", {"benchmarks.loop": Loop}.get)
-    assert main(["loop"]) == 130
-    assert "interrupted by Ctrl-C" in capsys.readouterr().err
+    monkeypatch.setattr(module, "import_module", lambda name: Interrupted)
+    assert main([benchmark]) == 130
+    said = capsys.readouterr().err
+    assert "interrupted by Ctrl-C" in said
+    assert kept in said
