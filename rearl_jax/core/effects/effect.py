@@ -51,8 +51,8 @@ class Effect(eqx.Module):
         equation: Its equation, in one line.
         source: Where the equation comes from.
         parameters: Of the effect, in the order of its fields.
-        depends_on: Variables it depends on, as a verdict says it; discovery looks for effects that state it, along their
-            strengths.
+        depends_on: Variables it depends on, as a verdict says it; discovery searches effects that state them, along
+            their strengths.
     """
 
     name: ClassVar[str]
