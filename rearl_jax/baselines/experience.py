@@ -23,11 +23,11 @@ class Drive(eqx.Module):
         given: Input of the policy before each second.
         action: Action followed during it, NO_ACTION for none.
         log_share: Logarithm of the probability it was drawn with.
-        value: What the critic expected before the second.
+        value: Expectation of the critic before the second.
         reward: Reward for the second.
         speed: Speed at its end [m/s].
         crashed: Whether the vehicle had crashed by its end.
-        last_value: What the critic expects after the last second.
+        last_value: Expectation of the critic after the last second.
     """
 
     given: PolicyInput

@@ -25,12 +25,12 @@ class Decisions(eqx.Module):
     """Decisions to learn from, in any order.
 
     Attributes:
-        observation: What was seen.
-        admissible: What might have been done.
-        action: What was done.
+        observation: Observation of the vehicle.
+        admissible: Mask of the admissible actions.
+        action: Action taken.
         log_share: Logarithm of the probability of that.
-        advantage: How much better it was than expected.
-        target: What the critic should have expected.
+        advantage: Return beyond the expected one.
+        target: Return the critic should expect.
         weight: 1 where there was a decision, else 0.
     """
 

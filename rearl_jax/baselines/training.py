@@ -79,7 +79,7 @@ class Training:
     """A finished training.
 
     Attributes:
-        network: What was learnt.
+        network: The trained network.
         curve: All updates, `[n_updates]`.
         n_before: Updates that an earlier process had made.
         compile_s: Time of compiling [s].

@@ -34,7 +34,7 @@ class TrainedPolicy:
 
     Attributes:
         network: Its weights.
-        options: How it drives.
+        options: Options of its driving.
         n_lanes: Lanes of the road it has learnt on.
         car_steps: Vehicle-seconds it has learnt from.
         file: Name of its file.

@@ -19,8 +19,8 @@ import numpy as np
 
 from rearl_jax.blind.traffic.dataset import write_tables
 from rearl_jax.blind.traffic.fleet import Fleet, draw_fleet
-from rearl_jax.blind.traffic.heads import draw_profiles
 from rearl_jax.blind.traffic.measurement import measure
+from rearl_jax.blind.traffic.platoon_leaders import draw_profiles
 from rearl_jax.blind.traffic.scenario import SUB_STEP, Scenario
 from rearl_jax.blind.traffic.simulation import COOL_DOWN, WARM_UP, Events, place_platoons
 
@@ -108,7 +108,7 @@ def _order(
     """One simulation as plain values."""
     own = np.flatnonzero(fleet.recording == number)
     every = round(STEP / SUB_STEP)
-    heads = profiles[number * scenario.n_lanes : (number + 1) * scenario.n_lanes, ::every]
+    leader_speeds = profiles[number * scenario.n_lanes : (number + 1) * scenario.n_lanes, ::every]
     names = ("desired_speed", "time_gap", "jam_gap", "max_accel", "comfort_decel", "length", "width")
     return {
         "variant": variant,
@@ -124,7 +124,7 @@ def _order(
         "speed": speed[own].tolist(),
         "lane": fleet.lane[own].tolist(),
         "rank": fleet.rank[own].tolist(),
-        "heads": heads.tolist(),
+        "heads": leader_speeds.tolist(),
     } | {name: getattr(fleet, name)[own].tolist() for name in names}
 
 

@@ -130,14 +130,14 @@ def _simulate(order: dict[str, Any], network: Path, routes: Path) -> dict[str, n
         missing = sorted(set(names) - set(sumo.vehicle.getIDList()))
         if missing:
             raise RuntimeError(f"SUMO did not put {len(missing)} of {len(names)} vehicles on the road")
-        heads = [str(k) for k, rank in enumerate(order["rank"]) if rank == 0]
+        platoon_leaders = [str(k) for k, rank in enumerate(order["rank"]) if rank == 0]
         for name in names:
             sumo.vehicle.setLaneChangeMode(name, 0)
-        for name in heads:
+        for name in platoon_leaders:
             sumo.vehicle.setSpeedMode(name, 0)
         rows: dict[str, list[list[float]]] = {"position": [], "speed": [], "acceleration": [], "lane": []}
         for speeds in np.transpose(order["heads"])[1:]:
-            for name, speed in zip(heads, speeds.tolist(), strict=True):
+            for name, speed in zip(platoon_leaders, speeds.tolist(), strict=True):
                 sumo.vehicle.setSpeed(name, speed)
             sumo.simulationStep()
             # Not the odometer, which starts where each vehicle was put.

@@ -109,8 +109,8 @@ def select_scenarios(values: Values, columns: np.ndarray | slice, n_scenarios: i
 
     Args:
         values: Arrays with the scenarios last.
-        columns: Which scenarios; one may be taken several times.
-        n_scenarios: How many there are.
+        columns: Scenarios to take; one may be taken several times.
+        n_scenarios: Number of scenarios.
         least_ndim: Axes below which an array has no scenario axis; 2 for traffic, whose first axis are the vehicles.
     """
 

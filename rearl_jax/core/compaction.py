@@ -187,7 +187,7 @@ def scatter(values: Array, index: Int[Array, " block"], is_filled: Bool[Array, "
     Args:
         values: Of the block.
         index: Flat indices of the block.
-        is_filled: Which of its places are not empty.
+        is_filled: Mask of its places that are not empty.
         otherwise: Of all vehicles.
     """
     flat = otherwise.ravel()

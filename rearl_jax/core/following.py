@@ -107,7 +107,7 @@ def actuate(
     Args:
         wanted: Acceleration that the drivers want [m/s^2].
         last: Acceleration executed in the last time step [m/s^2].
-        effects: What acts on the vehicles.
+        effects: Effects on the vehicles.
         dt: Time step [s].
     """
     for effect in effects:

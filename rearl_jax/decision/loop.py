@@ -181,7 +181,7 @@ def rollout_with_policy(
             from them in a stream of its own.
         table: References.
         thresholds: Of every scenario.
-        policy: Who decides.
+        policy: Policy that decides.
         model: Road, clock and stages.
         options: Choices of the loop.
         n_seconds: Seconds to simulate [s].

@@ -49,7 +49,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
             num_envs: Number of scenarios.
             scenes: Measured scenes to begin with, each vehicle of each in the place of the controlled one; None to draw
                 the traffic.
-            autoreset_mode: What happens to finished episodes.
+            autoreset_mode: Treatment of finished episodes.
             **options: Fields of `HighwayOptions`.
 
         Raises:

@@ -45,7 +45,7 @@ class Population(eqx.Module):
         noise: Standard deviation [m/s^2] and correlation time [s] of the acceleration's noise.
         length: Mean and standard deviation of the length [m].
         is_truck: Whether a class are trucks.
-        effects: What acts on the drivers beyond car following.
+        effects: Effects on the drivers beyond car following.
         lane_changing: Their MOBIL parameters; None for highway-env's.
         car_following: Name of their car-following model.
         drawn: Names of parameters that stay as they were drawn with the initial state, in all classes.

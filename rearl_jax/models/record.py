@@ -44,7 +44,7 @@ class EffectValues:
     Attributes:
         name: One of `core.effects.EFFECTS`.
         parameters: Values of all its parameters, by name; a list for a curve.
-        variable: What a curve depends on, as of `dependence`; None for effects that are no curves.
+        variable: Variable a curve depends on, as of `dependence`; None for effects that are no curves.
     """
 
     name: str
@@ -74,7 +74,7 @@ class RepairedModel:
     Attributes:
         source: Where it comes from.
         population: Drivers by class, `car` and perhaps `truck`, calibrated together with the effects.
-        effects: What acts on them beyond car following.
+        effects: Effects on them beyond car following.
         baseline: The same drivers calibrated without effects; classes, shares and lengths as in `population`.
         car_following: Name of their car-following model, one of `config.driver.CALIBRATED`.
     """

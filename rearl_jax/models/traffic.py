@@ -54,7 +54,7 @@ def populate(
         state: Initial state.
         drivers: Its drivers, whose rules of lane changing stay where the population has none of its own.
         keys: One random key per scenario.
-        population: Who drives.
+        population: Population of the drivers.
         model: The road.
     """
     n_vehicles, dtype = state.x.shape[0], state.x.dtype

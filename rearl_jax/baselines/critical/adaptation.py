@@ -51,7 +51,7 @@ class Trial:
     Attributes:
         number: Round, from 0; all points of a grid are one round.
         mixture: Its shares.
-        assessment: What it came to.
+        assessment: Its assessment.
         attempts: Answers that were asked for to get it.
         cause: `answered` where somebody gave it; else why it is that of the round before, or where it comes from.
     """
@@ -68,7 +68,7 @@ class Adaptation:
     """Search that gave the mixture of an evaluation.
 
     Attributes:
-        proposer: Who proposed: stats, search, llm, or `GIVEN`.
+        proposer: Origin of the proposals: stats, search, llm, or `GIVEN`.
         mixture: The one that is kept.
         trials: All that were tried out; none where it was given.
         kept: Index of the trial that is kept.

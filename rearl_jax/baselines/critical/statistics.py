@@ -107,7 +107,7 @@ def recorded_mixture(driving: Driving, *, seed: int = 0) -> Mixture:
     active), the last one regular.
 
     Args:
-        driving: How the vehicles drive.
+        driving: Statistics of driving.
         seed: Of k-means.
 
     Raises:

@@ -15,7 +15,7 @@ class Choice:
         gap, rear_gap: Bumper to bumper to them [m]; FAR for nobody.
         gain: In own acceleration [m/s^2].
         cost_to_rear: What the one behind there would lose [m/s^2], positive.
-        gift_to_follower: What the present follower would gain [m/s^2].
+        follower_gain: What the present follower would gain [m/s^2].
         is_possible: Whether the lane exists, there is room, and nobody would have to brake too hard.
     """
 
@@ -26,5 +26,5 @@ class Choice:
     rear_gap: np.ndarray
     gain: np.ndarray
     cost_to_rear: np.ndarray
-    gift_to_follower: np.ndarray
+    follower_gain: np.ndarray
     is_possible: np.ndarray

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rearl_jax.blind.traffic.effect import HiddenEffect
-from rearl_jax.blind.traffic.moment import Moment
+from rearl_jax.blind.traffic.snapshot import Snapshot
 
 HARDEST = 8.0
 """Deceleration on dry asphalt [m/s^2]."""
@@ -17,14 +17,14 @@ LAST_METRE = 1.0
 """Gap [m] an emergency stop leaves."""
 
 
-def desired_over_actual(now: Moment, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
+def desired_over_actual(now: Snapshot, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
     """s* / s [-], with the time gap of the moment."""
     fleet, speed = now.fleet, now.speed[: now.n]
     dynamic = speed * now.time_gap + 0.5 * speed * dv / np.sqrt(fleet.max_accel * fleet.comfort_decel)
     return (fleet.jam_gap + np.maximum(0.0, dynamic)) / np.maximum(gap, 0.3)
 
 
-def wanted_acceleration(now: Moment, effects: Sequence[HiddenEffect]) -> np.ndarray:
+def wanted_acceleration(now: Snapshot, effects: Sequence[HiddenEffect]) -> np.ndarray:
     """Acceleration of the model with everything that is hidden in it [m/s^2], before noise and emergencies."""
     fleet, speed = now.fleet, now.speed[: now.n]
     gap, dv = now.gap_to(now.leader), speed - now.speed[now.leader]
@@ -44,7 +44,7 @@ def wanted_acceleration(now: Moment, effects: Sequence[HiddenEffect]) -> np.ndar
     return value
 
 
-def with_emergencies(value: np.ndarray, now: Moment) -> tuple[np.ndarray, np.ndarray]:
+def with_emergencies(value: np.ndarray, now: Snapshot) -> tuple[np.ndarray, np.ndarray]:
     """Accelerations that nobody crashes with [m/s^2], and who has an emergency.
 
     It is one where the way to a standstill at the hardest braking ends behind that of the leader by less than the last

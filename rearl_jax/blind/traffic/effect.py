@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from rearl_jax.blind.traffic.choice import Choice
-from rearl_jax.blind.traffic.moment import Moment
+from rearl_jax.blind.traffic.snapshot import Snapshot
 
 
 class HiddenEffect:
@@ -27,36 +27,36 @@ class HiddenEffect:
         self.strength = strength
         self.parameters: Mapping[str, float] = {}
 
-    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+    def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         """Called once, before the first step; `section` is the part of the road everybody crosses [m]."""
 
-    def observe(self, now: Moment, dt: float) -> None:
+    def observe(self, now: Snapshot, dt: float) -> None:
         """Called in every step before anything else, for what is remembered."""
 
-    def perceive(self, gap: np.ndarray, dv: np.ndarray, now: Moment) -> tuple[np.ndarray, np.ndarray]:
+    def perceive(self, gap: np.ndarray, dv: np.ndarray, now: Snapshot) -> tuple[np.ndarray, np.ndarray]:
         """Gap [m] and approach rate [m/s] as the driver takes them."""
         return gap, dv
 
-    def desired_speed(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def desired_speed(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """v0 [m/s]."""
         return value
 
-    def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """T [s]."""
         return value
 
-    def interaction(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def interaction(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """(s*/s)^2 [-]."""
         return value
 
-    def acceleration(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """What is added to the model's acceleration is added here [m/s^2]."""
         return value
 
-    def respond(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def respond(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """The acceleration the driver carries out, of the one the driver wants now [m/s^2]."""
         return value
 
-    def gain_of_change(self, value: np.ndarray, choice: Choice, now: Moment) -> np.ndarray:
+    def gain_of_change(self, value: np.ndarray, choice: Choice, now: Snapshot) -> np.ndarray:
         """What a change of lanes pays [m/s^2]."""
         return value

@@ -4,8 +4,8 @@ import numpy as np
 
 from rearl_jax.blind.traffic.driving import desired_over_actual
 from rearl_jax.blind.traffic.effect import HiddenEffect
-from rearl_jax.blind.traffic.moment import Moment
 from rearl_jax.blind.traffic.scenario import SUB_STEP
+from rearl_jax.blind.traffic.snapshot import Snapshot
 
 
 class SlowReaction(HiddenEffect):
@@ -13,13 +13,13 @@ class SlowReaction(HiddenEffect):
 
     truths = ("reaction_delay",)
 
-    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+    def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         """An empty past."""
         self.parameters = {"delay": 0.7 * self.strength}
         self._steps = max(1, round(0.7 * self.strength / SUB_STEP))
         self._past: list[np.ndarray] = []
 
-    def respond(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def respond(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """The wish of a moment ago."""
         self._past.append(value)
         return self._past.pop(0) if len(self._past) > self._steps else self._past[0]
@@ -33,7 +33,7 @@ class Anticipation(HiddenEffect):
 
     truths = ("reaction_delay",)
 
-    def perceive(self, gap: np.ndarray, dv: np.ndarray, now: Moment) -> tuple[np.ndarray, np.ndarray]:
+    def perceive(self, gap: np.ndarray, dv: np.ndarray, now: Snapshot) -> tuple[np.ndarray, np.ndarray]:
         """Extrapolated at constant acceleration, the leader at constant speed."""
         ahead = 0.7 * self.strength
         return np.maximum(gap - ahead * dv, 0.3), dv + ahead * now.acceleration[: now.n]
@@ -47,7 +47,7 @@ class Foresight(HiddenEffect):
 
     truths = ("several_leaders",)
 
-    def interaction(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def interaction(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """The sum; a vehicle that is not there adds nothing."""
         for places, coefficient in ((2, 0.25), (3, 0.08)):
             other = now.ahead(places)
@@ -64,15 +64,15 @@ class BrakeLights(HiddenEffect):
     truths = ("leader_acceleration",)
     lag, sight = 0.3, 150.0  # s, m
 
-    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+    def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         """Nothing felt yet."""
         self._felt = np.zeros(now.n)
 
-    def observe(self, now: Moment, dt: float) -> None:
+    def observe(self, now: Snapshot, dt: float) -> None:
         """The low-pass."""
         self._felt = self._felt + dt / self.lag * (now.acceleration[now.leader] - self._felt)
 
-    def acceleration(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """More or less by what is felt."""
         near = np.maximum(0.0, 1.0 - now.gap_to(now.leader) / self.sight)
         return value + 0.5 * self.strength * near * self._felt
@@ -83,7 +83,7 @@ class HardBraking(HiddenEffect):
 
     truths = ("asymmetry",)
 
-    def acceleration(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """Less while approaching."""
         dv = now.speed[: now.n] - now.speed[now.leader]
         followed = now.gap_to(now.leader) < 150.0
@@ -95,11 +95,11 @@ class SlowNeighbours(HiddenEffect):
 
     truths = ("lane_friction",)
 
-    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+    def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         """Its strength."""
         self.parameters = {"gain": 0.6 * self.strength}
 
-    def acceleration(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """Less where the neighbour is slower."""
         offsets = now.offsets_beside()
         other = now.nearest(np.where((offsets > -8.0) & (offsets < 45.0), offsets, np.inf))
@@ -115,11 +115,11 @@ class StayingBehind(HiddenEffect):
     truths = ("no_undertaking",)
     crawl, hardest = 16.0, 2.0  # m/s, m/s^2
 
-    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+    def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         """Its strength."""
         self.parameters = {"weight": 0.5 * self.strength}
 
-    def acceleration(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """Less where the one on the left is slower."""
         own, fleet = slice(0, now.n), now.fleet
         other = now.ahead_on_left()

@@ -10,8 +10,8 @@ import numpy as np
 
 from rearl_jax.blind.traffic.choice import Choice
 from rearl_jax.blind.traffic.effect import HiddenEffect
-from rearl_jax.blind.traffic.moment import FAR, Moment
 from rearl_jax.blind.traffic.scenario import Scenario
+from rearl_jax.blind.traffic.snapshot import FAR, Snapshot
 
 PERIOD = 25
 """Sub-steps from one decision to the next."""
@@ -39,7 +39,7 @@ class FreeChanges:
         self._effects, self._rng = effects, rng
         self._changed = np.full(n, -np.inf)
 
-    def carry_out(self, now: Moment) -> None:
+    def carry_out(self, now: Snapshot) -> None:
         """Moves those over who have decided to; of those who would meet, one."""
         if now.step % PERIOD:
             return
@@ -68,7 +68,7 @@ class FreeChanges:
             now.look_along()
 
 
-def weigh(now: Moment, side: int) -> Choice:
+def weigh(now: Snapshot, side: int) -> Choice:
     """What a change to one side would be for every vehicle."""
     own = slice(0, now.n)
     leader, rear = _neighbours(now, side)
@@ -94,7 +94,7 @@ def weigh(now: Moment, side: int) -> Choice:
     )
 
 
-def _neighbours(now: Moment, side: int) -> tuple[np.ndarray, np.ndarray]:
+def _neighbours(now: Snapshot, side: int) -> tuple[np.ndarray, np.ndarray]:
     """Who is ahead and behind of each vehicle on the lane on one side, n for nobody."""
     place = now.position[: now.n]
     group = now.fleet.recording * (now.n_lanes + 2) + now.lane + 1
@@ -109,18 +109,18 @@ def _neighbours(now: Moment, side: int) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def _gap_behind(now: Moment, rear: np.ndarray) -> np.ndarray:
+def _gap_behind(now: Snapshot, rear: np.ndarray) -> np.ndarray:
     own = slice(0, now.n)
     distance = now.position[own] - now.position[rear] - 0.5 * (now.length[rear] + now.length[own])
     return np.where(rear == now.n, FAR, distance)
 
 
-def _free(now: Moment) -> np.ndarray:
+def _free(now: Snapshot) -> np.ndarray:
     """1 - (v / v0)^4 of every vehicle, and of nobody [-]."""
     return 1.0 - np.append((now.speed[: now.n] / now.desired_speed) ** 4, 0.0)
 
 
-def _pull(now: Moment, who: np.ndarray, gap: np.ndarray, speed_ahead: np.ndarray) -> np.ndarray:
+def _pull(now: Snapshot, who: np.ndarray, gap: np.ndarray, speed_ahead: np.ndarray) -> np.ndarray:
     """(s* / s)^2 of some vehicles behind somebody [-]; 0 for nobody."""
     fleet, speed = now.fleet, now.speed[who]
 

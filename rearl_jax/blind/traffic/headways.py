@@ -3,7 +3,7 @@
 import numpy as np
 
 from rearl_jax.blind.traffic.effect import HiddenEffect
-from rearl_jax.blind.traffic.moment import Moment
+from rearl_jax.blind.traffic.snapshot import Snapshot
 
 
 class SpeedyDistance(HiddenEffect):
@@ -11,7 +11,7 @@ class SpeedyDistance(HiddenEffect):
 
     truths = ("speed_dependent_time_gap",)
 
-    def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """Longer at high speed."""
         return value * np.maximum(0.4, 1.0 + 0.35 * self.strength * (now.speed[: now.n] - 16.0) / 20.0)
 
@@ -21,7 +21,7 @@ class UneasyTraffic(HiddenEffect):
 
     truths = ("variance_driven_time_gap",)
 
-    def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """Longer in uneven traffic."""
         speeds = [now.speed[: now.n]]
         for places in range(1, 5):
@@ -42,15 +42,15 @@ class Frustration(HiddenEffect):
     truths = ("resignation",)
     memory = 15.0  # s
 
-    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+    def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         """The present level of service."""
         self._level = now.speed[: now.n] / now.fleet.desired_speed
 
-    def observe(self, now: Moment, dt: float) -> None:
+    def observe(self, now: Snapshot, dt: float) -> None:
         """A sliding level."""
         self._level = self._level + dt / self.memory * (now.speed[: now.n] / now.fleet.desired_speed - self._level)
 
-    def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """Longer after a queue."""
         return value * (1.0 + 0.8 * self.strength * (1.0 - self._level))
 
@@ -61,12 +61,12 @@ class PatienceAfterCutIn(HiddenEffect):
     truths = ("relaxation",)
     patience = 20.0  # s
 
-    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+    def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         """Nobody has changed."""
         self._leader = now.leader.copy()
         self._since, self._found = np.full(now.n, np.inf), np.full(now.n, np.inf)
 
-    def observe(self, now: Moment, dt: float) -> None:
+    def observe(self, now: Snapshot, dt: float) -> None:
         """The time since the last change, and the time gap then."""
         new = now.leader != self._leader
         self._leader = now.leader.copy()
@@ -74,7 +74,7 @@ class PatienceAfterCutIn(HiddenEffect):
         self._found = np.where(new, found, self._found)
         self._since = np.where(new, 0.0, self._since + dt)
 
-    def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """Shorter for a while."""
         left = np.maximum(0.0, 1.0 - self._since / self.patience)
         short = np.minimum(np.where(np.isfinite(self._found), self._found, value) - value, 0.0)
@@ -86,11 +86,11 @@ class TruckAhead(HiddenEffect):
 
     truths = ("leader_class",)
 
-    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+    def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         """Its strength."""
         self.parameters = {"gain": 0.34 * self.strength}
 
-    def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """Longer behind a truck."""
         return np.where(now.is_truck[now.leader], value * 1.405**self.strength, value)
 
@@ -100,7 +100,7 @@ class Tailgated(HiddenEffect):
 
     truths = ("rear_pressure",)
 
-    def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """Shorter under pressure."""
         behind = now.gap_behind() / np.maximum(now.speed[now.follower], 3.0)
         pressure = np.clip((1.8 - behind) / 1.4, 0.0, 1.0)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from rearl_jax.blind.traffic.moment import Moment
 from rearl_jax.blind.traffic.scenario import Scenario
+from rearl_jax.blind.traffic.snapshot import Snapshot
 
 RETRY = 0.5
 """Time [s] after which a change that found no gap is tried again."""
@@ -23,7 +23,7 @@ class ForcedChanges:
         self._due = [list(line) for line in times]
         self._changed = np.full(n, -np.inf)
 
-    def carry_out(self, now: Moment) -> None:
+    def carry_out(self, now: Snapshot) -> None:
         """Moves those over whose time has come, and finds the neighbours anew."""
         for recording, due in enumerate(self._due):
             if due and due[0] <= now.time:
@@ -36,7 +36,7 @@ class ForcedChanges:
                 now.lane[vehicle], self._changed[vehicle] = lane, now.time
                 now.look_along()
 
-    def _choose(self, now: Moment, recording: int) -> tuple[int, int] | None:
+    def _choose(self, now: Snapshot, recording: int) -> tuple[int, int] | None:
         """A vehicle and its new lane, at random of all that would survive it; None without any."""
         members = np.arange(recording * self._per, (recording + 1) * self._per)
         place, speed, lane = now.position[members], now.speed[members], now.lane[members]

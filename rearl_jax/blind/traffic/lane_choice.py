@@ -4,7 +4,7 @@ import numpy as np
 
 from rearl_jax.blind.traffic.choice import Choice
 from rearl_jax.blind.traffic.effect import HiddenEffect
-from rearl_jax.blind.traffic.moment import Moment
+from rearl_jax.blind.traffic.snapshot import Snapshot
 
 
 class GoodManners(HiddenEffect):
@@ -16,9 +16,9 @@ class GoodManners(HiddenEffect):
         super().__init__(strength)
         self.parameters = {"weight": 0.5 * strength}
 
-    def gain_of_change(self, value: np.ndarray, choice: Choice, now: Moment) -> np.ndarray:
+    def gain_of_change(self, value: np.ndarray, choice: Choice, now: Snapshot) -> np.ndarray:
         """Less by what the others lose."""
-        return value + 0.5 * self.strength * (choice.gift_to_follower - choice.cost_to_rear)
+        return value + 0.5 * self.strength * (choice.follower_gain - choice.cost_to_rear)
 
 
 class BackToTheRight(HiddenEffect):
@@ -30,7 +30,7 @@ class BackToTheRight(HiddenEffect):
         super().__init__(strength)
         self.parameters = {"bias": 0.35 * strength}
 
-    def gain_of_change(self, value: np.ndarray, choice: Choice, now: Moment) -> np.ndarray:
+    def gain_of_change(self, value: np.ndarray, choice: Choice, now: Snapshot) -> np.ndarray:
         """More to the right."""
         return value + 0.35 * self.strength * choice.side
 
@@ -40,7 +40,7 @@ class NoUndertaking(HiddenEffect):
 
     truths = ("no_passing_on_the_right",)
 
-    def gain_of_change(self, value: np.ndarray, choice: Choice, now: Moment) -> np.ndarray:
+    def gain_of_change(self, value: np.ndarray, choice: Choice, now: Snapshot) -> np.ndarray:
         """Less on the right of somebody who would be passed there."""
         speed = now.speed[: now.n]
         would_pass = (now.gap_to(now.leader) < 80.0) & (now.speed[now.leader] < speed + 1.0) & (speed > 60.0 / 3.6)
@@ -52,7 +52,7 @@ class GivingWay(HiddenEffect):
 
     truths = ("moving_over",)
 
-    def gain_of_change(self, value: np.ndarray, choice: Choice, now: Moment) -> np.ndarray:
+    def gain_of_change(self, value: np.ndarray, choice: Choice, now: Snapshot) -> np.ndarray:
         """More to the right the closer the follower is, from 1.6 s on."""
         behind = now.gap_behind() / np.maximum(now.speed[now.follower], 3.0)
         pressure = np.clip((1.6 - behind) / 0.8, 0.0, 1.0)
@@ -64,7 +64,7 @@ class AwayFromTrucks(HiddenEffect):
 
     truths = ("truck_aversion",)
 
-    def gain_of_change(self, value: np.ndarray, choice: Choice, now: Moment) -> np.ndarray:
+    def gain_of_change(self, value: np.ndarray, choice: Choice, now: Snapshot) -> np.ndarray:
         """More away from a truck, less to one."""
         here = now.is_truck[now.leader] & (now.gap_to(now.leader) < 100.0)
         there = now.is_truck[choice.leader] & (choice.gap < 100.0)

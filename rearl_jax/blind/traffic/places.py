@@ -3,7 +3,7 @@
 import numpy as np
 
 from rearl_jax.blind.traffic.effect import HiddenEffect
-from rearl_jax.blind.traffic.moment import Moment
+from rearl_jax.blind.traffic.snapshot import Snapshot
 
 
 def share_inside(position: np.ndarray, section: tuple[float, float], edge: float) -> np.ndarray:
@@ -19,12 +19,12 @@ class Slope(HiddenEffect):
 
     truths = ("grade",)
 
-    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+    def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         """The section."""
         self._section = section
         self.parameters = {"push": -0.35 * self.strength, "start": section[0], "end": section[1]}
 
-    def acceleration(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """Less uphill."""
         return value - 0.35 * self.strength * share_inside(now.position[: now.n], self._section, 40.0)
 
@@ -34,7 +34,7 @@ class LimitedSection(HiddenEffect):
 
     truths = ("speed_limit", "bend")
 
-    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+    def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         """The section."""
         self._section = section
         self._limit = self._highest()
@@ -44,7 +44,7 @@ class LimitedSection(HiddenEffect):
         """Speed nobody wants to exceed there [m/s]."""
         return 32.0 - 9.0 * self.strength
 
-    def desired_speed(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def desired_speed(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """At most the limit."""
         share = share_inside(now.position[: now.n], self._section, 40.0)
         return value - share * np.maximum(0.0, value - self._limit)
@@ -66,12 +66,12 @@ class LaneHabits(HiddenEffect):
 
     truths = ("lane_desired_speed",)
 
-    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+    def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         """Both ends."""
         change = 0.12 * self.strength
         self.parameters = {"leftmost": float(np.log1p(change)), "rightmost": float(np.log1p(-change))}
 
-    def desired_speed(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def desired_speed(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """By the lane."""
         side = (now.lane == 0).astype(float) - (now.lane == now.n_lanes - 1)
         return value * (1.0 + 0.12 * self.strength * side)
@@ -82,7 +82,7 @@ class Fog(HiddenEffect):
 
     truths = ("weather",)
 
-    def begin(self, now: Moment, section: tuple[float, float], rng: np.random.Generator) -> None:
+    def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         """What becomes of the desired speed and of the time gap."""
         self.parameters = {
             "slower": -float(np.log1p(-0.18 * min(self.strength, 3.0))),
@@ -90,13 +90,13 @@ class Fog(HiddenEffect):
             "onset": 27.0,
         }
 
-    def desired_speed(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def desired_speed(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """Lower."""
         return value * (1.0 - 0.18 * min(self.strength, 3.0) * self._density(now))
 
-    def time_gap(self, value: np.ndarray, now: Moment) -> np.ndarray:
+    def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         """Longer."""
         return value * (1.0 + 0.45 * self.strength * self._density(now))
 
-    def _density(self, now: Moment) -> float:
+    def _density(self, now: Snapshot) -> float:
         return float(np.clip((now.time - 22.0) / 10.0, 0.0, 1.0))

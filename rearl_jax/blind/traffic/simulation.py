@@ -14,10 +14,10 @@ from rearl_jax.blind.traffic.driving import wanted_acceleration, with_emergencie
 from rearl_jax.blind.traffic.effect import HiddenEffect
 from rearl_jax.blind.traffic.fleet import Fleet, draw_fleet
 from rearl_jax.blind.traffic.free_changes import FreeChanges
-from rearl_jax.blind.traffic.heads import draw_profiles
 from rearl_jax.blind.traffic.lane_changes import ForcedChanges
-from rearl_jax.blind.traffic.moment import Moment
+from rearl_jax.blind.traffic.platoon_leaders import draw_profiles
 from rearl_jax.blind.traffic.scenario import SUB_STEP, Scenario
+from rearl_jax.blind.traffic.snapshot import Snapshot
 
 WARM_UP = 12.0
 """Time before the recording [s]."""
@@ -69,13 +69,13 @@ def simulate(scenario: Scenario) -> Events:
     seconds = WARM_UP + scenario.duration + COOL_DOWN
     fleet = draw_fleet(scenario, streams[0])
     profiles = draw_profiles(scenario.n_recordings * scenario.n_lanes, seconds, scenario.pace, streams[1])
-    heads = np.flatnonzero(fleet.rank == 0)
+    platoon_leaders = np.flatnonzero(fleet.rank == 0)
     known = HIDDEN | LANE_CHOICE
     effects = tuple(known[item.name](item.strength) for item in scenario.planted if item.name in known)
     position, speed, travelled = place_platoons(scenario, fleet, profiles)
-    now = Moment(scenario, fleet, position, speed)
+    now = Snapshot(scenario, fleet, position, speed)
     now.time = -WARM_UP
-    section = _common_section(scenario, now, travelled, heads, streams[2])
+    section = _common_section(scenario, now, travelled, platoon_leaders, streams[2])
     for effect in effects:
         effect.begin(now, section, streams[5])
     n_steps = profiles.shape[1] - 1
@@ -92,7 +92,7 @@ def simulate(scenario: Scenario) -> Events:
 
 
 def _drive(
-    now: Moment,
+    now: Snapshot,
     effects: Sequence[HiddenEffect],
     profiles: np.ndarray,
     noise: np.ndarray,
@@ -100,7 +100,7 @@ def _drive(
     changes: ForcedChanges | FreeChanges,
 ) -> tuple[dict[str, np.ndarray], int]:
     """What happens step by step, [n_steps, n], and in how many steps somebody had an emergency."""
-    n_steps, own, heads = len(noise), slice(0, now.n), np.flatnonzero(now.fleet.rank == 0)
+    n_steps, own, platoon_leaders = len(noise), slice(0, now.n), np.flatnonzero(now.fleet.rank == 0)
     log = {name: np.empty((n_steps, now.n)) for name in ("position", "speed", "acceleration")}
     log |= {"lane": np.empty((n_steps, now.n), dtype=np.int8), "leader": np.empty((n_steps, now.n), dtype=np.int32)}
     n_emergencies = 0
@@ -110,7 +110,7 @@ def _drive(
         for effect in effects:
             effect.observe(now, SUB_STEP)
         value, in_emergency = with_emergencies(wanted_acceleration(now, effects) + noise[step], now)
-        value[heads] = (profiles[:, step + 1] - profiles[:, step]) / SUB_STEP
+        value[platoon_leaders] = (profiles[:, step + 1] - profiles[:, step]) / SUB_STEP
         faster = np.maximum(0.0, now.speed[own] + SUB_STEP * value)
         log["position"][step], log["speed"][step] = now.position[own], now.speed[own]
         log["lane"][step], log["leader"][step] = now.lane, now.leader
@@ -142,12 +142,12 @@ def place_platoons(scenario: Scenario, fleet: Fleet, profiles: np.ndarray) -> tu
 
 
 def _common_section(
-    scenario: Scenario, now: Moment, travelled: np.ndarray, heads: np.ndarray, rng: np.random.Generator
+    scenario: Scenario, now: Snapshot, travelled: np.ndarray, platoon_leaders: np.ndarray, rng: np.random.Generator
 ) -> tuple[float, float]:
     """A section of the road that most vehicles reach and leave during the recording [m]."""
     middle = travelled[:, travelled.shape[1] // 2]
-    platoon = now.position[heads].mean() - now.position[: now.n].min()
-    centre = float(np.mean(now.position[heads] + middle) - 0.45 * platoon + rng.uniform(-60.0, 60.0))
+    platoon = now.position[platoon_leaders].mean() - now.position[: now.n].min()
+    centre = float(np.mean(now.position[platoon_leaders] + middle) - 0.45 * platoon + rng.uniform(-60.0, 60.0))
     half = float(rng.uniform(100.0, 170.0)) if scenario.view is None else 0.25 * scenario.view
     return centre - half, centre + half
 

@@ -135,7 +135,7 @@ class Spacing(NamedTuple):
 
     Attributes:
         spacing: To the leader, centre to centre [m]; inf without one.
-        length: What a spacing holds of vehicles [m].
+        length: Part of a spacing that is vehicle length [m].
         speed: Own speed [m/s].
         speed_ratio: max(v, 0) over the own desired speed [-].
         approach_rate: Own minus leader's speed along the own heading [m/s].

@@ -26,7 +26,7 @@ class Parameter:
         off: Value at which the effect is off, for a strength; a usual value for a shape.
         low: Lower bound; 0 for a strength whose sign is part of what the effect is.
         high: Upper bound.
-        scale: How far from `off` values are usually found, the standard deviation of a prior.
+        scale: Usual distance of values from `off`, the standard deviation of a prior.
         is_strength: Whether the effect is off where this (with the other strengths) is `off`; else it only shapes it.
         is_list: Whether it is a list of values, one per knot of a curve.
     """
@@ -48,11 +48,11 @@ class Effect(eqx.Module):
     Class attributes:
         name: As in a model file and in a verdict.
         kind: `driver` (car following), `road`, `generic`, `random`, `lane_change`.
-        equation: What it does, in one line.
+        equation: Its equation, in one line.
         source: Where the equation comes from.
         parameters: Of the effect, in the order of its fields.
-        depends_on: What it depends on, as a verdict says it; discovery looks for effects that state it, along their
-            strengths.
+        depends_on: Variables it depends on, as a verdict says it; discovery searches effects that state them, along
+            their strengths.
     """
 
     name: ClassVar[str]

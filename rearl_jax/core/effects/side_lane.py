@@ -18,7 +18,7 @@ class SideLane(eqx.Module):
         has_follower: Whether somebody is behind on it.
         follower_gap: To that vehicle, bumper to bumper [m].
         follower_speed: Its speed [m/s].
-        gain_of_others: What the followers on both lanes would gain together by the change [m/s^2].
+        gain_of_others: Gain of the followers on both lanes together by the change [m/s^2].
     """
 
     direction: int = eqx.field(static=True)

@@ -32,9 +32,9 @@ class Stimulus(eqx.Module):
         has_follower, follower_gap, follower_speed: The vehicle behind on the lane.
         has_left, left_gap, left_speed: The next vehicle ahead on the lane to the left.
         beside_speed: Slowest speed within BESIDE_RANGE on the lanes next to the own [m/s]; OUT_OF_SIGHT without one.
-        n_beside: How many vehicles that are.
+        n_beside: Number of these vehicles.
         time_since_change: Since somebody else has become the leader by a lane change [s].
-        gap_lost: What the gap lost at that moment [m], 0 where it grew.
+        gap_lost: Gap lost by that change [m], 0 where it grew.
         time_gap_at_change: Time gap right after it [s].
     """
 

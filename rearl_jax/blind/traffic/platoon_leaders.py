@@ -1,4 +1,4 @@
-"""The first vehicles: nobody is ahead of them, they drive a rough speed profile that everybody behind has to follow."""
+"""Leaders of the platoons: nothing is ahead of them, they drive a rough speed profile that all others follow."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d

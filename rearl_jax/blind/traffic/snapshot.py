@@ -1,4 +1,4 @@
-"""One moment of the traffic as drivers see it: who is ahead, behind and beside, how far and how fast.
+"""Snapshot of the traffic as drivers see it: who is ahead, behind and beside, how far and how fast.
 
 Arrays over vehicles have one element more than there are vehicles: the last stands for nobody, very far ahead.
 """
@@ -15,7 +15,7 @@ BESIDE_REFRESH = 5
 """Sub-steps after which the neighbours on other lanes are looked up again."""
 
 
-class Moment:
+class Snapshot:
     """The state of all vehicles and the neighbours that follow from it.
 
     Attributes:
