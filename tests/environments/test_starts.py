@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.problems import InvalidInputError
+
 
 def test_every_vehicle_of_every_scene_is_once_the_controlled_one(us101):
     from rearl_jax.core.state import Controller
@@ -52,8 +54,9 @@ def test_environments_begin_with_them(us101):
 def test_a_road_with_too_few_lanes_is_refused(us101):
     from rearl_jax import make_env
 
-    with pytest.raises(ValueError, match="needs a road of . lanes"):
+    with pytest.raises(InvalidInputError) as caught:
         make_env(scenes=us101, n_lanes=2)
+    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "core.n_lanes")
 
 
 def test_unknown_lanes_are_refused(us101):
@@ -61,5 +64,6 @@ def test_unknown_lanes_are_refused(us101):
 
     lane = us101.lane.copy()
     lane[0, 0, 0] = -1
-    with pytest.raises(ValueError, match="needs the lane of every vehicle"):
+    with pytest.raises(InvalidInputError) as caught:
         make_env(scenes=replace(us101, lane=lane))
+    assert (caught.value.code, caught.value.problem.key) == ("lane-missing", "init.source")

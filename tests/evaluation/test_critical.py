@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.problems import InvalidInputError
 from tests.llm.asking import make_config
 from tests.llm.stub import Stub
 
@@ -186,11 +187,13 @@ def test_shares_must_come_from_somewhere(scenes, critical):
     from rearl_jax.evaluation.rollouts import Rollouts
     from rearl_jax.sweep.scale import list_rollouts
 
-    with pytest.raises(ValueError, match=r"set critical.ratios=\[AGGRESSIVE,DEFENSIVE,TRUCK\]"):
+    with pytest.raises(InvalidInputError) as caught:
         Rollouts(critical, scenes, np.arange(2))
+    assert (caught.value.code, caught.value.problem.key) == ("key-missing", "critical.ratios")
     scale = SweepScaleTask(method=critical.method, core=critical.core, n_rollouts=20.0)
-    with pytest.raises(ValueError, match="critical.ratios"):
+    with pytest.raises(InvalidInputError) as caught:
         list_rollouts(scale, scenes, np.arange(6), None, (0.0, 0.0))
+    assert (caught.value.code, caught.value.problem.key) == ("key-missing", "critical.ratios")
     fixed = replace(scale, critical=CriticalConfig(ratios=(0.2, 0.3, 0.1)))
     assert len(list_rollouts(fixed, scenes, np.arange(6), None, (0.0, 0.0))) == 20
 

@@ -7,6 +7,7 @@ import pytest
 
 from rearl_jax.config.driver import DEFAULT, MODELS, record_of
 from rearl_jax.config.mobil import MobilConfig
+from rearl_jax.problems import InvalidInputError
 from tests.evaluation.test_rollouts import frames_of
 
 HELD_OUT = np.arange(3)
@@ -74,12 +75,15 @@ def test_methods_with_drivers_of_their_own_refuse_the_keys():
     from rearl_jax.config.evaluation import Method
     from rearl_jax.evaluation.traffic import population_of
 
-    with pytest.raises(ValueError, match="method=critical has drivers of its own, to whom driver"):
+    with pytest.raises(InvalidInputError) as caught:
         population_of(EvaluateTask(method=Method.critical, driver=record_of("idm")()))
-    with pytest.raises(ValueError, match="method=ppo has drivers of its own, to whom mobil"):
+    assert (caught.value.code, caught.value.problem.key) == ("drivers-of-method", "driver")
+    with pytest.raises(InvalidInputError) as caught:
         population_of(EvaluateTask(method=Method.ppo, mobil=MobilConfig(politeness=0.5)))
-    with pytest.raises(ValueError, match=r"model=x\.yaml brings its own drivers"):
+    assert (caught.value.code, caught.value.problem.key) == ("drivers-of-method", "mobil")
+    with pytest.raises(InvalidInputError) as caught:
         population_of(EvaluateTask(model="x.yaml", driver=record_of("idm")()))
+    assert (caught.value.code, caught.value.problem.key) == ("drivers-twice", "model=x.yaml")
 
 
 def test_rows_of_table_1_that_bring_drivers_leave_the_keys_aside():

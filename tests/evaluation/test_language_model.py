@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.problems import InvalidInputError
 from tests.llm.asking import make_config
 from tests.llm.stub import Fault, Stub
 
@@ -101,8 +102,9 @@ def test_who_is_asked_outside_must_be_said(scenes, task, references):
     from rearl_jax.evaluation.runner import evaluate
 
     config = replace(task, decision=DecisionConfig(policy=PolicyName.llm))
-    with pytest.raises(ValueError, match="decides outside the program"):
+    with pytest.raises(InvalidInputError) as caught:
         evaluate(config, scenes, HELD_OUT, references=references, thresholds=THRESHOLDS)
+    assert (caught.value.code, caught.value.problem.key) == ("policy-outside", "decision.policy=llm")
 
 
 @pytest.mark.thorough

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.problems import InvalidInputError
+
 
 @pytest.fixture
 def references(scenes):
@@ -117,8 +119,9 @@ def test_every_pair_of_thresholds_gets_the_same_rollouts(scenes, intervening, re
 def test_missing_references_are_named(scenes, intervening):
     from rearl_jax.evaluation.rollouts import Rollouts
 
-    with pytest.raises(ValueError, match="needs references"):
+    with pytest.raises(InvalidInputError) as caught:
         Rollouts(intervening, scenes, np.arange(2))
+    assert (caught.value.code, caught.value.problem.key) == ("references-missing", "method=rearl")
 
 
 @pytest.mark.thorough

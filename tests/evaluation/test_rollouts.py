@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.problems import InvalidInputError
+
 
 def frames_of(config, scenes, held_out, width=64):
     import jax
@@ -112,19 +114,23 @@ def test_measured_snapshots_that_do_not_fit_the_road_stop(scenes, small):
     from rearl_jax.evaluation.rollouts import Rollouts
 
     measured = replace(small, init=InitConfig(source=InitialSource.scene))
-    for changed, said in (
-        (replace(measured, core=replace(small.core, n_lanes=3)), "set core.n_lanes=4"),
-        (replace(measured, core=replace(small.core, n_vehicles=10)), "set core.n_vehicles=4"),
+    for changed, key, value in (
+        (replace(measured, core=replace(small.core, n_lanes=3)), "core.n_lanes", "4"),
+        (replace(measured, core=replace(small.core, n_vehicles=10)), "core.n_vehicles", "the 4 vehicles"),
         (
             replace(measured, eval=replace(small.eval, seed_scope=SeedScope.run)),
-            "set eval.seed_scope=run_x_scene",
+            "eval.seed_scope",
+            "run_x_scene",
         ),
     ):
-        with pytest.raises(ValueError, match=said):
+        with pytest.raises(InvalidInputError) as caught:
             Rollouts(changed, scenes, np.arange(6))
+        assert (caught.value.code, caught.value.problem.key) == ("out-of-range", key)
+        assert caught.value.problem.said.startswith(f"must be {value}")
     blind = replace(scenes, lane=np.full_like(scenes.lane, -1))
-    with pytest.raises(ValueError, match="needs the lane of every vehicle"):
+    with pytest.raises(InvalidInputError) as caught:
         Rollouts(measured, blind, np.arange(6))
+    assert (caught.value.code, caught.value.problem.key) == ("lane-missing", "init.source")
 
 
 @pytest.mark.thorough

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.problems import InvalidInputError
+
 
 def test_partners_share_no_second_of_traffic(scenes):
     from rearl_jax.config.evaluation import EvaluationConfig
@@ -78,8 +80,9 @@ def test_a_scene_against_itself_is_no_comparison(scenes):
     assert not set(COMPARING) & set(own.values)
     np.testing.assert_array_equal(own.values["lcr"], real_lane_change_rate(scenes))
     assert own.values["lcr"].min() > 0
-    with pytest.raises(ValueError, match="is a simulation"):
+    with pytest.raises(InvalidInputError) as caught:
         of_recordings(replace(raw, partner=None), scenes)
+    assert caught.value.code == "row-simulated"
 
 
 def test_without_lanes_nothing_is_said_about_lanes(scenes):

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.problems import InvalidInputError
 from tests.models.drivers import GAIN, model
 
 
@@ -43,10 +44,12 @@ def test_drivers_of_their_own_are_refused(path):
     from rearl_jax.evaluation.traffic import population_of
 
     for method in (Method.ppo, Method.critical):
-        with pytest.raises(ValueError, match=f"method={method.name} has drivers of its own"):
+        with pytest.raises(InvalidInputError) as caught:
             population_of(config_of(path, method=method, variant=Variant.repaired))
-    with pytest.raises(ValueError, match="variant=all is for rearl evaluate"):
+        assert (caught.value.code, caught.value.problem.key) == ("drivers-of-method", "model")
+    with pytest.raises(InvalidInputError) as caught:
         population_of(config_of(path))
+    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "variant")
     assert population_of(config_of(None)) is None
 
 
@@ -71,8 +74,9 @@ def test_rows_of_table_1_with_a_model(path):
     names = [row.name for row in chosen_rows(Table1Config(), path)]
     assert names[-3:] == ["calibrated", "repaired", "repaired_matcher"]
     assert not {"calibrated", "repaired"} & {row.name for row in chosen_rows(Table1Config())}
-    with pytest.raises(ValueError, match="set model=MODEL.YAML"):
+    with pytest.raises(InvalidInputError) as caught:
         chosen_rows(Table1Config(rows=("repaired",)))
+    assert (caught.value.code, caught.value.problem.key) == ("key-missing", "model")
     task = StudyTable1Task(model=path)
     records = {row.name: row_record(row, task) for row in chosen_rows(Table1Config(), path)}
     assert records["base"].model is None  # highway-env's

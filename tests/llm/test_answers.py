@@ -10,6 +10,7 @@ from rearl_jax.config.llm import LlmConfig, Profile
 from rearl_jax.llm.answers import Answers, answers_path
 from rearl_jax.llm.client import Client
 from rearl_jax.llm.records import Cause, Reply
+from rearl_jax.problems import InvalidInputError
 from tests.llm.asking import make_config, make_questions, outcomes
 from tests.llm.stub import Stub
 
@@ -201,7 +202,6 @@ from pathlib import Path
 from rearl_jax.config.llm import Profile
 from rearl_jax.llm.answers import Answers
 from rearl_jax.llm.records import Cause, Reply
-from rearl_jax.problems import InvalidInputError
 name = sys.argv[2]
 print("ready", flush=True)
 sys.stdin.readline()

@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.problems import InvalidInputError, ProblemError
+
 
 class Seen(HTMLParser):
     """Elements of a page by name, with their attributes; whatever is opened is closed."""
@@ -116,10 +118,14 @@ def test_scenes_path_and_replay_are_as_asked_for(reported, make_report, read_rep
     found, _ = make_report(reported.root, "quick", replay=False, path=str(tmp_path / "without.html"))
     assert found["scenes"] == []
     assert "replay-data" not in (tmp_path / "without.html").read_text()
-    with pytest.raises(ValueError, match=r"report.scenes: 999 is no held-out scene of the study; these are: \d+"):
+    with pytest.raises(InvalidInputError) as caught:
         make_report(reported.root, "quick", scenes=(999,))
-    with pytest.raises(ValueError, match="report.run=7: the study has the runs 0 to 0"):
+    problem = caught.value.problem
+    assert (problem.code, problem.key, problem.value) == ("scene-not-held-out", "report.scenes", 999)
+    assert str(some[0]) in problem.said
+    with pytest.raises(InvalidInputError) as caught:
         make_report(reported.root, "quick", run=7)
+    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "report.run")
 
 
 def test_without_its_data_a_study_is_reported_without_replay(copied, make_report):
@@ -238,46 +244,48 @@ def test_a_blind_study_is_reported_with_its_rates(make_study, make_report):
 def test_what_is_no_finished_study_is_refused_with_the_remedy(discovery, make_report, make_study):
     from rearl_jax.config import PrepareTask
 
-    with pytest.raises(
-        FileNotFoundError, match=r"study=missing: there is no folder .*missing; finished studies there: found"
-    ):
-        make_report(discovery, "missing")
-    with pytest.raises(ValueError, match=r"study='\.\./found' is no name of a study"):
-        make_report(discovery, "../found")
+    def refused(name):
+        with pytest.raises(ProblemError) as caught:
+            make_report(discovery, name)
+        problem = caught.value.problem
+        return problem.code, problem.key or problem.file, str(caught.value)
+
+    code, key, said = refused("missing")
+    assert (code, key) == ("study-missing", "study")
+    assert "finished studies there: found" in said
+    assert refused("../found")[:2] == ("name-unusable", "study")
     (discovery / "empty").mkdir()
-    with pytest.raises(FileNotFoundError, match=r"empty is no folder of a study: it has no config\.json"):
-        make_report(discovery, "empty")
+    assert refused("empty")[:2] == ("no-study", str(discovery / "empty"))
     make_study("tables", "prepare", PrepareTask(), {"n": 1})
-    with pytest.raises(ValueError, match="study=tables is of `rearl prepare`; there are reports on evaluate, discover"):
-        make_report(discovery, "tables")
+    code, key, said = refused("tables")
+    assert (code, key) == ("no-report", "study")
+    assert "evaluate, discover" in said
     (discovery / "found" / "summary.json").unlink()
-    with pytest.raises(
-        FileNotFoundError, match=r"study=found is not finished: .* has no summary\.json.*run its task again"
-    ):
-        make_report(discovery, "found")
+    assert refused("found")[:2] == ("study-unfinished", str(discovery / "found"))
 
 
 def test_a_study_of_an_older_version_is_refused_with_the_key(discovery, make_report):
     folder = discovery / "found"
+
+    def refused(file):
+        with pytest.raises(InvalidInputError) as caught:
+            make_report(discovery, "found")
+        problem = caught.value.problem
+        assert problem.file == str(folder / file)
+        assert "with this version" in problem.remedy
+        return problem.code, problem.key
+
     verdict = json.loads((folder / "verdict.json").read_text())
     del verdict["lane_choice"]
     (folder / "verdict.json").write_text(json.dumps(verdict))
-    with pytest.raises(
-        ValueError, match=r"verdict\.json has no lane_choice: .*run it again with this version: rearl discover"
-    ):
-        make_report(discovery, "found")
+    assert refused("verdict.json") == ("key-missing", "lane_choice")
     config = json.loads((folder / "config.json").read_text())
     (folder / "config.json").write_text(json.dumps(config | {"data": config["data"] | {"kind": "us101"}}))
-    with pytest.raises(ValueError, match=r"config\.json: data\.kind is no key of this version; .*run the study again"):
-        make_report(discovery, "found")
+    assert refused("config.json") == ("key-unknown", "data.kind")
     (folder / "summary.json").write_text('{"task": "discover"}')
-    with pytest.raises(
-        ValueError, match=r"summary\.json' does not say|summary\.json does not say where its figures come"
-    ):
-        make_report(discovery, "found")
+    assert refused("summary.json") == ("provenance-missing", None)
     (folder / "summary.json").write_text("{")
-    with pytest.raises(ValueError, match=r"summary\.json is no JSON .*run the study again"):
-        make_report(discovery, "found")
+    assert refused("summary.json") == ("not-json", None)
 
 
 def test_keys_that_did_not_exist_then_have_their_defaults(discovery, make_report):

@@ -13,6 +13,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.problems import InvalidInputError
+
 N_ROLLOUTS, PART = 304, 76
 """Five scenes 61 times, the last time four of them; in four parts."""
 
@@ -307,8 +309,9 @@ def test_what_is_no_number_of_rollouts_is_refused(text):
     from rearl_jax.tasks import TASKS
 
     (task,) = (task for task in TASKS if task.words == "sweep scale")
-    with pytest.raises(ValueError, match="^n_rollouts must be a whole number from 1 to 2,147,483,647, got "):
+    with pytest.raises(InvalidInputError) as caught:
         compose_task(task, [f"n_rollouts={text}"], None)
+    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "n_rollouts")
 
 
 def test_the_number_of_rollouts_may_be_written_with_an_exponent():
@@ -326,7 +329,9 @@ def test_rollouts_shared_by_all_scenes_are_refused(whole):
     from rearl_jax.config.evaluation import SeedScope
     from rearl_jax.sweep.scale import run
 
-    with pytest.raises(ValueError, match="set eval.seed_scope=run_x_scene"):
+    with pytest.raises(InvalidInputError) as caught:
         run(replace(whole.config, eval=replace(whole.config.eval, seed_scope=SeedScope.run)))
-    with pytest.raises(ValueError, match="n_rollouts must be a whole number"):
+    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "eval.seed_scope")
+    with pytest.raises(InvalidInputError) as caught:
         run(replace(whole.config, n_rollouts=0.5))
+    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "n_rollouts")
