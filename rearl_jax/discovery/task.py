@@ -26,8 +26,8 @@ from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.layout import layout_of
-from rearl_jax.discovery.observe.moments import Programs
 from rearl_jax.discovery.observe.noise import calibrate
+from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.parts import Parts, measured_drivers
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import known
@@ -132,7 +132,7 @@ def _each_once(notes: Sequence[str]) -> tuple[str, ...]:
 
 
 def _search(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, bar: Progress) -> Search:
-    """What is found about car following."""
+    """Search for effects of car following."""
     options = config.discover
     line = bar.add_task("calibrating drivers", total=None)
     replicates = shown(bar, "simulated nulls")
@@ -143,7 +143,7 @@ def _search(config: DiscoverTask, study: Study, solver: Solver, parts: Parts, ba
     def null_for(base: Fit) -> Null:
         if study.owns(NULL_TABLE):  # of a run that was killed
             return tables.read_null(study.path / f"{NULL_TABLE}.parquet")
-        null = null_of(solver, base.world, base.noise, options.replicates, options.seed, replicates)
+        null = null_of(solver, base.state, base.noise, options.replicates, options.seed, replicates)
         study.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
         return null
 
@@ -208,7 +208,7 @@ def _verdict(
 def _effects(
     solver: Solver, found: Search, left: Adequacy, findings: Sequence[Finding], confidence: float
 ) -> list[Named]:
-    """What is claimed: what the columns show, then what was added, with the numbers of the final model."""
+    """Claims: artefacts that the columns show, then what was added, with the numbers of the final model."""
     effects = [found_in_columns(finding, confidence) for finding in findings]
     if amount(findings, SMOOTHING):
         return effects  # what drivers seem to do may be what the smoothing left of it: candidates, not claims
@@ -216,7 +216,7 @@ def _effects(
     usual = most if left.is_enough and not leaves_shifts(found) else doubtful
     if found.clocks is not None:
         effects.append(differing_clocks(found.clocks, most if left.is_of_clocks else doubtful))
-    deviations = known(solver, found.last.world).theta
+    deviations = known(solver, found.last.state).theta
     first = 0
     for one in found.rounds:
         trial = one.chosen
@@ -226,7 +226,7 @@ def _effects(
         own = deviations[first : first + size]
         reliability = doubtful if found.is_doubtful(trial) else usual
         effects.append(
-            named_trial(trial, one.trials, found.last.world.theta, own, solver.layout, confidence, reliability)
+            named_trial(trial, one.trials, found.last.state.theta, own, solver.layout, confidence, reliability)
         )
         first += size
     return effects
@@ -239,9 +239,9 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
     if term not in candidates:
         known_terms = ", ".join(sorted(map(str, candidates)))
         raise ValueError(f"discover.oracle={term} is none of the candidates for these data: {known_terms}")
-    world, noise = calibrate(solver, parts.fitted)
-    base = Fit(None, world, noise)
-    (seen,) = scores(solver, [world])
+    state, noise = calibrate(solver, parts.fitted)
+    base = Fit(None, state, noise)
+    (seen,) = scores(solver, [state])
     fits = refit(solver, base, [candidates[term]], seen)
     base = rebased(solver, base, fits)
     errors = model_errors(solver, parts.reported, {"before": base, "oracle": fits[term]}, config.discover.seed)

@@ -43,12 +43,12 @@ def confirmed(solver: Solver, found: Search, seed: int) -> Search:
         kept -= 1
     if kept == len(found.added):
         return found
-    rounds = [*found.rounds[:kept], replace(found.rounds[kept], held=[])]
+    rounds = [*found.rounds[:kept], replace(found.rounds[kept], accepted=[])]
     return replace(found, rounds=rounds, rejected=found.added[kept:])
 
 
 def clocks_confirmed(solver: Solver, found: Search, checked: Measured, seed: int) -> bool:
-    """Whether the closed-loop gap error of the checked drivers is more likely smaller than larger with their clocks put
+    """True if the closed-loop gap error of the checked drivers is more likely smaller than larger with their clocks put
     right, those of `checked` as they were measured. The search takes other irregularities for clocks too, a simulation
     does not.
     """
@@ -60,7 +60,7 @@ def clocks_confirmed(solver: Solver, found: Search, checked: Measured, seed: int
 
 
 def lens_confirmed(solver: Solver, found: Search, seed: int) -> bool:
-    """Whether the closed-loop gap error of the checked drivers is more likely smaller than larger with the camera's
+    """True if the closed-loop gap error of the checked drivers is more likely smaller than larger with the camera's
     distortion, which takes other irregularities in as well.
     """
     for turn in found.rounds:
