@@ -212,9 +212,9 @@ class Solver:
 
     def _evaluate(self, states: Sequence[FitState], joined: Pieces, active: Sequence[bool]) -> None:
         result = self.programs.sums(states[0].active)(self._arguments(states, joined))
-        for state, found, is_active in zip(states, _by_driver(result, states), active, strict=True):
+        for state, sums, is_active in zip(states, _by_driver(result, states), active, strict=True):
             if is_active:
-                state.sums = found
+                state.sums = sums
 
     def _arguments(self, states: Sequence[FitState], joined: Pieces) -> dict:
         z = np.concatenate([state.z[state.data.driver].T for state in states], axis=1)

@@ -91,7 +91,7 @@ def put_right(solver: Solver, shifts: Shifts, base: Fit) -> PutRight:
         estimate = shifts.estimate(values, seen.driver_score, seen.driver_information)
         values, data = estimate.values, shifts.corrected(estimate.values)
         (state,) = on_others(solver, data, [base])
-        found = PutRight(data, estimate, bounded_gain(state.penalised() - before) - estimate.cost)
-        best = found if best is None or found.gain > best.gain else best
+        corrected = PutRight(data, estimate, bounded_gain(state.penalised() - before) - estimate.cost)
+        best = corrected if best is None or corrected.gain > best.gain else best
     assert best is not None
     return best

@@ -67,7 +67,9 @@ def bounded_gain(gains: Float[np.ndarray, " drivers"]) -> float:
     return float(np.clip(gains, -most, most).sum())
 
 
-def trial(solver: Solver, fit: Fit, base: FitState, other: FitState, other_base: FitState, null_mean: float) -> Trial:
+def trial_of(
+    solver: Solver, fit: Fit, base: FitState, other: FitState, other_base: FitState, null_mean: float
+) -> Trial:
     """Gains of a fitted candidate against the model without it.
 
     Args:
@@ -95,7 +97,7 @@ def trial(solver: Solver, fit: Fit, base: FitState, other: FitState, other_base:
 
 def ranked(trials: list[Trial]) -> list[Trial]:
     """Those that hold, the best first."""
-    return sorted((one for one in trials if one.holds), key=lambda one: -one.total)
+    return sorted((trial for trial in trials if trial.holds), key=lambda trial: -trial.total)
 
 
 def believed(trials: list[Trial]) -> list[Trial]:
@@ -105,10 +107,10 @@ def believed(trials: list[Trial]) -> list[Trial]:
     freedom.
     """
     accepted = ranked(trials)
-    better = [one for one in trials if accepted and one.gain > 0 and one.beats(accepted[0])]
-    return sorted(better, key=lambda one: -one.total) + accepted
+    better = [trial for trial in trials if accepted and trial.gain > 0 and trial.beats(accepted[0])]
+    return sorted(better, key=lambda trial: -trial.total) + accepted
 
 
 def not_told_apart(best: list[Trial]) -> list[Trial]:
     """The best and those whose total comes within `indistinct_total` of it."""
-    return [one for one in best if best[0].total - one.total < THRESHOLDS.indistinct_total]
+    return [trial for trial in best if best[0].total - trial.total < THRESHOLDS.indistinct_total]

@@ -135,21 +135,21 @@ def null_of(
         seed: Of the random numbers.
         progress: Called with the replicates done and wanted.
     """
-    found: list[dict[Term, float]] = []
+    replicated: list[dict[Term, float]] = []
     for states in noise_alone(solver, state, noise, replicates, seed):
         seen = scores(solver, states)
-        found += [evidences(one, score, solver.layout) for one, score in zip(states, seen, strict=True)]
+        replicated += [evidences(state, score, solver.layout) for state, score in zip(states, seen, strict=True)]
         if progress is not None:
-            progress(len(found), replicates)
-    return summarise(found)
+            progress(len(replicated), replicates)
+    return summarise(replicated)
 
 
-def summarise(found: Sequence[dict[Term, float]]) -> Null:
+def summarise(replicated: Sequence[dict[Term, float]]) -> Null:
     """Mean and spread over replicates."""
-    names = found[0]
-    values = {name: np.array([one[name] for one in found]) for name in names}
+    names = replicated[0]
+    values = {name: np.array([evidence[name] for evidence in replicated]) for name in names}
     return Null(
         mean={name: float(value.mean()) for name, value in values.items()},
         spread={name: float(value.std(ddof=1)) if len(value) > 1 else 1.0 for name, value in values.items()},
-        replicates=len(found),
+        replicates=len(replicated),
     )

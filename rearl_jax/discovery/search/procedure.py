@@ -13,7 +13,7 @@ from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.solver import FitState, Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.clock_check import ClockCheck, check_clocks, put_right
-from rearl_jax.discovery.search.decision import Trial, believed, not_told_apart, trial
+from rearl_jax.discovery.search.decision import Trial, believed, not_told_apart, trial_of
 from rearl_jax.discovery.search.families import confounded, with_families
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.refit import rebased, refit
@@ -62,7 +62,7 @@ class Round:
         """True if something that is not believed fares better than what is added."""
         chosen = self.chosen
         return chosen is not None and any(
-            one.beats(chosen) and _is_significant(one, self.exceeding) for one in self.trials
+            trial.beats(chosen) and _is_significant(trial, self.exceeding) for trial in self.trials
         )
 
     @property
@@ -114,30 +114,32 @@ class Search:
     @property
     def added(self) -> list[Trial]:
         """Trials that were added, in order."""
-        return [one.chosen for one in self.rounds if one.chosen is not None]
+        return [turn.chosen for turn in self.rounds if turn.chosen is not None]
 
     @property
     def is_contradicted(self) -> bool:
         """True if an effect or artefact that the drivers' moments ask for makes their simulation worse."""
-        return any(not is_free(one) for one in self.rejected)
+        return any(not is_free(trial) for trial in self.rejected)
 
-    def is_doubtful(self, one: Trial) -> bool:
+    def is_doubtful(self, trial: Trial) -> bool:
         """True if a named effect is beaten by what is not believed, comes before what simulations contradict or after a
         free curve, whose remainder it may be, or leaves a dependence on what it acts by, which then is another one than
         it says.
         """
-        if self.is_contradicted or any(turn.is_beaten for turn in self.rounds if turn.chosen is one):
+        if self.is_contradicted or any(turn.is_beaten for turn in self.rounds if turn.chosen is trial):
             return True
-        earlier = takewhile(lambda other: other is not one, self.added)
-        if not is_free(one) and any(is_free(other) for other in earlier):
+        earlier = takewhile(lambda other: other is not trial, self.added)
+        if not is_free(trial) and any(is_free(other) for other in earlier):
             return True
         curves = [other.candidate for other in (*self.added, *self.rejected) if is_free(other)]
-        return any(set(curve.variables) & set(one.candidate.variables) for curve in curves if curve != one.candidate)
+        return any(
+            set(curve.variables) & set(trial.candidate.variables) for curve in curves if curve != trial.candidate
+        )
 
 
-def is_free(one: Trial) -> bool:
+def is_free(trial: Trial) -> bool:
     """True if it is a free curve, which approximates whatever there is, and fits what any other form has left."""
-    return one.candidate.kind == "generic"
+    return trial.candidate.kind == "generic"
 
 
 def search(
@@ -165,42 +167,42 @@ def search(
     everybody = with_others(solver, base, checked)
     null = null_for(everybody)
     (seen,) = scores(solver, [everybody.state])
-    found = Search(solver.layout, null, seen, checked, excluded=excluded)
+    outcome = Search(solver.layout, null, seen, checked, excluded=excluded)
     clocks = None
     of_clocks = null.z_scores({CLOCK_OFFSET: clock_evidence(everybody.state, seen)})[CLOCK_OFFSET]
     if CLOCK_OFFSET not in excluded and of_clocks > THRESHOLDS.candidate_z_score:
         report("comparing clocks", 0, 1)
         clocks = check_clocks(solver, base, checked)
-    while len(found.added) <= THRESHOLDS.most_effects:
-        one = _round(solver, base, everybody.state, seen, found, report)
-        if clocks is not None and not found.rounds and (one.chosen is None or clocks.total > one.chosen.total):
+    while len(outcome.added) <= THRESHOLDS.most_effects:
+        turn = _round(solver, base, everybody.state, seen, outcome, report)
+        if clocks is not None and not outcome.rounds and (turn.chosen is None or clocks.total > turn.chosen.total):
             # The data are put right, and the loop begins again.
-            found.clocks, found.checked = clocks, clocks.checked
+            outcome.clocks, outcome.checked = clocks, clocks.checked
             state, noise = calibrate(solver, clocks.fitted)
             clocks = None
             base = Fit(None, state, noise)
         else:
-            found.rounds.append(one)
-            if one.chosen is None:
+            outcome.rounds.append(turn)
+            if turn.chosen is None:
                 break
-            base = one.chosen.fit
-        everybody = with_others(solver, base, found.checked)
+            base = turn.chosen.fit
+        everybody = with_others(solver, base, outcome.checked)
         (seen,) = scores(solver, [everybody.state])
-    return found
+    return outcome
 
 
-def in_time(solver: Solver, found: Search, data: Measured) -> Measured:
+def in_time(solver: Solver, outcome: Search, data: Measured) -> Measured:
     """Drivers as the final model takes them: with their clocks put right where the fitted ones' were."""
-    return data if found.clocks is None else put_right(solver, Clocks(data), found.clocks.base).data
+    return data if outcome.clocks is None else put_right(solver, Clocks(data), outcome.clocks.base).data
 
 
 def _round(
-    solver: Solver, base: Fit, everybody: FitState, seen: dict[Term, Score], found: Search, report: Report
+    solver: Solver, base: Fit, everybody: FitState, seen: dict[Term, Score], outcome: Search, report: Report
 ) -> Round:
     """The next turn from a model and its scores."""
-    layout, null, added = solver.layout, found.null, found.added
+    layout, null, added = solver.layout, outcome.null, outcome.added
     report(f"looking for effects, round {len(added) + 1}", 0, 1)
-    left = {CLOCK_OFFSET, *layout.candidates} - {*base.state.active, *found.excluded - {CLOCK_OFFSET}}
+    left = {CLOCK_OFFSET, *layout.candidates} - {*base.state.active, *outcome.excluded - {CLOCK_OFFSET}}
     evidence = {term: value for term, value in evidences(everybody, seen, layout).items() if term in left}
     exceeds = {term for term, z_score in null.z_scores(evidence).items() if z_score > THRESHOLDS.candidate_z_score}
     clock_z_score = null.z_scores({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
@@ -218,46 +220,50 @@ def _round(
         fits |= refit(solver, base, new, seen, lambda k, n: report("fitting candidates", k, n))
         base = rebased(solver, base, fits)
         report("checking on other drivers", 0, 1)
-        trials = _trials(solver, base, fits, found)
-        accepted = believed([one for one in trials if _is_significant(one, exceeding) and _is_additional(one, added)])
+        trials = _trials(solver, base, fits, outcome)
+        accepted = believed(
+            [trial for trial in trials if _is_significant(trial, exceeding) and _is_additional(trial, added)]
+        )
         # Nothing is added before all that it is easily taken for have been tried as well.
-        tried = with_families({one.candidate.term for one in accepted[:1]}, known)
+        tried = with_families({trial.candidate.term for trial in accepted[:1]}, known)
         if tried <= fits.keys():
-            z_score |= {one.candidate.term: 0.0 for one in trials if _is_of_numerics(one)}
+            z_score |= {trial.candidate.term: 0.0 for trial in trials if _is_of_numerics(trial)}
             return Round(base, evidence, excess, z_score, frozenset(exceeding), trials, accepted, clock_z_score)
 
 
-def _trials(solver: Solver, base: Fit, fits: dict[Term, Fit], found: Search) -> list[Trial]:
+def _trials(solver: Solver, base: Fit, fits: dict[Term, Fit], outcome: Search) -> list[Trial]:
     """Gains of every candidate that was fitted."""
-    other_base, *others = on_others(solver, found.checked, [base, *fits.values()])
+    other_base, *others = on_others(solver, outcome.checked, [base, *fits.values()])
     return [
-        trial(solver, fit, base.state, other, other_base, found.null.null_mean(term))
+        trial_of(solver, fit, base.state, other, other_base, outcome.null.null_mean(term))
         for (term, fit), other in zip(fits.items(), others, strict=True)
     ]
 
 
-def _is_significant(one: Trial, exceeding: Collection[Term]) -> bool:
+def _is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
     """True if a candidate exceeds chance in the screen, or gains so much when it is fitted that it needs not."""
-    return not _is_of_numerics(one) and (one.candidate.term in exceeding or one.total > THRESHOLDS.total_below_z_score)
+    return not _is_of_numerics(trial) and (
+        trial.candidate.term in exceeding or trial.total > THRESHOLDS.total_below_z_score
+    )
 
 
-def _is_of_numerics(one: Trial) -> bool:
+def _is_of_numerics(trial: Trial) -> bool:
     """True if it is a reaction delay of less than a moment, which is not of the driver."""
-    if one.candidate.term != Term("reaction_delay"):
+    if trial.candidate.term != Term("reaction_delay"):
         return False
-    (place,) = one.candidate.free
-    return bool(abs(one.fit.state.theta[place]) < one.fit.state.data.dt)
+    (place,) = trial.candidate.free
+    return bool(abs(trial.fit.state.theta[place]) < trial.fit.state.data.dt)
 
 
-def _is_additional(one: Trial, added: list[Trial]) -> bool:
+def _is_additional(trial: Trial, added: list[Trial]) -> bool:
     """True if an effect is more than what another form of an earlier one would have taken in."""
-    if added and one.total < THRESHOLDS.later_share * max(other.total for other in added):
+    if added and trial.total < THRESHOLDS.later_share * max(other.total for other in added):
         return False
 
     def may_be_remainder(other: Trial) -> bool:
-        return is_free(one) or is_free(other) or confounded(one.candidate.term, other.candidate.term)
+        return is_free(trial) or is_free(other) or confounded(trial.candidate.term, other.candidate.term)
 
-    return all(one.total > THRESHOLDS.confounded_share * other.total for other in added if may_be_remainder(other))
+    return all(trial.total > THRESHOLDS.confounded_share * other.total for other in added if may_be_remainder(other))
 
 
 def split_drivers(data: Measured, shares: tuple[float, ...], seed: int) -> list[Measured]:
@@ -271,10 +277,10 @@ def split_drivers(data: Measured, shares: tuple[float, ...], seed: int) -> list[
     owner = np.full(len(data.driver), -1)
     numbers, sizes = np.unique(data.recording, return_counts=True)
     filled = np.zeros(len(shares))
-    for one in np.argsort(-sizes, kind="stable"):
+    for place in np.argsort(-sizes, kind="stable"):
         part = int(np.argmin(filled / np.array(shares)))
-        owner[data.recording == numbers[one]] = part
-        filled[part] += sizes[one]
+        owner[data.recording == numbers[place]] = part
+        filled[part] += sizes[place]
     if (filled < THRESHOLDS.least_part_filled * np.array(shares) * sizes.sum()).any():
         rng = np.random.default_rng(seed)
         order = rng.permutation(data.n_drivers)
