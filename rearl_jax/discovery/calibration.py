@@ -10,8 +10,8 @@ from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.layout import layout_of
-from rearl_jax.discovery.observe.moments import Programs
 from rearl_jax.discovery.observe.noise import calibrate
+from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.report.repaired import repaired_model

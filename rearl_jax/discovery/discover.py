@@ -19,8 +19,8 @@ from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.layout import layout_of
-from rearl_jax.discovery.observe.moments import Programs
 from rearl_jax.discovery.observe.noise import calibrate
+from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.parts import Parts, measured_drivers
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import known
@@ -119,10 +119,10 @@ def compute(config: DiscoverTask, bar: Progress, study: Study | None = None) -> 
     if config.discover.oracle is not None:
         discovery = Discovery(config, identity, _oracle(config, solver, parts))
     else:
-        found = _search(config, study, solver, parts, bar)
-        lanes = lane_choice(solver, found, parts, recordings, config.discover)
+        outcome = _search(config, study, solver, parts, bar)
+        lanes = lane_choice(solver, outcome, parts, recordings, config.discover)
         del recordings  # they may be large, and nobody needs them any more
-        discovery = _discovery(config, solver, parts, found, lanes)
+        discovery = _discovery(config, solver, parts, outcome, lanes)
     discovery.verdict["seconds"] = time.perf_counter() - begin
     return discovery
 
@@ -139,7 +139,7 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
         recordings.append(recording)
         say(len(recordings), len(recordings))
     findings, data = measured_drivers(recordings, config.discover, prior_of(config.driver))
-    notes = _each_once([note for one in recordings for note in one.info.notes])
+    notes = _each_once([note for recording in recordings for note in recording.info.notes])
     if data.jumps:
         notes += (f"positions jump {data.jumps} times: left out around them",)
     if data.n_drivers < THRESHOLDS.least_drivers:
@@ -148,7 +148,7 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
             "to fit, check and report on different ones: choose more recordings (data.recordings), or longer ones"
         )
     fitted, checked, reported = split_drivers(data, SHARES, config.discover.seed)
-    infos = tuple(one.info for one in recordings)
+    infos = tuple(recording.info for recording in recordings)
     return Parts(identity, generated, infos, findings, fitted, checked, reported, notes), recordings
 
 
@@ -165,7 +165,7 @@ def _each_once(notes: Sequence[str]) -> tuple[str, ...]:
 
 
 def _search(config: DiscoverTask, study: Study | None, solver: Solver, parts: Parts, bar: Progress) -> Search:
-    """What is found about car following."""
+    """Search for effects of car following."""
     options = config.discover
     line = bar.add_task("calibrating drivers", total=None)
     replicates = shown(bar, "simulated nulls")
@@ -176,38 +176,38 @@ def _search(config: DiscoverTask, study: Study | None, solver: Solver, parts: Pa
     def null_for(base: Fit) -> Null:
         if study is not None and study.owns(NULL_TABLE):  # of a run that was killed
             return tables.read_null(study.path / f"{NULL_TABLE}.parquet")
-        null = null_of(solver, base.world, base.noise, options.replicates, options.seed, replicates)
+        null = null_of(solver, base.state, base.noise, options.replicates, options.seed, replicates)
         if study is not None:
             study.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
         return null
 
-    found = search(solver, parts.fitted, parts.checked, null_for, report)
-    if not clocks_confirmed(solver, found, parts.checked, options.seed):
+    outcome = search(solver, parts.fitted, parts.checked, null_for, report)
+    if not clocks_confirmed(solver, outcome, parts.checked, options.seed):
         log.info("clocks put right make simulations of other drivers worse: left as they are")
-        found = search(solver, parts.fitted, parts.checked, null_for, report, excluded=frozenset({CLOCK_OFFSET}))
-    if not lens_confirmed(solver, found, options.seed):
+        outcome = search(solver, parts.fitted, parts.checked, null_for, report, excluded=frozenset({CLOCK_OFFSET}))
+    if not lens_confirmed(solver, outcome, options.seed):
         log.info("a camera's distortion makes simulations of other drivers worse: left as it is")
-        found = search(solver, parts.fitted, parts.checked, null_for, report, excluded=found.excluded | {LENS})
+        outcome = search(solver, parts.fitted, parts.checked, null_for, report, excluded=outcome.excluded | {LENS})
     report("reporting", 0, 1)
-    return confirmed(solver, found, options.seed)
+    return confirmed(solver, outcome, options.seed)
 
 
 def _discovery(
-    config: DiscoverTask, solver: Solver, parts: Parts, found: Search, lanes: LaneChangeFindings
+    config: DiscoverTask, solver: Solver, parts: Parts, outcome: Search, lanes: LaneChangeFindings
 ) -> Discovery:
     """The verdict, with the tables and the model."""
     options = config.discover
-    left = adequacy(solver, found, options.seed)
-    reported = in_time(solver, found, parts.reported)
-    errors = model_errors(solver, parts.reported, {"before": found.before}, options.seed)
-    if found.added or found.clocks is not None:
-        errors |= model_errors(solver, reported, {"after": found.last}, options.seed)
-    effects = _effects(solver, found, left, parts.findings, options.confidence)
+    left = adequacy(solver, outcome, options.seed)
+    reported = in_time(solver, outcome, parts.reported)
+    errors = model_errors(solver, parts.reported, {"before": outcome.before}, options.seed)
+    if outcome.added or outcome.clocks is not None:
+        errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed)
+    effects = _effects(solver, outcome, left, parts.findings, options.confidence)
     following = {
-        "verdict": verdict_of(found, parts.findings, left),
+        "verdict": verdict_of(outcome, parts.findings, left),
         "effects": [effect.plain() for effect in effects],
-        "candidates": candidate_rows(found),
-        "unseen": unseen(found, found.null.threshold(THRESHOLDS.candidate_z_score)),
+        "candidates": candidate_rows(outcome),
+        "unseen": unseen(outcome, outcome.null.threshold(THRESHOLDS.candidate_z_score)),
         "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
         "adequacy": {
             "kurtosis": left.kurtosis,
@@ -223,39 +223,39 @@ def _discovery(
     }
     verdict = with_lane_choice(following, lanes)
     model = repaired_model(
-        found.first, found.last, found.added, lanes.effects, parts.fitted, solver.layout, parts.id, config.study
+        outcome.first, outcome.last, outcome.added, lanes.effects, parts.fitted, solver.layout, parts.id, config.study
     )
     written = {
         "candidates": pd.DataFrame(tables.candidate_table(verdict)),
         "errors": tables.error_table(errors),
-        "drivers": tables.driver_table(solver, found),
-        NULL_TABLE: tables.null_table(found.null),
+        "drivers": tables.driver_table(solver, outcome),
+        NULL_TABLE: tables.null_table(outcome.null),
     }
-    return Discovery(config, parts.id, verdict, written, model, Behind(solver, found, parts, reported, errors))
+    return Discovery(config, parts.id, verdict, written, model, Behind(solver, outcome, parts, reported, errors))
 
 
 def _effects(
-    solver: Solver, found: Search, left: Adequacy, findings: Sequence[Finding], confidence: float
+    solver: Solver, outcome: Search, left: Adequacy, findings: Sequence[Finding], confidence: float
 ) -> list[Named]:
-    """What is claimed: what the columns show, then what was added, with the numbers of the final model."""
+    """Claims: artefacts that the columns show, then what was added, with the numbers of the final model."""
     effects = [found_in_columns(finding, confidence) for finding in findings]
     if amount(findings, SMOOTHING):
         return effects  # what drivers seem to do may be what the smoothing left of it: candidates, not claims
     most, doubtful = THRESHOLDS.most_confidence, THRESHOLDS.doubtful_confidence
-    usual = most if left.is_enough and not leaves_shifts(found) else doubtful
-    if found.clocks is not None:
-        effects.append(differing_clocks(found.clocks, most if left.is_of_clocks else doubtful))
-    deviations = known(solver, found.last.world).theta
+    usual = most if left.is_enough and not leaves_shifts(outcome) else doubtful
+    if outcome.clocks is not None:
+        effects.append(differing_clocks(outcome.clocks, most if left.is_of_clocks else doubtful))
+    deviations = known(solver, outcome.last.state).theta
     first = 0
-    for one in found.rounds:
-        trial = one.chosen
+    for turn in outcome.rounds:
+        trial = turn.chosen
         if trial is None:
             continue
         size = len(trial.candidate.free)
         own = deviations[first : first + size]
-        reliability = doubtful if found.is_doubtful(trial) else usual
+        reliability = doubtful if outcome.is_doubtful(trial) else usual
         effects.append(
-            named_trial(trial, one.trials, found.last.world.theta, own, solver.layout, confidence, reliability)
+            named_trial(trial, turn.trials, outcome.last.state.theta, own, solver.layout, confidence, reliability)
         )
         first += size
     return effects
@@ -268,9 +268,9 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
     if term not in candidates:
         known_terms = ", ".join(sorted(map(str, candidates)))
         raise ValueError(f"discover.oracle={term} is none of the candidates for these data: {known_terms}")
-    world, noise = calibrate(solver, parts.fitted)
-    base = Fit(None, world, noise)
-    (seen,) = scores(solver, [world])
+    state, noise = calibrate(solver, parts.fitted)
+    base = Fit(None, state, noise)
+    (seen,) = scores(solver, [state])
     fits = refit(solver, base, [candidates[term]], seen)
     base = rebased(solver, base, fits)
     errors = model_errors(solver, parts.reported, {"before": base, "oracle": fits[term]}, config.discover.seed)

@@ -67,7 +67,7 @@ def measured_of(tables_of):
 def solver(measured_of):
     """A solver for the control."""
     from rearl_jax.discovery.observe.layout import layout_of
-    from rearl_jax.discovery.observe.moments import Programs
+    from rearl_jax.discovery.observe.normal_equations import Programs
     from rearl_jax.discovery.observe.solver import Solver
 
     data = measured_of()

@@ -1,4 +1,4 @@
-"""What may count in the choice of the lane beside the own acceleration: one or more columns per candidate."""
+"""Candidates of the choice of the lane beside the own acceleration: one or more columns per candidate."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What was found in lane changing, as it goes into a verdict."""
+"""Findings in lane changing, as they go into a verdict."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -56,7 +56,7 @@ class RankedCandidate:
 
     Attributes:
         name, kind, variables: What it is.
-        surprise: Of its slope, in standard deviations between drivers [-].
+        z_score: Of its slope, in standard deviations between drivers [-].
         gain: Log-likelihood it adds on the drivers it is fitted to [nats]; None where it was not fitted.
         check: The same on drivers it was not fitted to [nats].
         ambiguous: Whether it explains the changes about as well as what was named.
@@ -65,7 +65,7 @@ class RankedCandidate:
     name: str
     kind: str
     variables: tuple[str, ...]
-    surprise: float
+    z_score: float
     gain: float | None
     check: float | None
     ambiguous: bool
@@ -76,8 +76,8 @@ class RankedCandidate:
             "name": self.name,
             "kind": self.kind,
             "variables": list(self.variables),
-            "evidence": 0.5 * self.surprise**2,
-            "surprise": self.surprise,
+            "evidence": 0.5 * self.z_score**2,
+            "surprise": self.z_score,
             "gain": self.gain,
             "check": self.check,
             "ambiguous": self.ambiguous,
@@ -87,7 +87,7 @@ class RankedCandidate:
 
 @dataclass(frozen=True)
 class LaneChangeFindings:
-    """What is missing in lane changing.
+    """Findings in lane changing.
 
     Attributes:
         effects: What is claimed, in the order in which it was found.

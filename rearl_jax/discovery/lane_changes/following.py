@@ -82,12 +82,12 @@ def likely_parameters(
         variance = max(float(np.median(error**2)) / 0.455, 1e-4) * MEMORY / period
         slopes = np.stack([(predicted(z + STEP * np.eye(n_own)[k]) - now) / STEP for k in range(n_own)])
         gram = np.empty((n, n_own, n_own))
-        pull = np.empty((n, n_own))
+        gradient = np.empty((n, n_own))
         for i in range(n_own):
-            pull[:, i] = np.bincount(who, slopes[i] * error, n) / variance - z[:, i]
+            gradient[:, i] = np.bincount(who, slopes[i] * error, n) / variance - z[:, i]
             for j in range(i + 1):
                 gram[:, i, j] = gram[:, j, i] = np.bincount(who, slopes[i] * slopes[j], n) / variance
-        step = np.linalg.solve(gram + np.eye(n_own), pull[..., None])[..., 0]
+        step = np.linalg.solve(gram + np.eye(n_own), gradient[..., None])[..., 0]
         z = np.clip(z + np.clip(step, -1.0, 1.0), -FURTHEST, FURTHEST)
     z[:, RESPONSE:] -= z[np.unique(who)][:, RESPONSE:].mean(axis=0)
     z[np.bincount(who, minlength=n) == 0] = 0.0

@@ -1,4 +1,4 @@
-"""What drivers gain by a change of lanes, by their own car following as it was calibrated."""
+"""Gain of drivers by a change of lanes, by their own car following as it was calibrated."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.core.car_following import CAR_FOLLOWING
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
-from rearl_jax.discovery.observe.solver import World
+from rearl_jax.discovery.observe.solver import FitState
 
 
 @dataclass(frozen=True)
@@ -30,19 +30,19 @@ class KnownDrivers:
     prior: Prior = IDM_PRIOR
 
     def is_known(self, vehicle: Int[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
-        """Whether each row's vehicle is calibrated."""
+        """True if each row's vehicle is calibrated."""
         return np.isin(vehicle, self.vehicle)
 
     @classmethod
-    def of(cls, worlds: Sequence[World], prior: Prior = IDM_PRIOR) -> "KnownDrivers":
-        """The drivers of calibrated worlds, which share none."""
+    def of(cls, states: Sequence[FitState], prior: Prior = IDM_PRIOR) -> "KnownDrivers":
+        """The drivers of calibrated states, which share none."""
         vehicles, values = [np.empty(0, np.int64)], [np.empty((0, prior.size))]
-        for world in worlds:
-            of_driver = np.zeros(world.data.n_drivers, np.int64)
-            of_driver[world.data.driver] = world.data.vehicle
+        for state in states:
+            of_driver = np.zeros(state.data.n_drivers, np.int64)
+            of_driver[state.data.driver] = state.data.vehicle
             vehicles.append(of_driver)
-            values.append(prior.values(world.z, world.truck))
-        usual = prior.values(worlds[0].mean, np.array([0, 1])) if worlds else prior.usual
+            values.append(prior.values(state.z, state.truck))
+        usual = prior.values(states[0].mean, np.array([0, 1])) if states else prior.usual
         vehicle = np.concatenate(vehicles)
         order = np.argsort(vehicle)
         return cls(vehicle[order], np.concatenate(values)[order], usual, prior)

@@ -39,7 +39,7 @@ def with_motion(table: pd.DataFrame, dt: float) -> pd.DataFrame:
 
 
 def count_changes(table: pd.DataFrame) -> int:
-    """How often the vehicles of a canonical table change lanes; moments of an unknown lane are skipped."""
+    """Number of lane changes in a canonical table; moments of an unknown lane are skipped."""
     known = table["lane"].notna().to_numpy()
     track = table["track_id"].to_numpy()[known]
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)[known]

@@ -1,4 +1,4 @@
-"""Who is ahead and behind on the own lane and on those beside, as rows of a table."""
+"""Vehicles ahead and behind on the own lane and on those beside, as rows of a table."""
 
 from dataclasses import dataclass
 

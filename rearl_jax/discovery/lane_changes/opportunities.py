@@ -193,7 +193,7 @@ class _Scene:
         return np.where(drivers.is_known(self.vehicle), own, likely)
 
     def _earlier_braking(self, leader: np.ndarray) -> np.ndarray:
-        """How much less each vehicle accelerated EARLIER than behind its leader it would [m/s^2]; 0 where unknown."""
+        """Acceleration each vehicle lacked EARLIER against that behind its leader [m/s^2]; 0 where unknown."""
         everyone = np.arange(len(leader))
         less = np.where(leader == NOBODY, 0.0, self._behind(everyone, leader) - self.a)
         back = round(EARLIER / PERIOD)
@@ -261,7 +261,7 @@ class _Scene:
 
 
 def _goes_on(rows: pd.DataFrame) -> Bool[np.ndarray, " rows"]:
-    """Whether each row is the next moment of the vehicle of the row before it."""
+    """True if each row is the next moment of the vehicle of the row before it."""
     track, frame = rows["track_id"].to_numpy(), rows["frame"].to_numpy()
     frames = np.unique(frame)
     each = int(np.diff(frames).min()) if len(frames) > 1 else 1

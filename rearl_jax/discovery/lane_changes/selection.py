@@ -46,7 +46,7 @@ def lane_change_findings(
     confidence: float = 0.9,
     seed: int = 0,
 ) -> LaneChangeFindings:
-    """What counts in the choice of the lane beside the own acceleration.
+    """Influences on the choice of the lane beside the own acceleration.
 
     Args:
         recordings: Canonical recordings, the same and in the same order as `measure` got them.
@@ -90,14 +90,14 @@ def lane_change_findings(
 
 
 def _gain_counts(every: Tried) -> bool:
-    """Whether drivers are the more likely to change the more they gain."""
+    """True if drivers are the more likely to change the more they gain."""
     data = every.data.take(every.rows(0, 1))
     line = fit(np.column_stack([np.ones(len(data.gain)), data.gain]), data.taken, data.driver)
     return bool(line.coefficients[1] > THRESHOLDS.own_gain_z_score * np.sqrt(line.covariance[1, 1]))
 
 
 def _selected(every: Tried) -> tuple[list[Trial], list[list[Trial]]]:
-    """What is added, in order, and everything that was tried in each round."""
+    """Effects that are added, in order, and everything that was tried in each round."""
     added: list[Trial] = []
     rounds: list[list[Trial]] = []
     while len(added) < THRESHOLDS.most_lane_effects:
@@ -113,7 +113,7 @@ def _selected(every: Tried) -> tuple[list[Trial], list[list[Trial]]]:
 def _effects(
     every: Tried, added: Sequence[Trial], rounds: Sequence[Sequence[Trial]], confidence: float
 ) -> tuple[LaneEffect, ...]:
-    """What was added, with strengths from the drivers that were fitted and checked."""
+    """Effects that were added, with strengths from the drivers that were fitted and checked."""
     model = every.fitted(every.effects(added), 0, 1)
     reach = float(norm.ppf(0.5 + confidence / 2))
     found = []
@@ -169,7 +169,7 @@ def _ranked(every: Tried, added: Sequence[Trial], rounds: Sequence[Sequence[Tria
     for number, one in enumerate(held, at):
         z = abs(model.line.coefficients[number]) / float(np.sqrt(model.line.covariance[number, number]))
         rows.append(RankedCandidate(one.name, one.kind, one.variables, float(z), None, None, False))
-    return tuple(sorted(rows, key=lambda row: -row.surprise))
+    return tuple(sorted(rows, key=lambda row: -row.z_score))
 
 
 def _loss(every: Tried, added: Sequence[Trial], confidence: float) -> tuple[float, float, Estimate]:

@@ -58,7 +58,7 @@ class IncentiveModel:
     line: Logit
 
     def incentive(self, data: Choices, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, " rows"]:
-        """What a change pays, effects included [m/s^2]."""
+        """Incentive of a change, effects included [m/s^2]."""
         return data.gain + effects @ self.strengths
 
     def columns(self, data: Choices, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, "rows columns"]:

@@ -47,7 +47,7 @@ class Trial:
 
     @property
     def total(self) -> float:
-        """What it is compared by [nats]."""
+        """Total that it is compared by [nats]."""
         return self.check or 0.0
 
 

@@ -1,4 +1,4 @@
-"""What may be missing from the model: one vector of numbers, theta, that is all candidates at once.
+"""Candidates: all that may be missing from the model, as one vector of numbers, theta.
 
 At its reference value nothing acts. A candidate owns some places of the vector: directions that are looked at where
 nothing acts yet (the screen), and places that are free when it is fitted (the refit).
@@ -67,7 +67,7 @@ RANGES = {
 
 @dataclass(frozen=True)
 class Term:
-    """What may be added to the model: an effect, or a curve over one variable.
+    """Term that may be added to the model: an effect, or a curve over one variable.
 
     Attributes:
         effect: Name of an effect of the library, or of an artefact.
@@ -89,7 +89,7 @@ class Term:
 
     @property
     def is_effect(self) -> bool:
-        """Whether it is an effect of the library with parameters of its own."""
+        """True if it is an effect of the library with parameters of its own."""
         return self.variable is None and self.effect in EFFECTS
 
 
@@ -138,7 +138,7 @@ class Knots(eqx.Module):
 
 
 Numbers = dict[str, Float[Array, "knots *#n"]]
-"""What was added, under the names of `Layout.places`."""
+"""Numbers in theta, under the names of `Layout.places`."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.observe.fit import Fit, on_others
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP
-from rearl_jax.discovery.observe.solver import Solver, World, copied, replace_gain
+from rearl_jax.discovery.observe.solver import FitState, Solver, copied, replace_gain
 from rearl_jax.discovery.read.measured import Measured
 
 FARTHEST = 60.0
@@ -19,17 +19,17 @@ TYPICAL_ERROR = 1.0
 
 def gap_errors(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[Float[np.ndarray, " drivers"]]:
     """Closed-loop gap error of each driver [m] under fitted models, its own parameters calibrated to the gap."""
-    calibrated = [calibrated_to_gap(solver, world) for world in on_others(solver, data, fits)]
-    return [np.sqrt(data.driver_mean(simulated_error(solver, world) ** 2)) for world in calibrated]
+    calibrated = [calibrated_to_gap(solver, state) for state in on_others(solver, data, fits)]
+    return [np.sqrt(data.driver_mean(simulated_error(solver, state) ** 2)) for state in calibrated]
 
 
-def simulated_error(solver: Solver, world: World) -> Float[np.ndarray, "steps pieces"]:
+def simulated_error(solver: Solver, state: FitState) -> Float[np.ndarray, "steps pieces"]:
     """Measured less simulated positions [m]."""
-    return np.clip(solver.innovations([world], CLOSED_LOOP)[0], -FARTHEST, FARTHEST)
+    return np.clip(solver.innovations([state], CLOSED_LOOP)[0], -FARTHEST, FARTHEST)
 
 
-def calibrated_to_gap(solver: Solver, world: World) -> World:
+def calibrated_to_gap(solver: Solver, state: FitState) -> FitState:
     """The same drivers with parameters that simulate the gap best."""
-    start = copied(world, pieces=replace_gain(world.pieces, CLOSED_LOOP), variance=TYPICAL_ERROR**2)
+    start = copied(state, pieces=replace_gain(state.pieces, CLOSED_LOOP), variance=TYPICAL_ERROR**2)
     solver.solve([start], iterations=20, tolerance=0.1)
     return start

@@ -18,7 +18,7 @@ from rearl_jax.core.car_following.model import CarFollowing
 
 @dataclass(frozen=True)
 class Prior:
-    """What is taken for usual of drivers before anything is measured; hashable.
+    """Prior of drivers: what is usual of them before anything is measured; hashable.
 
     Attributes:
         name: Of the car-following model.

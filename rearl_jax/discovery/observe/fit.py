@@ -8,7 +8,7 @@ import numpy as np
 from rearl_jax.discovery.observe.candidates import Candidate
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, best_noise, noises
-from rearl_jax.discovery.observe.solver import Solver, World, new_world, with_gain
+from rearl_jax.discovery.observe.solver import FitState, Solver, new_state, with_gain
 from rearl_jax.discovery.read.measured import Measured
 
 
@@ -18,30 +18,30 @@ class Fit:
 
     Attributes:
         candidate: What was added last.
-        world: With everything that was added.
+        state: With everything that was added.
         noise: Found anew under it.
     """
 
     candidate: Candidate | None
-    world: World
+    state: FitState
     noise: Noise
 
 
-def on_others(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[World]:
+def on_others(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[FitState]:
     """Other drivers under fitted models: each finds its own parameters, everything else stays.
 
     Every model has the same freedom, so likelihoods compare.
     """
-    worlds = []
+    states = []
     for fit in fits:
-        world = new_world(data, solver.layout, fit.noise.gain(data.dt, data.stride))
-        world.mean, world.theta, world.active = fit.world.mean.copy(), fit.world.theta.copy(), fit.world.active
-        world.z = world.mean[world.truck]
-        world.variance = fit.world.variance
-        world.holds_population = world.holds_variance = world.holds_theta = True
-        solver.solve([world], iterations=15, tolerance=0.1)
-        worlds.append(world)
-    return worlds
+        state = new_state(data, solver.layout, fit.noise.gain(data.dt, data.stride))
+        state.mean, state.theta, state.active = fit.state.mean.copy(), fit.state.theta.copy(), fit.state.active
+        state.z = state.mean[state.truck]
+        state.variance = fit.state.variance
+        state.holds_population = state.holds_variance = state.holds_theta = True
+        solver.solve([state], iterations=15, tolerance=0.1)
+        states.append(state)
+    return states
 
 
 def with_others(solver: Solver, fit: Fit, data: Measured) -> Fit:
@@ -49,12 +49,12 @@ def with_others(solver: Solver, fit: Fit, data: Measured) -> Fit:
 
     What few drivers show at times, such as what follows a cut-in, needs all of them to be seen.
     """
-    world = fit.world
-    both = new_world(world.data.beside(data), solver.layout, fit.noise.gain(data.dt, data.stride))
-    both.mean, both.theta, both.active = world.mean.copy(), world.theta, world.active
-    both.z = np.concatenate([world.z, both.mean[both.truck[world.data.n_drivers :]]])
+    state = fit.state
+    both = new_state(state.data.beside(data), solver.layout, fit.noise.gain(data.dt, data.stride))
+    both.mean, both.theta, both.active = state.mean.copy(), state.theta, state.active
+    both.z = np.concatenate([state.z, both.mean[both.truck[state.data.n_drivers :]]])
     solver.solve([both], iterations=15, tolerance=0.3)
     noise, _ = best_noise(solver, both, noises(fit.noise, ACCELERATIONS))
     both = with_gain(both, noise.gain(data.dt, data.stride))
     solver.solve([both], iterations=15, tolerance=0.05)
-    return replace(fit, world=both, noise=noise)
+    return replace(fit, state=both, noise=noise)

@@ -1,4 +1,4 @@
-"""What any acceleration beside the model would do to the innovations, and how much of it is there.
+"""Response of the innovations to any acceleration beside the model, and how much of it is there.
 
 An acceleration b(t) changes the innovations by what the observer makes of it; whatever a driver's own mean and own
 parameters could imitate is taken out. The rest, least squares on white innovations, says how much of b there is:
@@ -35,8 +35,8 @@ FORGOTTEN = 1e-12
 
 
 @dataclass(frozen=True)
-class Votes:
-    """What each driver says about how much there is of each acceleration, own mean and own parameters taken out.
+class DriverScores:
+    """Scores of each driver for the size of each acceleration, own mean and own parameters taken out.
 
     Attributes:
         gram: Products of the columns.
@@ -50,14 +50,14 @@ class Votes:
     square: Float[np.ndarray, " drivers"]
     variance: float
 
-    def of(self, columns: Sequence[int] | np.ndarray | slice) -> "Votes":
+    def of(self, columns: Sequence[int] | np.ndarray | slice) -> "DriverScores":
         """Of some columns."""
-        return Votes(self.gram[:, columns][:, :, columns], self.score[:, columns], self.square, self.variance)
+        return DriverScores(self.gram[:, columns][:, :, columns], self.score[:, columns], self.square, self.variance)
 
 
 @dataclass(frozen=True)
 class Answers:
-    """How the model's acceleration answers in every moment.
+    """Derivatives of the model's acceleration in every moment.
 
     Attributes:
         x: Its derivative by the own place [1/s^2].
@@ -72,13 +72,13 @@ class Answers:
 
 def drivers_of(left: Residuals) -> CarFollowing:
     """Car following of the drivers, moment by moment."""
-    data = left.world.data
-    return left.prior.drivers(jnp.asarray(left.world.z[data.driver].T), data.is_truck.astype(float)).full(left.x.shape)
+    data = left.state.data
+    return left.prior.drivers(jnp.asarray(left.state.z[data.driver].T), data.is_truck.astype(float)).full(left.x.shape)
 
 
 def answers(left: Residuals) -> Answers:
     """Derivatives of the car-following model where the observer was; added effects change them little."""
-    data, seen, usual = left.world.data, left.stimulus(), drivers_of(left)
+    data, seen, usual = left.state.data, left.stimulus(), drivers_of(left)
 
     def wanted(x: Array, v: Array, logs: Array) -> Array:
         driver = left.prior.model(*(value * jnp.exp(log) for value, log in zip(usual.rows(), logs, strict=True)))
@@ -102,7 +102,7 @@ def felt(
 
 
 def _felt(pushed: np.ndarray, left: Residuals, answer: Answers) -> np.ndarray:
-    data = left.world.data
+    data = left.state.data
     dt, gain, looks = data.dt, left.noise.gain(data.dt, data.stride), data.looks()
     out = np.empty_like(pushed)
     *state, last = (np.zeros((len(pushed), pushed.shape[2])) for _ in range(5))
@@ -119,24 +119,24 @@ def _felt(pushed: np.ndarray, left: Residuals, answer: Answers) -> np.ndarray:
     return out
 
 
-def votes(pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers) -> Votes:
-    """Votes of all drivers on accelerations; +1 of a column is 1 m/s^2 times `pushed`."""
+def driver_scores(pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers) -> DriverScores:
+    """Scores of all drivers on accelerations; +1 of a column is 1 m/s^2 times `pushed`."""
     columns, n_own = _left_behind(pushed, left, answer)
-    return _voted(columns, left.innovation, n_own, left)
+    return _scored(columns, left.innovation, n_own, left)
 
 
-def votes_and_seen(
+def scores_and_seen(
     pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers
-) -> tuple[Votes, Votes]:
-    """The same, and what the votes would be on the acceleration residual, for shares that people can read."""
+) -> tuple[DriverScores, DriverScores]:
+    """The same, and what the scores would be on the acceleration residual, for shares that people can read."""
     columns, n_own = _left_behind(pushed, left, answer)
-    data, seen = left.world.data, np.empty_like(columns)
+    data, seen = left.state.data, np.empty_like(columns)
     for first in range(0, len(columns), AT_ONCE):
         part = np.moveaxis(columns[first : first + AT_ONCE], 1, 0)  # [steps, columns, pieces]
         weight = np.broadcast_to(data.weight[:, None], part.shape).reshape(len(part), -1)
         smooth = smoothed_acceleration(part.reshape(len(part), -1), weight, left.noise, data.dt, data.stride)
         seen[first : first + AT_ONCE] = np.moveaxis(smooth.reshape(part.shape), 0, 1)
-    return _voted(columns, left.innovation, n_own, left), _voted(_flushed(seen), left.acceleration, n_own, left)
+    return _scored(columns, left.innovation, n_own, left), _scored(_flushed(seen), left.acceleration, n_own, left)
 
 
 def _left_behind(pushed: np.ndarray, left: Residuals, answer: Answers) -> tuple[np.ndarray, int]:
@@ -150,23 +150,23 @@ def _flushed(values: np.ndarray) -> np.ndarray:
     return np.where(np.abs(values) < FORGOTTEN, np.float32(0), values)
 
 
-def plain_votes(
+def plain_scores(
     target: Float[np.ndarray, "steps pieces"],
     pushed: Float[np.ndarray, "columns steps pieces"],
     left: Residuals,
     answer: Answers,
-) -> Votes:
-    """Votes on how much of accelerations another one is made of, moment by moment [m/s^2]."""
+) -> DriverScores:
+    """Scores on how much of accelerations another one is made of, moment by moment [m/s^2]."""
     own = np.concatenate([np.ones((1, *left.x.shape)), answer.own])
-    return _voted(np.concatenate([own, pushed]).astype(np.float32), target, len(own), left)
+    return _scored(np.concatenate([own, pushed]).astype(np.float32), target, len(own), left)
 
 
 def added_acceleration(solver: Solver, left: Residuals) -> Float[np.ndarray, "steps pieces"]:
     """By how much what was added to the model changes its acceleration, moment by moment [m/s^2]."""
-    data, layout = left.world.data, solver.layout
-    driver = left.prior.drivers(jnp.asarray(left.world.z[data.driver].T), data.is_truck.astype(float))
-    theta = jnp.repeat(jnp.asarray(left.world.theta)[:, None], len(data.driver), axis=1)
-    effects = effects_at(layout.by_name(theta), jax.tree.map(jnp.asarray, layout.knots), left.world.active)
+    data, layout = left.state.data, solver.layout
+    driver = left.prior.drivers(jnp.asarray(left.state.z[data.driver].T), data.is_truck.astype(float))
+    theta = jnp.repeat(jnp.asarray(left.state.theta)[:, None], len(data.driver), axis=1)
+    effects = effects_at(layout.by_name(theta), jax.tree.map(jnp.asarray, layout.knots), left.state.active)
 
     def step(carry: tuple, now: Stimulus) -> tuple[tuple, Array]:
         memory, last = carry
@@ -179,14 +179,14 @@ def added_acceleration(solver: Solver, left: Residuals) -> Float[np.ndarray, "st
     return np.asarray(jax.jit(lambda carry, rows: lax.scan(step, carry, rows)[1])(first, seen), float)
 
 
-def _voted(
+def _scored(
     columns: Float[np.ndarray, "columns steps pieces"],
     target: Float[np.ndarray, "steps pieces"],
     n_own: int,
     left: Residuals,
-) -> Votes:
+) -> DriverScores:
     """Products driver by driver, the first `n_own` columns taken out."""
-    data = left.world.data
+    data = left.state.data
     counts, target = (data.weight > 0).astype(np.float32), target.astype(np.float32)
     found = []
     for driver in range(data.n_drivers):
@@ -194,7 +194,7 @@ def _voted(
         rows = (columns[:, :, pieces] * counts[:, pieces]).reshape(len(columns), -1)
         found.append(_products(rows, (target[:, pieces] * counts[:, pieces]).ravel(), n_own))
     gram, score, square = (np.stack([np.asarray(one[k], float) for one in found]) for k in range(3))
-    return Votes(gram, score, square, float(square.sum() / max(counts.sum(), 1.0)))
+    return DriverScores(gram, score, square, float(square.sum() / max(counts.sum(), 1.0)))
 
 
 @partial(jax.jit, static_argnums=2)

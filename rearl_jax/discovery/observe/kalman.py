@@ -22,8 +22,8 @@ GAIN_ITERATIONS = 600
 MEASURED = np.array([1.0, 0.0, 0.0, 1.0])
 """Share of x, v, o, w in what is measured [-]."""
 
-PULL, DAMPING = 0.075, 0.5
-"""How a driver's acceleration answers to being ahead of its place [1/s^2] and too fast [1/s], as the observer takes it:
+STIFFNESS, DAMPING = 0.075, 0.5
+"""Response of a driver's acceleration to being ahead of its place [1/s^2] and too fast [1/s] in the observer:
 IDM at 20 m/s, 30 m behind, with usual parameters. Without it, what drivers take back would count as less noise.
 """
 
@@ -77,7 +77,7 @@ CLOSED_LOOP = Gain(0.0, 0.0, 0.0, 0.0, kept_o=0.0, kept_w=0.0, variance=1.0)
 
 @dataclass(frozen=True)
 class Noise:
-    """What the observer takes for random.
+    """Noise of drivers and measurements, as the observer takes it.
 
     Attributes:
         acceleration: Standard deviation of what drivers do beside the model [m/s^2].
@@ -122,7 +122,7 @@ def steady_state(noise: Noise, dt: float, stride: int) -> SteadyState:
     """The observer's steady state; arguments as of `Noise.gain`."""
     kept, lasting = np.exp(-dt / noise.time), np.exp(-dt / noise.position_time) if noise.position_time else 0.0
     step = np.diag([1.0, 1.0 - DAMPING * dt, kept, lasting])
-    step[0, 1:3], step[1, 0], step[1, 2] = (dt, dt * dt / 2), -PULL * dt, dt
+    step[0, 1:3], step[1, 0], step[1, 2] = (dt, dt * dt / 2), -STIFFNESS * dt, dt
     position = max(noise.position, 1e-4) ** 2
     error, measured = (position * (1 - lasting**2), ANEW * position) if noise.position_time else (0.0, position)
     shock = np.diag([0.0, 0.0, noise.acceleration**2 * (1 - kept**2), error])

@@ -1,4 +1,4 @@
-"""How much of a drive is random: the observer under which its errors are most likely."""
+"""Noise of drives and measurements: the observer under which errors are most likely."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from rearl_jax.discovery.observe.kalman import Noise
-from rearl_jax.discovery.observe.solver import Solver, World, new_world, with_gain
+from rearl_jax.discovery.observe.solver import FitState, Solver, new_state, with_gain
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.smoothing import lasting_noise
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -24,8 +24,8 @@ LASTING = (0.2, 0.5, 1.0)
 """Correlation times of position errors that are tried beside none [s]: of trackers and filters."""
 
 
-def best_noise(solver: Solver, world: World, tried: Sequence[Noise]) -> tuple[Noise, float]:
-    """The noise under which what a world, as it is, fails to predict is most likely, and how likely it is then [nats].
+def best_noise(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple[Noise, float]:
+    """The noise under which what a state, as it is, fails to predict is most likely, and how likely it is then [nats].
 
     The drivers' own parameters are integrated out: they have taken in part of the noise, the more of it the less there
     is taken to be.
@@ -34,27 +34,27 @@ def best_noise(solver: Solver, world: World, tried: Sequence[Noise]) -> tuple[No
 
     Args:
         solver: Runs the observers.
-        world: Calibrated already.
+        state: Calibrated already.
         tried: Those to choose from.
     """
     # S is what each observer expects, not what fits best: the errors' size says how large the noise is.
-    trials = [with_gain(world, noise.gain(world.data.dt, world.data.stride)) for noise in tried]
+    trials = [with_gain(state, noise.gain(state.data.dt, state.data.stride)) for noise in tried]
     solver.sums(trials)
     likely = [float(trial.log_likelihood().sum()) - 0.5 * _log_width(trial) for trial in trials]
     best = int(np.argmax(likely))
     return tried[best], likely[best]
 
 
-def _log_width(world: World) -> float:
+def _log_width(state: FitState) -> float:
     """Logarithm of how sharply the drivers' own parameters are known, against their population."""
-    assert world.sums is not None
-    n_own = world.z.shape[1]
-    own = world.sums.gram[:, :n_own, :n_own] / world.variance + np.eye(n_own)
+    assert state.sums is not None
+    n_own = state.z.shape[1]
+    own = state.sums.gram[:, :n_own, :n_own] / state.variance + np.eye(n_own)
     return float(np.linalg.slogdet(own)[1].sum())
 
 
 def is_exact(solver: Solver, data: Measured) -> bool:
-    """Whether drivers do nothing beside the model, as nobody but a simulation does."""
+    """True if drivers do nothing beside the model, as nobody but a simulation does."""
     _, noise = calibrate(solver, data)
     return noise.acceleration <= ACCELERATIONS[0]
 
@@ -64,20 +64,20 @@ def noises(like: Noise, accelerations: Sequence[float]) -> list[Noise]:
     return [replace(like, acceleration=sd, time=time) for sd in accelerations for time in TIMES]
 
 
-def calibrate(solver: Solver, data: Measured) -> tuple[World, Noise]:
+def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     """Drivers, their population and the noise, jointly, with nothing added to the model."""
     usual = replace(USUAL, position=data.noise)
-    world = new_world(data, solver.layout, usual.gain(data.dt, data.stride))
-    solver.solve([world], iterations=8, tolerance=1.0)
-    noise, likely = best_noise(solver, world, noises(usual, ACCELERATIONS))
+    state = new_state(data, solver.layout, usual.gain(data.dt, data.stride))
+    solver.solve([state], iterations=8, tolerance=1.0)
+    noise, likely = best_noise(solver, state, noises(usual, ACCELERATIONS))
     lasting = [
         replace(noise, acceleration=sd, position=lasting_noise(data.noise, time, data.dt), position_time=time)
         for time in LASTING
         for sd in ACCELERATIONS
     ]
-    other, with_lasting = best_noise(solver, world, lasting)
+    other, with_lasting = best_noise(solver, state, lasting)
     if with_lasting > likely + THRESHOLDS.lasting_noise_gain:
-        noise, _ = best_noise(solver, world, noises(other, ACCELERATIONS))
-    world = with_gain(world, noise.gain(data.dt, data.stride))
-    solver.solve([world])
-    return world, noise
+        noise, _ = best_noise(solver, state, noises(other, ACCELERATIONS))
+    state = with_gain(state, noise.gain(data.dt, data.stride))
+    solver.solve([state])
+    return state, noise

@@ -29,7 +29,7 @@ from rearl_jax.discovery.read.measured import Measured, Surroundings
 
 
 class Pieces(eqx.Module):
-    """What the observer runs through, the pieces last.
+    """Arrays that the observer runs through, the pieces last.
 
     Attributes:
         y: Measured position [m].
@@ -105,7 +105,7 @@ def stimulus(
     is_truck: Float[Any, " pieces"],
     now: Surroundings,
 ) -> Stimulus:
-    """What drivers at x [m] with speed v [m/s] see of what was measured."""
+    """Stimulus of drivers at x [m] with speed v [m/s] among the measured vehicles."""
     x, v, now = jax.tree.map(jnp.asarray, (x, v, now))
     length, is_truck = (jnp.broadcast_to(jnp.asarray(own), x.shape) for own in (length, is_truck))
     front, rear = x + length / 2, x - length / 2

@@ -9,8 +9,8 @@ from rearl_jax.config import DiscoverConfig
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
 from rearl_jax.discovery.observe.layout import layout_of
-from rearl_jax.discovery.observe.moments import Programs
 from rearl_jax.discovery.observe.noise import is_exact
+from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.gate import Finding, amount, gate
 from rearl_jax.discovery.read.measured import Measured
@@ -50,7 +50,7 @@ class Parts:
 def measured_drivers(
     recordings: Sequence[Recording], options: DiscoverConfig, prior: Prior = IDM_PRIOR
 ) -> tuple[list[Finding], Measured]:
-    """What the columns show, and those who follow a leader long enough, at most `max_drivers` of them, at random.
+    """Findings in the columns, and drivers who follow a leader long enough, at most `max_drivers`, at random.
 
     Raises:
         ValueError: The frame rates differ, or nobody follows a leader long enough.
@@ -79,6 +79,6 @@ def _measured(
 
 
 def _are_exact(data: Measured, prior: Prior) -> bool:
-    """Whether some of the drivers, which are enough to see it, do nothing beside the model."""
+    """True if some of the drivers, which are enough to see it, do nothing beside the model."""
     some = data.select(np.flatnonzero(data.driver < ENOUGH))
     return is_exact(Solver(Programs(layout_of(some, prior), some.dt)), some)

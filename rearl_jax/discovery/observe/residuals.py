@@ -1,4 +1,4 @@
-"""What a calibrated model leaves of measured drives: innovations, an acceleration beside the model, a gap error.
+"""Residuals of a calibrated model: innovations, an acceleration beside the model, a gap error.
 
 The acceleration residual is the smoothed state o of the observer: what the driver did beside the model, given the whole
 drive. Of the estimates at hand it errs least. The observer's own o comes late and takes back part of what lasts; o and
@@ -27,7 +27,7 @@ from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, MEASURED, Noise, steady_state
 from rearl_jax.discovery.observe.observer import stimulus, straightened
-from rearl_jax.discovery.observe.solver import Solver, World
+from rearl_jax.discovery.observe.solver import FitState, Solver
 from rearl_jax.discovery.read.measured import Surroundings, is_new
 
 LAGS_FOR = 3.0
@@ -36,10 +36,10 @@ LAGS_FOR = 3.0
 
 @dataclass(frozen=True)
 class Residuals:
-    """What a world leaves.
+    """Residuals of a fitted model.
 
     Attributes:
-        world: Which.
+        state: Which.
         prior: What is taken for usual of its drivers.
         noise: Its observer's.
         innovation: Measured minus predicted position [m].
@@ -50,7 +50,7 @@ class Residuals:
         seen: What was around halfway, as the observer takes it.
     """
 
-    world: World
+    state: FitState
     prior: Prior
     noise: Noise
     innovation: Float[np.ndarray, "steps pieces"]
@@ -61,15 +61,15 @@ class Residuals:
     seen: Surroundings
 
     def stimulus(self) -> Stimulus:
-        """What the drivers saw halfway, `[n_steps, n_pieces]`."""
-        data = self.world.data
+        """Stimuli of the drivers halfway, `[n_steps, n_pieces]`."""
+        data = self.state.data
         truck = jnp.asarray(data.is_truck, float)
         own = (jnp.asarray(self.x), jnp.asarray(self.v), jnp.asarray(data.length))
         return jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(*own, truck, jax.tree.map(jnp.asarray, self.seen))
 
     def autocorrelation(self) -> tuple[Float[np.ndarray, " lags"], Float[np.ndarray, " lags"]]:
         """Times apart [s], up to LAGS_FOR, and the correlation of innovations that count and are so far apart [-]."""
-        data = self.world.data
+        data = self.state.data
         counted, found = self.innovation * data.weight, []
         furthest = min(max(round(LAGS_FOR / data.dt), data.stride), len(data.weight) - 1)
         lags = np.arange(data.stride, furthest + 1, data.stride)
@@ -80,21 +80,21 @@ class Residuals:
         return lags * data.dt, np.array(found) / variance
 
 
-def residuals_of(solver: Solver, worlds: Sequence[World], fits: Sequence[Fit]) -> list[Residuals]:
-    """Residuals of solved worlds, one fit each for its noise."""
-    return [_residuals(solver, world, fit.noise) for world, fit in zip(worlds, fits, strict=True)]
+def residuals_of(solver: Solver, states: Sequence[FitState], fits: Sequence[Fit]) -> list[Residuals]:
+    """Residuals of solved states, one fit each for its noise."""
+    return [_residuals(solver, state, fit.noise) for state, fit in zip(states, fits, strict=True)]
 
 
-def _residuals(solver: Solver, world: World, noise: Noise) -> Residuals:
-    data = world.data
-    (innovation,) = (np.asarray(part, float) for part in solver.innovations([world]))
+def _residuals(solver: Solver, state: FitState, noise: Noise) -> Residuals:
+    data = state.data
+    (innovation,) = (np.asarray(part, float) for part in solver.innovations([state]))
     (gap,) = (
-        np.clip(np.asarray(part, float), -FARTHEST, FARTHEST) for part in solver.innovations([world], CLOSED_LOOP)
+        np.clip(np.asarray(part, float), -FARTHEST, FARTHEST) for part in solver.innovations([state], CLOSED_LOOP)
     )
     gain, seen = noise.gain(data.dt, data.stride), data.halfway()
     expected = data.y.astype(np.float32).astype(float) - innovation
-    if LENS in world.active:
-        lens = lens_at(solver.layout.by_name(jnp.asarray(world.theta)[:, None, None]), solver.layout.knots)
+    if LENS in state.active:
+        lens = lens_at(solver.layout.by_name(jnp.asarray(state.theta)[:, None, None]), solver.layout.knots)
         expected = expected - np.asarray(lens.bend(jnp.asarray(expected)))
         seen = straightened(seen, lens)
     corrected = expected + gain.x * innovation * data.looks()[:, None]
@@ -102,7 +102,7 @@ def _residuals(solver: Solver, world: World, noise: Noise) -> Residuals:
     v = (later - corrected) / data.dt
     v[-1] = v[-2]
     return Residuals(
-        world=world,
+        state=state,
         prior=solver.layout.prior,
         noise=noise,
         innovation=innovation,
@@ -121,7 +121,7 @@ def smoothed_acceleration(
     dt: float,
     stride: int,
 ) -> Float[np.ndarray, "steps pieces"]:
-    """What drivers did beside the model in every moment, given the whole drive [m/s^2].
+    """Acceleration beside the model in every moment, given the whole drive [m/s^2].
 
     Args:
         innovation: Of the observer with the gain of `noise` [m].

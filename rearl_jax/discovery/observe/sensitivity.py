@@ -3,7 +3,7 @@
 Along every direction only the observer's own state (position, speed, what the driver does beside the model, the last
 acceleration) is carried; how the model's acceleration answers to state and parameters comes from one reverse pass per
 moment. Exact as long as what effects remember does not act, which is so where they are off; where such an effect has
-been added, `moments.Programs.sums` carries its memory along too.
+been added, `normal_equations.Programs.sums` carries its memory along too.
 """
 
 from collections.abc import Sequence
@@ -85,15 +85,15 @@ def look_along(
         x, w = state.x, state.w
         y, weight, looks, around, extra, follows = now
         if lens is None:
-            surprise, slope = y - x - w, -d.x - d.w
+            innovation, slope = y - x - w, -d.x - d.w
         else:
-            surprise, slope = y - x - lens.bend(x) - w, -(1 + lens.slope(x))[None] * d.x - d.w
+            innovation, slope = y - x - lens.bend(x) - w, -(1 + lens.slope(x))[None] * d.x - d.w
             slope = slope.at[lens_rows].add(-lens.weights(x)[lens_knots])
-        weighted = (weight * kept_share(surprise, pieces.deviation))[None] * slope
+        weighted = (weight * kept_share(innovation, pieces.deviation))[None] * slope
         total = {
-            "square": total["square"] + weight * robust_square(surprise, pieces.deviation),
+            "square": total["square"] + weight * robust_square(innovation, pieces.deviation),
             "count": total["count"] + weight,
-            "gradient": total["gradient"] + weighted * surprise[None],
+            "gradient": total["gradient"] + weighted * innovation[None],
             "nuisance": total["nuisance"] + weighted[:n_nuisance, None] * slope[None],
             "blocks": tuple(
                 block + weighted[part][:, None] * slope[part][None]
@@ -101,7 +101,7 @@ def look_along(
             ),
         }
         gain, along = pieces.gain, jax.tree.map(lambda values: values[None], pieces.gain)
-        state, d = correct(state, looks * surprise, gain), correct(d, looks[None] * slope, along)
+        state, d = correct(state, looks * innovation, gain), correct(d, looks[None] * slope, along)
         (middle_x, middle_v), (d_middle_x, d_middle_v) = halfway(state, last, dt), halfway(d, d_last, dt)
         middle = (middle_x, jnp.maximum(middle_v, 0.0))
         by, (acceleration, memory) = answer((*middle, z, numbers, jnp.zeros_like(x), last), memory, around)

@@ -1,6 +1,6 @@
 """Least squares over everything at once: each driver's own parameters, the population's mean, and what was added.
 
-Minimises for a world (one data set under one candidate)
+Minimises for a state (one data set under one candidate)
 
     sum over moments of nu^2 / (2 S) + sum over drivers |z - mean|^2 / 2 + |mean|^2 / 2 + |(theta - ref) / scale|^2 / 2
 
@@ -20,7 +20,7 @@ from jaxtyping import Float, Int
 from rearl_jax.discovery.observe.candidates import Layout, Term
 from rearl_jax.discovery.observe.clocks import following
 from rearl_jax.discovery.observe.kalman import Gain
-from rearl_jax.discovery.observe.moments import Programs
+from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.observer import Pieces, pieces_of, repeated
 from rearl_jax.discovery.read.measured import Measured
 
@@ -35,7 +35,7 @@ LONGEST_STEP = 1.0
 
 
 @dataclass
-class World:
+class FitState:
     """One data set under one candidate: where the search is, and what was found.
 
     Attributes:
@@ -100,9 +100,9 @@ class DriverSums:
     count: Float[np.ndarray, " drivers"]
 
 
-def new_world(data: Measured, layout: Layout, gain: Gain) -> World:
-    """A world at the usual parameters, with nothing added."""
-    return World(
+def new_state(data: Measured, layout: Layout, gain: Gain) -> FitState:
+    """A state at the usual parameters, with nothing added."""
+    return FitState(
         data=data,
         pieces=pieces_of(data, gain),
         z=np.zeros((data.n_drivers, layout.prior.size)),
@@ -113,16 +113,16 @@ def new_world(data: Measured, layout: Layout, gain: Gain) -> World:
     )
 
 
-def with_gain(world: World, gain: Gain) -> World:
-    """The same world under another observer; S starts at what that observer expects."""
-    pieces = replace_gain(world.pieces, gain)
-    return copied(world, pieces=pieces, variance=gain.variance)
+def with_gain(state: FitState, gain: Gain) -> FitState:
+    """The same state under another observer; S starts at what that observer expects."""
+    pieces = replace_gain(state.pieces, gain)
+    return copied(state, pieces=pieces, variance=gain.variance)
 
 
-def copied(world: World, **changes: object) -> World:
-    """A world of its own, not evaluated yet, that begins where another one is."""
-    own = {"z": world.z.copy(), "mean": world.mean.copy(), "sums": None, "log": []}
-    return replace(world, **(own | changes))
+def copied(state: FitState, **changes: object) -> FitState:
+    """A state of its own, not evaluated yet, that begins where another one is."""
+    own = {"z": state.z.copy(), "mean": state.mean.copy(), "sums": None, "log": []}
+    return replace(state, **(own | changes))
 
 
 def replace_gain(pieces: Pieces, gain: Gain) -> Pieces:
@@ -132,101 +132,101 @@ def replace_gain(pieces: Pieces, gain: Gain) -> Pieces:
 
 
 class Solver:
-    """Finds the best parameters of many worlds side by side."""
+    """Finds the best parameters of many states side by side."""
 
     def __init__(self, programs: Programs) -> None:
         self.programs, self.layout = programs, programs.layout
 
-    def free(self, world: World) -> Int[np.ndarray, " free"]:
-        """Places of theta that are searched in a world."""
-        if world.holds_theta:
+    def free(self, state: FitState) -> Int[np.ndarray, " free"]:
+        """Places of theta that are searched in a state."""
+        if state.holds_theta:
             return np.empty(0, int)
-        return np.array(self.programs.free(world.active), int)
+        return np.array(self.programs.free(state.active), int)
 
     def solve(
         self,
-        worlds: Sequence[World],
+        states: Sequence[FitState],
         *,
         iterations: int = 25,
         tolerance: float = 0.03,
     ) -> None:
         """Searches until the objective falls by less than `tolerance` [nats] or after some iterations.
 
-        The worlds, in which the same is active, are changed in place.
+        The states, in which the same is active, are changed in place.
         """
-        free = self.free(worlds[0])
-        joined = _joined([world.pieces for world in worlds])
-        self._evaluate(worlds, joined, [True] * len(worlds))
-        for world in worlds:
-            _adapt_variance(world)
-        value = [_objective(world, self.layout, free) for world in worlds]
-        damping, active = [1e-2] * len(worlds), [True] * len(worlds)
+        free = self.free(states[0])
+        joined = _joined([state.pieces for state in states])
+        self._evaluate(states, joined, [True] * len(states))
+        for state in states:
+            _adapt_variance(state)
+        value = [_objective(state, self.layout, free) for state in states]
+        damping, active = [1e-2] * len(states), [True] * len(states)
         for iteration in range(iterations):
             tried = [
-                _stepped(world, damping[k], self.layout, free) if active[k] else world for k, world in enumerate(worlds)
+                _stepped(state, damping[k], self.layout, free) if active[k] else state for k, state in enumerate(states)
             ]
             self._evaluate(tried, joined, active)
-            for k, (world, trial) in enumerate(zip(worlds, tried, strict=True)):
+            for k, (state, trial) in enumerate(zip(states, tried, strict=True)):
                 if not active[k]:
                     continue
                 reached = _objective(trial, self.layout, free)
                 if reached < value[k]:
                     gained = value[k] - reached
-                    world.z, world.mean, world.theta, world.sums = trial.z, trial.mean, trial.theta, trial.sums
-                    _adapt_variance(world)
-                    value[k], damping[k] = _objective(world, self.layout, free), max(damping[k] * 0.2, 1e-7)
+                    state.z, state.mean, state.theta, state.sums = trial.z, trial.mean, trial.theta, trial.sums
+                    _adapt_variance(state)
+                    value[k], damping[k] = _objective(state, self.layout, free), max(damping[k] * 0.2, 1e-7)
                     active[k] = gained > tolerance or iteration < 3
                 else:
                     damping[k] *= 8
                     active[k] = damping[k] < 1e4
-                world.log.append(value[k])
+                state.log.append(value[k])
             if not any(active):
                 break
 
-    def sums(self, worlds: Sequence[World]) -> None:
+    def sums(self, states: Sequence[FitState]) -> None:
         """Fills in the sums at the present parameters."""
         # A few side by side fill the cores; more would only be copies of the same data.
-        together = max(1, SIDE_BY_SIDE // len(worlds[0].data.driver))
-        for first in range(0, len(worlds), together):
-            part = worlds[first : first + together]
-            self._evaluate(part, _joined([world.pieces for world in part]), [True] * len(part))
+        together = max(1, SIDE_BY_SIDE // len(states[0].data.driver))
+        for first in range(0, len(states), together):
+            part = states[first : first + together]
+            self._evaluate(part, _joined([state.pieces for state in part]), [True] * len(part))
 
     def look(
-        self, worlds: Sequence[World], places: tuple[int, ...], groups: tuple[tuple[int, ...], ...]
+        self, states: Sequence[FitState], places: tuple[int, ...], groups: tuple[tuple[int, ...], ...]
     ) -> list[dict[str, np.ndarray]]:
-        """Sums of `sensitivity.look_along` over each driver; all worlds have added the same."""
-        n_kept = len(self.free(worlds[0]))
-        arguments = self._arguments(worlds, _joined([world.pieces for world in worlds]))
-        arguments["following"] = np.concatenate([following(world.data) for world in worlds], axis=-1)
+        """Sums of `sensitivity.look_along` over each driver; all states have added the same."""
+        n_kept = len(self.free(states[0]))
+        arguments = self._arguments(states, _joined([state.pieces for state in states]))
+        arguments["following"] = np.concatenate([following(state.data) for state in states], axis=-1)
         result = self.programs.look(places, groups, n_kept)(arguments)
         return [
-            {name: _added(values[..., columns], world.data) for name, values in result.items()}
-            for world, columns in zip(worlds, _columns(worlds), strict=True)
+            {name: _added(values[..., columns], state.data) for name, values in result.items()}
+            for state, columns in zip(states, _columns(states), strict=True)
         ]
 
-    def innovations(self, worlds: Sequence[World], gain: Gain | None = None) -> list[np.ndarray]:
-        """Measured minus predicted positions [m] of each world, `[n_steps, n_pieces]`; under another gain if given."""
-        pieces = [world.pieces if gain is None else replace_gain(world.pieces, gain) for world in worlds]
-        result = self.programs.innovations(worlds[0].active)(self._arguments(worlds, _joined(pieces)))
-        return [result[..., columns] for columns in _columns(worlds)]
+    def innovations(self, states: Sequence[FitState], gain: Gain | None = None) -> list[np.ndarray]:
+        """Measured minus predicted positions [m] of each state, `[n_steps, n_pieces]`; under another gain if given."""
+        pieces = [state.pieces if gain is None else replace_gain(state.pieces, gain) for state in states]
+        result = self.programs.innovations(states[0].active)(self._arguments(states, _joined(pieces)))
+        return [result[..., columns] for columns in _columns(states)]
 
-    def _evaluate(self, worlds: Sequence[World], joined: Pieces, active: Sequence[bool]) -> None:
-        result = self.programs.sums(worlds[0].active)(self._arguments(worlds, joined))
-        for world, found, is_active in zip(worlds, _by_driver(result, worlds), active, strict=True):
+    def _evaluate(self, states: Sequence[FitState], joined: Pieces, active: Sequence[bool]) -> None:
+        result = self.programs.sums(states[0].active)(self._arguments(states, joined))
+        for state, sums, is_active in zip(states, _by_driver(result, states), active, strict=True):
             if is_active:
-                world.sums = found
+                state.sums = sums
 
-    def _arguments(self, worlds: Sequence[World], joined: Pieces) -> dict:
-        z = np.concatenate([world.z[world.data.driver].T for world in worlds], axis=1)
+    def _arguments(self, states: Sequence[FitState], joined: Pieces) -> dict:
+        z = np.concatenate([state.z[state.data.driver].T for state in states], axis=1)
         theta = np.concatenate(
-            [np.repeat(world.theta[:, None], len(world.data.driver), axis=1) for world in worlds], axis=1
+            [np.repeat(state.theta[:, None], len(state.data.driver), axis=1) for state in states], axis=1
         )
-        deviation = np.concatenate([np.full(len(world.data.driver), np.sqrt(world.variance)) for world in worlds])
+        deviation = np.concatenate([np.full(len(state.data.driver), np.sqrt(state.variance)) for state in states])
         return {"z": z, "theta": theta, "pieces": replace(joined, deviation=deviation)}
 
 
 def _joined(parts: Sequence[Pieces]) -> Pieces:
-    """Pieces of several worlds side by side."""
+    """Pieces of several states side by side."""
     if len(parts) == 1:
         return parts[0]
     known = max(part.known.shape[0] for part in parts)
@@ -234,18 +234,18 @@ def _joined(parts: Sequence[Pieces]) -> Pieces:
     return jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)
 
 
-def _by_driver(result: dict, worlds: Sequence[World]) -> list[DriverSums]:
-    """Sums over the pieces of each driver, for each world."""
+def _by_driver(result: dict, states: Sequence[FitState]) -> list[DriverSums]:
+    """Sums over the pieces of each driver, for each state."""
     return [
-        DriverSums(**{name: _added(values[..., columns], world.data) for name, values in result.items()})
-        for world, columns in zip(worlds, _columns(worlds), strict=True)
+        DriverSums(**{name: _added(values[..., columns], state.data) for name, values in result.items()})
+        for state, columns in zip(states, _columns(states), strict=True)
     ]
 
 
-def _columns(worlds: Sequence[World]) -> list[slice]:
-    """Where the pieces of each world are among those of all."""
-    ends = np.cumsum([len(world.data.driver) for world in worlds])
-    return [slice(end - len(world.data.driver), end) for world, end in zip(worlds, ends, strict=True)]
+def _columns(states: Sequence[FitState]) -> list[slice]:
+    """Where the pieces of each state are among those of all."""
+    ends = np.cumsum([len(state.data.driver) for state in states])
+    return [slice(end - len(state.data.driver), end) for state, end in zip(states, ends, strict=True)]
 
 
 def _added(values: np.ndarray, data: Measured) -> np.ndarray:
@@ -256,37 +256,37 @@ def _added(values: np.ndarray, data: Measured) -> np.ndarray:
     return total
 
 
-def _adapt_variance(world: World) -> None:
-    assert world.sums is not None
-    if not world.holds_variance:
-        world.variance = float(world.sums.square.sum() / max(world.sums.count.sum(), 1.0))
+def _adapt_variance(state: FitState) -> None:
+    assert state.sums is not None
+    if not state.holds_variance:
+        state.variance = float(state.sums.square.sum() / max(state.sums.count.sum(), 1.0))
 
 
-def _objective(world: World, layout: Layout, free: np.ndarray) -> float:
-    """What is minimised [nats], at the present S."""
-    assert world.sums is not None
-    n = world.sums.count.sum()
-    square = world.sums.square.sum()
-    misfit = square / (2 * world.variance) if world.holds_variance else 0.5 * n * np.log(square / n)
-    off = (world.theta - layout.reference)[free] / layout.scale[free]
-    population = 0.5 * ((world.z - world.mean[world.truck]) ** 2).sum() + 0.5 * (world.mean**2).sum()
+def _objective(state: FitState, layout: Layout, free: np.ndarray) -> float:
+    """Objective [nats], at the present S."""
+    assert state.sums is not None
+    n = state.sums.count.sum()
+    square = state.sums.square.sum()
+    misfit = square / (2 * state.variance) if state.holds_variance else 0.5 * n * np.log(square / n)
+    off = (state.theta - layout.reference)[free] / layout.scale[free]
+    population = 0.5 * ((state.z - state.mean[state.truck]) ** 2).sum() + 0.5 * (state.mean**2).sum()
     return float(misfit + population + 0.5 * (off**2).sum())
 
 
-def _stepped(world: World, damping: float, layout: Layout, free: np.ndarray) -> World:
-    """The world after one damped step."""
-    assert world.sums is not None
+def _stepped(state: FitState, damping: float, layout: Layout, free: np.ndarray) -> FitState:
+    """The state after one damped step."""
+    assert state.sums is not None
     n_own, q = layout.prior.size, len(free)
     own = slice(0, n_own)
     added = slice(n_own, n_own + q)
     size = n_own + q
     unit, scale = layout.unit[free], layout.scale[free]
     steps = np.concatenate([np.ones(n_own), unit])
-    gram = world.sums.gram[:, :size, :size] * (steps[:, None] * steps) / world.variance
-    gradient = world.sums.gradient[:, :size] * steps / world.variance
-    away = world.z - world.mean[world.truck]
-    n_mean = 0 if world.holds_population else CLASSES * n_own
-    n, size = len(world.z), n_mean + q
+    gram = state.sums.gram[:, :size, :size] * (steps[:, None] * steps) / state.variance
+    gradient = state.sums.gradient[:, :size] * steps / state.variance
+    away = state.z - state.mean[state.truck]
+    n_mean = 0 if state.holds_population else CLASSES * n_own
+    n, size = len(state.z), n_mean + q
     own_block = gram[:, own, own] + np.eye(n_own)
     own_gradient = gradient[:, own] + away
     coupling = np.zeros((n, n_own, size))
@@ -294,14 +294,14 @@ def _stepped(world: World, damping: float, layout: Layout, free: np.ndarray) -> 
     if n_mean:
         for c in range(CLASSES):
             place = slice(c * n_own, (c + 1) * n_own)
-            members = world.truck == c
+            members = state.truck == c
             coupling[members, :, place] = -np.eye(n_own)
             block[place, place] = (members.sum() + 1) * np.eye(n_own)
-            slope[place] = world.mean[c] - away[members].sum(axis=0)
+            slope[place] = state.mean[c] - away[members].sum(axis=0)
     last = slice(n_mean, size)
     coupling[:, :, last] = gram[:, own, added]
     block[last, last] = gram[:, added, added].sum(axis=0) + np.diag((unit / scale) ** 2)
-    off = (world.theta - layout.reference)[free]
+    off = (state.theta - layout.reference)[free]
     slope[last] = gradient[:, added].sum(axis=0) + off * unit / scale**2
     damped = own_block + damping * np.einsum("dii,ij->dij", own_block, np.eye(n_own))
     solved = np.linalg.solve(damped, np.concatenate([own_gradient[:, :, None], coupling], axis=2))
@@ -312,14 +312,14 @@ def _stepped(world: World, damping: float, layout: Layout, free: np.ndarray) -> 
         step = -np.linalg.solve(reduced + 1e-9 * np.eye(size), rest)
     z_step = -(solved[:, :, 0] + solved[:, :, 1:] @ step)
     low, high = layout.prior.bounds
-    theta = world.theta.copy()
+    theta = state.theta.copy()
     theta[free] += unit * np.clip(step[last], -LONGEST_STEP, LONGEST_STEP)
     return replace(
-        world,
-        z=np.clip(world.z + np.clip(z_step, -LONGEST_STEP, LONGEST_STEP), low[world.truck], high[world.truck]),
-        mean=world.mean + np.clip(step[:n_mean], -LONGEST_STEP, LONGEST_STEP).reshape(-1, n_own)
+        state,
+        z=np.clip(state.z + np.clip(z_step, -LONGEST_STEP, LONGEST_STEP), low[state.truck], high[state.truck]),
+        mean=state.mean + np.clip(step[:n_mean], -LONGEST_STEP, LONGEST_STEP).reshape(-1, n_own)
         if n_mean
-        else world.mean,
+        else state.mean,
         theta=np.clip(theta, layout.low, layout.high),
         sums=None,
     )

@@ -1,4 +1,4 @@
-"""How well what was fitted is known."""
+"""Standard deviations of fitted numbers, and the price of freedom."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from jaxtyping import Float
 from scipy.stats import norm
 
 from rearl_jax.discovery.observe.candidates import FLAT
-from rearl_jax.discovery.observe.solver import Solver, World
+from rearl_jax.discovery.observe.solver import FitState, Solver
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 CONTENT = np.log(THRESHOLDS.independent_observations)
@@ -28,61 +28,61 @@ class Known:
     drivers: Float[np.ndarray, "drivers own"]
 
 
-def known(solver: Solver, world: World) -> Known:
-    """Standard deviations in a world that has been solved.
+def known(solver: Solver, state: FitState) -> Known:
+    """Standard deviations in a state that has been solved.
 
     The larger of two for each number of theta: the curvature's, which trusts the noise model, and the sandwich's, which
-    takes the scatter of the drivers' own votes.
+    takes the scatter of the drivers' own scores.
 
     Source: White, Econometrica 50 (1982) 1 (sandwich); Kauermann & Carroll, JASA 96 (2001) 1387.
     """
-    assert world.sums is not None
-    free = solver.free(world)
-    gram, gradient = world.sums.gram / world.variance, world.sums.gradient / world.variance
-    n_own = world.z.shape[1]
+    assert state.sums is not None
+    free = solver.free(state)
+    gram, gradient = state.sums.gram / state.variance, state.sums.gradient / state.variance
+    n_own = state.z.shape[1]
     own, added = slice(0, n_own), slice(n_own, n_own + len(free))
     inverse = np.linalg.inv(gram[:, own, own] + np.eye(n_own))
     drivers = np.sqrt(np.einsum("dii->di", inverse))
     if not len(free):
         return Known(np.empty(0), drivers)
-    response, information = _projected(world, len(free))
+    response, information = _projected(state, len(free))
     information = information + np.diag(solver.layout.scale[free] ** -2.0)
-    away = world.z - world.mean[world.truck]
-    votes = gradient[:, added] - np.einsum("dij,di->dj", response, gradient[:, own] + away)
+    away = state.z - state.mean[state.truck]
+    scores = gradient[:, added] - np.einsum("dij,di->dj", response, gradient[:, own] + away)
     covariance = np.linalg.pinv(information)
-    votes = votes - votes.mean(axis=0)
-    n = len(votes)
-    scatter = votes.T @ votes * n / max(n - len(free), 1)
+    scores = scores - scores.mean(axis=0)
+    n = len(scores)
+    scatter = scores.T @ scores * n / max(n - len(free), 1)
     sandwich = covariance @ scatter @ covariance
     return Known(np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich))), drivers)
 
 
-def _projected(world: World, n_free: int) -> tuple[np.ndarray, np.ndarray]:
+def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:
     """Response of the drivers' own parameters to what was added, and the information that is left of it."""
-    assert world.sums is not None
-    n_own = world.z.shape[1]
+    assert state.sums is not None
+    n_own = state.z.shape[1]
     own, added = slice(0, n_own), slice(n_own, n_own + n_free)
-    gram = world.sums.gram / world.variance
+    gram = state.sums.gram / state.variance
     coupling = gram[:, own, added]
     response = np.linalg.solve(gram[:, own, own] + np.eye(n_own), coupling)
     return response, (gram[:, added, added] - np.einsum("dij,dik->djk", coupling, response)).sum(axis=0)
 
 
-def price(solver: Solver, world: World, places: Sequence[int]) -> float:
-    """What the freedom of some places costs [nats]: how much narrower the data make their prior, and how far they are
+def price(solver: Solver, state: FitState, places: Sequence[int]) -> float:
+    """Price of the freedom of some places [nats]: how much narrower the data make their prior, and how far they are
     from its middle.
 
     Source: Laplace approximation of the evidence, MacKay, Neural Comput. 4 (1992) 415; where a prior says nothing, half
     the logarithm of the number of independent observations, Schwarz, Ann. Stat. 6 (1978) 461.
     """
-    layout, free = solver.layout, solver.free(world)
-    _, information = _projected(world, len(free))
+    layout, free = solver.layout, solver.free(state)
+    _, information = _projected(state, len(free))
     scale = layout.scale[free]
     chosen = np.isin(free, list(places))
     known_before = chosen & (scale < FLAT)
     root = scale[known_before]
     inner = np.eye(len(root)) + root[:, None] * information[np.ix_(known_before, known_before)] * root[None, :]
-    off = (world.theta - layout.reference)[free][known_before] / root
+    off = (state.theta - layout.reference)[free][known_before] / root
     unknown = int((chosen & ~known_before).sum())
     return float(0.5 * np.linalg.slogdet(inner)[1] + 0.5 * (off**2).sum() + 0.5 * unknown * CONTENT)
 

@@ -41,12 +41,12 @@ class Finding:
 
 
 def amount(findings: Sequence[Finding], name: str) -> float:
-    """How much of an artefact was found, in its own unit; 0 for none."""
+    """Amount of an artefact, in its own unit; 0 for none."""
     return next((finding.value for finding in findings if finding.name == name), 0.0)
 
 
 def gate(tables: Sequence[Thinned], smoothing: float) -> list[Finding]:
-    """What the columns show of lags, scales and noise.
+    """Lags, scales and noise that the columns show.
 
     Args:
         tables: What was measured.
@@ -112,7 +112,7 @@ def _speed_against_position(
         return None, None
     gram, side = np.array(grams), np.array(sides)
     fitted = np.linalg.solve(gram.sum(axis=0) + 1e-9 * np.eye(2), side.sum(axis=0))
-    votes = side - gram @ fitted
+    scores = side - gram @ fitted
     inverse = np.linalg.inv(gram.sum(axis=0) + 1e-9 * np.eye(2))
-    deviation = np.sqrt(np.diag(inverse @ (votes.T @ votes) @ inverse))
+    deviation = np.sqrt(np.diag(inverse @ (scores.T @ scores) @ inverse))
     return (float(fitted[1]), float(deviation[1])), (float(fitted[0]), float(deviation[0]))

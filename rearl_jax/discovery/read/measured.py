@@ -31,7 +31,7 @@ _JUMP = 6.0
 
 
 class Surroundings(eqx.Module):
-    """What is measured around a driver, `[n_steps, n_pieces]`; leaders' positions are those of rear bumpers.
+    """Measured surroundings of a driver, `[n_steps, n_pieces]`; leaders' positions are those of rear bumpers.
 
     Attributes:
         time: Since the start of the recording [s].
@@ -82,7 +82,7 @@ class Surroundings(eqx.Module):
 
 
 def is_new(steps: int, stride: int) -> Bool[np.ndarray, " steps"]:
-    """Whether a moment of a piece says something new, where every `stride`-th does."""
+    """True if a moment of a piece says something new, where every `stride`-th does."""
     return np.arange(steps) % stride == 0
 
 
@@ -145,7 +145,7 @@ class Measured:
         return total / np.maximum(count, 1.0)
 
     def halfway(self) -> Surroundings:
-        """What is seen in the middle between each moment and the next; that of the moment where something jumps."""
+        """Surroundings in the middle between each moment and the next; those of the moment where something jumps."""
         around = self.around
         last = np.zeros_like(self.y[:1])
         same = self.leader[1:] == self.leader[:-1]

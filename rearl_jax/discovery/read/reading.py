@@ -197,7 +197,7 @@ class _Rows:
     def _columns(
         self, x: np.ndarray, v: np.ndarray, a: np.ndarray
     ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
-        """What is seen from every row, the leader's track, and its row."""
+        """Surroundings of every row, the leader's track, and its row."""
         table = self.table
         around = look_around(table, v)
         length = table["length"].to_numpy()

@@ -1,4 +1,4 @@
-"""How the power of measured positions falls with frequency: were the drives smoothed, or only the errors smooth?
+"""Fall of the power of measured positions with frequency: were drives smoothed, or only errors smooth?
 
 What drivers and engines do falls by a quarter an octave at most, as power of the acceleration; what a camera makes of
 it rises sixteenfold. Where it falls much steeper, a kernel has been at work. If the power has risen before it falls,
@@ -60,7 +60,7 @@ class Smoothness:
 
 
 def smoothness(tables: Sequence[Thinned]) -> Smoothness:
-    """What the spectrum of the positions says; all tables have the same time between moments."""
+    """Kernels that the spectrum of the positions shows; all tables have the same time between moments."""
     spectrum = _acceleration_power(tables)
     if spectrum is None:
         return Smoothness()

@@ -1,4 +1,4 @@
-"""Who is around each vehicle in every moment of a recording, as rows of its table."""
+"""Vehicles around each vehicle in every moment of a recording, as rows of its table."""
 
 from dataclasses import dataclass
 

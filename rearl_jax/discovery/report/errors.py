@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.observe.closed_loop import FARTHEST, calibrated_to_gap, simulated_error
 from rearl_jax.discovery.observe.fit import Fit, on_others
-from rearl_jax.discovery.observe.solver import Solver, World, copied
+from rearl_jax.discovery.observe.solver import FitState, Solver, copied
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.null import behind_noisy_drive, position_errors
 
@@ -28,7 +28,7 @@ MEASURES = (
     "energy_score",
     "log_likelihood",
 )
-"""What is reported of each driver: closed-loop gap error [m], the same over the root mean square gap [-] and the speed
+"""Measures of each driver: closed-loop gap error [m], the same over the root mean square gap [-] and the speed
 error [m/s], the driver's parameters calibrated to the gap as is usual; the gap error with the parameters that predict
 best from one moment to the next [m]; error in predicting the next position [m]; energy score of noisy simulations [m];
 log-likelihood [nats].
@@ -59,17 +59,17 @@ class ModelErrors:
 
 def model_errors(solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: int) -> dict[str, ModelErrors]:
     """Errors of fitted models on other drivers, with the same noise for all."""
-    worlds = on_others(solver, data, list(fits.values()))
-    return {name: _errors(solver, world, fit, seed) for (name, fit), world in zip(fits.items(), worlds, strict=True)}
+    states = on_others(solver, data, list(fits.values()))
+    return {name: _errors(solver, state, fit, seed) for (name, fit), state in zip(fits.items(), states, strict=True)}
 
 
-def _errors(solver: Solver, world: World, fit: Fit, seed: int) -> ModelErrors:
-    data = world.data
-    calibrated = calibrated_to_gap(solver, world)
-    deviation, uncalibrated = (simulated_error(solver, one) for one in (calibrated, world))
-    (surprise,) = solver.innovations([world])
+def _errors(solver: Solver, state: FitState, fit: Fit, seed: int) -> ModelErrors:
+    data = state.data
+    calibrated = calibrated_to_gap(solver, state)
+    deviation, uncalibrated = (simulated_error(solver, one) for one in (calibrated, state))
+    (innovation,) = solver.innovations([state])
     rng = np.random.default_rng(seed)
-    noisy = [behind_noisy_drive(solver, world, fit.noise, rng) for _ in range(NOISY_RUNS)]
+    noisy = [behind_noisy_drive(solver, state, fit.noise, rng) for _ in range(NOISY_RUNS)]
     drawn = np.clip(np.stack(noisy), -FARTHEST, FARTHEST)
     gap = data.around.leader_rear - (data.smooth + data.length / 2)
     mean = data.driver_mean
@@ -83,9 +83,9 @@ def _errors(solver: Solver, world: World, fit: Fit, seed: int) -> ModelErrors:
             "gap_nrmse": rmse / np.sqrt(mean(gap**2)),
             "speed_rmse": speed_error(deviation, data),
             "gap_rmse_uncalibrated": np.sqrt(mean(uncalibrated**2)),
-            "one_step": np.sqrt(mean(surprise**2)),
+            "one_step": np.sqrt(mean(innovation**2)),
             "energy_score": away - spread / 2,
-            "log_likelihood": world.penalised(),
+            "log_likelihood": state.penalised(),
         },
         _floor(solver, calibrated, fit, seed),
     )
@@ -104,15 +104,15 @@ def speed_error(deviation: Float[np.ndarray, "steps pieces"], data: Measured) ->
     return np.sqrt(data.driver_mean(speed**2))
 
 
-def _floor(solver: Solver, world: World, fit: Fit, seed: int) -> Float[np.ndarray, " drivers"]:
+def _floor(solver: Solver, state: FitState, fit: Fit, seed: int) -> Float[np.ndarray, " drivers"]:
     """Gap error [m] that remains where the model is right: its own noisy drives, calibrated to in the same way."""
-    data, squares = world.data, []
+    data, squares = state.data, []
     rng = np.random.default_rng([seed, 1])
     for _ in range(FLOOR_RUNS):
-        behind = behind_noisy_drive(solver, world, fit.noise, rng)
+        behind = behind_noisy_drive(solver, state, fit.noise, rng)
         driven = data.y - np.clip(behind, -FARTHEST, FARTHEST)
         driven = driven + position_errors(fit.noise, driven.shape, data.dt, rng)
-        again = copied(world, pieces=replace(world.pieces, y=driven))
+        again = copied(state, pieces=replace(state.pieces, y=driven))
         solver.solve([again], iterations=20, tolerance=0.1)
         squares.append(data.driver_mean(simulated_error(solver, again) ** 2))
     # The middle one: now and then noise alone drives somebody into the leader, where no model follows.

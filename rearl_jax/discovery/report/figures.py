@@ -104,7 +104,7 @@ def draw_innovations(left: Mapping[str, Residuals], *, generated: bool) -> bytes
     """PNG of autocorrelation and distribution of what the observer fails to predict."""
     figure, (lags, spread) = panels(7.2, 3.0, columns=2, generated=generated)
     for model, one in left.items():
-        data = one.world.data
+        data = one.state.data
         lags.plot(*one.autocorrelation(), color=COLOURS[model], linewidth=1.4, label=model)
         used = one.innovation[data.weight > 0]
         edges = np.linspace(-FARTHEST_SIGMA, FARTHEST_SIGMA, 41)
@@ -148,7 +148,7 @@ def draw_example(left: Mapping[str, Residuals], errors: Mapping[str, ModelErrors
     """PNG of one report driver: the measured gap, simulated before and after, and what the model leaves."""
     piece = example_piece(left["before"], errors)
     figure, (above, below) = panels(7.2, 4.2, rows=2, generated=generated)
-    data = left["before"].world.data
+    data = left["before"].state.data
     rows, begins = stretches(data.weight[:, piece] > 0, data.stride)
     time, leader = data.around.time[rows, piece], data.leader[rows, piece]
     gap = (data.around.leader_rear - data.smooth - data.length / 2)[rows, piece]
@@ -157,7 +157,7 @@ def draw_example(left: Mapping[str, Residuals], errors: Mapping[str, ModelErrors
     above.plot(time, seen, color=DARK_GREY, linewidth=2.0, label="measured")
     for model, one in left.items():
         # The simulated gap itself has no measurement noise.
-        noise = one.world.data.y[rows, piece] - one.world.data.smooth[rows, piece]
+        noise = one.state.data.y[rows, piece] - one.state.data.smooth[rows, piece]
         above.plot(
             time, seen + one.gap[rows, piece] - noise, color=COLOURS[model], linewidth=1.3, label=f"simulated {model}"
         )
@@ -190,5 +190,5 @@ def example_piece(left: Residuals, errors: Mapping[str, ModelErrors]) -> int:
     before = errors["before"].by_driver["gap_rmse"]
     change = before - errors["after"].by_driver["gap_rmse"] if "after" in errors else before
     driver = int(np.argsort(change)[len(change) // 2])
-    pieces = np.flatnonzero(left.world.data.driver == driver)
-    return int(pieces[left.world.data.weight[:, pieces].sum(axis=0).argmax()])
+    pieces = np.flatnonzero(left.state.data.driver == driver)
+    return int(pieces[left.state.data.weight[:, pieces].sum(axis=0).argmax()])

@@ -15,7 +15,7 @@ from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report.errors import ModelErrors
 from rearl_jax.discovery.report.tables import driver_table
-from rearl_jax.discovery.search.atlas import Atlas, added_curves, atlas_of, ballot_of, chart_of
+from rearl_jax.discovery.search.atlas import Atlas, added_curves, atlas_of, chart_of, part_scores
 from rearl_jax.discovery.search.procedure import Search
 from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.evaluation.layout import data_sources
@@ -60,7 +60,7 @@ def present(
     chart = chart_of(left["before"][0])
     atlases = {
         model: atlas_of(
-            chart, [ballot_of(part, chart) for part in found], CHOSEN_FROM, options.confidence, DRAWS, options.seed
+            chart, [part_scores(part, chart) for part in found], CHOSEN_FROM, options.confidence, DRAWS, options.seed
         )
         for model, found in left.items()
     }
@@ -107,16 +107,16 @@ def all_residuals(solver: Solver, search: Search, parts: Parts, reported: Measur
         models["after"] = search.last, (search.checked, reported)
     found = {}
     for model, (fit, others) in models.items():
-        worlds = [fit.world, *(on_others(solver, part, [fit])[0] for part in others)]
-        found[model] = [residuals_of(solver, [world], [fit])[0] for world in worlds]
+        states = [fit.state, *(on_others(solver, part, [fit])[0] for part in others)]
+        found[model] = [residuals_of(solver, [state], [fit])[0] for state in states]
     return found
 
 
 def residual_table(left: Mapping[str, Sequence[Residuals]]) -> pd.DataFrame:
-    """What is left in moments that count, about KEPT_EVERY apart, driver by driver, before and after."""
+    """Residuals in moments that count, about KEPT_EVERY apart, driver by driver, before and after."""
     tables = []
     for number, part in enumerate(PARTS):
-        data = left["before"][number].world.data
+        data = left["before"][number].state.data
         step = data.stride * max(1, round(KEPT_EVERY / (data.stride * data.dt)))
         kept = np.argwhere(data.weight[::step].T > 0)
         piece, t = kept[:, 0], kept[:, 1] * step

@@ -1,4 +1,4 @@
-"""What was found, as a model that every task can load."""
+"""The repaired model, as every task can load it."""
 
 from collections.abc import Sequence
 
@@ -39,7 +39,7 @@ def repaired_model(
         study: Name of the study.
     """
     effects = [
-        effect_values(trial.candidate, last.world.theta, layout)
+        effect_values(trial.candidate, last.state.theta, layout)
         for trial in added
         if trial.candidate.kind != "artefact"
     ]
@@ -55,8 +55,8 @@ def repaired_model(
 
 def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]:
     """Drivers by class, with the scatter of the calibrated drivers around their mean."""
-    world, found = fit.world, {}
-    truck = world.truck
+    state, found = fit.state, {}
+    truck = state.truck
     lengths = np.zeros(data.n_drivers)
     lengths[data.driver] = data.length
     spread = prior.spread
@@ -65,13 +65,13 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
         share = float(members.mean())
         if share < THRESHOLDS.least_truck_share:
             continue
-        away = (world.z[members] - world.mean[number]) * spread
+        away = (state.z[members] - state.mean[number]) * spread
         # The calibrated scatter shrinks where the data say little about a parameter: the prior fills that up.
         own = away.T @ away / max(members.sum(), 1)
         covariance = own + np.diag(np.maximum(spread**2 - np.diag(own), 0.0)) * _unknown(fit, members)
         found[name] = DriverClass(
             share=share,
-            log_mean=dict(zip(prior.names, (np.log(usual) + spread * world.mean[number]).tolist(), strict=True)),
+            log_mean=dict(zip(prior.names, (np.log(usual) + spread * state.mean[number]).tolist(), strict=True)),
             log_covariance=((covariance + covariance.T) / 2).tolist(),
             noise_sd=fit.noise.acceleration,
             noise_time=fit.noise.time,
@@ -84,9 +84,9 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
 
 def _unknown(fit: Fit, members: np.ndarray) -> np.ndarray:
     """Share of each parameter's prior variance that the data left, on average [-]."""
-    assert fit.world.sums is not None
-    n_own = fit.world.z.shape[1]
-    gram = fit.world.sums.gram[members][:, :n_own, :n_own] / fit.world.variance
+    assert fit.state.sums is not None
+    n_own = fit.state.z.shape[1]
+    gram = fit.state.sums.gram[members][:, :n_own, :n_own] / fit.state.variance
     left = np.einsum("dii->di", np.linalg.inv(gram + np.eye(n_own)))
     return np.clip(left.mean(axis=0), 0.0, 1.0)
 

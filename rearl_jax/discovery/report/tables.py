@@ -1,4 +1,4 @@
-"""What was found as tables, and the error block and summary of the verdict."""
+"""Tables of a discovery, and the error block and summary of its verdict."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -95,15 +95,15 @@ def driver_table(solver: Solver, found: Search) -> pd.DataFrame:
 
 def fit_table(solver: Solver, fit: Fit) -> pd.DataFrame:
     """Calibrated parameters of the drivers of a fit, with the standard deviations of their logarithms."""
-    world = fit.world
+    state = fit.state
     prior = solver.layout.prior
-    values = prior.values(world.z, world.truck)
-    deviations = known(solver, world).drivers * prior.spread
-    table = pd.DataFrame({"driver": np.arange(len(world.z)), "truck": world.truck.astype(bool)})
+    values = prior.values(state.z, state.truck)
+    deviations = known(solver, state).drivers * prior.spread
+    table = pd.DataFrame({"driver": np.arange(len(state.z)), "truck": state.truck.astype(bool)})
     for k, name in enumerate(prior.names):
         table[name], table[f"{name}_log_sd"] = values[:, k], deviations[:, k]
-    assert world.sums is not None
-    table["one_step"] = np.sqrt(world.sums.square / np.maximum(world.sums.count, 1.0))
+    assert state.sums is not None
+    table["one_step"] = np.sqrt(state.sums.square / np.maximum(state.sums.count, 1.0))
     return table
 
 

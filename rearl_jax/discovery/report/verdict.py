@@ -42,7 +42,7 @@ MISJUDGED = (
     "what drivers do beside the model grows with what a misjudged gap or an old decision would make them do: they "
     "misjudge gaps, or decide now and then and hold on to it"
 )
-"""What a reader is told then."""
+"""Note on a model beside which drivers misjudge gaps."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def named_trial(
     ):
         value = float(theta[place])
         if candidate.term == Term("reaction_delay"):
-            deviation = np.hypot(deviation, THRESHOLDS.delay_deviation * trial.fit.world.data.dt)
+            deviation = np.hypot(deviation, THRESHOLDS.delay_deviation * trial.fit.state.data.dt)
         low, high = interval(value, THRESHOLDS.interval_stretch * float(deviation), confidence)
         low, high = max(low, float(layout.low[place])), min(high, float(layout.high[place]))
         parameters[name] = {"value": value, "low": low, "high": high, "unit": unit}
@@ -167,13 +167,13 @@ def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) 
 
 
 def leaves_shifts(search: Search) -> bool:
-    """Whether something is left that shifts pairs of vehicles in time, and is neither clocks nor what was added."""
-    return search.clocks is None and search.rounds[-1].clock_surprise > THRESHOLDS.unexplained_z_score
+    """True if something is left that shifts pairs of vehicles in time, and is neither clocks nor what was added."""
+    return search.clocks is None and search.rounds[-1].clock_z_score > THRESHOLDS.unexplained_z_score
 
 
 def _is_sure(last: Round) -> bool:
-    """Whether something is left that the other drivers do not confirm in any form, and that is not chance."""
-    return any(surprise > THRESHOLDS.unexplained_z_score for surprise in last.surprise.values())
+    """True if something is left that the other drivers do not confirm in any form, and that is not chance."""
+    return any(z_score > THRESHOLDS.unexplained_z_score for z_score in last.z_score.values())
 
 
 def candidate_rows(search: Search) -> list[dict[str, Any]]:
@@ -183,7 +183,7 @@ def candidate_rows(search: Search) -> list[dict[str, Any]]:
     ambiguous = {trial.candidate.term for one in search.rounds for trial in one.alternatives}
     chosen = [trial.candidate.term for trial in search.added]
     terms = sorted(
-        first.evidence, key=lambda term: (-trials[term].total if term in trials else np.inf, -first.surprise[term])
+        first.evidence, key=lambda term: (-trials[term].total if term in trials else np.inf, -first.z_score[term])
     )
     rows = []
     for term in terms:
@@ -194,7 +194,7 @@ def candidate_rows(search: Search) -> list[dict[str, Any]]:
                 "kind": candidate.kind,
                 "variables": list(candidate.variables),
                 "evidence": first.evidence[term],
-                "surprise": first.surprise[term],
+                "surprise": first.z_score[term],
                 "gain": None if trial is None else trial.gain,
                 "check": None if trial is None else trial.check,
                 "ambiguous": term in ambiguous,
@@ -214,7 +214,7 @@ def unseen(search: Search, threshold: dict[Term, float]) -> list[dict[str, Any]]
 
     Args:
         search: With the scores of the first round.
-        threshold: Evidence from which a candidate fires [nats].
+        threshold: Evidence from which a candidate exceeds chance [nats].
     """
     rows = []
     for term, score in search.first_scores.items():

@@ -37,13 +37,13 @@ def _names(effects: Sequence[Mapping[str, Any]]) -> str:
 
 
 def is_lane_choice(row: Mapping[str, Any]) -> bool:
-    """Whether an effect or a candidate of a verdict acts on the choice of the lane, not on car following."""
+    """True if an effect or a candidate of a verdict acts on the choice of the lane, not on car following."""
     name = row["name"]
     return name == LANE_CHOICE_DEPENDENCE or (name in EFFECTS and EFFECTS[name].kind == "lane_change")
 
 
 def lane_choice_words(lanes: Mapping[str, Any]) -> str:
-    """What the choice of the lane was looked at in, and how much better other drivers' choices are predicted."""
+    """Data on the choice of the lane, and how much better other drivers' choices are predicted."""
     text = f"{lanes['changes']} changes by choice in {lanes['opportunities']} opportunities"
     loss = lanes["loss"]
     if loss is None or loss["after"] == loss["before"]:
@@ -56,7 +56,7 @@ def lane_choice_words(lanes: Mapping[str, Any]) -> str:
 
 
 def is_claimed(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> bool:
-    """Whether a candidate is among the effects."""
+    """True if a candidate is among the effects."""
     return any((row["name"], *row["variables"]) == (one["name"], *one["variables"]) for one in verdict["effects"])
 
 

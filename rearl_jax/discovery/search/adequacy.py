@@ -1,4 +1,4 @@
-"""What the final model leaves behind: is it noise, or is there more?
+"""Adequacy of the final model: is what it leaves noise, or is there more?
 
 Source: Meissner & Glasner, arXiv:2406.06707, for the joint view of states and terms; excess kurtosis as a test of
 normality, Jarque & Bera, Int. Stat. Rev. 55 (1987) 163; variance that depends on the situation, Breusch & Pagan,
@@ -17,7 +17,7 @@ from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit, on_others
 from rearl_jax.discovery.observe.forcing import answers, drivers_of
 from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
-from rearl_jax.discovery.observe.solver import Solver, World
+from rearl_jax.discovery.observe.solver import FitState, Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.null import noise_alone
 from rearl_jax.discovery.search.procedure import Search
@@ -30,19 +30,19 @@ OF_LATE = 0.3
 """Time over which a change of what the model wants is looked at [s]."""
 
 REASONABLE = (-5.0, 3.0)
-"""What a driver may want [m/s^2]; beyond it, a leader is measured too close."""
+"""Accelerations a driver may want [m/s^2]; beyond them, a leader is measured too close."""
 
 
 REPLICATES = 8
 """Times the drives are made again, to see what noise alone leaves: its mean is known to 0.35 standard deviations."""
 
 Parts = Sequence[Residuals]
-"""What the final model leaves, of each part of the drivers."""
+"""Residuals of the final model, of each part of the drivers."""
 
 
 @dataclass(frozen=True)
 class Adequacy:
-    """What the final model leaves behind.
+    """Measures of what the final model leaves behind.
 
     Attributes:
         kurtosis: Excess kurtosis of the innovations [-].
@@ -52,7 +52,7 @@ class Adequacy:
         unequal_noise: How surely the size of innovations depends on a situation, in standard deviations [-].
         misjudgement: How surely noise grows with what a misjudged gap would do, in standard deviations [-].
         staleness: The same with what a decision of some time ago would do [-].
-        remaining: The candidate with the largest surprise, and its surprise.
+        remaining: The candidate with the largest z-score, and its z-score.
         driver_minutes: Of what misjudgement and staleness were looked for in [min].
     """
 
@@ -68,30 +68,30 @@ class Adequacy:
 
     @property
     def misjudges(self) -> bool:
-        """Whether drivers seem to misjudge gaps, or to act on what they saw some time ago."""
+        """True if drivers seem to misjudge gaps, or to act on what they saw some time ago."""
         least = max(THRESHOLDS.growth_z_score, THRESHOLDS.growth_per_root_minute * float(np.sqrt(self.driver_minutes)))
         return max(self.misjudgement, self.staleness) > least
 
     @property
     def is_of_clocks(self) -> bool:
-        """Whether clocks that were put right may be all there is. Innovations need not be smooth: who cuts in when is
+        """True if clocks that were put right may be all there is. Innovations need not be smooth: who cuts in when is
         not put right.
         """
         return max(self.misjudgement, self.staleness) < THRESHOLDS.growth_beside_clocks and self.is_white
 
     @property
     def is_white(self) -> bool:
-        """Whether innovations have nothing to do with the ones before."""
+        """True if innovations have nothing to do with the ones before."""
         return abs(self.autocorrelation) < THRESHOLDS.most_autocorrelation
 
     @property
     def is_enough(self) -> bool:
-        """Whether the final model leaves nothing but noise as drivers make it."""
+        """True if the final model leaves nothing but noise as drivers make it."""
         return self.is_smooth and not self.misjudges and self.is_white
 
     @property
     def is_smooth(self) -> bool:
-        """Whether the innovations look like those of a smooth model, or as rough as rare emergencies leave them."""
+        """True if the innovations look like those of a smooth model, or as rough as rare emergencies leave them."""
         explained = self.kurtosis < THRESHOLDS.kurtosis_left * self.kurtosis_before
         return (
             self.kurtosis <= max(THRESHOLDS.most_kurtosis, THRESHOLDS.kurtosis_z_score * self.kurtosis_deviation)
@@ -109,59 +109,59 @@ def adequacy(solver: Solver, found: Search, seed: int) -> Adequacy:
         found: What was added.
         seed: Of the drives that are made again.
     """
-    world, last = found.last.world, found.rounds[-1]
-    (before,) = solver.innovations([found.first.world])
-    worlds = [world, *on_others(solver, found.checked, [found.last])]
-    everybody = residuals_of(solver, worlds, [found.last, found.last])
-    chance = by_noise_alone(solver, worlds, found.last, seed)
+    state, last = found.last.state, found.rounds[-1]
+    (before,) = solver.innovations([found.first.state])
+    states = [state, *on_others(solver, found.checked, [found.last])]
+    everybody = residuals_of(solver, states, [found.last, found.last])
+    chance = by_noise_alone(solver, states, found.last, seed)
     left = everybody[0]
-    surprise = left.innovation
-    weight = world.data.weight
-    variance = (surprise**2 * weight).sum() / weight.sum()
-    lag = world.data.stride
+    innovation = left.innovation
+    weight = state.data.weight
+    variance = (innovation**2 * weight).sum() / weight.sum()
+    lag = state.data.stride
     pair = weight[lag:] * weight[:-lag]
-    neighbours = (surprise[lag:] * surprise[:-lag] * pair).sum() / pair.sum()
-    term = max(last.surprise, key=lambda key: last.surprise[key])
+    neighbours = (innovation[lag:] * innovation[:-lag] * pair).sum() / pair.sum()
+    term = max(last.z_score, key=lambda key: last.z_score[key])
     return Adequacy(
-        kurtosis=kurtosis(surprise, weight),
+        kurtosis=kurtosis(innovation, weight),
         kurtosis_deviation=float(np.sqrt(24.0 / weight.sum())),
         kurtosis_before=kurtosis(before, weight),
         autocorrelation=float(neighbours / variance),
-        unequal_noise=unequal_noise(surprise, world.data),
+        unequal_noise=unequal_noise(innovation, state.data),
         misjudgement=misjudgement(everybody, chance),
         staleness=staleness(everybody, chance),
-        remaining=(term, float(last.surprise[term])),
-        driver_minutes=sum(one.data.seconds for one in worlds) / 60,
+        remaining=(term, float(last.z_score[term])),
+        driver_minutes=sum(one.data.seconds for one in states) / 60,
     )
 
 
-def by_noise_alone(solver: Solver, worlds: Sequence[World], fit: Fit, seed: int) -> list[Parts]:
-    """What the final model leaves of drives that it and noise have made, nothing else: a list of parts per replicate.
+def by_noise_alone(solver: Solver, states: Sequence[FitState], fit: Fit, seed: int) -> list[Parts]:
+    """Residuals of drives that the final model and noise have made, nothing else: a list of parts per replicate.
 
     Args:
         solver: Simulates and fits.
-        worlds: The parts of the drivers under the final model.
+        states: The parts of the drivers under the final model.
         fit: The final model, for its noise.
         seed: Of the drives.
     """
     parts = [
-        [one for group in noise_alone(solver, world, fit.noise, REPLICATES, seed + part) for one in group]
-        for part, world in enumerate(worlds)
+        [one for group in noise_alone(solver, state, fit.noise, REPLICATES, seed + part) for one in group]
+        for part, state in enumerate(states)
     ]
     return [residuals_of(solver, again, [fit] * len(again)) for again in zip(*parts, strict=True)]
 
 
-def kurtosis(surprise: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarray, "steps pieces"]) -> float:
+def kurtosis(innovation: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarray, "steps pieces"]) -> float:
     """Excess kurtosis of the innovations that count [-]."""
-    square, fourth = ((surprise**power * weight).sum() / weight.sum() for power in (2, 4))
+    square, fourth = ((innovation**power * weight).sum() / weight.sum() for power in (2, 4))
     return float(fourth / square**2 - 3)
 
 
-def unequal_noise(surprise: Float[np.ndarray, "steps pieces"], data: Measured) -> dict[str, float]:
-    """How surely the size of innovations depends on the situation: standard normal figures where it does not.
+def unequal_noise(innovation: Float[np.ndarray, "steps pieces"], data: Measured) -> dict[str, float]:
+    """Dependence of the size of innovations on the situation: standard normal figures where there is none.
 
     Args:
-        surprise: Innovations [m].
+        innovation: Innovations [m].
         data: The drivers.
     """
     around = data.around
@@ -172,12 +172,12 @@ def unequal_noise(surprise: Float[np.ndarray, "steps pieces"], data: Measured) -
         "approach_rate": np.abs(data.smooth_speed - around.leader_speed),
     }
 
-    relative = surprise**2 / data.driver_mean(surprise**2)[data.driver]
-    return {name: _surely(_votes(relative, values, data)) for name, values in situations.items()}
+    relative = innovation**2 / data.driver_mean(innovation**2)[data.driver]
+    return {name: _surely(_driver_scores(relative, values, data)) for name, values in situations.items()}
 
 
 def misjudgement(parts: Parts, chance: Sequence[Parts]) -> float:
-    """How surely what drivers do beside the model grows with what a misjudged gap would make them do.
+    """Growth of what drivers do beside the model with what a misjudged gap would make them do, in standard deviations.
 
     An error of the gap in proportion to it changes the acceleration by the gap times the model's answer to it. Noise of
     the acceleration does not depend on that answer, and is even damped by it: negative figures.
@@ -195,7 +195,7 @@ def misjudgement(parts: Parts, chance: Sequence[Parts]) -> float:
 
 
 def staleness(parts: Parts, chance: Sequence[Parts]) -> float:
-    """How surely what drivers do beside the model grows with how much of late what the model wants has changed.
+    """Growth of what drivers do beside the model with the late change of what it wants, in standard deviations.
 
     Who decides now and then, and holds on to it in between, is behind by a random time; what that does is in proportion
     to the change. Behind by always the same time he has a delay, which leaves nothing of the kind once it is known.
@@ -207,7 +207,7 @@ def staleness(parts: Parts, chance: Sequence[Parts]) -> float:
     """
 
     def by_being_late(left: Residuals) -> np.ndarray:
-        data = left.world.data
+        data = left.state.data
         still = jnp.zeros(left.x.shape)
         wanted = np.asarray(follow(left.stimulus(), drivers_of(left), (), (), still, data.dt)[0], float)
         wanted = wanted.clip(*REASONABLE)
@@ -220,26 +220,26 @@ def staleness(parts: Parts, chance: Sequence[Parts]) -> float:
 
 
 Energy = Callable[[Residuals], np.ndarray]
-"""What might make drivers do something beside the model, squared."""
+"""Cause of what drivers do beside the model, squared."""
 
 
 def _beyond_chance(energy: Energy, parts: Parts, chance: Sequence[Parts]) -> float:
-    """How surely what drivers do beside the model grows with an energy, and beyond what noise alone leaves of that.
+    """Growth of what drivers do beside the model with an energy, beyond what noise alone leaves of that.
 
     Where noise leaves negative figures, zero is what has to be passed: a delay, known or not, leaves more than noise.
     """
 
     def grows(these: Parts) -> float:
-        return _surely(np.concatenate([_energy_votes(energy(left), left) for left in these]))
+        return _surely(np.concatenate([_energy_scores(energy(left), left) for left in these]))
 
     return grows(parts) - max(float(np.mean([grows(these) for these in chance])), 0.0)
 
 
-def _energy_votes(square: Float[np.ndarray, "steps pieces"], left: Residuals) -> Float[np.ndarray, " drivers"]:
-    """How much the energy of what each driver does beside the model grows with another one; nothing where no moment
+def _energy_scores(square: Float[np.ndarray, "steps pieces"], left: Residuals) -> Float[np.ndarray, " drivers"]:
+    """Growth of the energy of what each driver does beside the model with another one; nothing where no moment
     counts.
     """
-    data = left.world.data
+    data = left.state.data
     counts = data.weight > 0
     if not counts.any():
         return np.zeros(data.n_drivers)
@@ -247,13 +247,13 @@ def _energy_votes(square: Float[np.ndarray, "steps pieces"], left: Residuals) ->
     stake = np.minimum(square, most) / max(float(usual), 1e-12)
     energy = left.acceleration**2
     energy = np.minimum(energy / np.maximum(data.driver_mean(energy), 1e-12)[data.driver], MOST_ENERGY)
-    return _votes(energy, stake, data)
+    return _driver_scores(energy, stake, data)
 
 
-def _votes(
+def _driver_scores(
     energy: Float[np.ndarray, "steps pieces"], situation: Float[np.ndarray, "steps pieces"], data: Measured
 ) -> Float[np.ndarray, " drivers"]:
-    """How much one grows with the other; drivers are compared with themselves, and each has one vote."""
+    """Growth of one with the other, driver by driver; drivers are compared with themselves."""
 
     def off(values: np.ndarray) -> np.ndarray:
         return values - data.driver_mean(values)[data.driver]
@@ -261,6 +261,6 @@ def _votes(
     return np.bincount(data.driver, (off(energy) * off(situation) * data.weight).sum(axis=0), data.n_drivers)
 
 
-def _surely(votes: Float[np.ndarray, " drivers"]) -> float:
-    """How surely the votes do not cancel, in standard deviations [-]."""
-    return float(votes.sum() / max(float(np.sqrt((votes**2).sum())), 1e-12))
+def _surely(scores: Float[np.ndarray, " drivers"]) -> float:
+    """Sum of the scores in standard deviations [-]."""
+    return float(scores.sum() / max(float(np.sqrt((scores**2).sum())), 1e-12))

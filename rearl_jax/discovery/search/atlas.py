@@ -5,7 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rearl_jax.discovery.observe.forcing import Votes, added_acceleration, answers, plain_votes, votes, votes_and_seen
+from rearl_jax.discovery.observe.forcing import (
+    DriverScores,
+    added_acceleration,
+    answers,
+    driver_scores,
+    plain_scores,
+    scores_and_seen,
+)
 from rearl_jax.discovery.observe.residuals import Residuals
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.search.finder import Group, Selected, stability_selection
@@ -56,8 +63,8 @@ class Chart:
 
 
 @dataclass(frozen=True)
-class Ballot:
-    """What the drivers of one part of the data say.
+class PartScores:
+    """Scores of the drivers of one part of the data.
 
     Attributes:
         curves: On the columns of all groups.
@@ -66,9 +73,9 @@ class Ballot:
         shares: Of the moments in the fields of each plane [-].
     """
 
-    curves: Votes
-    seen: Votes
-    planes: dict[tuple[str, str], Votes]
+    curves: DriverScores
+    seen: DriverScores
+    planes: dict[tuple[str, str], DriverScores]
     shares: dict[tuple[str, str], np.ndarray]
 
 
@@ -91,48 +98,48 @@ class Atlas:
 
 def chart_of(left: Residuals) -> Chart:
     """Knots and edges at the quantiles of one part of the data."""
-    weight, variables = left.world.data.weight, {one.name: one for one in reactions(left)}
+    weight, variables = left.state.data.weight, {one.name: one for one in reactions(left)}
     bases = [basis_of(variable, weight) for variable in variables.values()]
     edges = {name: edges_of(variables[name], weight) for pair in PLANES for name in pair}
     return Chart(tuple(basis for basis in bases if basis is not None), edges)
 
 
-def ballot_of(left: Residuals, chart: Chart) -> Ballot:
-    """Votes of the drivers of one part of the data."""
-    variables, answer, data = {one.name: one for one in reactions(left)}, answers(left), left.world.data
+def part_scores(left: Residuals, chart: Chart) -> PartScores:
+    """Scores of the drivers of one part of the data."""
+    variables, answer, data = {one.name: one for one in reactions(left)}, answers(left), left.state.data
     pushed = np.concatenate([basis.columns(variables[basis.variable.name].values) for basis in chart.bases])
     planes, shares = {}, {}
     used = data.weight > 0
     for pair in PLANES:
         inside = fields([variables[name].values for name in pair], [chart.edges[name] for name in pair])
-        planes[pair], shares[pair] = votes(inside, left, answer), inside[:, used].mean(axis=1)
+        planes[pair], shares[pair] = driver_scores(inside, left, answer), inside[:, used].mean(axis=1)
     both = np.concatenate([pushed, pushed * answer.own[left.prior.names.index("time_gap")]])
-    return Ballot(*votes_and_seen(both, left, answer), planes, shares)
+    return PartScores(*scores_and_seen(both, left, answer), planes, shares)
 
 
-def joined(parts: Sequence[Votes]) -> Votes:
-    """Votes of several parts of the data."""
+def joined(parts: Sequence[DriverScores]) -> DriverScores:
+    """Scores of several parts of the data."""
     gram, score, square = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("gram", "score", "square")
     )
     drivers = np.array([len(part.square) for part in parts])
-    return Votes(gram, score, square, float(drivers @ [part.variance for part in parts] / drivers.sum()))
+    return DriverScores(gram, score, square, float(drivers @ [part.variance for part in parts] / drivers.sum()))
 
 
 def atlas_of(
-    chart: Chart, ballots: Sequence[Ballot], n_chosen_from: int, confidence: float, draws: int, seed: int
+    chart: Chart, parts: Sequence[PartScores], n_chosen_from: int, confidence: float, draws: int, seed: int
 ) -> Atlas:
     """All maps.
 
     Args:
         chart: Knots and edges.
-        ballots: Of the parts of the data.
+        parts: Of the parts of the data.
         n_chosen_from: How many of the first parts the finder may look at.
         confidence: Of the bands [-].
         draws: Resamples of drivers.
         seed: Of everything random.
     """
-    curves, seen = joined([ballot.curves for ballot in ballots]), joined([ballot.seen for ballot in ballots])
+    curves, seen = joined([part.curves for part in parts]), joined([part.seen for part in parts])
     groups = chart.groups()
     found = {}
     for basis in chart.bases:
@@ -143,12 +150,12 @@ def atlas_of(
     planes = {}
     for pair in PLANES:
         if all(name in variables for name in pair):
-            share = np.mean([ballot.shares[pair] for ballot in ballots], axis=0)
-            both = joined([ballot.planes[pair] for ballot in ballots])
+            share = np.mean([part.shares[pair] for part in parts], axis=0)
+            both = joined([part.planes[pair] for part in parts])
             planes[pair] = plane_of(
                 [variables[name] for name in pair], [chart.edges[name] for name in pair], share, both
             )
-    looked_at = joined([ballot.curves for ballot in ballots[:n_chosen_from]])
+    looked_at = joined([part.curves for part in parts[:n_chosen_from]])
     shapes = {
         basis.variable.name: shape_words(curve := found[basis.variable.name], shape_of(curve, curves.of(group.columns)))
         for basis, group in zip(chart.bases, groups, strict=False)
@@ -165,7 +172,7 @@ def added_curves(solver: Solver, left: Residuals, chart: Chart) -> dict[str, np.
         return {}
     variables, answer = {one.name: one for one in reactions(left)}, answers(left)
     pushed = np.concatenate([basis.columns(variables[basis.variable.name].values) for basis in chart.bases])
-    found, cast = {}, plain_votes(added, pushed, left, answer)
+    found, cast = {}, plain_scores(added, pushed, left, answer)
     for basis, group in zip(chart.bases, chart.groups(), strict=False):
         found[basis.variable.name] = centred(fitted(cast.of(group.columns)), basis)
     return found

@@ -1,4 +1,4 @@
-"""Whether the vehicles' clocks differ, and the data with the clocks put right.
+"""Clocks that differ between vehicles, and the data with the clocks put right.
 
 Clocks are held against shifts of every pair of vehicles, each account at its best: shifts are found in a few looks, for
 half a second is far from small, and what each account gains is counted from the data as it puts them right.
@@ -17,7 +17,7 @@ from rearl_jax.discovery.search.screen import scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 LOOKS = 3
-"""How often shifts are looked at and put right."""
+"""Times that shifts are looked at and put right."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class ClockCheck:
 
     @property
     def total(self) -> float:
-        """What it is compared by [nats]."""
+        """Total that it is compared by [nats]."""
         return self.gain + self.check
 
 
@@ -60,14 +60,14 @@ class PutRight:
 
 
 def check_clocks(solver: Solver, base: Fit, checked: Measured) -> ClockCheck | None:
-    """Whether the vehicles' clocks differ, by the fitted drivers and by the others; None if not.
+    """Clocks that differ, by the fitted drivers and by the others; None if they do not.
 
     Args:
         solver: Fits.
         base: The calibrated model.
         checked: Other drivers.
     """
-    parts = (base.world.data, checked)
+    parts = (base.state.data, checked)
     fitted, others = (put_right(solver, Clocks(part), base) for part in parts)
     gain = fitted.gain - THRESHOLDS.freedom_price
     if (
@@ -84,14 +84,14 @@ def check_clocks(solver: Solver, base: Fit, checked: Measured) -> ClockCheck | N
 
 def put_right(solver: Solver, shifts: Shifts, base: Fit) -> PutRight:
     """The data as an account of shifts puts them right, under the calibrated model; of all looks the best one."""
-    (world,) = on_others(solver, shifts.data, [base])
-    before, values, best = world.penalised(), shifts.values, None
+    (state,) = on_others(solver, shifts.data, [base])
+    before, values, best = state.penalised(), shifts.values, None
     for _ in range(LOOKS):
-        seen = scores(solver, [world])[0][CLOCK_OFFSET]
+        seen = scores(solver, [state])[0][CLOCK_OFFSET]
         estimate = shifts.estimate(values, seen.driver_score, seen.driver_information)
         values, data = estimate.values, shifts.corrected(estimate.values)
-        (world,) = on_others(solver, data, [base])
-        found = PutRight(data, estimate, bounded_gain(world.penalised() - before) - estimate.cost)
-        best = found if best is None or found.gain > best.gain else best
+        (state,) = on_others(solver, data, [base])
+        corrected = PutRight(data, estimate, bounded_gain(state.penalised() - before) - estimate.cost)
+        best = corrected if best is None or corrected.gain > best.gain else best
     assert best is not None
     return best

@@ -22,7 +22,7 @@ ROUNDING = 1e-9
 """Change of the squared error that is of the arithmetic, as a share of it [-]."""
 
 
-def confirmed(solver: Solver, found: Search, seed: int) -> Search:
+def confirmed(solver: Solver, outcome: Search, seed: int) -> Search:
     """The search, without additions with which the closed-loop gap error of the checked drivers is larger.
 
     They go from the last one on: free curves that were added later, which fit what the form of the earlier additions
@@ -30,42 +30,42 @@ def confirmed(solver: Solver, found: Search, seed: int) -> Search:
 
     Args:
         solver: Simulates.
-        found: What was found.
+        outcome: What was found.
         seed: Of the resampling of drivers.
     """
-    if not found.added:
-        return found
-    errors = gap_errors(solver, found.checked, [found.first, *(one.fit for one in found.added)])
-    kept = len(found.added)
-    while kept > 1 and is_free(found.added[kept - 1]) and _share_worse(errors[kept - 1], errors[kept], seed) > 0.5:
+    if not outcome.added:
+        return outcome
+    errors = gap_errors(solver, outcome.checked, [outcome.first, *(trial.fit for trial in outcome.added)])
+    kept = len(outcome.added)
+    while kept > 1 and is_free(outcome.added[kept - 1]) and _share_worse(errors[kept - 1], errors[kept], seed) > 0.5:
         kept -= 1
     while kept and _share_worse(errors[0], errors[kept], seed) >= THRESHOLDS.rejection_share:
         kept -= 1
-    if kept == len(found.added):
-        return found
-    rounds = [*found.rounds[:kept], replace(found.rounds[kept], held=[])]
-    return replace(found, rounds=rounds, rejected=found.added[kept:])
+    if kept == len(outcome.added):
+        return outcome
+    rounds = [*outcome.rounds[:kept], replace(outcome.rounds[kept], accepted=[])]
+    return replace(outcome, rounds=rounds, rejected=outcome.added[kept:])
 
 
-def clocks_confirmed(solver: Solver, found: Search, checked: Measured, seed: int) -> bool:
-    """Whether the closed-loop gap error of the checked drivers is more likely smaller than larger with their clocks put
+def clocks_confirmed(solver: Solver, outcome: Search, checked: Measured, seed: int) -> bool:
+    """True if the closed-loop gap error of the checked drivers is more likely smaller than larger with their clocks put
     right, those of `checked` as they were measured. The search takes other irregularities for clocks too, a simulation
     does not.
     """
-    if found.clocks is None:
+    if outcome.clocks is None:
         return True
-    (before,) = gap_errors(solver, checked, [found.before])
-    (after,) = gap_errors(solver, found.checked, [found.first])
+    (before,) = gap_errors(solver, checked, [outcome.before])
+    (after,) = gap_errors(solver, outcome.checked, [outcome.first])
     return _share_worse(before, after, seed) < 0.5
 
 
-def lens_confirmed(solver: Solver, found: Search, seed: int) -> bool:
-    """Whether the closed-loop gap error of the checked drivers is more likely smaller than larger with the camera's
+def lens_confirmed(solver: Solver, outcome: Search, seed: int) -> bool:
+    """True if the closed-loop gap error of the checked drivers is more likely smaller than larger with the camera's
     distortion, which takes other irregularities in as well.
     """
-    for turn in found.rounds:
+    for turn in outcome.rounds:
         if turn.chosen is not None and turn.chosen.candidate.term == LENS:
-            before, after = gap_errors(solver, found.checked, [turn.base, turn.chosen.fit])
+            before, after = gap_errors(solver, outcome.checked, [turn.base, turn.chosen.fit])
             return _share_worse(before, after, seed) < 0.5
     return True
 

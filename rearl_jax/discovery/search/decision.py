@@ -1,4 +1,4 @@
-"""Which of the fitted candidates is believed: gain where it was fitted, and on other drivers, against its freedom."""
+"""Decision between fitted candidates: gain where they were fitted, and on other drivers, against their freedom."""
 
 from dataclasses import dataclass
 
@@ -7,14 +7,14 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.observe.candidates import Candidate
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.solver import Solver, World
+from rearl_jax.discovery.observe.solver import FitState, Solver
 from rearl_jax.discovery.observe.uncertainty import price
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
 @dataclass(frozen=True)
 class Trial:
-    """How a candidate fared.
+    """A fitted candidate and its gains.
 
     Attributes:
         candidate: Which.
@@ -22,7 +22,7 @@ class Trial:
         fitted: Gain of each driver where it was fitted [nats].
         checked: Gain of each other driver, all of whom found their own parameters anew [nats].
         price: Paid for its freedom [nats].
-        luck: What all drivers together gain where nothing is missing [nats].
+        null_mean: What all drivers together gain where nothing is missing [nats].
     """
 
     candidate: Candidate
@@ -30,7 +30,7 @@ class Trial:
     fitted: Float[np.ndarray, " drivers"]
     checked: Float[np.ndarray, " others"]
     price: float
-    luck: float = 0.0
+    null_mean: float = 0.0
 
     @property
     def gain(self) -> float:
@@ -44,16 +44,16 @@ class Trial:
 
     @property
     def total(self) -> float:
-        """What candidates are compared by [nats]."""
-        return self.gain + self.check - self.luck
+        """Total that candidates are compared by [nats]."""
+        return self.gain + self.check - self.null_mean
 
     def beats(self, other: "Trial") -> bool:
-        """Whether it fares better than another by more than what tells candidates apart."""
+        """True if it fares better than another by more than what tells candidates apart."""
         return self.total > other.total + THRESHOLDS.indistinct_total
 
     @property
     def holds(self) -> bool:
-        """Whether it is believed as far as the drivers go."""
+        """True if it is believed as far as the drivers go."""
         return (
             self.gain > THRESHOLDS.least_gain
             and self.total > THRESHOLDS.least_total
@@ -67,8 +67,10 @@ def bounded_gain(gains: Float[np.ndarray, " drivers"]) -> float:
     return float(np.clip(gains, -most, most).sum())
 
 
-def trial(solver: Solver, fit: Fit, base: World, other: World, other_base: World, luck: float) -> Trial:
-    """How a fitted candidate fared against the model without it.
+def trial_of(
+    solver: Solver, fit: Fit, base: FitState, other: FitState, other_base: FitState, null_mean: float
+) -> Trial:
+    """Gains of a fitted candidate against the model without it.
 
     Args:
         solver: Has fitted it.
@@ -76,26 +78,26 @@ def trial(solver: Solver, fit: Fit, base: World, other: World, other_base: World
         base: Without it, the same drivers.
         other: With it, other drivers.
         other_base: Without it, other drivers.
-        luck: Evidence for it where nothing is missing [nats].
+        null_mean: Evidence for it where nothing is missing [nats].
     """
     candidate = fit.candidate
     assert candidate is not None
-    cost = price(solver, fit.world, candidate.free)
+    cost = price(solver, fit.state, candidate.free)
     if candidate.kind == "generic":
         cost += THRESHOLDS.freedom_price
     return Trial(
         candidate,
         fit,
-        fit.world.penalised() - base.penalised(),
+        fit.state.penalised() - base.penalised(),
         other.penalised() - other_base.penalised(),
         cost,
-        luck,
+        null_mean,
     )
 
 
 def ranked(trials: list[Trial]) -> list[Trial]:
     """Those that hold, the best first."""
-    return sorted((one for one in trials if one.holds), key=lambda one: -one.total)
+    return sorted((trial for trial in trials if trial.holds), key=lambda trial: -trial.total)
 
 
 def believed(trials: list[Trial]) -> list[Trial]:
@@ -104,11 +106,11 @@ def believed(trials: list[Trial]) -> list[Trial]:
     What convinces other drivers by so much more is the better account, also where the fitted ones hardly paid for its
     freedom.
     """
-    held = ranked(trials)
-    better = [one for one in trials if held and one.gain > 0 and one.beats(held[0])]
-    return sorted(better, key=lambda one: -one.total) + held
+    accepted = ranked(trials)
+    better = [trial for trial in trials if accepted and trial.gain > 0 and trial.beats(accepted[0])]
+    return sorted(better, key=lambda trial: -trial.total) + accepted
 
 
 def not_told_apart(best: list[Trial]) -> list[Trial]:
     """The best and those whose total comes within `indistinct_total` of it."""
-    return [one for one in best if best[0].total - one.total < THRESHOLDS.indistinct_total]
+    return [trial for trial in best if best[0].total - trial.total < THRESHOLDS.indistinct_total]

@@ -33,7 +33,7 @@ FAMILIES = (
     _family("asymmetry", on=("approach_rate",)),
 )
 
-KINSHIPS = (
+CONFOUNDED = (
     *FAMILIES,
     _family("several_leaders", "variance_driven_time_gap", on=("second_gap", "leader_acceleration")),
     _family("reaction_delay", "leader_acceleration", "asymmetry", on=("leader_acceleration", "approach_rate")),
@@ -50,9 +50,9 @@ def with_families(terms: set[Term], known: set[Term]) -> set[Term]:
     return terms | (related & known)
 
 
-def are_kin(one: Term, other: Term) -> bool:
-    """Whether one may be a remainder of the other."""
-    return any(one in kinship and other in kinship for kinship in KINSHIPS)
+def confounded(one: Term, other: Term) -> bool:
+    """True if one may be a remainder of the other."""
+    return any(one in group and other in group for group in CONFOUNDED)
 
 
 APART = {
@@ -68,7 +68,7 @@ APART = {
     ("leader_class", "leader_length"): "trucks of different lengths, and long cars",
     ("weather", "time"): "a longer record, or a second one in other weather",
 }
-"""What data would tell candidates apart; a free curve goes by the name of its variable."""
+"""Data that would tell candidates apart; a free curve goes by the name of its variable."""
 
 
 def told_apart_by(term: Term, chosen: Sequence[Term]) -> str:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from rearl_jax.discovery.observe.forcing import Votes
+from rearl_jax.discovery.observe.forcing import DriverScores
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 PAIRS = 25
@@ -46,7 +46,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Selected:
-    """How a variable fared.
+    """A variable and how often it was selected.
 
     Attributes:
         variable: Its name.
@@ -61,21 +61,21 @@ class Selected:
     first: float
 
 
-def stability_selection(votes: Votes, groups: Sequence[Group], seed: int) -> list[Selected]:
+def stability_selection(scores: DriverScores, groups: Sequence[Group], seed: int) -> list[Selected]:
     """All variables, the most stable first.
 
     Args:
-        votes: Of the drivers, on the columns of all groups.
+        scores: Of the drivers, on the columns of all groups.
         groups: What can be selected.
         seed: Of the halves.
     """
     rng = np.random.default_rng(seed)
-    n, chosen, first = len(votes.score), Counter(), Counter()
+    n, chosen, first = len(scores.score), Counter(), Counter()
     ways: Counter[tuple[str, str]] = Counter()
     for _ in range(PAIRS):
         order = rng.permutation(n)
         for half in (order[: n // 2], order[n // 2 : 2 * (n // 2)]):
-            found = forward_selection(votes, half, groups)
+            found = forward_selection(scores, half, groups)
             chosen.update({group.variable for group in found})
             first.update(group.variable for group in found[:1])
             ways.update((group.variable, group.acts_on) for group in found)
@@ -91,15 +91,15 @@ def _usual_way(ways: "Counter[tuple[str, str]]", name: str) -> str:
     return max(("acceleration", "time_gap"), key=lambda way: ways[name, way])
 
 
-def forward_selection(votes: Votes, drivers: Int[np.ndarray, " some"], groups: Sequence[Group]) -> list[Group]:
+def forward_selection(scores: DriverScores, drivers: Int[np.ndarray, " some"], groups: Sequence[Group]) -> list[Group]:
     """Groups in the order in which they are added for some drivers."""
-    gram, score = votes.gram[drivers].sum(axis=0), votes.score[drivers].sum(axis=0)
+    gram, score = scores.gram[drivers].sum(axis=0), scores.score[drivers].sum(axis=0)
     for group in groups:
-        gram[group.columns, group.columns] += votes.variance / group.scale**2
+        gram[group.columns, group.columns] += scores.variance / group.scale**2
     left, found = list(groups), []
     bound = np.log(len(groups)) + THRESHOLDS.finder_evidence
     while left and len(found) < MOST:
-        evidence = [_evidence(gram, score, group, votes.variance) for group in left]
+        evidence = [_evidence(gram, score, group, scores.variance) for group in left]
         best = int(np.argmax(evidence))
         if evidence[best] < bound:
             break

@@ -17,7 +17,7 @@ from rearl_jax.discovery.search.procedure import Search
 def lane_choice(
     solver: Solver, found: Search, parts: Parts, recordings: Sequence[Recording], options: DiscoverConfig
 ) -> LaneChangeFindings:
-    """What counts in the choice of the lane, with the drivers as they were calibrated, split as they were.
+    """Influences on the choice of the lane, with the drivers as they were calibrated, split as they were.
 
     Args:
         solver: Calibrates the drivers that were checked.
@@ -29,7 +29,7 @@ def lane_choice(
     few = too_few_changes(recordings)
     if few is not None:
         return few  # before anybody is calibrated for it
-    known = KnownDrivers.of([found.first.world, *on_others(solver, found.checked, [found.first])], solver.layout.prior)
+    known = KnownDrivers.of([found.first.state, *on_others(solver, found.checked, [found.first])], solver.layout.prior)
     split = [part.vehicle for part in (parts.fitted, parts.checked, parts.reported)]
     lanes = lane_change_findings(recordings, known, split, options.confidence, options.seed)
     if lanes.effects and amount(parts.findings, SMOOTHING):

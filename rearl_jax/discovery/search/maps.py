@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.observe.forcing import Votes
+from rearl_jax.discovery.observe.forcing import DriverScores
 from rearl_jax.discovery.search.reactions import Reaction
 
 KNOTS = 7
@@ -102,36 +102,38 @@ def basis_of(variable: Reaction, weight: Float[np.ndarray, "steps pieces"]) -> B
 
 
 def fitted(
-    votes: Votes, drivers: Float[np.ndarray, " drivers"] | None = None, usual: float = USUAL
+    scores: DriverScores, drivers: Float[np.ndarray, " drivers"] | None = None, usual: float = USUAL
 ) -> Float[np.ndarray, " columns"]:
     """Values that explain the innovations best; `drivers` says how often each driver counts, `usual` how large values
     are usually.
     """
     gram, score = (
-        (votes.gram.sum(axis=0), votes.score.sum(axis=0))
+        (scores.gram.sum(axis=0), scores.score.sum(axis=0))
         if drivers is None
-        else (np.tensordot(drivers, votes.gram, 1), drivers @ votes.score)
+        else (np.tensordot(drivers, scores.gram, 1), drivers @ scores.score)
     )
-    return np.linalg.solve(gram + votes.variance / usual**2 * np.eye(len(score)), score)
+    return np.linalg.solve(gram + scores.variance / usual**2 * np.eye(len(score)), score)
 
 
-def curve_of(basis: Basis, votes: Mapping[str, tuple[Votes, Votes]], confidence: float, draws: int, seed: int) -> Curve:
+def curve_of(
+    basis: Basis, scores: Mapping[str, tuple[DriverScores, DriverScores]], confidence: float, draws: int, seed: int
+) -> Curve:
     """The map of one variable.
 
     Args:
         basis: Of the variable.
-        votes: On its columns, and the same on the acceleration residual, by what they act on.
+        scores: On its columns, and the same on the acceleration residual, by what they act on.
         confidence: Of the band [-].
         draws: Resamples of drivers.
         seed: Of the resampling and the halves.
     """
     rng = np.random.default_rng(seed)
-    own = votes["acceleration"][0]
+    own = scores["acceleration"][0]
     n = len(own.score)
     counts = rng.multinomial(n, np.full(n, 1 / n), draws)
     drawn = centred(np.stack([fitted(own, row) for row in counts.astype(float)]), basis)
     low, high = np.quantile(drawn, [(1 - confidence) / 2, (1 + confidence) / 2], axis=0)
-    carried = {acts_on: on_other_halves(*pair, np.random.default_rng(seed)) for acts_on, pair in votes.items()}
+    carried = {acts_on: on_other_halves(*pair, np.random.default_rng(seed)) for acts_on, pair in scores.items()}
     acts_on = max(carried, key=lambda key: carried[key][1])
     return Curve(basis, centred(fitted(own), basis), low, high, acts_on, *carried[acts_on])
 
@@ -141,23 +143,23 @@ def centred(values: Float[np.ndarray, "*draws knots"], basis: Basis) -> Float[np
     return values - (values @ basis.share)[..., None] / basis.share.sum()
 
 
-def on_other_halves(votes: Votes, seen: Votes, rng: np.random.Generator) -> tuple[float, float]:
+def on_other_halves(scores: DriverScores, seen: DriverScores, rng: np.random.Generator) -> tuple[float, float]:
     """Share of the acceleration residual's variance [-] and log-likelihood [nats] that a fit to half of the drivers
     explains in the other half, the mean over several cuts.
     """
-    n, shares, gains = len(votes.score), [], []
+    n, shares, gains = len(scores.score), [], []
     for _ in range(HALVINGS):
         half = np.zeros(n)
         half[rng.permutation(n)[: n // 2]] = 1.0
-        parts = [(fitted(votes, fit), 1.0 - fit) for fit in (half, 1.0 - half)]
-        gains.append(sum(_less(votes, values, scored) for values, scored in parts) / (2 * votes.variance))
+        parts = [(fitted(scores, fit), 1.0 - fit) for fit in (half, 1.0 - half)]
+        gains.append(sum(_less(scores, values, scored) for values, scored in parts) / (2 * scores.variance))
         shares.append(sum(_less(seen, values, scored) for values, scored in parts) / max(seen.square.sum(), 1e-12))
     return float(np.mean(shares)), float(np.mean(gains))
 
 
-def _less(votes: Votes, values: np.ndarray, drivers: np.ndarray) -> float:
+def _less(scores: DriverScores, values: np.ndarray, drivers: np.ndarray) -> float:
     """By how much the squares of some drivers fall."""
-    return float(drivers @ (2 * votes.score @ values - (votes.gram @ values) @ values))
+    return float(drivers @ (2 * scores.score @ values - (scores.gram @ values) @ values))
 
 
 @dataclass(frozen=True)
@@ -192,10 +194,13 @@ def fields(
 
 
 def plane_of(
-    variables: Sequence[Reaction], edges: Sequence[np.ndarray], share: Float[np.ndarray, " fields"], votes: Votes
+    variables: Sequence[Reaction],
+    edges: Sequence[np.ndarray],
+    share: Float[np.ndarray, " fields"],
+    scores: DriverScores,
 ) -> Plane:
     """The map of two variables; `share` of the moments in each field."""
-    values = fitted(votes, usual=USUAL_IN_FIELDS)
+    values = fitted(scores, usual=USUAL_IN_FIELDS)
     values = values - values @ share
     value = np.where(share > LEAST_SHARE, values, np.nan).reshape(FIELDS, FIELDS)
     return Plane(variables[0], variables[1], edges[0], edges[1], value)

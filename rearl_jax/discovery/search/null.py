@@ -1,4 +1,4 @@
-"""What evidence looks like where nothing is missing: drives simulated from the calibrated model, measured again."""
+"""Null of the evidence, where nothing is missing: drives simulated from the calibrated model, measured again."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, Noise
-from rearl_jax.discovery.observe.solver import Solver, World, copied
+from rearl_jax.discovery.observe.solver import FitState, Solver, copied
 from rearl_jax.discovery.read.smoothing import cut_off, smoothed
 from rearl_jax.discovery.search.screen import evidences, scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -29,20 +29,20 @@ class Null:
         """Evidence above the null's mean [nats]."""
         return {term: value - max(self.mean[term], THRESHOLDS.least_null_mean) for term, value in evidence.items()}
 
-    def luck(self, term: Term) -> float:
+    def null_mean(self, term: Term) -> float:
         """Evidence for a candidate that is to be had where nothing is missing [nats]."""
         return max(self.mean[term], 0.0)
 
-    def surprise(self, evidence: dict[Term, float]) -> dict[Term, float]:
+    def z_scores(self, evidence: dict[Term, float]) -> dict[Term, float]:
         """Evidence above the null's mean in standard deviations of the null [-]."""
         excess = self.excess(evidence)
         return {term: value / max(self.spread[term], THRESHOLDS.least_null_spread) for term, value in excess.items()}
 
-    def threshold(self, surprise: float) -> dict[Term, float]:
-        """Evidence of each candidate at a surprise [nats]."""
+    def threshold(self, z_score: float) -> dict[Term, float]:
+        """Evidence of each candidate at a z-score [nats]."""
         return {
             name: max(self.mean[name], THRESHOLDS.least_null_mean)
-            + surprise * max(self.spread[name], THRESHOLDS.least_null_spread)
+            + z_score * max(self.spread[name], THRESHOLDS.least_null_spread)
             for name in self.mean
         }
 
@@ -76,80 +76,80 @@ def _lasting(
 
 
 def behind_noisy_drive(
-    solver: Solver, world: World, noise: Noise, rng: np.random.Generator
+    solver: Solver, state: FitState, noise: Noise, rng: np.random.Generator
 ) -> Float[np.ndarray, "steps pieces"]:
     """Measured positions less those of a drive with the drivers' own noise behind the same leaders [m]."""
-    known = driver_noise(noise, world.data.y.shape, world.data.dt, rng)
-    (behind,) = solver.innovations([replace(world, pieces=replace(world.pieces, known=known))], CLOSED_LOOP)
+    known = driver_noise(noise, state.data.y.shape, state.data.dt, rng)
+    (behind,) = solver.innovations([replace(state, pieces=replace(state.pieces, known=known))], CLOSED_LOOP)
     return behind
 
 
-def simulate_again(solver: Solver, world: World, noise: Noise, rng: np.random.Generator) -> World:
-    """The world with other drives: simulated with its model behind the same leaders, then measured with noise."""
-    data = world.data
-    driven = data.y - behind_noisy_drive(solver, world, noise, rng)
+def simulate_again(solver: Solver, state: FitState, noise: Noise, rng: np.random.Generator) -> FitState:
+    """The state with other drives: simulated with its model behind the same leaders, then measured with noise."""
+    data = state.data
+    driven = data.y - behind_noisy_drive(solver, state, noise, rng)
     y = driven + position_errors(noise, driven.shape, data.dt, rng)
     frequency = cut_off(data.noise, data.dt)
     x, v = np.empty_like(y), np.empty_like(y)
     for piece in range(y.shape[1]):
         x[:, piece], v[:, piece], _ = smoothed(y[:, piece], data.dt, frequency)
-    pieces = replace(world.pieces, y=y, start=np.stack([x[0], v[0]]))
-    return copied(world, data=replace(data, y=y, smooth=x, smooth_speed=v), pieces=pieces)
+    pieces = replace(state.pieces, y=y, start=np.stack([x[0], v[0]]))
+    return copied(state, data=replace(data, y=y, smooth=x, smooth_speed=v), pieces=pieces)
 
 
-def noise_alone(solver: Solver, world: World, noise: Noise, replicates: int, seed: int) -> Iterator[list[World]]:
+def noise_alone(solver: Solver, state: FitState, noise: Noise, replicates: int, seed: int) -> Iterator[list[FitState]]:
     """Worlds with other drives in which nothing is missing, calibrated anew, as many at once as are worth it.
 
     Args:
         solver: Simulates and fits.
-        world: Calibrated, with what has been added so far.
+        state: Calibrated, with what has been added so far.
         noise: As calibrated.
         replicates: How many times the drives are made again.
         seed: Of the random numbers.
     """
-    group = max(1, AT_ONCE // max(1, len(world.data.driver)))
+    group = max(1, AT_ONCE // max(1, len(state.data.driver)))
     for first in range(0, replicates, group):
-        worlds = [
-            simulate_again(solver, world, noise, np.random.default_rng([seed, replicate]))
+        states = [
+            simulate_again(solver, state, noise, np.random.default_rng([seed, replicate]))
             for replicate in range(first, min(first + group, replicates))
         ]
-        solver.solve(worlds, iterations=12, tolerance=0.1)
-        yield worlds
+        solver.solve(states, iterations=12, tolerance=0.1)
+        yield states
 
 
 def null_of(
     solver: Solver,
-    world: World,
+    state: FitState,
     noise: Noise,
     replicates: int,
     seed: int,
     progress: Callable[[int, int], None] | None = None,
 ) -> Null:
-    """The null of a calibrated world.
+    """The null of a calibrated state.
 
     Args:
         solver: Fits and looks.
-        world: Calibrated, with what has been added so far.
+        state: Calibrated, with what has been added so far.
         noise: As calibrated.
         replicates: How many times the drives are made again.
         seed: Of the random numbers.
         progress: Called with the replicates done and wanted.
     """
-    found: list[dict[Term, float]] = []
-    for worlds in noise_alone(solver, world, noise, replicates, seed):
-        seen = scores(solver, worlds)
-        found += [evidences(one, score, solver.layout) for one, score in zip(worlds, seen, strict=True)]
+    replicated: list[dict[Term, float]] = []
+    for states in noise_alone(solver, state, noise, replicates, seed):
+        seen = scores(solver, states)
+        replicated += [evidences(state, score, solver.layout) for state, score in zip(states, seen, strict=True)]
         if progress is not None:
-            progress(len(found), replicates)
-    return summarise(found)
+            progress(len(replicated), replicates)
+    return summarise(replicated)
 
 
-def summarise(found: Sequence[dict[Term, float]]) -> Null:
+def summarise(replicated: Sequence[dict[Term, float]]) -> Null:
     """Mean and spread over replicates."""
-    names = found[0]
-    values = {name: np.array([one[name] for one in found]) for name in names}
+    names = replicated[0]
+    values = {name: np.array([evidence[name] for evidence in replicated]) for name in names}
     return Null(
         mean={name: float(value.mean()) for name, value in values.items()},
         spread={name: float(value.std(ddof=1)) if len(value) > 1 else 1.0 for name, value in values.items()},
-        replicates=len(found),
+        replicates=len(replicated),
     )

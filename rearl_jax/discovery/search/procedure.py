@@ -10,21 +10,20 @@ from rearl_jax.discovery.observe.candidates import Layout, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, Clocks
 from rearl_jax.discovery.observe.fit import Fit, on_others, with_others
 from rearl_jax.discovery.observe.noise import calibrate
-from rearl_jax.discovery.observe.solver import Solver, World
+from rearl_jax.discovery.observe.solver import FitState, Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.clock_check import ClockCheck, check_clocks, put_right
-from rearl_jax.discovery.search.decision import Trial, believed, not_told_apart, trial
-from rearl_jax.discovery.search.families import are_kin, with_families
+from rearl_jax.discovery.search.decision import Trial, believed, not_told_apart, trial_of
+from rearl_jax.discovery.search.families import confounded, with_families
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.refit import rebased, refit
 from rearl_jax.discovery.search.screen import Score, clock_evidence, evidences, scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 UNDERSTATED = frozenset({Term("reaction_delay")})
-"""What is fitted wherever it fires: drivers who were calibrated without a delay have taken most of it in, and
-the score, which looks at delays close to none, sees little.
+"""Candidates that are fitted wherever they exceed chance: drivers who were calibrated without a delay have taken most
+of it in, and the score, which looks at delays close to none, sees little.
 """
-
 
 Report = Callable[[str, int, int], None]
 
@@ -37,39 +36,39 @@ class Round:
         base: The model at its beginning.
         evidence: Of every candidate [nats].
         excess: Above the null's mean [nats].
-        surprise: The same in standard deviations of the null [-].
-        firing: Candidates that fire, with their families.
+        z_score: The same in standard deviations of the null [-].
+        exceeding: Candidates whose evidence exceeds chance, with their families.
         trials: All that were fitted.
-        held: Those that are believed, the best first.
-        clock_surprise: As `surprise`, of clocks that differ.
+        accepted: Trials that are accepted, the best first.
+        clock_z_score: As `z_score`, of clocks that differ.
     """
 
     base: Fit
     evidence: dict[Term, float]
     excess: dict[Term, float]
-    surprise: dict[Term, float]
-    firing: frozenset[Term]
+    z_score: dict[Term, float]
+    exceeding: frozenset[Term]
     trials: list[Trial]
-    held: list[Trial]
-    clock_surprise: float = 0.0
+    accepted: list[Trial]
+    clock_z_score: float = 0.0
 
     @property
     def chosen(self) -> Trial | None:
-        """What is added."""
-        return self.held[0] if self.held else None
+        """The trial that is added."""
+        return self.accepted[0] if self.accepted else None
 
     @property
     def is_beaten(self) -> bool:
-        """Whether something that is not believed fares better than what is added."""
+        """True if something that is not believed fares better than what is added."""
         chosen = self.chosen
         return chosen is not None and any(
-            one.beats(chosen) and _is_significant(one, self.firing) for one in self.trials
+            trial.beats(chosen) and _is_significant(trial, self.exceeding) for trial in self.trials
         )
 
     @property
     def alternatives(self) -> list[Trial]:
-        """What cannot be told apart from it."""
-        return not_told_apart(self.held)[1:] if self.held else []
+        """Trials that cannot be told apart from it."""
+        return not_told_apart(self.accepted)[1:] if self.accepted else []
 
 
 @dataclass
@@ -114,31 +113,33 @@ class Search:
 
     @property
     def added(self) -> list[Trial]:
-        """What was added, in order."""
-        return [one.chosen for one in self.rounds if one.chosen is not None]
+        """Trials that were added, in order."""
+        return [turn.chosen for turn in self.rounds if turn.chosen is not None]
 
     @property
     def is_contradicted(self) -> bool:
-        """Whether an effect or artefact that the drivers' moments ask for makes their simulation worse."""
-        return any(not is_free(one) for one in self.rejected)
+        """True if an effect or artefact that the drivers' moments ask for makes their simulation worse."""
+        return any(not is_free(trial) for trial in self.rejected)
 
-    def is_doubtful(self, one: Trial) -> bool:
-        """Whether a named effect is beaten by what is not believed, comes before what simulations contradict or after a
+    def is_doubtful(self, trial: Trial) -> bool:
+        """True if a named effect is beaten by what is not believed, comes before what simulations contradict or after a
         free curve, whose remainder it may be, or leaves a dependence on what it acts by, which then is another one than
         it says.
         """
-        if self.is_contradicted or any(turn.is_beaten for turn in self.rounds if turn.chosen is one):
+        if self.is_contradicted or any(turn.is_beaten for turn in self.rounds if turn.chosen is trial):
             return True
-        earlier = takewhile(lambda other: other is not one, self.added)
-        if not is_free(one) and any(is_free(other) for other in earlier):
+        earlier = takewhile(lambda other: other is not trial, self.added)
+        if not is_free(trial) and any(is_free(other) for other in earlier):
             return True
         curves = [other.candidate for other in (*self.added, *self.rejected) if is_free(other)]
-        return any(set(curve.variables) & set(one.candidate.variables) for curve in curves if curve != one.candidate)
+        return any(
+            set(curve.variables) & set(trial.candidate.variables) for curve in curves if curve != trial.candidate
+        )
 
 
-def is_free(one: Trial) -> bool:
-    """Whether it is a free curve, which approximates whatever there is, and fits what any other form has left."""
-    return one.candidate.kind == "generic"
+def is_free(trial: Trial) -> bool:
+    """True if it is a free curve, which approximates whatever there is, and fits what any other form has left."""
+    return trial.candidate.kind == "generic"
 
 
 def search(
@@ -150,7 +151,7 @@ def search(
     *,
     excluded: frozenset[Term] = frozenset(),
 ) -> Search:
-    """The loop: until nothing more fires, or nothing that fires is believed.
+    """The loop: until nothing exceeds chance any more, or nothing that does is accepted.
 
     Args:
         solver: Fits.
@@ -161,104 +162,108 @@ def search(
         excluded: Candidates, or clocks, that are not looked for.
     """
     report("calibrating drivers", 0, 1)
-    world, noise = calibrate(solver, fitted)
-    base = Fit(None, world, noise)
+    state, noise = calibrate(solver, fitted)
+    base = Fit(None, state, noise)
     everybody = with_others(solver, base, checked)
     null = null_for(everybody)
-    (seen,) = scores(solver, [everybody.world])
-    found = Search(solver.layout, null, seen, checked, excluded=excluded)
+    (seen,) = scores(solver, [everybody.state])
+    outcome = Search(solver.layout, null, seen, checked, excluded=excluded)
     clocks = None
-    of_clocks = null.surprise({CLOCK_OFFSET: clock_evidence(everybody.world, seen)})[CLOCK_OFFSET]
+    of_clocks = null.z_scores({CLOCK_OFFSET: clock_evidence(everybody.state, seen)})[CLOCK_OFFSET]
     if CLOCK_OFFSET not in excluded and of_clocks > THRESHOLDS.candidate_z_score:
         report("comparing clocks", 0, 1)
         clocks = check_clocks(solver, base, checked)
-    while len(found.added) <= THRESHOLDS.most_effects:
-        one = _round(solver, base, everybody.world, seen, found, report)
-        if clocks is not None and not found.rounds and (one.chosen is None or clocks.total > one.chosen.total):
+    while len(outcome.added) <= THRESHOLDS.most_effects:
+        turn = _round(solver, base, everybody.state, seen, outcome, report)
+        if clocks is not None and not outcome.rounds and (turn.chosen is None or clocks.total > turn.chosen.total):
             # The data are put right, and the loop begins again.
-            found.clocks, found.checked = clocks, clocks.checked
-            world, noise = calibrate(solver, clocks.fitted)
+            outcome.clocks, outcome.checked = clocks, clocks.checked
+            state, noise = calibrate(solver, clocks.fitted)
             clocks = None
-            base = Fit(None, world, noise)
+            base = Fit(None, state, noise)
         else:
-            found.rounds.append(one)
-            if one.chosen is None:
+            outcome.rounds.append(turn)
+            if turn.chosen is None:
                 break
-            base = one.chosen.fit
-        everybody = with_others(solver, base, found.checked)
-        (seen,) = scores(solver, [everybody.world])
-    return found
+            base = turn.chosen.fit
+        everybody = with_others(solver, base, outcome.checked)
+        (seen,) = scores(solver, [everybody.state])
+    return outcome
 
 
-def in_time(solver: Solver, found: Search, data: Measured) -> Measured:
+def in_time(solver: Solver, outcome: Search, data: Measured) -> Measured:
     """Drivers as the final model takes them: with their clocks put right where the fitted ones' were."""
-    return data if found.clocks is None else put_right(solver, Clocks(data), found.clocks.base).data
+    return data if outcome.clocks is None else put_right(solver, Clocks(data), outcome.clocks.base).data
 
 
 def _round(
-    solver: Solver, base: Fit, everybody: World, seen: dict[Term, Score], found: Search, report: Report
+    solver: Solver, base: Fit, everybody: FitState, seen: dict[Term, Score], outcome: Search, report: Report
 ) -> Round:
     """The next turn from a model and its scores."""
-    layout, null, added = solver.layout, found.null, found.added
+    layout, null, added = solver.layout, outcome.null, outcome.added
     report(f"looking for effects, round {len(added) + 1}", 0, 1)
-    left = {CLOCK_OFFSET, *layout.candidates} - {*base.world.active, *found.excluded - {CLOCK_OFFSET}}
+    left = {CLOCK_OFFSET, *layout.candidates} - {*base.state.active, *outcome.excluded - {CLOCK_OFFSET}}
     evidence = {term: value for term, value in evidences(everybody, seen, layout).items() if term in left}
-    fires = {term for term, surprise in null.surprise(evidence).items() if surprise > THRESHOLDS.candidate_z_score}
-    clock_surprise = null.surprise({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
-    excess, surprise, known = null.excess(evidence), null.surprise(evidence), set(evidence)
-    if len(added) == THRESHOLDS.most_effects or not fires:
-        return Round(base, evidence, excess, surprise, frozenset(fires & known), [], [], clock_surprise)
+    exceeds = {term for term, z_score in null.z_scores(evidence).items() if z_score > THRESHOLDS.candidate_z_score}
+    clock_z_score = null.z_scores({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
+    excess, z_score, known = null.excess(evidence), null.z_scores(evidence), set(evidence)
+    if len(added) == THRESHOLDS.most_effects or not exceeds:
+        return Round(base, evidence, excess, z_score, frozenset(exceeds & known), [], [], clock_z_score)
     order = sorted(evidence, key=lambda term: -excess[term])
-    firing = with_families(fires, known) & known
+    exceeding = with_families(exceeds, known) & known
     tried = {term for term in order[: THRESHOLDS.leading_fitted] if excess[term] > THRESHOLDS.fitting_excess}
-    tried |= with_families({term for term in order[:2] if term in tried} | fires & {CLOCK_OFFSET}, known) & known
-    tried |= fires & UNDERSTATED & known
+    tried |= with_families({term for term in order[:2] if term in tried} | exceeds & {CLOCK_OFFSET}, known) & known
+    tried |= exceeds & UNDERSTATED & known
     fits: dict[Term, Fit] = {}
     while True:
         new = [layout.candidates[term] for term in order if term in tried - fits.keys()]
         fits |= refit(solver, base, new, seen, lambda k, n: report("fitting candidates", k, n))
         base = rebased(solver, base, fits)
         report("checking on other drivers", 0, 1)
-        trials = _trials(solver, base, fits, found)
-        held = believed([one for one in trials if _is_significant(one, firing) and _is_news(one, added)])
+        trials = _trials(solver, base, fits, outcome)
+        accepted = believed(
+            [trial for trial in trials if _is_significant(trial, exceeding) and _is_additional(trial, added)]
+        )
         # Nothing is added before all that it is easily taken for have been tried as well.
-        tried = with_families({one.candidate.term for one in held[:1]}, known)
+        tried = with_families({trial.candidate.term for trial in accepted[:1]}, known)
         if tried <= fits.keys():
-            surprise |= {one.candidate.term: 0.0 for one in trials if _is_of_numerics(one)}
-            return Round(base, evidence, excess, surprise, frozenset(firing), trials, held, clock_surprise)
+            z_score |= {trial.candidate.term: 0.0 for trial in trials if _is_of_numerics(trial)}
+            return Round(base, evidence, excess, z_score, frozenset(exceeding), trials, accepted, clock_z_score)
 
 
-def _trials(solver: Solver, base: Fit, fits: dict[Term, Fit], found: Search) -> list[Trial]:
-    """How every candidate that was fitted fared."""
-    other_base, *others = on_others(solver, found.checked, [base, *fits.values()])
+def _trials(solver: Solver, base: Fit, fits: dict[Term, Fit], outcome: Search) -> list[Trial]:
+    """Gains of every candidate that was fitted."""
+    other_base, *others = on_others(solver, outcome.checked, [base, *fits.values()])
     return [
-        trial(solver, fit, base.world, other, other_base, found.null.luck(term))
+        trial_of(solver, fit, base.state, other, other_base, outcome.null.null_mean(term))
         for (term, fit), other in zip(fits.items(), others, strict=True)
     ]
 
 
-def _is_significant(one: Trial, firing: Collection[Term]) -> bool:
-    """Whether a candidate fires, or is so much better in full than at a glance that it needs not."""
-    return not _is_of_numerics(one) and (one.candidate.term in firing or one.total > THRESHOLDS.total_below_z_score)
+def _is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
+    """True if a candidate exceeds chance in the screen, or gains so much when it is fitted that it needs not."""
+    return not _is_of_numerics(trial) and (
+        trial.candidate.term in exceeding or trial.total > THRESHOLDS.total_below_z_score
+    )
 
 
-def _is_of_numerics(one: Trial) -> bool:
-    """Whether it is a reaction delay of less than a moment, which is not of the driver."""
-    if one.candidate.term != Term("reaction_delay"):
+def _is_of_numerics(trial: Trial) -> bool:
+    """True if it is a reaction delay of less than a moment, which is not of the driver."""
+    if trial.candidate.term != Term("reaction_delay"):
         return False
-    (place,) = one.candidate.free
-    return bool(abs(one.fit.world.theta[place]) < one.fit.world.data.dt)
+    (place,) = trial.candidate.free
+    return bool(abs(trial.fit.state.theta[place]) < trial.fit.state.data.dt)
 
 
-def _is_news(one: Trial, added: list[Trial]) -> bool:
-    """Whether an effect is more than what another form of an earlier one would have taken in."""
-    if added and one.total < THRESHOLDS.later_share * max(other.total for other in added):
+def _is_additional(trial: Trial, added: list[Trial]) -> bool:
+    """True if an effect is more than what another form of an earlier one would have taken in."""
+    if added and trial.total < THRESHOLDS.later_share * max(other.total for other in added):
         return False
 
     def may_be_remainder(other: Trial) -> bool:
-        return is_free(one) or is_free(other) or are_kin(one.candidate.term, other.candidate.term)
+        return is_free(trial) or is_free(other) or confounded(trial.candidate.term, other.candidate.term)
 
-    return all(one.total > THRESHOLDS.confounded_share * other.total for other in added if may_be_remainder(other))
+    return all(trial.total > THRESHOLDS.confounded_share * other.total for other in added if may_be_remainder(other))
 
 
 def split_drivers(data: Measured, shares: tuple[float, ...], seed: int) -> list[Measured]:
@@ -272,10 +277,10 @@ def split_drivers(data: Measured, shares: tuple[float, ...], seed: int) -> list[
     owner = np.full(len(data.driver), -1)
     numbers, sizes = np.unique(data.recording, return_counts=True)
     filled = np.zeros(len(shares))
-    for one in np.argsort(-sizes, kind="stable"):
+    for place in np.argsort(-sizes, kind="stable"):
         part = int(np.argmin(filled / np.array(shares)))
-        owner[data.recording == numbers[one]] = part
-        filled[part] += sizes[one]
+        owner[data.recording == numbers[place]] = part
+        filled[part] += sizes[place]
     if (filled < THRESHOLDS.least_part_filled * np.array(shares) * sizes.sum()).any():
         rng = np.random.default_rng(seed)
         order = rng.permutation(data.n_drivers)

@@ -10,7 +10,7 @@ from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.discovery.observe.residuals import Residuals
 
 REACTION = 1.0
-"""How long ago a driver may have seen what it reacts to [s]."""
+"""Time ago at which a driver may have seen what it reacts to [s]."""
 
 MEMORY = 10.0
 """Time over which a driver may remember its own speed [s]."""
@@ -58,7 +58,7 @@ class Reaction:
 
     @property
     def is_counted(self) -> bool:
-        """Whether it has few values."""
+        """True if it has few values."""
         return self.name in COUNTED
 
     @property
@@ -96,7 +96,7 @@ def reactions(left: Residuals) -> list[Reaction]:
 
     A variable that saw the future of the driver would go together with the driver's noise, and look like a cause.
     """
-    data = left.world.data
+    data = left.state.data
     seen = left.stimulus()
     ago = max(1, round(REACTION / data.dt))
 

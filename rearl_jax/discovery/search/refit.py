@@ -8,11 +8,11 @@ import numpy as np
 from rearl_jax.discovery.observe.candidates import Candidate, Layout, Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, best_noise, noises
-from rearl_jax.discovery.observe.solver import Solver, World, copied, with_gain
+from rearl_jax.discovery.observe.solver import FitState, Solver, copied, with_gain
 from rearl_jax.discovery.search.screen import Score
 
 TRIED = 7
-"""How many sizes of the drivers' noise are tried under a candidate."""
+"""Sizes of the drivers' noise that are tried under a candidate."""
 
 DELAYS = (0.25, 0.8)
 """Reaction delays the search starts from [s]."""
@@ -27,14 +27,14 @@ LONGEST_SECTION = 8
 """Knots a section may span at the start."""
 
 
-def starts(candidate: Candidate, score: Score, world: World, layout: Layout) -> list[np.ndarray]:
+def starts(candidate: Candidate, score: Score, state: FitState, layout: Layout) -> list[np.ndarray]:
     """Values of theta from which a candidate is searched."""
-    theta = world.theta
+    theta = state.theta
     effect = candidate.term.effect if candidate.term.is_effect else ""
     if effect == "reaction_delay":
         return [_with(theta, layout, {"reaction_delay.delay": delay}) for delay in DELAYS]
     if effect in ("grade", "speed_limit"):
-        return _sections(effect, score, world, layout)
+        return _sections(effect, score, state, layout)
     if effect == "weather":
         return _onsets(score, theta, layout)
     start = theta.copy()
@@ -53,7 +53,7 @@ def _with(theta: np.ndarray, layout: Layout, values: dict[str, float]) -> np.nda
     return theta
 
 
-def _sections(name: str, score: Score, world: World, layout: Layout) -> list[np.ndarray]:
+def _sections(name: str, score: Score, state: FitState, layout: Layout) -> list[np.ndarray]:
     """Sections that explain most of the score as a step, from the linear fit of the curve along the road."""
     knots, n = layout.knots.position, len(layout.knots.position)
     step = knots[1] - knots[0]
@@ -78,13 +78,13 @@ def _sections(name: str, score: Score, world: World, layout: Layout) -> list[np.
     for _, first, last, size in chosen:
         edges = {f"{name}.start": knots[first] - step / 2, f"{name}.end": knots[last] + step / 2}
         if name == "grade":
-            result.append(_with(world.theta, layout, {"grade.push": float(np.clip(size, -1, 1)), **edges}))
+            result.append(_with(state.theta, layout, {"grade.push": float(np.clip(size, -1, 1)), **edges}))
         else:
-            mean_driver = layout.prior.values(world.mean[:1], np.zeros(1, int))[0]
+            mean_driver = layout.prior.values(state.mean[:1], np.zeros(1, int))[0]
             usual = float(mean_driver[layout.prior.names.index("desired_speed")])
-            result += [_with(world.theta, layout, {"speed_limit.limit": usual * share, **edges}) for share in LIMITS]
+            result += [_with(state.theta, layout, {"speed_limit.limit": usual * share, **edges}) for share in LIMITS]
     # A car-following model that never comes near its desired speed shows nothing of a limit: it begins where none acts.
-    return result or [world.theta.copy()]
+    return result or [state.theta.copy()]
 
 
 def _onsets(score: Score, theta: np.ndarray, layout: Layout) -> list[np.ndarray]:
@@ -133,13 +133,13 @@ def refit(
     lower = [sd for sd in ACCELERATIONS if sd <= base.noise.acceleration] or [ACCELERATIONS[0]]
     fits = {}
     for number, candidate in enumerate(candidates):
-        active = (*base.world.active, candidate.term)
-        worlds = [
-            copied(base.world, theta=theta, active=active)
-            for theta in starts(candidate, found[candidate.term], base.world, solver.layout)
+        active = (*base.state.active, candidate.term)
+        states = [
+            copied(base.state, theta=theta, active=active)
+            for theta in starts(candidate, found[candidate.term], base.state, solver.layout)
         ]
-        solver.solve(worlds, iterations=15, tolerance=0.3)
-        best = min(worlds, key=lambda world: world.log[-1])
+        solver.solve(states, iterations=15, tolerance=0.3)
+        best = min(states, key=lambda state: state.log[-1])
         noise, _ = best_noise(solver, best, noises(base.noise, lower[-TRIED:]))
         best = with_gain(best, noise.gain(best.data.dt, best.data.stride))
         solver.solve([best], iterations=20, tolerance=0.05)
@@ -153,19 +153,19 @@ def rebased(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> Fit:
     """The model without the candidates, fitted again from each one's drivers, under its noise: a stuck baseline would
     hand every candidate the same false gain.
     """
-    places, kept = np.arange(solver.layout.size), solver.free(base.world)
+    places, kept = np.arange(solver.layout.size), solver.free(base.state)
     starts, noises_of = [], []
     for fit in fits.values():
-        theta = np.where(np.isin(places, kept), fit.world.theta, solver.layout.reference)
-        data = base.world.data
+        theta = np.where(np.isin(places, kept), fit.state.theta, solver.layout.reference)
+        data = base.state.data
         for noise in dict.fromkeys((base.noise, fit.noise)):
-            start = with_gain(base.world, noise.gain(data.dt, data.stride))
-            start.theta, start.z, start.mean = theta, fit.world.z.copy(), fit.world.mean.copy()
+            start = with_gain(base.state, noise.gain(data.dt, data.stride))
+            start.theta, start.z, start.mean = theta, fit.state.z.copy(), fit.state.mean.copy()
             starts.append(start)
             noises_of.append(noise)
     if starts:
         solver.solve(starts, iterations=15, tolerance=0.05)
     best, noise = min(
-        zip([base.world, *starts], [base.noise, *noises_of], strict=True), key=lambda pair: pair[0].log[-1]
+        zip([base.state, *starts], [base.noise, *noises_of], strict=True), key=lambda pair: pair[0].log[-1]
     )
-    return replace(base, world=best, noise=noise)
+    return replace(base, state=best, noise=noise)

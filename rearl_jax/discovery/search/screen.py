@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.observe import clocks
 from rearl_jax.discovery.observe.candidates import Layout, Term
-from rearl_jax.discovery.observe.solver import CLASSES, Solver, World
+from rearl_jax.discovery.observe.solver import CLASSES, FitState, Solver
 
 PRIOR_WIDTHS = (0.35, 1.0, 2.0)
 """Widths of the prior, as multiples of the usual one, of which the best is taken [-]."""
@@ -42,10 +42,10 @@ class Score:
         return np.linalg.lstsq(self.information, self.score, rcond=1e-9)[0]
 
 
-def scores(solver: Solver, worlds: Sequence[World]) -> list[dict[Term, Score]]:
-    """Scores of every candidate in worlds that have been solved with the same additions."""
+def scores(solver: Solver, states: Sequence[FitState]) -> list[dict[Term, Score]]:
+    """Scores of every candidate in states that have been solved with the same additions."""
     layout = solver.layout
-    kept = solver.programs.free(worlds[0].active)
+    kept = solver.programs.free(states[0].active)
     looked = sorted({place for candidate in layout.candidates.values() for place in candidate.look} - set(kept))
     places = (*kept, *looked)
     where = {place: k for k, place in enumerate(places)}
@@ -54,21 +54,21 @@ def scores(solver: Solver, worlds: Sequence[World]) -> list[dict[Term, Score]]:
     numbered = {term: (groups.index(group), group) for term, group in of_term.items()}
     numbered[clocks.CLOCK_OFFSET] = len(groups), tuple(range(len(places), len(places) + clocks.MOST_LEADERS))
     return [
-        _scores(world, sums, numbered, np.array(kept, int), layout)
-        for world, sums in zip(worlds, solver.look(worlds, places, groups), strict=True)
+        _scores(state, sums, numbered, np.array(kept, int), layout)
+        for state, sums in zip(states, solver.look(states, places, groups), strict=True)
     ]
 
 
 def _scores(
-    world: World,
+    state: FitState,
     sums: dict[str, np.ndarray],
     groups: dict[Term, tuple[int, tuple[int, ...]]],
     free: np.ndarray,
     layout: Layout,
 ) -> dict[Term, Score]:
-    variance, n_kept, n_own = world.variance, len(free), layout.prior.size
+    variance, n_kept, n_own = state.variance, len(free), layout.prior.size
     gradient, nuisance = sums["gradient"] / variance, sums["nuisance"] / variance
-    away = world.z - world.mean[world.truck]
+    away = state.z - state.mean[state.truck]
     block = nuisance[:, :n_own, :n_own] + np.eye(n_own)
     coupling = nuisance[:, :n_own, n_own:]
     slope = gradient[:, :n_own] + away
@@ -78,47 +78,47 @@ def _scores(
     score = driver_score.sum(axis=0)
     kept = nuisance[:, n_own:, n_own:] - np.einsum("dij,dik->djk", coupling[:, :, :n_kept], response)
     kept = kept.sum(axis=0)  # [kept, places]
-    pulls = []
-    if not world.holds_population:
+    by_class = []
+    if not state.holds_population:
         inverse = np.linalg.inv(block)
         for c in range(CLASSES):
-            members = world.truck == c
+            members = state.truck == c
             if not members.any():
                 continue
             mean_block = (np.eye(n_own) - inverse[members]).sum(axis=0) + np.eye(n_own)
-            pull = response[members].sum(axis=0)
-            rest = world.mean[c] - away[members].sum(axis=0) + step[members].sum(axis=0)
-            answer = np.linalg.solve(mean_block, pull)
+            coupled = response[members].sum(axis=0)
+            rest = state.mean[c] - away[members].sum(axis=0) + step[members].sum(axis=0)
+            answer = np.linalg.solve(mean_block, coupled)
             score = score + answer.T @ rest
-            kept = kept - pull[:, :n_kept].T @ answer
-            pulls.append((pull, answer))
+            kept = kept - coupled[:, :n_kept].T @ answer
+            by_class.append((coupled, answer))
     across = np.zeros((score.size, n_kept))
     if n_kept:
         scale = layout.scale[free]
         inner = kept[:, :n_kept] + np.diag(scale**-2.0)
         across = np.linalg.solve(inner, kept).T
-        score = score - across @ (score[:n_kept] - (world.theta - layout.reference)[free] / scale**2)
+        score = score - across @ (score[:n_kept] - (state.theta - layout.reference)[free] / scale**2)
     found = {}
     for term, (number, group) in groups.items():
         index = np.array(group)
         own = sums[f"block_{number}"] / variance
         own = own - np.einsum("dij,dik->djk", coupling[:, :, index], response[:, :, index])
         information = own.sum(axis=0) - across[index] @ kept[:, index]
-        for pull, answer in pulls:
-            information = information - pull[:, index].T @ answer[:, index]
+        for coupled, answer in by_class:
+            information = information - coupled[:, index].T @ answer[:, index]
         found[term] = Score(score[index], (information + information.T) / 2, driver_score[:, index], own)
     return found
 
 
-def clock_evidence(world: World, found: dict[Term, Score]) -> float:
-    """Evidence [nats] for clocks that differ, from the scores of a world."""
+def clock_evidence(state: FitState, found: dict[Term, Score]) -> float:
+    """Evidence [nats] for clocks that differ, from the scores of a state."""
     score = found[clocks.CLOCK_OFFSET]
-    return clocks.Clocks(world.data).evidence(score.driver_score, score.driver_information)
+    return clocks.Clocks(state.data).evidence(score.driver_score, score.driver_information)
 
 
-def evidences(world: World, found: dict[Term, Score], layout: Layout) -> dict[Term, float]:
+def evidences(state: FitState, found: dict[Term, Score], layout: Layout) -> dict[Term, float]:
     """Evidence [nats] of every candidate; the least over leaving out one driver where it is positive."""
-    evidence = {clocks.CLOCK_OFFSET: clock_evidence(world, found)}
+    evidence = {clocks.CLOCK_OFFSET: clock_evidence(state, found)}
     for term, candidate in layout.candidates.items():
         score, scale = found[term], layout.scale[list(candidate.look)]
         value = float(_evidence(score.score[None], score.information[None], scale)[0])

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.observe.forcing import Votes
+from rearl_jax.discovery.observe.forcing import DriverScores
 from rearl_jax.discovery.observe.uncertainty import CONTENT
 from rearl_jax.discovery.search.maps import Curve, fitted
 
@@ -29,33 +29,33 @@ class Shape:
     end: float
 
 
-def shape_of(curve: Curve, votes: Votes) -> Shape:
-    """The simplest shape that the votes do not contradict."""
+def shape_of(curve: Curve, scores: DriverScores) -> Shape:
+    """The simplest shape that the scores do not contradict."""
     knots, n = curve.basis.knots, len(curve.basis.knots)
     middle = (knots[1:] + knots[:-1]) / 2
     ends = (float(knots[0]), float(knots[-1]))
     tried = [(0.0, Shape("flat", 0.0, *ends))]
-    slope, gain = _scaled((knots - knots.mean()) / np.ptp(knots), votes)
+    slope, gain = _scaled((knots - knots.mean()) / np.ptp(knots), scores)
     tried.append((gain - PRICE, Shape("line", slope, *ends)))
     for k in range(1, n):
-        size, gain = _scaled((np.arange(n) >= k).astype(float), votes)
+        size, gain = _scaled((np.arange(n) >= k).astype(float), scores)
         at = float(middle[k - 1])
         tried.append((gain - 2 * PRICE, Shape("step", size, at, at)))
         for last in range(k + 1, n):
-            size, gain = _scaled(((np.arange(n) >= k) & (np.arange(n) < last)).astype(float), votes)
+            size, gain = _scaled(((np.arange(n) >= k) & (np.arange(n) < last)).astype(float), scores)
             tried.append((gain - 3 * PRICE, Shape("bump", size, float(middle[k - 1]), float(middle[last - 1]))))
-    free = fitted(votes)
-    gain = float(free @ votes.score.sum(axis=0) - 0.5 * free @ votes.gram.sum(axis=0) @ free) / votes.variance
+    free = fitted(scores)
+    gain = float(free @ scores.score.sum(axis=0) - 0.5 * free @ scores.gram.sum(axis=0) @ free) / scores.variance
     low, high = sorted((float(knots[curve.value.argmin()]), float(knots[curve.value.argmax()])))
     tried.append((gain - n * PRICE, Shape("curve", curve.reach, low, high)))
     return max(tried, key=lambda item: item[0])[1]
 
 
-def _scaled(form: Float[np.ndarray, " knots"], votes: Votes) -> tuple[float, float]:
-    """How much of a form there is, and what it gains [nats]."""
-    score, square = float(form @ votes.score.sum(axis=0)), float(form @ votes.gram.sum(axis=0) @ form)
+def _scaled(form: Float[np.ndarray, " knots"], scores: DriverScores) -> tuple[float, float]:
+    """Size of a form, and what it gains [nats]."""
+    score, square = float(form @ scores.score.sum(axis=0)), float(form @ scores.gram.sum(axis=0) @ form)
     size = score / max(square, 1e-12)
-    return size, 0.5 * score * size / votes.variance
+    return size, 0.5 * score * size / scores.variance
 
 
 def shape_words(curve: Curve, shape: Shape) -> str:

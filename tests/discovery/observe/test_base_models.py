@@ -16,9 +16,9 @@ from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP
 from rearl_jax.discovery.observe.layout import layout_of
-from rearl_jax.discovery.observe.moments import Programs
 from rearl_jax.discovery.observe.noise import USUAL, calibrate
-from rearl_jax.discovery.observe.solver import Solver, new_world
+from rearl_jax.discovery.observe.normal_equations import Programs
+from rearl_jax.discovery.observe.solver import Solver, new_state
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.tables import fit_table
 from rearl_jax.models.file import read_model, write_model
@@ -41,34 +41,34 @@ def calibrated_by(request, measured_of):
     name, data = request.param, measured_of()
     prior = prior_of(record_of(name)())
     solver = Solver(Programs(layout_of(data, prior), data.dt))
-    world = new_world(data, solver.layout, USUAL.gain(data.dt, data.stride))
+    state = new_state(data, solver.layout, USUAL.gain(data.dt, data.stride))
     rng = np.random.default_rng(5)
-    world.z = 0.8 * rng.normal(size=world.z.shape)
-    (left,) = solver.innovations([world], CLOSED_LOOP)
+    state.z = 0.8 * rng.normal(size=state.z.shape)
+    (left,) = solver.innovations([state], CLOSED_LOOP)
     places = data.y - np.asarray(left, float) + NOISE * rng.normal(size=data.y.shape)
     driven = replace(data, y=places, noise=NOISE)
     fit = Fit(None, *calibrate(solver, driven))
-    return name, prior, solver, world, driven, fit
+    return name, prior, solver, state, driven, fit
 
 
 def test_parameters_are_those_of_the_model(calibrated_by):
     name, prior, solver, _, _, fit = calibrated_by
     assert prior.names == MODELS[name].names
-    assert fit.world.z.shape[1] == len(MODELS[name].parameters)
+    assert fit.state.z.shape[1] == len(MODELS[name].parameters)
     columns = fit_table(solver, fit).columns
     assert {*prior.names, *(f"{one}_log_sd" for one in prior.names)} <= set(columns)
 
 
 def test_time_gaps_are_found_again(calibrated_by):
-    _, prior, solver, world, _, fit = calibrated_by
+    _, prior, solver, state, _, fit = calibrated_by
     place = prior.names.index("time_gap")
-    truth = np.log(prior.values(world.z, world.truck)[:, place])
+    truth = np.log(prior.values(state.z, state.truck)[:, place])
     found = np.log(fit_table(solver, fit)["time_gap"].to_numpy())
     assert truth.std() > 0.15  # there is something to be found
     assert np.corrcoef(truth, found)[0, 1] > 0.9
     assert abs((found - truth).mean()) < 0.1
     # What is left is little more than the error of the positions.
-    assert np.sqrt(fit.world.variance) < 3 * NOISE
+    assert np.sqrt(fit.state.variance) < 3 * NOISE
 
 
 def test_what_is_found_drives_traffic(calibrated_by, tmp_path):

@@ -7,15 +7,15 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from rearl_jax.discovery.observe.candidates import Term
-from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, PULL, Gain, Noise
-from rearl_jax.discovery.observe.solver import new_world
+from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, STIFFNESS, Gain, Noise
+from rearl_jax.discovery.observe.solver import new_state
 from rearl_jax.discovery.search.null import driver_noise, simulate_again
 
 
 def test_gain_is_that_of_the_steady_state_filter():
     noise, dt = Noise(0.2, 1.5, 0.1), 0.1
     kept = np.exp(-dt / noise.time)
-    step = np.array([[1, dt, dt * dt / 2], [-PULL * dt, 1 - DAMPING * dt, dt], [0, 0, kept]])
+    step = np.array([[1, dt, dt * dt / 2], [-STIFFNESS * dt, 1 - DAMPING * dt, dt], [0, 0, kept]])
     shock = np.diag([0.0, 0.0, noise.acceleration**2 * (1 - kept**2)])
     seen = np.array([[1.0, 0.0, 0.0]])
     ahead = solve_discrete_are(step.T, seen.T, shock, np.array([[noise.position**2]]))
@@ -33,28 +33,28 @@ def test_drivers_noise_has_the_deviation_and_the_memory_it_is_asked_for():
 
 
 def test_innovations_of_the_right_model_are_white_and_of_the_wrong_gain_are_not(solver, calibrated):
-    world, _ = calibrated
+    state, _ = calibrated
     noise = Noise(0.2, 1.5, 0.1)
-    again = simulate_again(solver, world, noise, np.random.default_rng(1))
-    again.z, again.mean = world.z, world.mean
+    again = simulate_again(solver, state, noise, np.random.default_rng(1))
+    again.z, again.mean = state.z, state.mean
 
     def lag_one(gain: Gain) -> float:
         (errors,) = solver.innovations([again], gain)
-        weight = world.data.weight
+        weight = state.data.weight
         pair = weight[1:] * weight[:-1]
         return float((errors[1:] * errors[:-1] * pair).sum() / (errors**2 * weight).sum())
 
     # The gain is that of a driver who reacts as is usual: a little is left of the reaction.
-    assert abs(lag_one(noise.gain(world.data.dt))) < 0.1
+    assert abs(lag_one(noise.gain(state.data.dt))) < 0.1
     assert lag_one(CLOSED_LOOP) > 0.9
 
 
 def test_a_closed_loop_of_its_own_drive_errs_nowhere(solver, calibrated):
-    world, _ = calibrated
+    state, _ = calibrated
     still = Noise(1e-9, 1.5, 1e-9)
-    again = simulate_again(solver, world, still, np.random.default_rng(0))
-    pieces = replace(again.pieces, start=world.pieces.start)
-    again = replace(again, pieces=pieces, z=world.z, mean=world.mean)
+    again = simulate_again(solver, state, still, np.random.default_rng(0))
+    pieces = replace(again.pieces, start=state.pieces.start)
+    again = replace(again, pieces=pieces, z=state.z, mean=state.mean)
     (errors,) = solver.innovations([again], CLOSED_LOOP)
     assert np.abs(errors).max() < 1e-6
     assert np.abs(np.diff(again.pieces.y, axis=0)).max() > 0.5, "nobody drove"
@@ -63,7 +63,7 @@ def test_a_closed_loop_of_its_own_drive_errs_nowhere(solver, calibrated):
 @pytest.mark.parametrize("name", ["leader_acceleration", "lens"])
 def test_derivatives_are_those_of_finite_differences(solver, calibrated, name):
     # At a camera that already bends the picture: where drives begin depends on it too.
-    world, _ = calibrated
+    state, _ = calibrated
     step = 1e-5 if name != "lens" else 1e-3
     layout = solver.layout
     look = layout.candidates[Term(name)].look
@@ -74,22 +74,22 @@ def test_derivatives_are_those_of_finite_differences(solver, calibrated, name):
     def errors(change: float) -> np.ndarray:
         theta = start.copy()
         theta[place] += change
-        moved = replace(world, theta=theta, active=(Term(name),))
+        moved = replace(state, theta=theta, active=(Term(name),))
         return solver.innovations([moved])[0]
 
-    slope = (errors(step) - errors(-step)) / (2 * step) * world.data.weight
-    here = replace(world, theta=start, active=(Term(name),))
+    slope = (errors(step) - errors(-step)) / (2 * step) * state.data.weight
+    here = replace(state, theta=start, active=(Term(name),))
     solver.sums([here])
     k = 5 + layout.candidates[Term(name)].free.index(place)
-    square = np.bincount(world.data.driver, (slope**2).sum(axis=0))
-    gradient = np.bincount(world.data.driver, (slope * errors(0.0)).sum(axis=0))
+    square = np.bincount(state.data.driver, (slope**2).sum(axis=0))
+    gradient = np.bincount(state.data.driver, (slope * errors(0.0)).sum(axis=0))
     assert square.min() > 0
     np.testing.assert_allclose(here.sums.gram[:, k, k], square, rtol=1e-4)
     np.testing.assert_allclose(here.sums.gradient[:, k], gradient, rtol=1e-3, atol=1e-6)
 
 
 def test_a_new_world_begins_at_usual_drivers(solver, measured_of):
-    world = new_world(measured_of(), solver.layout, Noise(0.1, 1.5, 0.1).gain(0.1))
-    assert not world.z.any()
-    assert world.active == ()
-    np.testing.assert_array_equal(world.theta, solver.layout.reference)
+    state = new_state(measured_of(), solver.layout, Noise(0.1, 1.5, 0.1).gain(0.1))
+    assert not state.z.any()
+    assert state.active == ()
+    np.testing.assert_array_equal(state.theta, solver.layout.reference)

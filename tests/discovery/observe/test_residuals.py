@@ -10,20 +10,20 @@ from rearl_jax.blind.traffic.scenario import Scenario
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.forcing import Votes, answers, felt, votes_and_seen
-from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, MEASURED, PULL, Noise, steady_state
+from rearl_jax.discovery.observe.forcing import DriverScores, answers, felt, scores_and_seen
+from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, MEASURED, STIFFNESS, Noise, steady_state
 from rearl_jax.discovery.observe.layout import layout_of
-from rearl_jax.discovery.observe.moments import Programs
+from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.observer import pieces_of
 from rearl_jax.discovery.observe.residuals import residuals_of, smoothed_acceleration
-from rearl_jax.discovery.observe.solver import Solver, new_world, replace_gain
+from rearl_jax.discovery.observe.solver import Solver, new_state, replace_gain
 from rearl_jax.discovery.read.measured import is_new
 from rearl_jax.discovery.read.reading import measure
 from rearl_jax.discovery.read.smoothing import thinned
 from rearl_jax.discovery.report.errors import speed_error
 from rearl_jax.discovery.report.figures import stretches
 from rearl_jax.discovery.report.presentation import residual_table
-from rearl_jax.discovery.search.atlas import ballot_of, chart_of
+from rearl_jax.discovery.search.atlas import chart_of, part_scores
 from rearl_jax.discovery.search.finder import Group, stability_selection
 from rearl_jax.discovery.search.maps import curve_of
 from rearl_jax.discovery.search.null import driver_noise
@@ -42,36 +42,36 @@ def solver_and_world(tmp_path_factory):
     recordings = iterate_recordings(DataConfig(format=DataFormat.table, root=str(folder)))
     data = measure([thinned(recording) for recording in recordings])
     solver = Solver(Programs(layout_of(data), data.dt))
-    return solver, new_world(data, solver.layout, NOISE.gain(data.dt))
+    return solver, new_state(data, solver.layout, NOISE.gain(data.dt))
 
 
-def driven(solver, world, known):
-    """The world with drives that the model itself and a known acceleration made."""
-    data = world.data
-    start = replace(world, pieces=replace(replace_gain(world.pieces, CLOSED_LOOP), known=known))
+def driven(solver, state, known):
+    """The state with drives that the model itself and a known acceleration made."""
+    data = state.data
+    start = replace(state, pieces=replace(replace_gain(state.pieces, CLOSED_LOOP), known=known))
     (errors,) = solver.innovations([start], CLOSED_LOOP)
     y = data.y - errors + NOISE.position * np.random.default_rng(3).standard_normal(data.y.shape)
     data = replace(data, y=y)
-    return replace(world, data=data, pieces=pieces_of(data, NOISE.gain(data.dt)))
+    return replace(state, data=data, pieces=pieces_of(data, NOISE.gain(data.dt)))
 
 
 @pytest.fixture(scope="module")
 def planted(solver_and_world):
     """Residuals of drives with drivers' noise and an acceleration that follows the offset in the lane."""
-    solver, world = solver_and_world
-    noise = driver_noise(NOISE, world.data.y.shape, world.data.dt, np.random.default_rng(2))
-    made = driven(solver, world, noise + SLOPE * world.data.around.lateral_offset)
+    solver, state = solver_and_world
+    noise = driver_noise(NOISE, state.data.y.shape, state.data.dt, np.random.default_rng(2))
+    made = driven(solver, state, noise + SLOPE * state.data.around.lateral_offset)
     return solver, residuals_of(solver, [made], [Fit(None, made, NOISE)])[0]
 
 
 def test_felt_is_what_the_observer_makes_of_an_acceleration(solver_and_world):
-    solver, world = solver_and_world
-    push = 0.05 * np.cos(np.arange(world.data.y.shape[0])[:, None] * world.data.dt + np.arange(world.data.y.shape[1]))
-    pushed = replace(world, pieces=replace(world.pieces, known=push))
-    left = residuals_of(solver, [world], [Fit(None, world, NOISE)])[0]
+    solver, state = solver_and_world
+    push = 0.05 * np.cos(np.arange(state.data.y.shape[0])[:, None] * state.data.dt + np.arange(state.data.y.shape[1]))
+    pushed = replace(state, pieces=replace(state.pieces, known=push))
+    left = residuals_of(solver, [state], [Fit(None, state, NOISE)])[0]
     change = solver.innovations([pushed])[0] - left.innovation
     predicted = felt(push[None], left, answers(left))[0]
-    used = world.data.weight > 0
+    used = state.data.weight > 0
     assert np.abs(change[used]).max() > 1e-3
     assert np.abs(predicted - change)[used].max() < 0.05 * np.abs(change[used]).max()
 
@@ -80,7 +80,7 @@ def test_map_shows_the_planted_dependence_with_its_size(planted):
     _, left = planted
     chart = chart_of(left)
     basis = next(one for one in chart.bases if one.variable.name == "lateral_offset")
-    pair = votes_and_seen(basis.columns(basis.variable.values), left, answers(left))
+    pair = scores_and_seen(basis.columns(basis.variable.values), left, answers(left))
     curve = curve_of(basis, {"acceleration": pair}, 0.9, 100, 0)
     slope = np.polyfit(curve.basis.knots, curve.value, 1)[0]
     assert slope == pytest.approx(SLOPE, rel=0.2)
@@ -93,7 +93,7 @@ def test_map_shows_the_planted_dependence_with_its_size(planted):
 def test_finder_selects_the_planted_variable_and_none_beside_it(planted):
     _, left = planted
     chart = chart_of(left)
-    found = stability_selection(ballot_of(left, chart).curves, chart.groups(), 0)
+    found = stability_selection(part_scores(left, chart).curves, chart.groups(), 0)
     assert (found[0].variable, found[0].acts_on) == ("lateral_offset", "acceleration")
     assert found[0].frequency > 0.9
     assert all(one.frequency < 0.5 for one in found[1:])
@@ -101,10 +101,10 @@ def test_finder_selects_the_planted_variable_and_none_beside_it(planted):
 
 def test_nothing_that_drivers_react_to_knows_their_future(planted):
     solver, left = planted
-    data, cut = left.world.data, len(left.world.data.y) // 2
+    data, cut = left.state.data, len(left.state.data.y) // 2
     later = replace(data, y=data.y + 5.0 * (np.arange(len(data.y)) > cut)[:, None])
-    world = replace(left.world, data=later, pieces=replace(left.world.pieces, y=later.y))
-    moved = residuals_of(solver, [world], [Fit(None, world, NOISE)])[0]
+    state = replace(left.state, data=later, pieces=replace(left.state.pieces, y=later.y))
+    moved = residuals_of(solver, [state], [Fit(None, state, NOISE)])[0]
     for one, other in zip(reactions(left), reactions(moved), strict=True):
         # The step that ends with the first moved moment has been predicted before it.
         assert np.abs(one.values - other.values)[:cut].max() < 0.05 + 0.02 * np.abs(one.values).max(), one.name
@@ -128,14 +128,14 @@ def test_smoothed_acceleration_errs_as_little_as_it_says(stride):
     place, speed = np.zeros(shape), np.zeros(shape[1])
     for t in range(1, shape[0]):
         place[t] = place[t - 1] + dt * speed + known[t - 1] * dt**2 / 2
-        speed = speed + dt * (known[t - 1] - PULL * place[t - 1] - DAMPING * speed)
+        speed = speed + dt * (known[t - 1] - STIFFNESS * place[t - 1] - DAMPING * speed)
     y, gain = place + NOISE.position * rng.standard_normal(shape), NOISE.gain(dt, stride)
     state, innovation = np.zeros((3, shape[1])), np.zeros(shape)
     for t in range(shape[0]):
         innovation[t] = y[t] - state[0]
         if t % stride == 0:
             state = state + np.array(gain[:3])[:, None] * innovation[t]
-        answer = state[2] - PULL * state[0] - DAMPING * state[1]
+        answer = state[2] - STIFFNESS * state[0] - DAMPING * state[1]
         place, speed = state[0] + dt * state[1] + dt**2 / 2 * state[2], state[1] + dt * answer
         state = np.stack([place, speed, gain.kept_o * state[2]])
     looked, later = innovation[::stride], innovation[stride // 2 :: stride]
@@ -149,9 +149,9 @@ def test_smoothed_acceleration_errs_as_little_as_it_says(stride):
 
 def test_where_few_moments_count_all_are_kept_and_stand_at_their_times(planted):
     _, left = planted
-    data, stride = left.world.data, 7
+    data, stride = left.state.data, 7
     data = replace(data, stride=stride, weight=data.weight * is_new(len(data.y), stride)[:, None])
-    few = replace(left, world=replace(left.world, data=data))
+    few = replace(left, state=replace(left.state, data=data))
     apart, values = few.autocorrelation()
     np.testing.assert_allclose(apart, [0.7, 1.4, 2.1, 2.8])
     assert len(values) == 4
@@ -170,7 +170,7 @@ def test_lines_are_broken_where_something_is_left_out():
 
 def test_the_speed_error_does_not_feel_what_comes_after_a_drive(planted):
     _, left = planted
-    data = left.world.data
+    data = left.state.data
     last = len(data.y) - (data.weight[::-1] > 0).argmax(axis=0) - 1
     step = np.arange(len(data.y))[:, None]
     assert (last < len(data.y) - 1).all(), "no padding"
@@ -179,7 +179,7 @@ def test_the_speed_error_does_not_feel_what_comes_after_a_drive(planted):
 
 
 def noisy_votes(rng, n_drivers=40, n_groups=12, size=5, n=200, planted=None):
-    """Votes on random columns; one group may act."""
+    """Scores on random columns; one group may act."""
     gram, score, square = [], [], []
     for _ in range(n_drivers):
         w = rng.standard_normal((n_groups * size, n))
@@ -190,7 +190,7 @@ def noisy_votes(rng, n_drivers=40, n_groups=12, size=5, n=200, planted=None):
         score.append(w @ y)
         square.append(y @ y)
     groups = [Group(f"g{k}", "acceleration", np.arange(k * size, (k + 1) * size), 0.3) for k in range(n_groups)]
-    return Votes(np.array(gram), np.array(score), np.array(square), 1.0), groups
+    return DriverScores(np.array(gram), np.array(score), np.array(square), 1.0), groups
 
 
 def test_stability_selection_finds_nothing_in_noise_and_a_planted_group():

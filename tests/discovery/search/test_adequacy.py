@@ -8,8 +8,8 @@ import pytest
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.layout import layout_of
-from rearl_jax.discovery.observe.moments import Programs
 from rearl_jax.discovery.observe.noise import calibrate
+from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.residuals import residuals_of
 from rearl_jax.discovery.observe.solver import Solver, with_gain
 from rearl_jax.discovery.search.adequacy import Adequacy, by_noise_alone, misjudgement, staleness
@@ -18,9 +18,9 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
 def growth_in(data, solver, calibrated):
-    world, noise = calibrated
-    fit = Fit(None, world, noise)
-    parts, chance = residuals_of(solver, [world], [fit]), by_noise_alone(solver, [world], fit, 7)
+    state, noise = calibrated
+    fit = Fit(None, state, noise)
+    parts, chance = residuals_of(solver, [state], [fit]), by_noise_alone(solver, [state], fit, 7)
     assert np.abs(parts[0].acceleration).max() > 0.01, "drivers did nothing beside the model"
     return misjudgement(parts, chance), staleness(parts, chance)
 
@@ -39,10 +39,10 @@ def test_old_decisions_and_misjudged_gaps_do(measured_of, name):
 def test_every_driver_has_a_vote_whichever_part_they_are_in(measured_of):
     data = measured_of("action_points")
     solver = Solver(Programs(layout_of(data), data.dt))
-    world, noise = calibrate(solver, data)
-    fit = Fit(None, world, noise)
-    (left,) = residuals_of(solver, [world], [fit])
-    chance = [again for (again,) in by_noise_alone(solver, [world], fit, 7)]
+    state, noise = calibrate(solver, data)
+    fit = Fit(None, state, noise)
+    (left,) = residuals_of(solver, [state], [fit])
+    chance = [again for (again,) in by_noise_alone(solver, [state], fit, 7)]
     for ask in (misjudgement, staleness):
         alone = ask([left], [[again] for again in chance])
         assert alone != 0.0
@@ -51,9 +51,9 @@ def test_every_driver_has_a_vote_whichever_part_they_are_in(measured_of):
 
 def test_restless_drivers_are_not_taken_for_late_ones(solver, calibrated):
     """The speed that noise leaves changes what drivers want, just where the noise has been large."""
-    world, noise = calibrated
+    state, noise = calibrated
     restless = replace(noise, acceleration=1.0)
-    (again,) = next(noise_alone(solver, world, restless, 1, 3))
+    (again,) = next(noise_alone(solver, state, restless, 1, 3))
     again = with_gain(again, restless.gain(again.data.dt, again.data.stride))
     solver.solve([again])
     fit = Fit(None, again, restless)

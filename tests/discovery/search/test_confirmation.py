@@ -23,20 +23,20 @@ def search_that_added(solver, calibrated, *added):
     """A search that has added candidates with some numbers, one after the other."""
     from rearl_jax.discovery.search.decision import Trial
 
-    world, noise = calibrated
-    rounds, fit = [], Fit(None, world, noise)
-    gains = world.penalised() * 0.0 + 10.0
+    state, noise = calibrated
+    rounds, fit = [], Fit(None, state, noise)
+    gains = state.penalised() * 0.0 + 10.0
     for name, values in added:
         candidate = solver.layout.candidates[Term.read(name)]
-        theta = fit.world.theta.copy()
+        theta = fit.state.theta.copy()
         theta[list(candidate.free)] = values
-        changed = copied(world, theta=theta, active=(*fit.world.active, candidate.term))
+        changed = copied(state, theta=theta, active=(*fit.state.active, candidate.term))
         solver.sums([changed])
         trial = Trial(candidate, Fit(candidate, changed, noise), gains, gains, 0.0)
         rounds.append(Round(fit, {}, {}, {}, frozenset(), [trial], [trial]))
         fit = trial.fit
     rounds.append(Round(fit, {}, {}, {}, frozenset(), [], []))
-    return Search(solver.layout, Null({}, {}, 1), {}, world.data, None, rounds)
+    return Search(solver.layout, Null({}, {}, 1), {}, state.data, None, rounds)
 
 
 def test_an_addition_that_makes_simulations_worse_is_taken_back(solver, calibrated):
@@ -67,7 +67,7 @@ def test_a_later_addition_that_makes_simulations_worse_goes_alone(solver, calibr
     left = confirmed(solver, found, 0)
     assert left.added == found.added[:kept]
     assert left.rejected == found.added[kept:]
-    assert left.last.world is [found.first.world, *(one.fit.world for one in found.added)][kept]
+    assert left.last.state is [found.first.state, *(one.fit.state for one in found.added)][kept]
 
 
 def test_a_distortion_that_makes_simulations_worse_is_not_believed(solver, calibrated):

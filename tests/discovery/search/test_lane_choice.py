@@ -56,7 +56,7 @@ def search(solver, calibrated):
     """A search that has calibrated drivers and nothing more."""
     base = Fit(None, *calibrated)
     rounds = [Round(base, {}, {}, {}, frozenset(), [], [])]
-    return Search(solver.layout, Null({}, {}, 0), {}, base.world.data, rounds=rounds)
+    return Search(solver.layout, Null({}, {}, 0), {}, base.state.data, rounds=rounds)
 
 
 def parts_of(recordings, *findings):
@@ -93,7 +93,7 @@ def test_drivers_are_known_and_split_as_they_were_for_car_following(recordings, 
     for part, vehicles in zip((parts.fitted, parts.checked, parts.reported), split, strict=True):
         np.testing.assert_array_equal(part.vehicle, vehicles)
     assert known.is_known(parts.checked.vehicle).all()
-    assert known.is_known(search.first.world.data.vehicle).all()
+    assert known.is_known(search.first.state.data.vehicle).all()
     assert [effect.name for effect in lanes.effects] == ["keep_right"]
 
 

@@ -33,9 +33,9 @@ def test_standard_parameters_are_usual_drivers():
 
 def test_drivers_are_found_again(solver, calibrated):
     """Drives simulated from known drivers, seen through noise: the calibration finds them where the data can tell."""
-    world, noise = calibrated
-    again = simulate_again(solver, world, noise, np.random.default_rng(3))
-    truth = world.z.copy()
+    state, noise = calibrated
+    again = simulate_again(solver, state, noise, np.random.default_rng(3))
+    truth = state.z.copy()
     solver.solve([again], iterations=25)
     deviations = known(solver, again).drivers
     told = deviations < 0.5
@@ -49,13 +49,13 @@ def test_drivers_are_found_again(solver, calibrated):
 @pytest.mark.slow
 def test_what_is_planted_in_the_model_is_what_the_screen_sees(solver, calibrated):
     """Drives simulated with leader acceleration, screened without it."""
-    world, _ = calibrated
+    state, _ = calibrated
     layout, term = solver.layout, Term("leader_acceleration")
     theta = layout.reference.copy()
     theta[layout.places["leader_acceleration.gain"][0]] = 0.5
-    planted = replace(world, theta=theta, active=(term,))
+    planted = replace(state, theta=theta, active=(term,))
     again = simulate_again(solver, planted, Noise(0.1, 1.5, 0.1), np.random.default_rng(0))
-    again = replace(again, active=(), theta=layout.reference.copy(), z=world.z.copy(), mean=world.mean.copy())
+    again = replace(again, active=(), theta=layout.reference.copy(), z=state.z.copy(), mean=state.mean.copy())
     solver.solve([again], iterations=12)
     (found,) = scores(solver, [again])
     evidence = evidences(again, found, layout)
@@ -67,17 +67,17 @@ def test_what_is_planted_in_the_model_is_what_the_screen_sees(solver, calibrated
     assert price(solver, replace(planted, sums=_sums(solver, planted)), layout.candidates[term].free) > 0
 
 
-def _sums(solver, world):
-    solver.sums([world])
-    return world.sums
+def _sums(solver, state):
+    solver.sums([state])
+    return state.sums
 
 
 @pytest.mark.slow
 def test_candidates_on_top_of_what_was_added_are_scored_without_it(solver, calibrated):
     """Once an effect is in the model, its own direction has nothing left to say."""
-    world, _ = calibrated
+    state, _ = calibrated
     term = Term("speed_dependent_time_gap")
-    added = replace(world, active=(term,), z=world.z.copy(), mean=world.mean.copy(), log=[])
+    added = replace(state, active=(term,), z=state.z.copy(), mean=state.mean.copy(), log=[])
     solver.solve([added], iterations=15)
     (found,) = scores(solver, [added])
     assert abs(found[term].score[0]) < 1e-2 * np.sqrt(found[Term("asymmetry")].information[0, 0]) + 1.0
@@ -86,17 +86,17 @@ def test_candidates_on_top_of_what_was_added_are_scored_without_it(solver, calib
 
 def test_the_screen_sees_with_everybody_what_the_fitted_alone_hardly_show(solver, calibrated):
     """A small effect in drives of all, one half of whom is fitted."""
-    world, noise = calibrated
+    state, noise = calibrated
     layout, term = solver.layout, Term("leader_acceleration")
     theta = layout.reference.copy()
     theta[layout.places["leader_acceleration.gain"][0]] = 0.3
-    planted = simulate_again(solver, replace(world, theta=theta, active=(term,)), noise, np.random.default_rng(1))
-    data = replace(world.data, y=planted.pieces.y)
+    planted = simulate_again(solver, replace(state, theta=theta, active=(term,)), noise, np.random.default_rng(1))
+    data = replace(state.data, y=planted.pieces.y)
     halves = [data.select(np.flatnonzero(data.driver % 2 == half)) for half in (0, 1)]
     alone = Fit(None, *calibrate(solver, halves[0]))
     both = with_others(solver, alone, halves[1])
-    assert both.world.data.n_drivers == len(both.world.z) == data.n_drivers
-    evidence = [evidences(one.world, scores(solver, [one.world])[0], layout)[term] for one in (alone, both)]
+    assert both.state.data.n_drivers == len(both.state.z) == data.n_drivers
+    evidence = [evidences(one.state, scores(solver, [one.state])[0], layout)[term] for one in (alone, both)]
     assert evidence[1] > 1.5 * evidence[0] > 0
 
 
@@ -106,11 +106,11 @@ def test_null_counts_nats_above_what_nothing_gives():
     assert null.mean == {a: 0.0, b: 6.0}
     assert null.replicates == 2
     assert null.excess({a: 5.0, b: 5.0}) == {a: 5.0, b: -1.0}
-    surprise = null.surprise({a: 5.0, b: 12.0})
-    assert surprise[a] == pytest.approx(5.0 / np.sqrt(2))
+    z_score = null.z_scores({a: 5.0, b: 12.0})
+    assert z_score[a] == pytest.approx(5.0 / np.sqrt(2))
     # A mean far below zero and a tiny spread must not make the threshold sharp.
     sharp = Null({a: -50.0}, {a: 1e-3}, 30)
-    assert sharp.surprise({a: 0.0}) == {a: 3.0}
+    assert sharp.z_scores({a: 0.0}) == {a: 3.0}
     assert sharp.threshold(4.5) == {a: 1.5}
 
 
@@ -118,9 +118,9 @@ def test_null_counts_nats_above_what_nothing_gives():
 def trial(calibrated):
     """A trial with given gains."""
 
-    def make(name, fitted, checked, price=2.0, kind="driver", variable="speed", luck=0.0):
+    def make(name, fitted, checked, price=2.0, kind="driver", variable="speed", null_mean=0.0):
         candidate, fit = Candidate(Term(name), kind, (0,), (0,), (variable,)), Fit(None, *calibrated)
-        return decision.Trial(candidate, fit, np.asarray(fitted, float), np.asarray(checked, float), price, luck)
+        return decision.Trial(candidate, fit, np.asarray(fitted, float), np.asarray(checked, float), price, null_mean)
 
     return make
 
@@ -141,13 +141,15 @@ def test_no_single_driver_decides_and_others_must_agree(trial):
 
 
 def test_what_is_to_be_had_where_nothing_is_missing_does_not_count(trial):
-    sound, lucky = (trial(name, [1.5] * 10, [1.0] * 10, luck=luck) for name, luck in (("a", 0.0), ("b", 8.0)))
+    sound, lucky = (
+        trial(name, [1.5] * 10, [1.0] * 10, null_mean=null_mean) for name, null_mean in (("a", 0.0), ("b", 8.0))
+    )
     assert (sound.gain, sound.check) == (lucky.gain, lucky.check)
     assert sound.total - lucky.total == 8.0
     assert sound.holds
     assert not lucky.holds
     null = Null({Term("a"): 8.0, Term("b"): -1.0}, {}, 30)
-    assert (null.luck(Term("a")), null.luck(Term("b"))) == (8.0, 0.0)
+    assert (null.null_mean(Term("a")), null.null_mean(Term("b"))) == (8.0, 0.0)
 
 
 def test_what_convinces_others_far_more_is_believed_before_what_holds(trial):
@@ -165,8 +167,8 @@ def test_what_convinces_others_far_more_is_believed_before_what_holds(trial):
 def test_what_is_beaten_by_something_not_believed_is_doubtful(trial, solver, calibrated, fires, doubtful):
     holds, loses = trial("holds", [0.6] * 10, [1.3] * 10), trial("loses", [0.1] * 10, [2.5] * 10)
     assert decision.believed([holds, loses]) == [holds]
-    firing = frozenset({Term("holds"), Term("loses")} if fires else {Term("holds")})
-    turn = Round(Fit(None, *calibrated), {}, {}, {}, firing, [holds, loses], [holds])
+    exceeding = frozenset({Term("holds"), Term("loses")} if fires else {Term("holds")})
+    turn = Round(Fit(None, *calibrated), {}, {}, {}, exceeding, [holds, loses], [holds])
     search = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=[turn])
     assert search.is_doubtful(holds) == doubtful
 
@@ -174,12 +176,12 @@ def test_what_is_beaten_by_something_not_believed_is_doubtful(trial, solver, cal
 @pytest.mark.parametrize(("moments", "counts"), [(0.5, False), (-0.5, False), (3.0, True)])
 def test_a_delay_of_less_than_a_moment_is_of_the_numerics(trial, calibrated, moments, counts):
     holds, delay = trial("holds", [0.6] * 10, [1.3] * 10), trial("reaction_delay", [0.1] * 10, [2.5] * 10)
-    world, noise = calibrated
-    theta = world.theta.copy()
-    theta[list(delay.candidate.free)] = moments * world.data.dt
-    delay = replace(delay, fit=Fit(delay.candidate, copied(world, theta=theta), noise))
-    firing = frozenset({Term("holds"), Term("reaction_delay")})
-    assert Round(Fit(None, world, noise), {}, {}, {}, firing, [holds, delay], [holds]).is_beaten == counts
+    state, noise = calibrated
+    theta = state.theta.copy()
+    theta[list(delay.candidate.free)] = moments * state.data.dt
+    delay = replace(delay, fit=Fit(delay.candidate, copied(state, theta=theta), noise))
+    exceeding = frozenset({Term("holds"), Term("reaction_delay")})
+    assert Round(Fit(None, state, noise), {}, {}, {}, exceeding, [holds, delay], [holds]).is_beaten == counts
 
 
 @pytest.mark.parametrize(("kinds", "doubtful"), [(("driver", "generic"), False), (("generic", "driver"), True)])
@@ -230,23 +232,23 @@ def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, c
     assert verdict_of(found, [], replace(rough, autocorrelation=0.3)) == "unexplained"
 
 
-@pytest.mark.parametrize(("surprise", "expected"), [(2.0, "named"), (12.0, "unexplained")])
-def test_what_leaves_shifts_between_pairs_is_not_named(trial, solver, calibrated, surprise, expected):
+@pytest.mark.parametrize(("z_score", "expected"), [(2.0, "named"), (12.0, "unexplained")])
+def test_what_leaves_shifts_between_pairs_is_not_named(trial, solver, calibrated, z_score, expected):
     fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
     holds = replace(trial("holds", [0.6] * 10, [0.3] * 10), candidate=solver.layout.candidates[Term("several_leaders")])
     first = Round(fit, {}, {}, {}, frozenset(), [holds], [holds], 12.0)
     found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
-    found.rounds = [first, replace(first, trials=[], held=[], clock_surprise=surprise)]
+    found.rounds = [first, replace(first, trials=[], accepted=[], clock_z_score=z_score)]
     assert verdict_of(found, [], left) == expected
-    found.rounds = [replace(first, trials=[], held=[], clock_surprise=surprise)]
+    found.rounds = [replace(first, trials=[], accepted=[], clock_z_score=z_score)]
     assert verdict_of(found, [], left) == {"named": "nothing"}.get(expected, expected)
 
 
 def test_confusable_candidates_compete_together():
     grade, limit, leader_class = Term("grade"), Term("speed_limit"), Term("leader_class")
     assert families.with_families({grade}, {grade, limit, Term("asymmetry")}) == {grade, limit}
-    assert families.are_kin(Term("reaction_delay"), Term("leader_acceleration"))
-    assert not families.are_kin(leader_class, grade)
+    assert families.confounded(Term("reaction_delay"), Term("leader_acceleration"))
+    assert not families.confounded(leader_class, grade)
     assert "map" in families.told_apart_by(Term("bend"), [limit])
     by_length = Term("time_gap_dependence", "leader_length")
     assert families.told_apart_by(by_length, [leader_class]).startswith("trucks")
@@ -256,7 +258,7 @@ def test_confusable_candidates_compete_together():
 def test_every_member_of_a_family_is_something_that_is_looked_for(solver):
     known = {*solver.layout.candidates, clocks.CLOCK_OFFSET}
     never_changes = {Term("dependence", "lateral_offset"), Term("time_gap_dependence", "lateral_offset")}
-    members = {member for family in families.KINSHIPS for member in family}
+    members = {member for family in families.CONFOUNDED for member in family}
     assert len(members) > 25
     assert {member for member in members - known if member.variable is None} == set()
     assert {Term.read(str(member)) for member in members} == members
@@ -271,8 +273,8 @@ def test_a_twin_stands_behind_the_candidate_that_it_looks_like(solver, calibrate
         for term, gain in ((delay, 5.0), (limit, 4.0))
     )
     rounds = [
-        Round(fit, evidence, evidence, evidence, frozenset(evidence), [first, second], held)
-        for held in ([first], [second], [])
+        Round(fit, evidence, evidence, evidence, frozenset(evidence), [first, second], accepted)
+        for accepted in ([first], [second], [])
     ]
     rows = candidate_rows(Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data, rounds=rounds))
     assert [row["name"] for row in rows] == ["reaction_delay", "speed_limit", "bend", "asymmetry"]
@@ -327,8 +329,8 @@ def test_a_search_has_a_start_even_where_nothing_is_seen_of_a_candidate(solver, 
     from rearl_jax.discovery.search.refit import starts
     from rearl_jax.discovery.search.screen import Score
 
-    world, candidate = calibrated[0], solver.layout.candidates[Term(name)]
-    n, n_drivers = len(candidate.look), world.data.n_drivers
+    state, candidate = calibrated[0], solver.layout.candidates[Term(name)]
+    n, n_drivers = len(candidate.look), state.data.n_drivers
     unseen = Score(np.zeros(n), np.zeros((n, n)), np.zeros((n_drivers, n)), np.zeros((n_drivers, n, n)))
-    (start,) = starts(candidate, unseen, world, solver.layout)
-    np.testing.assert_array_equal(start, world.theta)
+    (start,) = starts(candidate, unseen, state, solver.layout)
+    np.testing.assert_array_equal(start, state.theta)

@@ -24,7 +24,7 @@ _MADE: dict[tuple, dict[tuple, ScenarioMap]] = {}
 """Programs of every configuration this process has met: time step, places of theta, car following."""
 
 _SHAPES: set[tuple] = set()
-"""What they have been compiled for: configuration, program, number of steps and of pieces."""
+"""Shapes they have been compiled for: configuration, program, number of steps and of pieces."""
 
 MOST_SHAPES = 120
 """So many are kept: each takes about two hundred memory maps, and Linux gives a process 65,530 (vm.max_map_count)."""
@@ -55,7 +55,7 @@ class Programs:
         """Measured minus predicted positions [m] with these candidates."""
 
         def run(a: dict) -> Array:
-            return self._surprise(a["z"], a["theta"], a["knots"], a["pieces"], active)
+            return self._innovations(a["z"], a["theta"], a["knots"], a["pieces"], active)
 
         return self._program(("innovations", active), run, WIDEST)
 
@@ -69,12 +69,12 @@ class Programs:
             n_own, n = a["z"].shape
             theta = jnp.broadcast_to(a["theta"], (self.layout.size, n))
 
-            def surprise(point: Array) -> Array:
+            def innovation(point: Array) -> Array:
                 changed = theta.at[places].set(point[n_own:]) if len(places) else theta
-                return self._surprise(point[:n_own], changed, a["knots"], a["pieces"], active)
+                return self._innovations(point[:n_own], changed, a["knots"], a["pieces"], active)
 
             point = jnp.concatenate([a["z"], theta[places]])
-            return _sums(surprise, point, a["pieces"])
+            return _sums(innovation, point, a["pieces"])
 
         return self._program(("sums", active), run, WIDEST if len(places) < 8 else WIDEST // 4)
 
@@ -104,7 +104,7 @@ class Programs:
 
         return self._program(("look", places, groups, n_kept), run, WIDEST // 2)
 
-    def _surprise(
+    def _innovations(
         self, z: Array, theta: Array, knots: Knots, pieces: Pieces, active: tuple[Term, ...]
     ) -> Float[Array, "steps pieces"]:
         knots = _squeezed(knots)
@@ -155,12 +155,12 @@ def _squeezed(knots: Knots) -> Knots:
     return jax.tree.map(lambda values: values[:, 0], knots)
 
 
-def _sums(surprise: Callable[[Array], Array], point: Array, pieces: Pieces) -> dict[str, Array]:
+def _sums(innovation: Callable[[Array], Array], point: Array, pieces: Pieces) -> dict[str, Array]:
     """Innovations, then everything that is summed over time."""
     p, n = point.shape
 
     def along(tangent: Array) -> tuple[Array, Array]:
-        return jax.jvp(surprise, (point,), (tangent,))
+        return jax.jvp(innovation, (point,), (tangent,))
 
     unit = jnp.broadcast_to(jnp.eye(p)[:, :, None], (p, p, n))
     value, slopes = jax.vmap(along, out_axes=(None, 0))(unit)  # slopes: [directions, steps, pieces]
