@@ -5,7 +5,7 @@ A part that is finished for the same configuration, data and code is left alone,
 
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from rearl_jax.config import ResultsConfig
 
@@ -27,6 +27,7 @@ def part_record(kind: type[Record], config: Any, study: str, **other: Any) -> Re
     return kind(**(shared | {"study": study, "results": results} | other))
 
 
+@runtime_checkable
 class Run(Protocol):
     """The function of a task."""
 

@@ -154,7 +154,7 @@ def test_generated_data_are_marked_everywhere(done, capsys):
     scenes = done.evaluation.scenes
     infos = tuple(replace(info, generated=True) for info in scenes.infos)
     evaluation = replace(done.evaluation, scenes=replace(scenes, infos=infos))
-    print_table(done.config, evaluation, done.estimates)
+    print_table(evaluation, done.estimates)
     assert capsys.readouterr().out.count("GENERATED") == 2
     assert "Generated recordings, no measurements" in render(done.config, evaluation, done.estimates, {})
     assert speed_histogram(done.config, evaluation) != speed_histogram(done.config, done.evaluation)
@@ -169,7 +169,7 @@ def test_narrow_terminal_loses_intervals_and_nothing_else(done, monkeypatch, cap
             super().__init__(force_terminal=True, color_system=None, **({"width": 84} | options))
 
     monkeypatch.setattr(console, "Console", Narrow)
-    print_table(done.config, done.evaluation, done.estimates)
+    print_table(done.evaluation, done.estimates)
     printed = capsys.readouterr().out
     assert "…" not in printed
     assert "intervals: page.html" in printed

@@ -143,7 +143,7 @@ def test_replay_needs_no_server(tmp_path):
 def test_replay_says_whose_answers_there_are(tmp_path):
     config = make_config(tmp_path)
     with (
-        pytest.raises(FileNotFoundError, match=r"no answers to replay at .*llm\.cache"),
+        pytest.raises(FileNotFoundError, match=r"no answers to replay.*llm\.cache"),
         Client(config, "", replay=True),
     ):
         pass

@@ -24,7 +24,7 @@ def line_of(text, start):
 def test_of_two_curves_the_one_that_was_added_is_marked(capsys):
     gap, speed = (CURVE | LANE_SCORES | {"variables": [name]} for name in ("gap", "speed"))
     effect = CURVE | NUMBERS | {"variables": ["gap"]}
-    print_verdict(VERDICT | {"effects": [effect], "candidates": [gap, speed]}, generated=True)
+    print_verdict(VERDICT | {"effects": [effect], "candidates": [gap, speed]})
     said = capsys.readouterr().out
     assert line_of(said, "dependence on gap")[-1] == "named"
     assert line_of(said, "dependence on speed")[-1] == "20.0"
@@ -39,7 +39,7 @@ def test_the_choice_of_the_lane_has_a_table_of_its_own(capsys):
         "candidates": [*VERDICT["candidates"] * 6, *lanes],
         "lane_choice": {"changes": 400, "opportunities": 9000, "loss": LOSS},
     }
-    print_verdict(verdict, generated=True)
+    print_verdict(verdict)
     following, table = capsys.readouterr().out.split("choice of the lane: 400 changes by choice")
     assert "missing in the choice of the lane: keep right [36 drivers fitted" in following
     assert line_of(table, "keep right")[-1] == "named"
@@ -48,7 +48,7 @@ def test_the_choice_of_the_lane_has_a_table_of_its_own(capsys):
 
 
 def test_what_no_effect_of_the_library_does_is_said_to_be_in_no_model(capsys):
-    print_verdict(VERDICT | {"verdict": "unexplained", "effects": [REAR_GAP]}, generated=True)
+    print_verdict(VERDICT | {"verdict": "unexplained", "effects": [REAR_GAP]})
     said = " ".join(capsys.readouterr().out.split())
     assert "lane choice dependence on rear_gap: ; confidence 0.90; not in model.yaml" in said
 
