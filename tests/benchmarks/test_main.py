@@ -56,6 +56,13 @@ def test_help_names_every_benchmark(capsys):
     assert all(f"\n{name} " in said for name in BENCHMARKS)
 
 
+@pytest.fixture
+def started(monkeypatch):
+    """JAX as the other tests of the process have it: it cannot be given more devices once it has computed something."""
+    monkeypatch.setattr(module.runtime, "start", lambda: None)
+
+
+@pytest.mark.usefixtures("started")
 @pytest.mark.parametrize(("n_slower", "code"), [(0, 0), (2, 1)])
 def test_json_is_the_summary_in_one_line_and_slower_is_a_failure(n_slower, code, monkeypatch, capfd, tmp_path):
     class Core:
@@ -76,6 +83,7 @@ def test_json_is_the_summary_in_one_line_and_slower_is_a_failure(n_slower, code,
     assert "a table" in said.err
 
 
+@pytest.mark.usefixtures("started")
 @pytest.mark.parametrize(("benchmark", "kept"), [("loop", "nothing is kept"), ("discover", "the same command goes on")])
 def test_an_interruption_has_the_code_of_its_signal(benchmark, kept, monkeypatch, capsys):
     class Interrupted:
