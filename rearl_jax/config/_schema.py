@@ -8,7 +8,7 @@ import difflib
 import math
 import types
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import Field, dataclass, fields, is_dataclass, replace
 from enum import Enum
 from numbers import Integral, Real
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -37,11 +37,16 @@ class Group:
     keys: tuple[Key, ...]
 
 
+def configured_fields(record: Any) -> list[Field]:
+    """Fields of a record that are configuration: those that take part in comparisons."""
+    return [item for item in fields(record) if item.compare]
+
+
 def groups_of(record: Any, name: str = "", help: str = "") -> Iterator[Group]:
     """The groups of a record of defaults, outermost first, in the order of declaration."""
     hints = get_type_hints(type(record))
     prefix = f"{name}." if name else ""
-    values = {item: getattr(record, item.name) for item in fields(record)}
+    values = {item: getattr(record, item.name) for item in configured_fields(record)}
     keys = tuple(
         Key(prefix + item.name, type_name(hints[item.name]), as_written(value), item.metadata["help"])
         for item, value in values.items()
@@ -98,12 +103,9 @@ def as_written(value: Any) -> str:
 
 
 def as_plain(value: Any) -> Any:
-    """A record as dictionaries, lists, texts and numbers, the same on every machine; inf and nan by name.
-
-    Fields that do not take part in comparisons are no configuration and are left out.
-    """
+    """A record as dictionaries, lists, texts and numbers, the same on every machine; inf and nan by name."""
     if is_dataclass(value) and not isinstance(value, type):
-        return {item.name: as_plain(getattr(value, item.name)) for item in fields(value) if item.compare}
+        return {item.name: as_plain(getattr(value, item.name)) for item in configured_fields(value)}
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, Mapping):
