@@ -16,7 +16,10 @@ pytestmark = pytest.mark.slow  # a minute of compiling each
     [
         ("nothing", 21, 0.15, 0.1, ("nothing", [])),
         ("nothing", 21, 0.0, 0.0, ("nothing", [])),
-        ("speed_limit", 23, 0.15, 0.1, ("named", ["speed_limit"])),
+        pytest.param(
+            *("speed_limit", 23, 0.15, 0.1, ("named", ["speed_limit"])),
+            marks=pytest.mark.xfail(strict=True, reason="named grade and a dependence, see docs/discovery/limits.md"),
+        ),
     ],
 )
 def test_platoons_of_highway_env(tmp_path, what, seed, driver_noise, position_noise, expected):
