@@ -14,6 +14,9 @@ from rearl_jax.study.report import NONE, Cell, Line, Shown, long_table
 
 _ERRORS = ("h", "mape")
 
+_METRIC_OF = {"h": "h", "mape": "mape_a"}
+"""Metric whose digits an error is written with; they are the same for all definitions of the spacing error."""
+
 _TRAFFIC = ("thw", "lcr", "collisions")
 
 
@@ -70,8 +73,9 @@ def _paper_mark(row: PairRow) -> str:
 
 def _error_cell(row: PairRow, name: str) -> Cell:
     low, high = row.ends[name]
-    ends = "" if low is None or high is None else f"{short(low, name)}–{short(high, name)}"
-    return Cell(short(row.means[name], name), ends)
+    metric = _METRIC_OF[name]
+    ends = "" if low is None or high is None else f"{short(low, metric)}–{short(high, metric)}"
+    return Cell(short(row.means[name], metric), ends)
 
 
 def _traffic(row: PairRow) -> tuple[Cell, ...]:
