@@ -27,7 +27,7 @@ def summary(tmp_path_factory):
 def test_small_study_finds_what_is_hidden(summary):
     assert summary["n_cases"] == 6
     assert summary["n_right"] >= 5
-    assert summary["n_failed"] == 0
-    assert summary["n_wrong"] + summary["n_false"] <= 1  # six sets: one of them may be misjudged
+    assert summary["n_wrong"] == summary["n_failed"] == 0
+    assert summary["n_false"] <= 1  # beside the variable of an effect that no list holds, a doubtful name may stand
     hits = {score["name"]: score["hits"] for score in summary["scores"]}
     assert hits["control_false"] == hits["artefact_as_effect"] == 0
