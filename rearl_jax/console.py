@@ -1,7 +1,8 @@
 """Tables on standard output: one look, and a width where standard output has none of its own."""
 
+import io
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console as AnyConsole
@@ -27,6 +28,14 @@ def standard_output(width: int) -> Console:
     """Standard output; a file or a pipe has no width of its own and gets `width` [columns]."""
     console = Console()
     return console if console.is_terminal else Console(width=width)
+
+
+def as_text(width: int, show: Callable[[Console], None]) -> str:
+    """What a function shows on a console of so many columns, without colours."""
+    console = Console(width=width, file=io.StringIO())
+    with console.capture() as captured:
+        show(console)
+    return captured.get()
 
 
 def generated_mark(generated: bool) -> str:

@@ -21,7 +21,7 @@ from rearl_jax.config._schema import finished, from_plain, keys_of, nearest
 from rearl_jax.config.data import DataConfig
 from rearl_jax.config.driver import DriverConfig
 from rearl_jax.data.in_memory import in_memory
-from rearl_jax.data.recordings import Recording, iterate_recordings
+from rearl_jax.data.recordings import Recording, data_id, is_generated, iterate_recordings
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.data.scenes import build_scenes
 from rearl_jax.discovery.calibration import Calibration, calibration
@@ -183,6 +183,7 @@ def evaluate(measured: Measured = None, **keys: Any) -> Evaluated:
     from rearl_jax.evaluation.estimates import estimates
 
     config = _task_record("evaluate", keys)
+    task.check(config)
     scenes = None
     if isinstance(measured, SceneSet):
         scenes = measured
@@ -213,7 +214,7 @@ def discover(measured: pd.DataFrame | None = None, **keys: Any) -> Discovered:
 
     config = _with_table(_task_record("discover", keys), measured)
     with _double_precision(), silent() as bar:
-        return Discovered(compute(config, bar))
+        return Discovered(compute(config, bar, data_id(config.data), generated=is_generated(config.data)))
 
 
 def calibrate(measured: pd.DataFrame | None = None, **keys: Any) -> Calibration:

@@ -19,7 +19,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.columnar import column_names, read_columns, stored_text
 from rearl_jax.data.delimited import read_csv, read_header
 from rearl_jax.data.losses import Losses
-from rearl_jax.data.problems import BadRecordingError, recordings_missing, require_columns
+from rearl_jax.data.problems import BadRecordingError, recording_unnamed, recordings_missing, require_columns
 from rearl_jax.data.schema import COLUMNS, REQUIRED, Recording, RecordingInfo, validate
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.whole_files import replacing
@@ -66,15 +66,7 @@ class TableFile:
         else:
             names = pd.Series(read_columns(self.path, (), ("recording",))["recording"].unique())
         if names.isna().any():
-            raise BadRecordingError(
-                Problem(
-                    "recording-unnamed",
-                    "a row has no recording",
-                    "complete it",
-                    file=str(self.path),
-                    column="recording",
-                )
-            )
+            raise recording_unnamed(str(self.path))
         return [str(name) for name in names]
 
     def read(self, recording: str) -> Recording:

@@ -11,11 +11,10 @@ from pandas.util import hash_pandas_object
 
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.canonical import info_of_rows
-from rearl_jax.data.problems import BadRecordingError, require_columns
+from rearl_jax.data.problems import recording_unnamed, require_columns
 from rearl_jax.data.reader import Entry
 from rearl_jax.data.records import Recording
 from rearl_jax.data.schema import REQUIRED, validate
-from rearl_jax.problems import Problem
 
 NAME = "table"
 """The recording in a table without the column `recording`, and where its rows come from in messages."""
@@ -66,8 +65,7 @@ def entries(data: TableInMemory) -> Iterator[Entry]:
     names = pd.Series(data.table["recording"])
     missing = np.flatnonzero(names.isna())
     if len(missing):
-        place = {"file": NAME, "column": "recording", "row": int(missing[0]) + 1}
-        raise BadRecordingError(Problem("recording-missing", "a row has no recording", "complete it", **place))
+        raise recording_unnamed(NAME, row=int(missing[0]) + 1)
     for name in sorted(names.astype(str).unique()):
         yield Entry(name, partial(_read, data, name))
 

@@ -55,6 +55,12 @@ class Finding:
         return BadRecordingError(Problem(self.code, said, remedy, file=file, column=column, row=row))
 
 
+def recording_unnamed(file: str, row: int | None = None) -> BadRecordingError:
+    """The error for a row that belongs to no recording; the row, from 1, where it is known."""
+    said, remedy = "a row has no recording", "complete it"
+    return BadRecordingError(Problem("recording-unnamed", said, remedy, file=file, column="recording", row=row))
+
+
 def require_columns(found: list[str], required: tuple[str, ...], file: str) -> None:
     """Raise BadRecordingError if one of the required columns is missing."""
     for name in required:

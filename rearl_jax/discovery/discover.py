@@ -11,7 +11,7 @@ import pandas as pd
 from rich.progress import Progress
 
 from rearl_jax.config import DiscoverTask
-from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
+from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
 from rearl_jax.discovery.observe.candidates import LENS, Term
@@ -100,12 +100,16 @@ class Discovery:
     behind: Behind | None = None
 
 
-def compute(config: DiscoverTask, bar: Progress, study: Study | None = None) -> Discovery:
+def compute(
+    config: DiscoverTask, bar: Progress, identity: str, *, generated: bool, study: Study | None = None
+) -> Discovery:
     """What the traffic model lacks; nothing is printed.
 
     Args:
         config: The task.
         bar: Shows how far it is.
+        identity: Identity of the data.
+        generated: Whether any of the data were generated, not measured.
         study: Keeps the simulated nulls, the longest part, for a run that goes on after it was killed; None to keep
             nothing.
 
@@ -113,7 +117,6 @@ def compute(config: DiscoverTask, bar: Progress, study: Study | None = None) -> 
         FileNotFoundError, ValueError: As `run`.
     """
     begin = time.perf_counter()
-    identity, generated = data_id(config.data), is_generated(config.data)
     parts, recordings = read_parts(config, identity, bar, generated=generated)
     solver = Solver(Programs(layout_of(parts.fitted, prior_of(config.driver)), parts.fitted.dt))
     if config.discover.oracle is not None:

@@ -11,7 +11,7 @@ import json
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import data_id, is_generated
-from rearl_jax.discovery.discover import Discovery, compute
+from rearl_jax.discovery.discover import NULL_TABLE, Discovery, compute
 from rearl_jax.discovery.report import tables, terminal
 from rearl_jax.models.file import write_model
 from rearl_jax.progress import progress_bar
@@ -33,7 +33,7 @@ def run(config: DiscoverTask, *, show: bool = True) -> dict:
     if study.begin(resume=config.results.resume) is not None:
         return json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
     with progress_bar() as bar:
-        discovery = compute(config, bar, study)
+        discovery = compute(config, bar, identity, generated=generated, study=study)
     write(study, discovery)
     if show:
         terminal.print_verdict(discovery.verdict)
@@ -44,7 +44,8 @@ def write(study: Study, discovery: Discovery) -> None:
     """Writes tables, model, figures, page and verdict, and last of all summary.json."""
     seeds = {"seeds": f"discover.seed={discovery.config.discover.seed}"}
     for name, table in discovery.tables.items():
-        study.write_table(name, table, **seeds)
+        if name != NULL_TABLE or not study.owns(name):  # the null is kept as soon as it is known
+            study.write_table(name, table, **seeds)
     if discovery.model is not None:
         write_model(study.path / "model.yaml", discovery.model)
     if discovery.behind is not None and discovery.config.discover.page:

@@ -73,7 +73,7 @@ def compute(
     """Everything that is measured; nothing is printed.
 
     Args:
-        config: The task.
+        config: The task; it has passed `check`.
         bar: Shows how far it is.
         scenes: Scenes to evaluate on; None for those of `config.data`.
         study: Keeps the trace of a search for the clusters' parameters; None to keep nothing.
@@ -82,7 +82,6 @@ def compute(
         FileNotFoundError, ValueError: There are no recordings, one is bad, too few scenes can be cut from
             them, or two keys contradict each other.
     """
-    check(config)
     set_precision(config.core.dtype)
     if compares_variants(config):
         config = replace(config, method=Method.rearl)

@@ -1,8 +1,6 @@
 """The table in the terminal."""
 
-import io
-
-from rearl_jax.console import Console, print_notes, standard_output, titled_table
+from rearl_jax.console import Console, as_text, print_notes, standard_output, titled_table
 from rearl_jax.evaluation.estimates import Estimate
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.evaluation.tables import HEADINGS, SHOWN, source_names, table_notes, written
@@ -18,10 +16,7 @@ def print_table(evaluation: Evaluation, estimates: dict[tuple[str, str], Estimat
 
 def text_of(evaluation: Evaluation, estimates: dict[tuple[str, str], Estimate]) -> str:
     """The table as text without colours."""
-    console = Console(width=_WIDTH, file=io.StringIO())
-    with console.capture() as captured:
-        _show(console, evaluation, estimates)
-    return captured.get()
+    return as_text(_WIDTH, lambda console: _show(console, evaluation, estimates))
 
 
 def _show(console: Console, evaluation: Evaluation, estimates: dict[tuple[str, str], Estimate]) -> None:

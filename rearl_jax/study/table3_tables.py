@@ -12,10 +12,10 @@ from rearl_jax.study.pair_results import PairResults, PairRow
 from rearl_jax.study.published import BEST_PAIR, PARETO_PAIRS, THRESHOLDS_H, THRESHOLDS_MAPE
 from rearl_jax.study.report import NONE, Cell, Line, Shown, long_table
 
-_ERRORS = ("h", "mape")
-
-_METRIC_OF = {"h": "h", "mape": "mape_a"}
-"""Metric whose digits an error is written with; they are the same for all definitions of the spacing error."""
+_ERRORS = {"h": "h", "mape": "mape_a"}
+"""Errors that decide, each with the metric whose digits it has; they are the same for all definitions of the spacing
+error.
+"""
 
 _TRAFFIC = ("thw", "lcr", "collisions")
 
@@ -73,7 +73,7 @@ def _paper_mark(row: PairRow) -> str:
 
 def _error_cell(row: PairRow, name: str) -> Cell:
     low, high = row.ends[name]
-    metric = _METRIC_OF[name]
+    metric = _ERRORS[name]
     ends = "" if low is None or high is None else f"{short(low, metric)}–{short(high, metric)}"
     return Cell(short(row.means[name], metric), ends)
 

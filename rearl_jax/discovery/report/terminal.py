@@ -1,12 +1,11 @@
 """The verdict in the terminal."""
 
-import io
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.table import Table
 
-from rearl_jax.console import Console, print_notes, standard_output, titled_table
+from rearl_jax.console import Console, as_text, print_notes, standard_output, titled_table
 from rearl_jax.discovery.report.words import (
     described,
     effect_words,
@@ -30,10 +29,7 @@ def print_verdict(verdict: dict[str, Any]) -> None:
 
 def text_of(verdict: dict[str, Any]) -> str:
     """The same as text without colours."""
-    console = Console(width=_WIDTH, file=io.StringIO())
-    with console.capture() as captured:
-        _show(console, verdict)
-    return captured.get()
+    return as_text(_WIDTH, lambda console: _show(console, verdict))
 
 
 def _show(console: Console, verdict: dict[str, Any]) -> None:
