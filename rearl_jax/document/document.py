@@ -1,0 +1,72 @@
+"""The document of a study: what it found, in tables, sections and figures."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from rearl_jax.data.records import RecordingInfo
+from rearl_jax.document.table import Table
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a document.
+
+    Attributes:
+        title: Its heading on the page.
+        paragraphs: Sentences before its tables.
+        tables: Its tables.
+        notes: Points after its tables.
+        is_folded: Whether the page shows it on demand only and the terminal leaves it out.
+    """
+
+    title: str
+    paragraphs: tuple[str, ...] = ()
+    tables: tuple[Table, ...] = ()
+    notes: tuple[str, ...] = ()
+    is_folded: bool = False
+
+
+@dataclass(frozen=True)
+class DataSource:
+    """A data set: name, attribution, licence, and what must be known about it."""
+
+    name: str
+    attribution: str
+    licence: str
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Document:
+    """Everything a study says, for the terminal and for the page.
+
+    Attributes:
+        title: Its title.
+        verdict: The result in one sentence.
+        sections: Its parts; the page shows the folded ones below figures and data.
+        command: The task as it is typed after `rearl`, such as `evaluate method=base`.
+        generated: Whether any of the recordings were generated, not measured.
+        data: The recordings in a sentence or two.
+        sources: Data sets with their licences.
+        captions: Text below each figure, by the figure's name; the page shows figures in this order.
+    """
+
+    title: str
+    verdict: str
+    sections: tuple[Section, ...]
+    command: str
+    generated: bool
+    data: str = ""
+    sources: tuple[DataSource, ...] = ()
+    captions: Mapping[str, str] = field(default_factory=dict)
+
+
+def data_sources(infos: Iterable[RecordingInfo]) -> tuple[DataSource, ...]:
+    """Data sets of some recordings, each once with the notes of all its recordings."""
+    notes: dict[tuple[str, str, str], dict[str, None]] = {}
+    for info in infos:
+        notes.setdefault((info.source, info.attribution, info.licence), {}).update(dict.fromkeys(info.notes))
+    return tuple(
+        DataSource(name, attribution.rstrip("."), licence.rstrip("."), tuple(own))
+        for (name, attribution, licence), own in notes.items()
+    )

@@ -1,0 +1,98 @@
+"""A document as one HTML page that loads nothing: figures, licences, and the command that repeats it."""
+
+import json
+import shlex
+from base64 import b64encode
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from rearl_jax.code_version import __version__, git_sha
+from rearl_jax.config._schema import as_plain, keys_of
+from rearl_jax.config.driver import record_of
+from rearl_jax.document.document import Document
+from rearl_jax.document.table import spoken
+from rearl_jax.results import config_hash
+
+
+@dataclass(frozen=True)
+class Player:
+    """The replay of scenes on a page: HTML, its style sheet and its program."""
+
+    html: Markup
+    style: Markup
+    script: Markup
+
+
+def page_of(
+    document: Document,
+    config: Any,
+    figures: Mapping[str, bytes],
+    *,
+    data_id: str | None = None,
+    made_by: Mapping[str, Any] | None = None,
+    player: Player | None = None,
+) -> str:
+    """HTML text of a document: verdict, replay, sections, figures, data; then what is folded away.
+
+    Args:
+        document: The document.
+        config: Record of its task.
+        figures: PNG files by name.
+        data_id: Identity of the data; None without data.
+        made_by: Provenance as `results.PROVENANCE` names it, of results that were made before; None for those of now.
+        player: Scenes replayed; None for none.
+    """
+    environment = Environment(
+        loader=PackageLoader("rearl_jax.document", ""), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    if made_by is None:
+        made_by = {
+            "code_version": __version__,
+            "config_hash": config_hash(config),
+            "git_sha": git_sha(),
+            "data_id": None if data_id is None else f"scenes {data_id}",
+        }
+    identity = "" if made_by["data_id"] is None else f"{made_by['data_id']}, "
+    version = made_by["code_version"]
+    names = [*(name for name in document.captions if name in figures)]
+    names += sorted(name for name in figures if name not in names)
+    return environment.get_template("page.html.j2").render(
+        document=document,
+        subtitle=f"rearl_jax {version}, study {config.study}",
+        figures=[
+            {
+                "title": spoken(name),
+                "content": b64encode(figures[name]).decode(),
+                "caption": document.captions.get(name, spoken(name)),
+            }
+            for name in names
+        ],
+        command=command(document.command, config),
+        provenance=f"configuration {made_by['config_hash']}, {identity}code {made_by['git_sha'] or version}",
+        configuration=json.dumps(as_plain(config), indent=2),
+        player=player,
+    )
+
+
+def command(task: str, config: Any) -> str:
+    """The command that repeats a study: every key that differs from its default.
+
+    Args:
+        task: The task and what is always said with it, such as `evaluate method=base`.
+        config: Its record.
+    """
+    usual, said = type(config)(), {word.partition("=")[0] for word in task.split()}
+    if hasattr(config, "driver") and config.driver.model != usual.driver.model:
+        task = f"{task} driver={config.driver.model}"
+        usual = replace(usual, driver=record_of(config.driver.model)())
+    defaults, chosen = keys_of(usual), keys_of(config)
+    changed = [
+        f"{name}={key.default}"
+        for name, key in chosen.items()
+        if key.default != defaults[name].default and name not in said
+    ]
+    return " ".join(["rearl", task, *map(shlex.quote, changed)])

@@ -1,0 +1,142 @@
+"""Tables that people read, and numbers as text."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Any
+
+import pandas as pd
+
+NONE = "-"
+"""Text of a number that does not exist."""
+
+MOST_ROWS = 60
+"""Rows of a table made from a frame; the Parquet file has all of them."""
+
+_DIGITS = 3
+"""Significant digits of a number for which nobody chose any."""
+
+_SHORT = 40
+"""Characters of a cell that stays on one line."""
+
+
+class Emphasis(Enum):
+    """Emphasis of a row: `strong` for a result, `subdued` for what it is compared with."""
+
+    plain = auto()
+    strong = auto()
+    subdued = auto()
+
+
+class Alignment(Enum):
+    """Alignment of a column: numbers to the right, words to the left, long text to the left on several lines."""
+
+    number = auto()
+    words = auto()
+    text = auto()
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A value as text, and its confidence interval below it."""
+
+    value: str
+    interval: str = ""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a table: its title and one cell per heading."""
+
+    title: str
+    cells: tuple[Cell, ...]
+    emphasis: Emphasis = Emphasis.plain
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table that people read.
+
+    Attributes:
+        title: Its title, plain text.
+        headings: Headings of the columns after the titles of the rows, with units.
+        rows: Its rows.
+
+    Raises:
+        ValueError: A row has more or fewer cells than there are headings.
+    """
+
+    title: str
+    headings: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row.cells) != len(self.headings):
+                raise ValueError(f"{self.title}: row {row.title} has {len(row.cells)} cells for {len(self.headings)}")
+
+    def alignment(self, column: int) -> Alignment:
+        """Alignment of a column, by what its cells hold."""
+        values = [row.cells[column].value for row in self.rows]
+        if any(len(value) > _SHORT for value in values):
+            return Alignment.text
+        return Alignment.words if any(value[:1].isalpha() for value in values) else Alignment.number
+
+
+def table_of(title: str, frame: pd.DataFrame, columns: Mapping[str, str] | Sequence[str]) -> Table:
+    """Table of a frame: the first column holds the titles, `x_low` and `x_high` are the interval of `x`.
+
+    Args:
+        title: Its title.
+        frame: The frame.
+        columns: Names of the columns shown, those that the frame has not left out; as keys of their headings.
+    """
+    headings = dict(columns) if isinstance(columns, Mapping) else {name: spoken(name) for name in columns}
+    first, *others = (name for name in headings if name in frame)
+    records = frame.head(MOST_ROWS).astype(object).to_dict("records")
+    rows = tuple(Row(number(record[first]), tuple(_cell(record, name) for name in others)) for record in records)
+    if len(frame) > len(rows):
+        title += f" (the first {MOST_ROWS} of {len(frame)} rows)"
+    return Table(title, tuple(headings[name] for name in others), rows)
+
+
+def _cell(record: Mapping[Any, Any], name: str) -> Cell:
+    return Cell(number(record[name]), interval(record.get(f"{name}_low"), record.get(f"{name}_high")))
+
+
+def number(value: Any, sign: str = "") -> str:
+    """Text of a value, `-` where there is none.
+
+    Args:
+        value: A number, a text, a truth value or a missing one.
+        sign: `+` for changes.
+    """
+    if value is None or value is pd.NA or (isinstance(value, float) and pd.isna(value)):
+        return NONE
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        is_small = value and round(abs(value)) < 10**_DIGITS
+        return f"{value:{sign}#.{_DIGITS}g}".rstrip(".") if is_small else f"{value:{sign},.0f}"
+    return f"{value:{sign},}" if isinstance(value, int) else str(value)
+
+
+def interval(low: Any, high: Any, sign: str = "") -> str:
+    """Text of an interval, empty where an end is missing."""
+    ends = (number(low, sign), number(high, sign))
+    return "" if NONE in ends else f"{ends[0]} to {ends[1]}"
+
+
+def percent(share: float | None) -> str:
+    """Text of a share [-] in percent, `-` where there is none."""
+    return NONE if share is None or pd.isna(share) else f"{100 * share:.1f} %"
+
+
+def spoken(name: str) -> str:
+    """Name of a column or key in words."""
+    return name.replace("_", " ")
+
+
+def sentence(text: str) -> str:
+    """Text with a capital at its beginning and a full stop at its end."""
+    return text[:1].upper() + text[1:].rstrip(".") + "."

@@ -1,0 +1,73 @@
+"""A document in the terminal: its verdict, its tables, its notes; folded sections are left to the page."""
+
+import io
+from collections.abc import Iterable
+
+import rich.table
+from rich.markup import escape
+
+from rearl_jax.console import Console, print_notes, standard_output, titled_table
+from rearl_jax.document.document import Document
+from rearl_jax.document.table import Alignment, Cell, Emphasis, Row, Table
+
+GENERATED = "GENERATED recordings, no measurements: nothing here is about real traffic"
+
+_LEAST_WIDTH = 100
+"""Columns of a file or a pipe at least, for the sentences."""
+
+_STYLES = {Emphasis.plain: None, Emphasis.strong: "bold", Emphasis.subdued: "dim italic"}
+
+
+def print_document(document: Document) -> None:
+    """Prints a document on standard output; a terminal too narrow for the intervals shows none."""
+    _print(standard_output(_width(document)), document)
+
+
+def text_of(document: Document) -> str:
+    """Text of a document as a file or a pipe gets it, without colours."""
+    console = Console(width=_width(document), file=io.StringIO())
+    with console.capture() as captured:
+        _print(console, document)
+    return captured.get()
+
+
+def _print(console: Console, document: Document) -> None:
+    width = _width(document)
+    has_room = console.width >= width
+    print_notes(console, [document.verdict, *([GENERATED] if document.generated else ())])
+    for section in document.sections:
+        if section.is_folded:
+            continue
+        for table in section.tables:
+            console.print(_drawn(table, with_intervals=has_room, generated=document.generated))
+        print_notes(console, (*section.paragraphs, *section.notes))
+    if not has_room:
+        print_notes(console, [f"intervals: page.html, or a terminal of {width} columns"])
+
+
+def _width(document: Document) -> int:
+    """Columns that the widest table needs with its intervals."""
+    unlimited = Console(width=10_000, file=io.StringIO())
+    tables = (table for section in document.sections if not section.is_folded for table in section.tables)
+    drawn = (_drawn(table, with_intervals=True, generated=document.generated) for table in tables)
+    return max([_LEAST_WIDTH, *(unlimited.measure(table).maximum for table in drawn)])
+
+
+def _drawn(table: Table, *, with_intervals: bool, generated: bool) -> rich.table.Table:
+    drawn = titled_table(table.title, generated=generated)
+    drawn.add_column("")
+    for column, heading in enumerate(table.headings):
+        justify = "right" if table.alignment(column) is Alignment.number else "left"
+        drawn.add_column(escape(heading), justify=justify, no_wrap=True)
+    for row in table.rows:
+        drawn.add_row(escape(row.title), *_texts(row, with_intervals=with_intervals), style=_STYLES[row.emphasis])
+    return drawn
+
+
+def _texts(row: Row, *, with_intervals: bool) -> Iterable[str]:
+    return (_text(cell, with_intervals=with_intervals) for cell in row.cells)
+
+
+def _text(cell: Cell, *, with_intervals: bool) -> str:
+    value = escape(cell.value)
+    return f"{value}\n[dim]{escape(cell.interval)}[/dim]" if with_intervals and cell.interval else value
