@@ -19,7 +19,9 @@ _STYLES = {Emphasis.plain: None, Emphasis.strong: "bold", Emphasis.subdued: "dim
 
 
 def print_document(document: Document) -> None:
-    """Prints a document on standard output; a terminal too narrow for the intervals shows none."""
+    """Prints a document on standard output; a terminal too narrow for the intervals shows none, and the spread
+    of a value below it.
+    """
     _print(standard_output(_width(document)), document)
 
 
@@ -70,4 +72,6 @@ def _texts(row: Row, *, with_intervals: bool) -> Iterable[str]:
 
 def _text(cell: Cell, *, with_intervals: bool) -> str:
     value = escape(cell.value)
-    return f"{value}\n[dim]{escape(cell.interval)}[/dim]" if with_intervals and cell.interval else value
+    if not with_intervals:
+        return value.replace(" ± ", "\n±")
+    return f"{value}\n[dim]{escape(cell.interval)}[/dim]" if cell.interval else value
