@@ -84,9 +84,10 @@ class Evaluated:
         task.write_pages(study, evaluation, self.estimates)
 
     def __str__(self) -> str:
-        from rearl_jax.evaluation.terminal import text_of
+        from rearl_jax.document.terminal import text_of
+        from rearl_jax.evaluation.task import documented
 
-        return text_of(self.evaluation, self.estimates)
+        return text_of(documented(self.evaluation, self.estimates))
 
 
 @dataclass(frozen=True)

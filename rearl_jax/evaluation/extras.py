@@ -19,7 +19,7 @@ class Extra:
         notes: What must be read with the table.
         summary: Keys of the method's object in summary.json; the other rows get None.
         figures: Functions that draw PNG files, by name; called when the table is printed, as drawing takes a while to
-            import. `page.py` has a caption for each.
+            import. `document.py` has a caption for each.
     """
 
     tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)

@@ -49,12 +49,14 @@ class Sample:
     Attributes:
         example: Index of the scene in the space-time diagram.
         frames: Its first rollout, `[n_steps, n_vehicles]`.
+        lengths: Lengths of the vehicles in it [m].
         speed_counts: Simulated speeds of all rollouts per bin of `speed_histogram_edges`.
         action_counts: Actions of all rollouts per bin of the speed before them; None where no policy drives everybody.
     """
 
     example: int
     frames: Frames
+    lengths: Float[np.ndarray, " vehicles"]
     speed_counts: Int[np.ndarray, " bins"]
     action_counts: Int[np.ndarray, "actions bins"] | None = None
 
@@ -185,14 +187,15 @@ def simulated_row(
         speed_counts += np.histogram(np.clip(frames.speed, edges[0], edges[-1]), edges)[0]
         if shown is None and example in chunk.scene:
             column = chunk.rollout[np.flatnonzero(chunk.scene == example)[0]]
-            shown = jax.tree.map(lambda leaf, at=column: leaf[..., at].copy(), frames)
+            shown = jax.tree.map(lambda leaf, at=column: np.array(leaf[..., at]), (frames, simulated.length))
     scores = _joined(row.name, chunks, len(rollouts), time.perf_counter() - begin)
     assert shown is not None  # the example is one of the held-out scenes
     log = None
     if decided[0] is not None:
         joined = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *decided)
         log = DecisionLog(rollouts.scene, rollouts.run, joined)
-    return scores, Sample(example, shown, speed_counts, np.sum(taken, axis=0) if taken else None), log
+    first, lengths = shown
+    return scores, Sample(example, first, lengths, speed_counts, np.sum(taken, axis=0) if taken else None), log
 
 
 def scored_rollouts(

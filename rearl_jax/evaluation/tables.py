@@ -1,10 +1,9 @@
-"""Scores and estimates as tables: Parquet frames, the objects of summary.json, the table people read.
+"""Scores and estimates as tables: Parquet frames and the objects of summary.json.
 
 Where there is no figure a cell is missing (null), never a number that means nothing.
 """
 
 import json
-from collections.abc import Mapping
 from typing import TypeAlias
 
 import numpy as np
@@ -16,13 +15,9 @@ from rearl_jax.evaluation.estimates import BASE, Estimate
 from rearl_jax.evaluation.extras import summary_of
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.evaluation.scores import REAL, TITLES, Scores
-from rearl_jax.evaluation.traffic import model_notes
 from rearl_jax.metrics import METRICS
 
 Column: TypeAlias = np.ndarray | pd.Categorical | pd.arrays.IntegerArray | pd.arrays.FloatingArray
-
-SHOWN = ("h", "mape_a", "mape_b", "mape_c", "thw", "lcr", "collisions", "realism")
-"""Metrics of the table in the terminal; the page and the files have all."""
 
 HEADINGS = {
     "h": "H",
@@ -34,7 +29,7 @@ HEADINGS = {
     "collisions": "crashed",
     "realism": "realism",
 }
-"""Short headings of the metrics shown."""
+"""Metrics of the first table and their short headings; another table and the files have all."""
 
 _LESS_BASE = ("less_base", "less_base_low", "less_base_high")
 
@@ -176,52 +171,10 @@ def written(value: float, name: str) -> str:
     return f"{value:.{METRICS[name].digits}f}"
 
 
-def table_notes(
-    config: EvaluateTask, evaluation: Evaluation, estimates: Mapping[tuple[str, str], Estimate]
-) -> list[str]:
-    """What must be read with the table."""
-    scenes = evaluation.scenes
-    percent = f"{100 * config.eval.confidence:g} %"
-    n_runs = config.eval.n_runs
-    spread = f"± standard deviation over {n_runs} runs" if n_runs > 1 else "one run, so no spread over runs"
-    notes = [
-        f"{spread}; intervals: {percent} bootstrap over {len(evaluation.held_out)} held-out scenes (of {len(scenes)})",
-        *(_less_base_note(row, config, estimates) for row in evaluation.rows if _is_beside_base(row, evaluation)),
-        *(note for extra in evaluation.extras for note in extra.notes),
-        "H Hellinger distance of speeds; MAPE relative error of the mean spacing, definitions A, B, C; "
-        "smaller is closer, but nothing can be expected below real against real",
-        "THW time headway, LCR lane changes per vehicle and second: they describe traffic; compare with the "
-        "row real, more is not better",
-        *model_notes(config),
-    ]
-    if scenes.generated:
-        notes.insert(0, "GENERATED recordings, no measurements: nothing here is about real traffic")
-    return notes
-
-
 def _has_base_beside(evaluation: Evaluation) -> bool:
     """Whether base stands beside another method."""
     methods = [row.row for row in evaluation.rows if row.row not in TITLES]
     return BASE in methods and len(methods) > 1
-
-
-def _is_beside_base(row: Scores, evaluation: Evaluation) -> bool:
-    """Whether a row is a method beside base."""
-    return _has_base_beside(evaluation) and row.row != BASE and row.row not in TITLES
-
-
-def _less_base_note(row: Scores, config: EvaluateTask, estimates: Mapping[tuple[str, str], Estimate]) -> str:
-    """What a method changes, scene by scene."""
-    parts = []
-    for name in ("h", config.mape.column):
-        found = estimates.get((row.row, name))
-        if found is None or found.less_base is None:
-            continue
-        part = f"{HEADINGS[name]} {found.less_base:+.3f}"
-        if found.less_base_low is not None and found.less_base_high is not None:
-            part += f" ({found.less_base_low:+.3f} to {found.less_base_high:+.3f})"
-        parts.append(part)
-    return f"{row.title} less base, from the same initial states: {', '.join(parts) or 'no figure'}"
 
 
 def metadata(config: EvaluateTask, evaluation: Evaluation) -> dict[str, str]:

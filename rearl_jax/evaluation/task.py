@@ -16,11 +16,15 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config.evaluation import Method
 from rearl_jax.data.recordings import is_generated
 from rearl_jax.data.scene_set import SceneSet
-from rearl_jax.evaluation import tables, terminal
+from rearl_jax.document.document import Document
+from rearl_jax.document.terminal import print_document
+from rearl_jax.evaluation import tables
+from rearl_jax.evaluation.document import document_of
 from rearl_jax.evaluation.estimates import Estimate, estimates
 from rearl_jax.evaluation.extras import Extra
 from rearl_jax.evaluation.inputs import inputs_of_scenes, read_inputs
 from rearl_jax.evaluation.percentiles import thresholds_of
+from rearl_jax.evaluation.remarks import remarks_of
 from rearl_jax.evaluation.rows import compares_variants
 from rearl_jax.evaluation.runner import Evaluation, evaluate
 from rearl_jax.evaluation.traffic import inputs_id
@@ -56,7 +60,7 @@ def run(config: EvaluateTask, *, show: bool = True) -> dict:
     found = estimates(evaluation.rows, evaluation.held_out, config.eval)
     write_tables(study, evaluation, found)
     if show:
-        terminal.print_table(evaluation, found)
+        print_document(documented(evaluation, found))
     return {"rows": write_pages(study, evaluation, found)}
 
 
@@ -128,10 +132,24 @@ def write_tables(study: Study, evaluation: Evaluation, found: dict[tuple[str, st
     metadata = tables.metadata(config, evaluation)
     study.write_table("runs", tables.run_table(evaluation), **metadata)
     study.write_table("frames", tables.frame_table(evaluation, config.hist.window), **metadata)
-    study.write_table("summary", tables.summary_table(evaluation, found, config.eval.confidence), **metadata)
+    summary = tables.summary_table(evaluation, found, config.eval.confidence)
+    study.write_table("summary", summary, **metadata, remarks=remarks_of(evaluation).to_json())
     for extra in evaluation.extras:
         for name, table in extra.tables.items():
             study.write_table(name, table, **metadata)
+
+
+def documented(evaluation: Evaluation, found: dict[tuple[str, str], Estimate]) -> Document:
+    """What the evaluation says; arguments as of `write_tables`."""
+    summary = tables.summary_table(evaluation, found, evaluation.config.eval.confidence)
+    decisions = (extra.tables["decisions"] for extra in evaluation.extras if "decisions" in extra.tables)
+    return document_of(
+        evaluation.config,
+        summary,
+        remarks_of(evaluation),
+        decisions=next(decisions, None),
+        generated=evaluation.scenes.generated,
+    )
 
 
 def write_pages(study: Study, evaluation: Evaluation, found: dict[tuple[str, str], Estimate]) -> list[dict]:
@@ -144,7 +162,7 @@ def write_pages(study: Study, evaluation: Evaluation, found: dict[tuple[str, str
     figures = draw(config, evaluation)
     for name, png in figures.items():
         study.write_bytes(f"{name}.png", png)
-    study.write_text("page.html", render(config, evaluation, found, figures))
+    study.write_text("page.html", render(evaluation, documented(evaluation, found), figures))
     rows = tables.summary_rows(evaluation, found)
     study.write_summary(rows)
     return rows

@@ -1,7 +1,7 @@
 """The folder of a finished study: what it was asked for, what it found, its tables and figures."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -9,8 +9,10 @@ from typing import Any
 import pandas as pd
 
 from rearl_jax.config._schema import from_plain
+from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.document.document import DataSource, data_sources
 from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
-from rearl_jax.results import PROVENANCE, config_hash
+from rearl_jax.results import PROVENANCE, config_hash, read_metadata
 from rearl_jax.tasks import TASKS, Task
 
 
@@ -62,6 +64,10 @@ class FinishedStudy:
             said = f"the file cannot be read ({error})"
             raise InvalidInputError(Problem("not-parquet", said, self.again, file=str(path))) from error
 
+    def metadata(self, name: str) -> dict[str, str]:
+        """What the schema of the Parquet table of that name says, `results.read_metadata`."""
+        return read_metadata(self.path / f"{name}.parquet")
+
     def object(self, name: str) -> Any:
         """The content of the JSON file `name`.
 
@@ -70,16 +76,21 @@ class FinishedStudy:
         """
         return _read_json(self.path / name, self.again)
 
-    def figures(self, first: Iterable[str]) -> dict[str, bytes]:
-        """PNG files of the folder by name.
+    @property
+    def figures(self) -> dict[str, bytes]:
+        """PNG files of the folder by name."""
+        return {path.stem: path.read_bytes() for path in self.path.glob("*.png")}
 
-        Args:
-            first: Names of those that come first, in their order.
+    @property
+    def sources(self) -> tuple[DataSource, ...]:
+        """Data set of the first recording that the configuration names; empty for a task without recordings.
+
+        Raises:
+            OSError, ValueError: There is no recording, or it is bad.
         """
-        there = sorted(path.stem for path in self.path.glob("*.png"))
-        names = [name for name in first if name in there]
-        names += [name for name in there if name not in names]
-        return {name: (self.path / f"{name}.png").read_bytes() for name in names}
+        if not hasattr(self.config, "data"):
+            return ()
+        return data_sources([next(iterate_recordings(self.config.data)).info])
 
     def needs(self, found: Mapping[str, Any] | pd.DataFrame, names: tuple[str, ...], where: str) -> None:
         """Raise ValueError where keys or columns are not there, as in studies of an older version.

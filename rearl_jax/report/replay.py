@@ -6,11 +6,10 @@ the same one again; where they do not, nothing is shown.
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import jax
 import numpy as np
-from jaxtyping import Float
 from rich.progress import Progress
 
 from rearl_jax.baselines.critical.mixture import Mixture
@@ -18,7 +17,6 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config.decision import PolicyName
 from rearl_jax.config.evaluation import Method, Variant
 from rearl_jax.config.report import ReportConfig
-from rearl_jax.core.rollout import Frames
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.evaluation.inputs import Inputs, read_inputs
 from rearl_jax.evaluation.language_model import language_model
@@ -27,13 +25,14 @@ from rearl_jax.evaluation.percentiles import thresholds_of
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import compares_variants
 from rearl_jax.evaluation.runner import make_scorer, scored_chunks
-from rearl_jax.evaluation.scores import WITH_EFFECT
+from rearl_jax.evaluation.scores import WITH_EFFECT, title_of
 from rearl_jax.evaluation.simulators import interventions
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 from rearl_jax.progress import shown
+from rearl_jax.replay.scenes import Replay, ReplayedScene
 from rearl_jax.report.finished import FinishedStudy
-from rearl_jax.report.witness import Decision, Witness, policy_of
+from rearl_jax.report.witness import Witness, policy_of
 from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
 
@@ -43,44 +42,6 @@ SAME_FIGURE = 1e-5
 
 class NoReplayError(ValueError):
     """The scenes of a study cannot be shown; the message says why and what to do."""
-
-
-@dataclass(frozen=True)
-class ReplayedScene:
-    """A rollout and the recorded scene it was scored on.
-
-    Attributes:
-        index: Index of the scene in the `SceneSet`.
-        run: Run of the study.
-        frames: The rollout, `[n_steps, n_vehicles]`.
-        lengths: Lengths of its vehicles [m].
-        decisions: Who was asked when, and told what.
-        h: Its Hellinger distance [-].
-    """
-
-    index: int
-    run: int
-    frames: Frames
-    lengths: Float[np.ndarray, " vehicles"]
-    decisions: tuple[Decision, ...]
-    h: float
-
-
-@dataclass(frozen=True)
-class Replay:
-    """Scenes to be shown.
-
-    Attributes:
-        config: The method that was simulated.
-        row: Its row in the study's tables.
-        scenes: All recorded scenes.
-        replayed: The chosen ones.
-    """
-
-    config: EvaluateTask
-    row: str
-    scenes: SceneSet
-    replayed: tuple[ReplayedScene, ...]
 
 
 def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -> Replay:
@@ -105,10 +66,14 @@ def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -
     inputs = read_inputs(config, folder, bar, with_references=config.method.needs_references)
     held_out = inputs.held_out(config.eval)
     chosen = chosen_scenes(inputs.scenes, held_out, options)
-    found = _replayed(study, config, inputs, chosen, len(held_out), options.run, bar)
-    replay = Replay(config, row, inputs.scenes, tuple(found))
-    _require_same_figures(study, replay)
-    return replay
+    replayed = tuple(_replayed(study, config, inputs, chosen, len(held_out), options.run, bar))
+    _require_same_figures(study, row, inputs.scenes, replayed)
+    origin = (
+        f"Simulated again with {title_of(row)}, eval.seed={config.eval.seed}, run {options.run} of "
+        f"{config.eval.n_runs} (from 0), and found to be the rollouts of the study: their Hellinger distances are those "
+        "in runs.parquet."
+    )
+    return Replay(config, inputs.scenes, replayed, origin, has_decisions=interventions(config) is not None)
 
 
 def _one_method(config: EvaluateTask) -> tuple[EvaluateTask, str]:
@@ -183,10 +148,11 @@ def _replayed(
         for simulated, chunk in scored_chunks(config, rollouts, scorer, chosen, width, shown(bar, "replay")):
             for column, scene, h in zip(chunk.rollout, chunk.scene, chunk.metrics.h.value, strict=True):
                 at = first + int(column)
-                told = () if witness is None else tuple(one for one in witness.decisions if one.rollout == at)
+                decisions = () if witness is None else witness.decisions
+                told = tuple(decision for decision in decisions if decision.rollout == at)
                 frames = jax.tree.map(lambda leaf, column=column: np.asarray(leaf[..., column]), simulated.frames)
                 length = np.asarray(simulated.length[:, column])
-                yield ReplayedScene(int(scene), run, frames, length, told, float(h))
+                yield ReplayedScene(int(scene), run, frames, length, float(h), told)
             first += simulated.frames.x.shape[-1]
 
 
@@ -216,19 +182,21 @@ def _witness(
         yield Witness(policy_of(acts, rollouts_with(None).decision_keys) if asked is None else asked.make_policy)
 
 
-def _require_same_figures(study: FinishedStudy, replay: Replay) -> None:
+def _require_same_figures(
+    study: FinishedStudy, method: str, scenes: SceneSet, replayed: tuple[ReplayedScene, ...]
+) -> None:
     """Raise NoReplayError where a rollout scores otherwise than it did in the study."""
     runs = study.table("runs")
     study.needs(runs, ("method", "scene_id", "run", "h"), "runs.parquet")
-    rows = runs.loc[(runs["method"] == replay.row) & runs["h"].notna(), ["scene_id", "run", "h"]]
+    rows = runs.loc[(runs["method"] == method) & runs["h"].notna(), ["scene_id", "run", "h"]]
     kept = {(int(scene), int(run)): float(h) for scene, run, h in rows.itertuples(index=False)}
-    for one in replay.replayed:
-        scene = int(replay.scenes.scene_id[one.index])
-        before = kept.get((scene, one.run))
-        if before is None or abs(before - one.h) > SAME_FIGURE:
+    for rollout in replayed:
+        scene = int(scenes.scene_id[rollout.index])
+        before = kept.get((scene, rollout.run))
+        if before is None or abs(before - rollout.h) > SAME_FIGURE:
             figure = "no" if before is None else f"{before:.5f} as"
             raise NoReplayError(
-                f"simulated again, run {one.run} of scene {scene} has a Hellinger distance of {one.h:.5f}, but the "
-                f"study has {figure} figure for it: it was made by other code or on another machine "
+                f"simulated again, run {rollout.run} of scene {scene} has a Hellinger distance of {rollout.h:.5f}, but "
+                f"the study has {figure} figure for it: it was made by other code or on another machine "
                 f"({study.provenance['code_version']}, {study.provenance['git_sha']}); {study.again}"
             )

@@ -1,37 +1,30 @@
-"""The task `rearl report`: the folder of a finished study in, one HTML file out.
+"""The task `rearl report`: the folder of a finished study in, its page written anew.
 
-Nothing of the study is changed. Of `rearl evaluate` some scenes are simulated again for the replay; where that cannot
-be done the file is written without them and says why.
+Nothing else of the study is changed. Of `rearl evaluate` some scenes are simulated again for the replay; where that
+cannot be done the page is written without them and says why.
 """
 
 import logging
-from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from rearl_jax.config import ReportTask
+from rearl_jax.document.document import Document, Section
+from rearl_jax.document.html import page_of
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import progress_bar
-from rearl_jax.report.content import Content
-from rearl_jax.report.effects import discovery_content
+from rearl_jax.replay.player import player_of
+from rearl_jax.replay.scenes import Replay
+from rearl_jax.report.documents import DOCUMENTS
 from rearl_jax.report.finished import FinishedStudy, read_finished
-from rearl_jax.report.methods import evaluation_content
-from rearl_jax.report.others import blind_content, paper_content, sweep_content
-from rearl_jax.report.page import write_report
-from rearl_jax.report.replay import NoReplayError, Replay, simulate_again
+from rearl_jax.report.replay import NoReplayError, simulate_again
 from rearl_jax.whole_files import replacing
 
 log = logging.getLogger(__name__)
 
-FILE = "report.html"
+FILE = "page.html"
 
-_CONTENTS: dict[str, Callable[[FinishedStudy], Content]] = {
-    "evaluate": evaluation_content,
-    "discover": discovery_content,
-    "discover blind": blind_content,
-    "sweep thresholds": sweep_content,
-    **{f"study {name}": paper_content for name in ("table1", "table3", "table4", "fig6", "fig7", "fig8")},
-}
-"""What is said about a study, by the task that made it."""
+_NEW_KEYS = "Keys that did not exist when the study was made are listed with their defaults."
 
 
 def run(config: ReportTask) -> dict:
@@ -43,21 +36,37 @@ def run(config: ReportTask) -> dict:
     """
     study = read_finished(config.results.root, config.study)
     words = study.task.words
-    if words not in _CONTENTS:
-        said = f"must be of {', '.join(_CONTENTS)}, on which there are reports; it is of `rearl {words}`"
+    if words not in DOCUMENTS:
+        said = f"must be of {', '.join(DOCUMENTS)}, on which there are reports; it is of `rearl {words}`"
         raise InvalidInputError(Problem("no-report", said, key="study", value=config.study))
-    content = _CONTENTS[words](study)
+    document = _completed(DOCUMENTS[words](study), study)
     replay, no_replay = _replay(study, config)
+    if no_replay:
+        document = replace(document, sections=(*document.sections, Section("Scenes replayed", (no_replay,))))
+    player = None if replay is None else player_of(replay)
+    page = page_of(document, study.config, study.figures, made_by=study.provenance, player=player).encode("utf-8")
     path = Path(config.report.path) if config.report.path else study.path / FILE
-    text = write_report(study, content, replay, no_replay).encode("utf-8")
     with replacing(path) as unfinished:
-        unfinished.write_bytes(text)
-    scenes = [] if replay is None else [int(replay.scenes.scene_id[one.index]) for one in replay.replayed]
-    print(content.result)
+        unfinished.write_bytes(page)
+    scenes = [] if replay is None else [int(replay.scenes.scene_id[scene.index]) for scene in replay.replayed]
+    print(document.verdict)
     if no_replay:
         print(no_replay)
-    print(f"report: {path} ({len(text) / 1000:.0f} kB{', scenes ' + ', '.join(map(str, scenes)) if scenes else ''})")
-    return {"path": str(path), "size": len(text), "scenes": scenes, "no_replay": no_replay}
+    print(f"report: {path} ({len(page) / 1000:.0f} kB{', scenes ' + ', '.join(map(str, scenes)) if scenes else ''})")
+    return {"path": str(path), "size": len(page), "scenes": scenes, "no_replay": no_replay}
+
+
+def _completed(document: Document, study: FinishedStudy) -> Document:
+    """The document with the licence of the recordings, where it is without, and what is unknown."""
+    sources, data = document.sources, [document.data]
+    if not sources:
+        try:
+            sources = study.sources
+        except (OSError, ValueError) as error:
+            data.append(f"Source and licence of the recordings cannot be told: {error}.")
+    if study.has_new_keys:
+        data.append(_NEW_KEYS)
+    return replace(document, sources=sources, data=" ".join(filter(None, data)))
 
 
 def _replay(study: FinishedStudy, config: ReportTask) -> tuple[Replay | None, str]:

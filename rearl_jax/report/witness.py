@@ -22,23 +22,7 @@ from rearl_jax.decision.situation import Situation
 from rearl_jax.detection.table import ReferenceTable
 from rearl_jax.evaluation.outside import Lot, MakePolicy
 from rearl_jax.evaluation.simulators import Interventions
-
-
-@dataclass(frozen=True)
-class Decision:
-    """One vehicle that was asked.
-
-    Attributes:
-        rollout: Number of the rollout.
-        second: Frame at whose end it was asked; the answer is followed in the second after it.
-        vehicle: Number of the vehicle.
-        action: What it is told, in the order of `MetaAction`; NO_ACTION where the answer cannot be followed.
-    """
-
-    rollout: int
-    second: int
-    vehicle: int
-    action: int
+from rearl_jax.replay.scenes import Decision
 
 
 @dataclass

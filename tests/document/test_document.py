@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from rearl_jax.config import EvaluateTask
+from rearl_jax.config.driver import record_of
 from rearl_jax.document.document import Document, Section
 from rearl_jax.document.html import command, page_of
 from rearl_jax.document.table import Alignment, Cell, Emphasis, Row, Table, interval, number, table_of
@@ -106,3 +107,5 @@ def test_an_interval_without_an_end_is_none():
 
 def test_the_command_says_what_differs_from_the_defaults():
     assert command("evaluate method=base", EvaluateTask(study="a b")) == "rearl evaluate method=base 'study=a b'"
+    driven = EvaluateTask(driver=record_of("gipps")(time_gap_sd=0.3))
+    assert command("evaluate", driven) == "rearl evaluate driver=gipps driver.time_gap_sd=0.3"

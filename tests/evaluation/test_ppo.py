@@ -52,9 +52,9 @@ def test_everybody_starts_as_under_base_and_drives_faster(scenes, driven, monkey
 def test_row_base_beside_it_note_and_figure(scenes, driven):
     from rearl_jax.evaluation.estimates import estimates
     from rearl_jax.evaluation.figures import draw
-    from rearl_jax.evaluation.page import render
     from rearl_jax.evaluation.runner import evaluate
-    from rearl_jax.evaluation.tables import summary_rows, table_notes
+    from rearl_jax.evaluation.tables import summary_rows
+    from rearl_jax.evaluation.task import documented
 
     held_out = np.array([1, 4])
     evaluation = evaluate(driven, scenes, held_out)
@@ -68,12 +68,13 @@ def test_row_base_beside_it_note_and_figure(scenes, driven):
     rows = summary_rows(evaluation, found)
     assert rows[0]["h_less_base"] == pytest.approx((ppo - base).mean())
     assert "trigger_rate" not in rows[0]
-    notes = table_notes(driven, evaluation, found)
+    document = documented(evaluation, found)
+    notes = document.sections[0].notes
     assert any(note.startswith("weights ppo_default.eqx") and "faster" in note for note in notes)
     assert any(note.startswith("ppo less base") for note in notes)
     figures = draw(driven, evaluation)
     assert figures["actions_by_speed"].startswith(b"\x89PNG")
-    assert "What the policy that drives all vehicles does" in render(driven, evaluation, found, figures)
+    assert set(figures) <= set(document.captions)
 
 
 def test_actions_are_counted_by_the_speed_before_them():

@@ -36,7 +36,7 @@ def test_decisions_are_counted_second_by_second(scenes, intervening, references)
     from rearl_jax.evaluation.estimates import estimates
     from rearl_jax.evaluation.interventions import decision_table
     from rearl_jax.evaluation.runner import evaluate
-    from rearl_jax.evaluation.tables import table_notes
+    from rearl_jax.evaluation.task import documented
 
     evaluation = evaluate(intervening, scenes, np.array([1, 4]), references=references, thresholds=(0.1, 0.05))
     table = decision_table(scenes.scene_id, evaluation.log, intervening.hist.window)
@@ -49,8 +49,10 @@ def test_decisions_are_counted_second_by_second(scenes, intervening, references)
     assert table.h[table.frame < 4].isna().all()
     assert table.h[table.frame >= 4].notna().all()
     found = estimates(evaluation.rows, evaluation.held_out, intervening.eval)
-    notes = table_notes(intervening, evaluation, found)
-    assert any(f"{table.asked.sum()} decisions in 6 rollouts" in note for note in notes)
+    methods, *_, interventions, _ = documented(evaluation, found).sections
+    assert any(f"{table.asked.sum()} decisions in 6 rollouts" in note for note in methods.notes)
+    (row,) = interventions.tables[0].rows
+    assert [cell.value for cell in row.cells[1:3]] == [f"{n:,}" for n in (table.asked.sum(), table.left.sum())]
 
 
 def test_base_stands_beside_the_method_from_the_same_initial_states(scenes, intervening, references):

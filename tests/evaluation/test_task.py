@@ -119,8 +119,9 @@ def test_printed_table_holds_the_reference_rows_and_never_praises_more_headway(d
     assert "more is not better" in " ".join(done.printed.split())
     assert "GENERATED" not in done.printed
     assert "…" not in done.printed  # nothing cut off
-    figure = f"{done.summary[0]['h']:.3f}".lstrip("0")
-    assert figure in done.printed
+    base = done.summary[0]
+    assert f"{base['h']:.3f}" in done.printed
+    assert done.printed.startswith(f"The speeds of base are a Hellinger distance of {base['h']:.3f} ({base['h_low']:.3f} ")
 
 
 def test_page_needs_nothing_from_outside(done):
@@ -128,13 +129,34 @@ def test_page_needs_nothing_from_outside(done):
     assert page.count("data:image/png;base64,") == 3
     for loaded in re.findall(r"(?:src|href)=\"([^\"]*)\"", page) + re.findall(r"url\(([^)]*)\)", page):
         assert loaded.startswith("data:")
-    assert not re.search(r"<(?:script|link|iframe|object)\b", page)
+    assert not re.search(r"<(?:link|iframe|object)\b", page)
+    assert page.count("<script") == 2  # the player and its scene
     assert "CC BY-SA 4.0" in page
     assert "U.S. Department of Transportation" in page
     assert "about a tenth of the traffic" in page
     assert "rearl evaluate method=base" in page
     assert "eval.n_runs=1" in page
-    assert "Generated recordings" not in page
+    assert "rearl report study=evaluate replays more scenes." in page
+
+
+def test_the_replay_has_marks_and_their_legend_only_where_decisions_are_known(done):
+    from rearl_jax.evaluation.page import example_replay
+    from rearl_jax.replay.player import player_of
+
+    replay = example_replay(done.evaluation)
+    for has_decisions in (False, True):
+        player = player_of(replace(replay, has_decisions=has_decisions))
+        assert ("not followed" in player.html) == has_decisions
+        assert f'"decisions":{str(has_decisions).lower()}' in player.script
+
+
+def test_the_document_is_the_same_from_memory_and_from_the_folder(done):
+    from rearl_jax.evaluation.task import documented
+    from rearl_jax.report.documents import evaluation_document
+    from rearl_jax.report.finished import read_finished
+
+    stored = read_finished(str(done.folder.parent), done.folder.name)
+    assert evaluation_document(stored) == documented(done.evaluation, done.estimates)
 
 
 def test_figures_are_pictures_of_some_size(done):
@@ -146,34 +168,51 @@ def test_figures_are_pictures_of_some_size(done):
         assert picture[..., :3].std() > 0.05  # not empty
 
 
-def test_generated_data_are_marked_everywhere(done, capsys):
+def test_generated_data_are_marked_everywhere(done):
+    from rearl_jax.document.terminal import text_of
     from rearl_jax.evaluation.figures import speed_histogram
-    from rearl_jax.evaluation.page import render
-    from rearl_jax.evaluation.terminal import print_table
+    from rearl_jax.evaluation.task import documented
 
     scenes = done.evaluation.scenes
     infos = tuple(replace(info, generated=True) for info in scenes.infos)
     evaluation = replace(done.evaluation, scenes=replace(scenes, infos=infos))
-    print_table(evaluation, done.estimates)
-    assert capsys.readouterr().out.count("GENERATED") == 2
-    assert "Generated recordings, no measurements" in render(done.config, evaluation, done.estimates, {})
+    assert text_of(documented(evaluation, done.estimates)).count("GENERATED") == 2
     assert speed_histogram(done.config, evaluation) != speed_histogram(done.config, done.evaluation)
+
+
+def document_of(done, **columns):
+    """The document of a summary with other columns."""
+    from rearl_jax.evaluation.document import document_of
+    from rearl_jax.evaluation.remarks import Remarks
+
+    summary = done.table("summary").assign(**columns)
+    return document_of(done.config, summary, Remarks(), decisions=None, generated=False)
 
 
 def test_narrow_terminal_loses_intervals_and_nothing_else(done, monkeypatch, capsys):
     from rearl_jax import console
-    from rearl_jax.evaluation.terminal import print_table
+    from rearl_jax.document.terminal import print_document
 
     class Narrow(console.Console):
         def __init__(self, **options):
             super().__init__(force_terminal=True, color_system=None, **({"width": 84} | options))
 
     monkeypatch.setattr(console, "Console", Narrow)
-    print_table(done.evaluation, done.estimates)
+    print_document(document_of(done, sd=0.012))
     printed = capsys.readouterr().out
     assert "…" not in printed
     assert "intervals: page.html" in printed
-    assert f"{done.summary[0]['realism']:.3f}".lstrip("0") in printed
+    assert f"{done.summary[0]['realism']:.3f}" in printed
+    assert "±0.012" in printed
+
+
+def test_a_change_to_base_is_part_of_verdict_notes_and_table_of_all_metrics(done):
+    changed = document_of(done, less_base=-0.1, less_base_low=-0.2, less_base_high=0.05)
+    assert ", a change of -0.100 (-0.200 to +0.050) to base;" in changed.verdict
+    assert "base less base, from the same initial states: H -0.100 (-0.200 to +0.050)" in changed.sections[0].notes[1]
+    (table,) = changed.sections[1].tables
+    column = table.headings.index("base less base")
+    assert table.rows[0].cells[column].interval == "-0.200 to +0.050"
 
 
 def test_summary_table_compares_row_by_row(done):
@@ -199,13 +238,3 @@ def test_unknown_example_stops(done):
         example_scene(scenes, held_out, int(other))
     assert (caught.value.code, caught.value.problem.key) == ("scene-not-held-out", "eval.example")
     assert caught.value.problem.value == other
-
-
-def test_the_command_of_a_page_chooses_its_car_following_model():
-    from rearl_jax.config import EvaluateTask
-    from rearl_jax.config.driver import record_of
-    from rearl_jax.evaluation.layout import command
-
-    assert command("evaluate", EvaluateTask()) == "rearl evaluate"
-    driven = EvaluateTask(driver=record_of("gipps")(time_gap_sd=0.3))
-    assert command("evaluate", driven) == "rearl evaluate driver=gipps driver.time_gap_sd=0.3"

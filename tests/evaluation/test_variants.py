@@ -115,7 +115,9 @@ def test_four_rows_side_by_side(path, tmp_path, capsys):
     assert np.abs(spacing[0] - spacing[1]).max() < 1.0
     np.testing.assert_array_equal(spacing[0], spacing[2])
     np.testing.assert_array_equal(spacing[1], spacing[3])
-    assert "rearl + effect against" in (folder / "page.html").read_text(encoding="utf-8")
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    assert "rearl + effect against" in page
+    assert "which are not marked here" in page
 
     again = replace(config, results=ResultsConfig(root=str(tmp_path), resume=True))
     stored = json.loads((folder / "summary.json").read_text())

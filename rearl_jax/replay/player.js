@@ -174,7 +174,8 @@
     const rescaled = compared === scene.real.speed[second].toFixed(1) ? "" : ` (compared as ${compared} m/s)`;
     const crashes = scene.sim.crash.filter(frame => frame >= 0 && frame <= second).length;
     ui.state.textContent = `Second ${second}: mean speed ${scene.sim.speed[second].toFixed(1)} m/s simulated, `
-      + `${scene.real.speed[second].toFixed(1)} m/s recorded${rescaled}; ${told.size} of ${scene.sim.vehicles.length} vehicles asked`
+      + `${scene.real.speed[second].toFixed(1)} m/s recorded${rescaled}`
+      + (data.decisions ? `; ${told.size} of ${scene.sim.vehicles.length} vehicles asked` : "")
       + (crashes ? `; ${crashes} crashed so far.` : ".");
   }
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from rearl_jax.core.road import traffic_model
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.data.scene_windows import UNKNOWN_LANE
-from rearl_jax.report.replay import Replay, ReplayedScene
+from rearl_jax.replay.scenes import Replay, ReplayedScene
 
 MOST_CHARACTERS = 600_000
 """Length of the data in a page; scenes beyond it are left out."""
@@ -29,15 +29,16 @@ def embedded(value: Any) -> str:
 def replay_data(replay: Replay) -> dict[str, Any]:
     """What the player draws.
 
-    `lanes`, `laneWidth` [cm]: the simulated road; `seconds`: frames of a scene; `scenes`: objects with `id`,
-    `recording`, `start` [s], `run`, `h`, `sim` and `real`. Both have `vehicles`: pieces `{t, x, y, l}`, first frame,
-    positions along and across the road as differences [cm], length [cm]; and `speed`, the mean of each frame [m/s].
-    `sim` has `crash` (frame of each vehicle's crash, -1 for none) and `asked`, `[frame, vehicle, action]`.
+    `lanes`, `laneWidth` [cm]: the simulated road; `seconds`: frames of a scene; `decisions`: whether it is known which
+    vehicles were asked; `scenes`: objects with `id`, `recording`, `start` [s], `run`, `h`, `sim` and `real`. Both have
+    `vehicles`: pieces `{t, x, y, l}`, first frame, positions along and across the road as differences [cm], length
+    [cm]; and `speed`, the mean of each frame [m/s]. `sim` has `crash` (frame of each vehicle's crash, -1 for none) and
+    `asked`, `[frame, vehicle, action]`.
     """
     model = traffic_model(replay.config.core)
     scenes, size = [], 0
-    for one in replay.replayed:
-        scene = _scene(replay.scenes, one, model.lane_width)
+    for replayed in replay.replayed:
+        scene = _scene(replay.scenes, replayed, model.lane_width)
         size += len(embedded(scene))
         if scenes and size > MOST_CHARACTERS:
             break
@@ -47,29 +48,29 @@ def replay_data(replay: Replay) -> dict[str, Any]:
         "realLanes": max(scene["lanes"] for scene in scenes),
         "laneWidth": round(_CM * model.lane_width),
         "seconds": replay.scenes.seconds,
+        "decisions": replay.has_decisions,
         "scenes": scenes,
     }
 
 
-def _scene(scenes: SceneSet, one: ReplayedScene, lane_width: float) -> dict[str, Any]:
-    index = one.index
+def _scene(scenes: SceneSet, replayed: ReplayedScene, lane_width: float) -> dict[str, Any]:
+    index, frames = replayed.index, replayed.frames
     y, n_lanes = _lateral(scenes, index, lane_width)
-    frames = one.frames
     crashed = np.asarray(frames.crashed)
     crash = np.where(crashed.any(axis=0), crashed.argmax(axis=0), -1)
-    columns = zip(frames.x.T, frames.y.T, one.lengths, strict=True)
+    columns = zip(frames.x.T, frames.y.T, replayed.lengths, strict=True)
     return {
         "id": int(scenes.scene_id[index]),
         "recording": str(scenes.recording[index]),
         "start": round(float(scenes.start_time[index]), 1),
-        "run": one.run,
-        "h": round(one.h, 4),
+        "run": replayed.run,
+        "h": round(replayed.h, 4),
         "lanes": n_lanes,
         "sim": {
             "vehicles": [_piece(0, x, across, float(length)) for x, across, length in columns],
             "speed": _means(np.asarray(frames.speed)),
             "crash": crash.tolist(),
-            "asked": [[told.second, told.vehicle, told.action] for told in one.decisions],
+            "asked": [[decision.second, decision.vehicle, decision.action] for decision in replayed.decisions],
         },
         "real": {
             "vehicles": _recorded_pieces(scenes, index, y),

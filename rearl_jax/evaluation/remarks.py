@@ -1,0 +1,101 @@
+"""What is said about an evaluation besides its tables: data, sources, notes, definitions."""
+
+import json
+from dataclasses import asdict, dataclass
+
+from rearl_jax.config import ClusterTask, EvaluateTask
+from rearl_jax.config.core import InitialSource
+from rearl_jax.config.evaluation import SeedScope
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.document.document import DataSource, data_sources
+from rearl_jax.evaluation.runner import Evaluation
+from rearl_jax.evaluation.traffic import model_notes
+from rearl_jax.metrics.histograms import legacy_scale
+
+_STARTS = {
+    InitialSource.seed: "drawn by eval.seed, run and scene alone",
+    InitialSource.scene: "the first snapshot of the scene; drivers drawn by eval.seed, run and scene alone",
+}
+
+_ROLLOUTS = {
+    SeedScope.run_x_scene: "one rollout for every run and scene, scored against its scene",
+    SeedScope.run: "one rollout for every run, scored against every scene",
+}
+
+
+@dataclass(frozen=True)
+class Remarks:
+    """Text that goes with the tables; the metadata of `summary.parquet` keep it.
+
+    Attributes:
+        data: The scenes in a sentence or two.
+        notes: What must be read with the table.
+        definitions: How rollouts, reference rows and intervals come about.
+        sources: Data sets with their licences.
+    """
+
+    data: str = ""
+    notes: tuple[str, ...] = ()
+    definitions: tuple[str, ...] = ()
+    sources: tuple[DataSource, ...] = ()
+
+    def to_json(self) -> str:
+        """The remarks as JSON text."""
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> "Remarks":
+        """The remarks that `to_json` wrote."""
+        stored = json.loads(text)
+        sources = tuple(DataSource(**source | {"notes": tuple(source["notes"])}) for source in stored["sources"])
+        return cls(stored["data"], tuple(stored["notes"]), tuple(stored["definitions"]), sources)
+
+
+def remarks_of(evaluation: Evaluation) -> Remarks:
+    """The remarks on an evaluation."""
+    config, scenes = evaluation.config, evaluation.scenes
+    notes = (note for extra in evaluation.extras for note in extra.notes)
+    return Remarks(
+        data_summary(config, scenes, f"{len(evaluation.held_out)} of them held out for this evaluation"),
+        (*notes, *model_notes(config)),
+        _definitions(config, scenes),
+        data_sources(scenes.infos),
+    )
+
+
+def data_summary(config: EvaluateTask | ClusterTask, scenes: SceneSet, use: str) -> str:
+    """Where the scenes come from.
+
+    Args:
+        config: The task.
+        scenes: All scenes.
+        use: How many of them are used for what.
+    """
+    counts = scenes.counts
+    return (
+        f"{counts.recordings} recordings, {counts.windows} windows of {scenes.seconds} s, {counts.accepted} "
+        f"scenes with at least {config.scenes.min_vehicles} vehicles in every snapshot, "
+        f"{use} (split.unit={config.split.unit.name}, split.seed={config.split.seed}). Recorded speeds from "
+        f"{scenes.speed_min:.2f} to {scenes.speed_max:.2f} m/s are rescaled by speed.norm="
+        f"{scenes.speed_norm.name}; every Hellinger distance depends on these two numbers."
+    )
+
+
+def _definitions(config: EvaluateTask, scenes: SceneSet) -> tuple[str, ...]:
+    return (
+        f"Rollouts: {config.core.n_vehicles} vehicles on {config.core.n_lanes} lanes for {scenes.seconds} s, "
+        f"{_ROLLOUTS[config.eval.seed_scope]}. Initial states: {_STARTS[config.init.source]}; all methods start alike.",
+        f"Scenes: {scenes.n_slots} vehicles in each of {scenes.seconds} snapshots one second apart, those "
+        f"recorded the longest (scenes.pick={config.scenes.pick.name}).",
+        f"real against real: up to {config.eval.n_runs} other scenes that share no second of traffic with "
+        "the scene, scored in place of a simulation. No method can be expected to be closer.",
+        f"noise floor: mean distance of two samples of {config.hist.window * scenes.n_slots} speeds from the scene's "
+        "distribution.",
+        "real: the held-out scenes themselves. Their lane-change rate, and that of real against real, counts "
+        "every vehicle of a snapshot over the second after it.",
+        "realism pools the runs of a scene before it is scored; the ± is of single runs.",
+        f"Intervals: {100 * config.eval.confidence:g} % percentile bootstrap, {config.eval.resamples} resamples of the "
+        "scenes, the same for every figure. Differences are taken scene by scene: to `real` where the real scenes have "
+        "the metric themselves, else to real against real.",
+        f"h_legacy = {legacy_scale(config.hist):.4f} h, to stand beside published values on that scale.",
+    )

@@ -1,0 +1,67 @@
+"""The scenes that a page replays: one rollout each, beside the recorded scene it was scored on."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.config import EvaluateTask
+from rearl_jax.core.rollout import Frames
+from rearl_jax.data.scene_set import SceneSet
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One vehicle that was asked.
+
+    Attributes:
+        rollout: Number of the rollout.
+        second: Frame at whose end it was asked; the answer is followed in the second after it.
+        vehicle: Number of the vehicle.
+        action: What it is told, in the order of `MetaAction`; NO_ACTION where the answer cannot be followed.
+    """
+
+    rollout: int
+    second: int
+    vehicle: int
+    action: int
+
+
+@dataclass(frozen=True)
+class ReplayedScene:
+    """A rollout and the recorded scene it was scored on.
+
+    Attributes:
+        index: Index of the scene in the `SceneSet`.
+        run: Run of the study.
+        frames: The rollout, `[n_steps, n_vehicles]`.
+        lengths: Lengths of its vehicles [m].
+        h: Its Hellinger distance [-].
+        decisions: Who was asked when, and told what.
+    """
+
+    index: int
+    run: int
+    frames: Frames
+    lengths: Float[np.ndarray, " vehicles"]
+    h: float
+    decisions: tuple[Decision, ...] = ()
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Scenes to be shown.
+
+    Attributes:
+        config: The method that was simulated.
+        scenes: All recorded scenes.
+        replayed: The chosen ones.
+        origin: Where the rollouts come from, in a sentence or two.
+        has_decisions: Whether somebody intervened and it is known which vehicles were asked.
+    """
+
+    config: EvaluateTask
+    scenes: SceneSet
+    replayed: tuple[ReplayedScene, ...]
+    origin: str
+    has_decisions: bool = False
