@@ -17,17 +17,18 @@ HOSTILE = "</script><script>alert(1)</script><!--"
 
 @dataclass(frozen=True)
 class Reported:
-    """What `rearl evaluate` and `rearl report` did."""
+    """What `rearl evaluate` and `rearl report` did; `before` is the page of the first."""
 
     config: object
     root: Path
     folder: Path
+    before: str
     found: dict
     printed: str
 
     @property
     def page(self):
-        return (self.folder / "report.html").read_text(encoding="utf-8")
+        return (self.folder / "page.html").read_text(encoding="utf-8")
 
     @property
     def replay(self):
@@ -97,8 +98,9 @@ def reported(tmp_path_factory):
     with drifting():
         with contextlib.redirect_stdout(io.StringIO()):
             task.run(config)
+        before = (root / "quick" / "page.html").read_text(encoding="utf-8")
         found, printed = report(root, "quick")
-    return Reported(config, root, root / "quick", found, printed)
+    return Reported(config, root, root / "quick", before, found, printed)
 
 
 def report(root, study, **options):
@@ -115,8 +117,8 @@ def report(root, study, **options):
 
 @pytest.fixture
 def copied(reported, tmp_path):
-    """A copy of the evaluation that a test may spoil, without its report: its root."""
-    shutil.copytree(reported.folder, tmp_path / "quick", ignore=shutil.ignore_patterns("report.html"))
+    """A copy of the evaluation that a test may spoil: its root."""
+    shutil.copytree(reported.folder, tmp_path / "quick")
     return tmp_path
 
 

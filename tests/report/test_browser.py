@@ -124,7 +124,7 @@ def test_the_replay_plays(reported, tab, width, scheme):
     is_phone = width < 600
     tab.call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=2, mobile=is_phone)
     tab.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
-    tab.call("Page.navigate", url=(reported.folder / "report.html").as_uri())
+    tab.call("Page.navigate", url=(reported.folder / "page.html").as_uri())
     tab.until("document.readyState === 'complete' && document.querySelector('.player')?.dataset.ready === 'true'")
     tab.ask(HELP)
     last = reported.replay["seconds"] - 1
