@@ -42,10 +42,10 @@ def driving_extra(
     *,
     generated: bool,
 ) -> Extra:
-    """Note and figure; arguments as of `driving_note` and `driven_figure.draw_actions`."""
+    """Note and figure; arguments as of `driving_note` and `figures.draw_actions`."""
 
     def draw() -> bytes:
-        from rearl_jax.evaluation.driven_figure import draw_actions
+        from rearl_jax.evaluation.figures import draw_actions
 
         return draw_actions(counts, edges, method, generated=generated)
 

@@ -1,6 +1,6 @@
 """What a method adds to the results that every evaluation has."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -26,8 +26,3 @@ class Extra:
     notes: tuple[str, ...] = ()
     summary: Figures = field(default_factory=dict)
     figures: Mapping[str, Callable[[], bytes]] = field(default_factory=dict)
-
-
-def summary_of(extras: Iterable[Extra]) -> dict[str, str | int | float | None]:
-    """All keys of several extras."""
-    return {name: value for extra in extras for name, value in extra.summary.items()}

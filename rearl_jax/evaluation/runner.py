@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
@@ -306,10 +306,19 @@ def example_scene(scenes: SceneSet, held_out: np.ndarray, scene_id: int | None) 
     if scene_id is None:
         speed = scenes.speed[held_out].mean(axis=(1, 2))
         return int(held_out[np.argsort(speed, kind="stable")[(len(held_out) - 1) // 2]])
-    found = held_out[scenes.scene_id[held_out] == scene_id]
-    if not len(found):
-        ids = ", ".join(str(i) for i in scenes.scene_id[held_out][:20])
-        more = ", ..." if len(held_out) > 20 else ""
-        said = f"must be a held-out scene, one of {ids}{more}"
-        raise InvalidInputError(Problem("scene-not-held-out", said, key="eval.example", value=scene_id))
-    return int(found[0])
+    return int(named_scenes(scenes, held_out, [scene_id], "eval.example")[0])
+
+
+def named_scenes(scenes: SceneSet, held_out: np.ndarray, scene_ids: Collection[int], key: str) -> np.ndarray:
+    """Indices of the scenes of these numbers, rising; `key` asked for them.
+
+    Raises:
+        ValueError: One of them is not held out.
+    """
+    ids = scenes.scene_id[held_out]
+    missing = sorted(set(scene_ids) - set(ids.tolist()))
+    if missing:
+        known = ", ".join(map(str, ids[:20])) + (", ..." if len(ids) > 20 else "")
+        said = f"must be held-out scenes: {known}"
+        raise InvalidInputError(Problem("scene-not-held-out", said, key=key, value=missing[0]))
+    return held_out[np.isin(ids, list(scene_ids))]

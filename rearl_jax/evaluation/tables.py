@@ -12,7 +12,6 @@ import pandas as pd
 from rearl_jax.config import EvaluateTask
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.evaluation.estimates import BASE, Estimate
-from rearl_jax.evaluation.extras import summary_of
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.evaluation.scores import REAL, TITLES, Scores
 from rearl_jax.metrics import METRICS
@@ -146,8 +145,9 @@ def summary_rows(
     scenes), n_scenes, n_rollouts, seconds; for a method beside base also `_less_base`, `_less_base_low`,
     `_less_base_high`; and those that the method adds, None in the other rows. None where there is no figure.
     """
-    compared = _LESS_BASE if _has_base_beside(evaluation) else ()
-    own = summary_of(evaluation.extras)
+    methods = [row.row for row in evaluation.rows if row.row not in TITLES]
+    compared = _LESS_BASE if BASE in methods and len(methods) > 1 else ()
+    own = {name: value for extra in evaluation.extras for name, value in extra.summary.items()}
     others = {name: None for figures in evaluation.figures.values() for name in figures}
     found = []
     for row in evaluation.rows:
@@ -169,12 +169,6 @@ def summary_rows(
 def written(value: float, name: str) -> str:
     """A figure of a metric with the digits it deserves."""
     return f"{value:.{METRICS[name].digits}f}"
-
-
-def _has_base_beside(evaluation: Evaluation) -> bool:
-    """Whether base stands beside another method."""
-    methods = [row.row for row in evaluation.rows if row.row not in TITLES]
-    return BASE in methods and len(methods) > 1
 
 
 def metadata(config: EvaluateTask, evaluation: Evaluation) -> dict[str, str]:

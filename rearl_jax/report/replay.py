@@ -24,11 +24,11 @@ from rearl_jax.evaluation.outside import MakePolicy
 from rearl_jax.evaluation.percentiles import thresholds_of
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import compares_variants
-from rearl_jax.evaluation.runner import make_scorer, scored_chunks
+from rearl_jax.evaluation.runner import make_scorer, named_scenes, scored_chunks
 from rearl_jax.evaluation.scores import WITH_EFFECT, title_of
 from rearl_jax.evaluation.simulators import interventions
 from rearl_jax.evaluation.traffic import inputs_id
-from rearl_jax.problems import InvalidInputError, Problem, out_of_range
+from rearl_jax.problems import out_of_range
 from rearl_jax.progress import shown
 from rearl_jax.replay.scenes import Replay, ReplayedScene
 from rearl_jax.report.finished import FinishedStudy
@@ -108,14 +108,8 @@ def chosen_scenes(scenes: SceneSet, held_out: np.ndarray, options: ReportConfig)
     Raises:
         ValueError: A scene asked for is not held out.
     """
-    ids = scenes.scene_id[held_out]
     if options.scenes is not None:
-        missing = sorted(set(options.scenes) - set(ids.tolist()))
-        if missing:
-            known = ", ".join(map(str, ids[:20])) + (", ..." if len(ids) > 20 else "")
-            said = f"must be held-out scenes of the study: {known}"
-            raise InvalidInputError(Problem("scene-not-held-out", said, key="report.scenes", value=missing[0]))
-        return held_out[np.isin(ids, options.scenes)]
+        return named_scenes(scenes, held_out, options.scenes, "report.scenes")
     by_speed = held_out[np.argsort(scenes.speed[held_out].mean(axis=(1, 2)), kind="stable")]
     places = np.linspace(0, len(by_speed) - 1, min(options.n_scenes, len(by_speed)))
     return np.sort(by_speed[np.unique(np.rint(places).astype(int))])

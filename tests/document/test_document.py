@@ -89,6 +89,9 @@ def test_the_table_of_a_frame_takes_ends_as_intervals_and_says_what_it_leaves_ou
     ("value", "text"),
     [
         (0.12345, "0.123"),
+        (99.96, "100"),
+        (999.4, "999"),
+        (-999.6, "-1,000"),
         (1234.5, "1,234"),
         (1234, "1,234"),
         (0.0, "0"),

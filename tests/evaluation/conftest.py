@@ -56,6 +56,12 @@ def done(tmp_path_factory):
     return Done(config, seen["evaluate"], seen["estimates"], rows, printed.getvalue(), folder)
 
 
+@pytest.fixture
+def scenes():
+    """Small scenes."""
+    return made_scenes()
+
+
 def made_scenes():
     """Six scenes of two recordings, four vehicles each, on two carriageways of two lanes."""
     from rearl_jax.config.scenes import SpeedNorm
@@ -105,14 +111,8 @@ def made_scenes():
 
 
 @pytest.fixture
-def scenes():
-    """Small scenes."""
-    return made_scenes()
-
-
-@contextlib.contextmanager
-def drifting_traffic():
-    """The method base replaced by vehicles that keep their speed, which compiles in no time.
+def drifting(monkeypatch):
+    """The method base replaced by vehicles that keep their speed and lane: compiles in no time.
 
     Vehicle 0 changes to lane 3 after the fifth second and crashes after the eighth.
     """
@@ -127,29 +127,21 @@ def drifting_traffic():
         second = jnp.arange(1, n_seconds + 1)[:, None, None]
         same = jnp.zeros((n_seconds, *state.x.shape), state.x.dtype)
         first = jnp.arange(state.x.shape[0])[None, :, None] == 0
-        y = jnp.where(first & (second > 5), 3 * model.lane_width, state.y[None] + same).astype(state.y.dtype)
+        lane = nearest_lane(state.y, model)[None] + jnp.zeros(same.shape, jnp.int32)
         return Frames(
             x=state.x[None] + second.astype(state.x.dtype) * state.speed[None],
-            y=y,
+            y=state.y[None] + same,
             heading=same,
             speed=state.speed[None] + same,
             acceleration=same,
-            lane=nearest_lane(y, model),
+            lane=jnp.where(first & (second > 5), 3, lane),
             crashed=first & (second > 8) & (same == 0),
         )
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(simulators.SIMULATORS, Method.base, simulate)
-        simulators.program.cache_clear()
-        yield
-        simulators.program.cache_clear()
-
-
-@pytest.fixture
-def drifting():
-    """The method base replaced by drifting vehicles."""
-    with drifting_traffic():
-        yield
+    monkeypatch.setitem(simulators.SIMULATORS, Method.base, simulate)
+    simulators.program.cache_clear()
+    yield
+    simulators.program.cache_clear()
 
 
 @pytest.fixture

@@ -126,21 +126,6 @@ def test_printed_table_holds_the_reference_rows_and_never_praises_more_headway(d
     )
 
 
-def test_page_needs_nothing_from_outside(done):
-    page = (done.folder / "page.html").read_text(encoding="utf-8")
-    assert page.count("data:image/png;base64,") == 3
-    for loaded in re.findall(r"(?:src|href)=\"([^\"]*)\"", page) + re.findall(r"url\(([^)]*)\)", page):
-        assert loaded.startswith("data:")
-    assert not re.search(r"<(?:link|iframe|object)\b", page)
-    assert page.count("<script") == 2  # the player and its scene
-    assert "CC BY-SA 4.0" in page
-    assert "U.S. Department of Transportation" in page
-    assert "about a tenth of the traffic" in page
-    assert "rearl evaluate method=base" in page
-    assert "eval.n_runs=1" in page
-    assert "rearl report study=evaluate replays more scenes." in page
-
-
 def test_the_document_is_the_same_from_memory_and_from_the_folder(done):
     from rearl_jax.evaluation.task import documented
     from rearl_jax.report.documents import evaluation_document

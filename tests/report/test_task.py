@@ -67,7 +67,9 @@ def test_an_evaluation_is_reported_with_intervals_and_provenance(reported):
     for part in ("config_hash", "data_id", "git_sha"):
         assert summary[part] is None or summary[part] in text
     assert "rearl evaluate method=base" in text
-    assert "Licence: CC BY-SA 4.0" in text
+    for said in ("Licence: CC BY-SA 4.0", "U.S. Department of Transportation", "about a tenth of the traffic"):
+        assert said in text
+    assert "rearl report study=quick replays more scenes." in reported.before
     assert "Interventions" not in text  # nobody intervenes in base
     assert len(seen.of("img")) == len(list(reported.folder.glob("*.png"))) == 3
     assert not re.search(r"\b(nan|None)\b", text.split("Complete configuration")[0])
