@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 
 from rearl_jax.code_version import __version__, git_sha
 from rearl_jax.config._schema import as_plain, keys_of
@@ -20,11 +19,11 @@ from rearl_jax.results import config_hash
 
 @dataclass(frozen=True)
 class Player:
-    """The replay of scenes on a page: HTML, its style sheet and its program."""
+    """The replay of scenes on a page: HTML, style sheet and program, rendered by jinja2, so not escaped again."""
 
-    html: Markup
-    style: Markup
-    script: Markup
+    html: str
+    style: str
+    script: str
 
 
 def page_of(
