@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -18,7 +19,7 @@ from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.evaluation.critical_results import adaptation_extra, answer_extra
 from rearl_jax.evaluation.extras import Extra
 from rearl_jax.evaluation.language_model import open_client
-from rearl_jax.evaluation.mixture_trials import Assessor
+from rearl_jax.evaluation.mixture_trials import assess
 from rearl_jax.evaluation.recorded_driving import recorded_shares
 from rearl_jax.llm.client import Client
 from rearl_jax.llm.records import KEEP_OUT, Cause, Message, Question
@@ -54,20 +55,19 @@ def _adapted(
     """How the shares were found, and what a language model was asked."""
     if config.critical.ratios is not None:
         return Adaptation(GIVEN, Mixture(*config.critical.ratios)), None
-    assess = Assessor(config, scenes, subset)
+    try_out = partial(assess, config, scenes, subset)
     match config.critical.proposer:
         case Proposer.stats:
             recorded = recorded_shares(config, scenes, subset, bar)
-            return best_of([recorded], assess, Proposer.stats.name), None
+            return best_of([recorded], try_out, Proposer.stats.name), None
         case Proposer.search:
-            assess.progress = shown(bar, "mixtures")
-            return best_of(grid(), assess, Proposer.search.name), None
+            return best_of(grid(), partial(try_out, progress=shown(bar, "mixtures")), Proposer.search.name), None
         case Proposer.llm:
-            return _asked(config, scenes, subset, assess, bar)
+            return _asked(config, scenes, subset, try_out, bar)
 
 
 def _asked(
-    config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, assess: Assess, bar: Progress
+    config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, try_out: Assess, bar: Progress
 ) -> tuple[Adaptation, pd.DataFrame]:
     """The proposals of a language model, and what it was asked."""
     critical = config.critical
@@ -77,7 +77,7 @@ def _asked(
         recorded = recorded_shares(config, scenes, subset, bar)
         propose = LanguageModelProposer(_asking(client), recorded, attempts=critical.attempts, history=critical.history)
         adaptation = adapt_by_rounds(
-            propose, assess, critical.rounds, Proposer.llm.name, progress=shown(bar, "rounds of proposals")
+            propose, try_out, critical.rounds, Proposer.llm.name, progress=shown(bar, "rounds of proposals")
         )
         return adaptation, client.requests_frame()
 

@@ -15,6 +15,7 @@ from rearl_jax.config.evaluation import Method
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.evaluation.inputs import Inputs
 from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.runner import scored_rollouts
 from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.evaluation.tables import frame_series
@@ -70,8 +71,7 @@ def base_values(
     Source: REARL (Bi et al.): 150 scenes, 5 runs, 56 windows and 60 seconds, so 42,000 and 45,000 values.
     """
     config = calibrated(replace(config, method=Method.base))
-    rollouts = Rollouts(config, scenes, subset)
-    row = scored_rollouts(config, rollouts, scenes, subset, progress)
+    row = scored_rollouts(Rollouts([Row(config)], scenes, subset), scenes, subset, progress)
     series = frame_series(row, config.hist.window)
     h, mape = (series[name][np.isfinite(series[name])] for name in ("h", config.mape.column))
     if not len(h) or not len(mape):

@@ -10,11 +10,9 @@ from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.problems import InvalidInputError
 from tests.evaluation.test_rollouts import frames_of
 
-HELD_OUT = np.arange(3)
-
 
 def driven(small, scenes, **changes):
-    return frames_of(replace(small, **changes), scenes, HELD_OUT)[1]
+    return frames_of(replace(small, **changes), scenes, np.arange(2))[1]
 
 
 @pytest.fixture
@@ -47,14 +45,15 @@ def test_every_model_drives(scenes, small, usual, name):
 
 
 def test_lane_changing_follows_its_keys(scenes, small, usual):
-    eager = driven(small, scenes, mobil=MobilConfig(gain_threshold=0.0, safe_decel=9.0, delay=0.2))
-    settled = driven(small, scenes, mobil=MobilConfig(gain_threshold=9.0))
+    # A little politeness in all of them: one program.
+    eager = driven(small, scenes, mobil=MobilConfig(gain_threshold=0.0, safe_decel=9.0, delay=0.2, politeness=0.01))
+    settled = driven(small, scenes, mobil=MobilConfig(gain_threshold=9.0, politeness=0.01))
+    polite = driven(small, scenes, mobil=MobilConfig(gain_threshold=0.0, safe_decel=9.0, delay=0.2, politeness=1.0))
     changes = [(np.diff(frames.lane, axis=0) != 0).sum() for frames in (settled, usual, eager)]
     assert changes[0] == 0
     assert changes[0] < changes[2]
     assert changes[1] <= changes[2]
-    polite = driven(small, scenes, mobil=MobilConfig(politeness=1.0))
-    assert (polite.lane != usual.lane).any() or (np.diff(usual.lane, axis=0) == 0).all()
+    assert (polite.lane != eager.lane).any()
 
 
 def test_what_differs_from_highway_env_is_said_beside_the_results():

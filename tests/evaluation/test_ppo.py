@@ -10,37 +10,36 @@ import pytest
 def driven(small):
     from rearl_jax.config.evaluation import Method
 
-    core = replace(small.core, collisions=False, lane_changes=False)
+    core = replace(small.core, lane_changes=False)
     return replace(small, method=Method.ppo, core=core)
 
 
-def test_everybody_starts_as_under_base_and_drives_faster(scenes, driven, monkeypatch):
+def test_everybody_starts_as_under_base_and_drives_faster(scenes, driven, monkeypatch, simulated_by):
     """The state handed to both simulations is the same, bit for bit."""
     import jax
 
     from rearl_jax.config.evaluation import Method
     from rearl_jax.evaluation import simulators
     from rearl_jax.evaluation.rollouts import Rollouts
+    from rearl_jax.evaluation.rows import Row
 
     seen = {}
 
     def keeping(name, function):
         def simulate(state, *others, **keywords):
-            jax.debug.callback(lambda x, v, y: seen.setdefault(name, (x, v, y)), state.x, state.speed, state.y)
+            jax.debug.callback(lambda *start: seen.setdefault(name, start), state.x, state.speed, state.y)
             return function(state, *others, **keywords)
 
         return simulate
 
-    monkeypatch.setitem(simulators.SIMULATORS, Method.base, keeping("base", simulators.simulate_base))
     monkeypatch.setattr(simulators, "rollout_with_actor", keeping("ppo", simulators.rollout_with_actor))
-    simulators.program.cache_clear()
     frames = {}
-    for method in (Method.base, Method.ppo):
-        (part,) = Rollouts(replace(driven, method=method), scenes, np.arange(6)).chunks(64)
-        frames[method.name] = part.frames
-        assert part.decisions is None
-        assert (part.actions is None) == (method is Method.base)
-    simulators.program.cache_clear()
+    with simulated_by(keeping("base", simulators.simulate_base)):
+        for method in (Method.base, Method.ppo):
+            (part,) = Rollouts([Row(replace(driven, method=method))], scenes, np.array([1, 4])).chunks()
+            frames[method.name] = part.frames
+            assert part.decisions is None
+            assert (part.actions is None) == (method is Method.base)
     jax.effects_barrier()
     assert set(seen) == {"base", "ppo"}
     for base, ppo in zip(seen["base"], seen["ppo"], strict=True):

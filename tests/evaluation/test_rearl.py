@@ -9,36 +9,18 @@ from rearl_jax.problems import InvalidInputError
 
 
 @pytest.fixture
-def references(scenes):
-    from rearl_jax.detection.references import References
+def evaluation(scenes, intervening, references):
+    from rearl_jax.evaluation.runner import evaluate
 
-    chosen = [0, 3]
-    with_float32 = (scenes.scaled_speed, scenes.spacing, scenes.mean_spacing)
-    import jax.numpy as jnp
-
-    speed, spacing, mean = (jnp.asarray(values[chosen], jnp.float32) for values in with_float32)
-    action = jnp.asarray(scenes.action[chosen], jnp.int32)
-    return References(speed, spacing, mean, action, jnp.asarray([0.25, 0.75], jnp.float32))
+    return evaluate(intervening, scenes, np.array([1, 4]), references=references, thresholds=(0.1, 0.05))
 
 
-@pytest.fixture
-def intervening(small):
-    from rearl_jax.config.detection import DetectionConfig
-    from rearl_jax.config.evaluation import Method
-
-    core = replace(small.core, collisions=False)
-    detection = DetectionConfig(threshold_h=0.1, threshold_m=0.05)
-    return replace(small, method=Method.rearl, detection=detection, core=core)
-
-
-def test_decisions_are_counted_second_by_second(scenes, intervening, references):
+def test_decisions_are_counted_second_by_second(scenes, intervening, evaluation):
     from rearl_jax.decision.situation import ACTION_NAMES
     from rearl_jax.evaluation.estimates import estimates
     from rearl_jax.evaluation.interventions import decision_table
-    from rearl_jax.evaluation.runner import evaluate
     from rearl_jax.evaluation.tables import table_notes
 
-    evaluation = evaluate(intervening, scenes, np.array([1, 4]), references=references, thresholds=(0.1, 0.05))
     table = decision_table(scenes.scene_id, evaluation.log, intervening.hist.window)
     assert len(table) == 2 * 3 * scenes.seconds
     assert table.scene_id.unique().tolist() == [1, 4]
@@ -53,13 +35,12 @@ def test_decisions_are_counted_second_by_second(scenes, intervening, references)
     assert any(f"{table.asked.sum()} decisions in 6 rollouts" in note for note in notes)
 
 
-def test_base_stands_beside_the_method_from_the_same_initial_states(scenes, intervening, references):
+def test_base_stands_beside_the_method_from_the_same_initial_states(scenes, intervening, evaluation):
     from rearl_jax.config.evaluation import Method
     from rearl_jax.evaluation.estimates import estimates
     from rearl_jax.evaluation.runner import evaluate
 
     held_out = np.array([1, 4])
-    evaluation = evaluate(intervening, scenes, held_out, references=references, thresholds=(0.1, 0.05))
     assert [row.row for row in evaluation.rows] == ["rearl", "base", "real_vs_real", "noise_floor", "real"]
     alone = evaluate(replace(intervening, method=Method.base), scenes, held_out)
     for name, values in evaluation.row("base").values.items():
@@ -73,54 +54,41 @@ def test_base_stands_beside_the_method_from_the_same_initial_states(scenes, inte
     assert found["base", "h"].less_base is None
 
 
-def test_the_first_second_is_that_of_the_base_and_thresholds_do_not_recompile(scenes, intervening, references):
+def test_rows_of_one_batch_get_the_same_rollouts_and_thresholds_do_not_recompile(scenes, intervening, references):
     from rearl_jax.config.evaluation import Method
     from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.evaluation.simulators import program
-
-    def simulated(config, *interventions):
-        (part,) = Rollouts(config, scenes, np.arange(6), *interventions).chunks(64)
-        return part
-
-    base = simulated(replace(intervening, method=Method.base))
-    acting = simulated(intervening, references, [(0.1, 0.05)])
-    assert base.decisions is None
-    np.testing.assert_array_equal(acting.frames.x[0], base.frames.x[0])
-    assert (acting.frames.x[-1] != base.frames.x[-1]).any()
-    compiled = program.cache_info().misses
-    resting = simulated(intervening, references, [(1.0, 1e9)])
-    assert program.cache_info().misses == compiled
-    np.testing.assert_array_equal(resting.frames.x, base.frames.x)
-
-
-@pytest.mark.slow
-def test_every_pair_of_thresholds_gets_the_same_rollouts(scenes, intervening, references):
-    """All pairs as one batch are what they are one by one."""
-    from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.evaluation.simulators import NEVER
+    from rearl_jax.evaluation.rows import Row
+    from rearl_jax.evaluation.simulators import NEVER, program
 
     pairs = [NEVER, (0.1, 0.05), (2.0, 0.5)]
-    together = Rollouts(intervening, scenes, np.arange(3), references, pairs)
-    assert together.cell.tolist() == [0] * 9 + [1] * 9 + [2] * 9
-    (joined,) = together.chunks(64)
-    for number, pair in enumerate(pairs):
-        alone = Rollouts(intervening, scenes, np.arange(3), references, [pair])
-        own = together.cell == number
-        np.testing.assert_array_equal(together.scene[own], alone.scene)
-        np.testing.assert_array_equal(together.run[own], alone.run)
-        (part,) = alone.chunks(64)
-        np.testing.assert_array_equal(joined.decisions.triggered[:, own], part.decisions.triggered)
-        np.testing.assert_allclose(joined.frames.x[..., own], part.frames.x, atol=1e-3)
-    asked = [int(joined.decisions.n_asked[:, together.cell == number].sum()) for number in range(3)]
+    held_out = np.array([0, 3])
+    rows = [Row(intervening, thresholds=pair) for pair in pairs]
+    together = Rollouts(rows, scenes, held_out, references)
+    assert together.row.tolist() == [0] * 6 + [1] * 6 + [2] * 6
+    (base,) = Rollouts([Row(replace(intervening, method=Method.base))], scenes, held_out).chunks()
+    assert base.decisions is None
+    joined = list(together.chunks())
+    compiled = program.cache_info().misses
+    for row, part in zip(rows, joined, strict=True):
+        alone = Rollouts([row], scenes, held_out, references)
+        (simulated,) = alone.chunks()
+        np.testing.assert_array_equal(part.decisions.triggered, simulated.decisions.triggered)
+        np.testing.assert_array_equal(part.frames.x, simulated.frames.x)
+        np.testing.assert_array_equal(part.frames.x[0], base.frames.x[0])
+    assert program.cache_info().misses == compiled
+    np.testing.assert_array_equal(joined[0].frames.x, base.frames.x)
+    asked = [int(part.decisions.n_asked.sum()) for part in joined]
     assert asked[0] == 0
     assert asked[1] > asked[2] > 0
+    assert (joined[1].frames.x[-1] != base.frames.x[-1]).any()
 
 
 def test_missing_references_are_named(scenes, intervening):
     from rearl_jax.evaluation.rollouts import Rollouts
+    from rearl_jax.evaluation.rows import Row
 
     with pytest.raises(InvalidInputError) as caught:
-        Rollouts(intervening, scenes, np.arange(2))
+        Rollouts([Row(intervening)], scenes, np.arange(2))
     assert (caught.value.code, caught.value.problem.key) == ("references-missing", "method=rearl")
 
 

@@ -137,7 +137,7 @@ def test_headways_are_those_of_the_vehicles_own_lengths(scenes):
     moved = 20.0 * np.arange(n_seconds)[:, None, None] + 40.0 * np.arange(n_vehicles)[None, :, None]
     same, nobody = jnp.zeros(shape, jnp.float32), jnp.zeros(shape, bool)
     frames = Frames(jnp.float32(moved), same, same, same + 20, same, jnp.zeros(shape, jnp.int32), nobody)
-    scorer = Scorer(scenes, MetricsConfig(), width=1, dtype=np.dtype(np.float32))
+    scorer = Scorer(scenes, MetricsConfig(), width=3, dtype=np.dtype(np.float32))
     headway = {}
     for length in (5.0, 15.0):
         simulated = Simulated(frames, np.full(shape[1:], length, np.float32))

@@ -151,13 +151,14 @@ def test_the_stream_holds_what_evaluate_simulates(whole):
     from rearl_jax.data.scenes import build_scenes
     from rearl_jax.data.splits import split_scenes
     from rearl_jax.evaluation.rollouts import Rollouts
+    from rearl_jax.evaluation.rows import Row
     from rearl_jax.evaluation.runner import scored_rollouts
 
     config = EvaluateTask(core=whole.config.core, eval=EvaluationConfig(n_runs=16))
     groups = (config.scenes, config.speed, config.tracks, config.features, config.spacing)
     scenes = build_scenes(iterate_recordings(config.data), *groups)
     held_out = split_scenes(scenes, config.split).evaluation
-    scores = scored_rollouts(config, Rollouts(config, scenes, held_out)[:PART], scenes, held_out)
+    scores = scored_rollouts(Rollouts([Row(config)], scenes, held_out)[:PART], scenes, held_out)
     runs = pd.read_parquet(whole.folder / "runs")[:PART]
     np.testing.assert_array_equal(runs["scene_id"], scenes.scene_id[scores.scene])
     np.testing.assert_array_equal(runs["run"], scores.run)
