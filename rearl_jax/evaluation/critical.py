@@ -29,13 +29,7 @@ log = logging.getLogger(__name__)
 
 
 def adapt(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progress) -> tuple[Mixture, list[Extra]]:
-    """The shares to evaluate, and what is to be said about them.
-
-    Args:
-        config: The task.
-        scenes: All scenes.
-        subset: Indices of the threshold scenes.
-        bar: Shows how far the rounds are.
+    """Shares of the driver classes to evaluate, found on the threshold scenes of a subset, and their extra results.
 
     Raises:
         ImportError, OSError, ValueError: The language model cannot be asked; see `language_model.language_model`.
@@ -52,7 +46,7 @@ def adapt(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progr
 def _adapted(
     config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progress
 ) -> tuple[Adaptation, pd.DataFrame | None]:
-    """How the shares were found, and what a language model was asked."""
+    """The search for the shares, and the requests to a language model."""
     if config.critical.ratios is not None:
         return Adaptation(GIVEN, Mixture(*config.critical.ratios)), None
     try_out = partial(assess, config, scenes, subset)
@@ -69,7 +63,7 @@ def _adapted(
 def _asked(
     config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, try_out: Assess, bar: Progress
 ) -> tuple[Adaptation, pd.DataFrame]:
-    """The proposals of a language model, and what it was asked."""
+    """The search with proposals of a language model, and the requests to it."""
     critical = config.critical
     # One answer that is no identifier: no votes, no constraint to identifiers, and room for the object.
     llm = replace(config.llm, votes=1, constrained=False, max_tokens=max(config.llm.max_tokens, critical.max_tokens))

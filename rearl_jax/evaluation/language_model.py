@@ -88,12 +88,7 @@ def language_model(config: EvaluateTask, bar: Progress) -> Iterator[LanguageMode
 
 @contextmanager
 def open_client(config: EvaluateTask, llm: LlmConfig, read: Read = understand) -> Iterator[Client]:
-    """A client of `decision.server`, or of the kept answers with `decision.policy=replay`.
-
-    Args:
-        config: The task.
-        llm: Model, sampling and time-outs.
-        read: What the text of an answer means.
+    """A client of `decision.server`, or of the kept answers with `decision.policy=replay`; `read` parses its answers.
 
     Raises:
         As `language_model`.

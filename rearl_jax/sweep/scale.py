@@ -102,15 +102,7 @@ def list_rollouts(
     references: References | None,
     thresholds: tuple[float, float],
 ) -> Rollouts:
-    """Exactly `n_rollouts` rollouts: as many runs of every scene as that takes, the last one cut short.
-
-    Args:
-        config: The task.
-        scenes: All scenes.
-        subset: Indices of those to be simulated.
-        references: Representative scenes, for methods that intervene.
-        thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene.
-    """
+    """Exactly `n_rollouts` rollouts: as many runs of every scene as that takes, the last one cut short."""
     n_rollouts = int(config.n_rollouts)
     enough = replace(config, eval=replace(config.eval, n_runs=math.ceil(n_rollouts / len(subset))))
     row = Row(enough, config.method.name, thresholds)

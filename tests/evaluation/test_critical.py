@@ -9,7 +9,24 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.baselines.critical.mixture import ALL_REGULAR, Mixture, grid
+from rearl_jax.cli.composition import with_implied
+from rearl_jax.config import SweepScaleTask
+from rearl_jax.config.core import InitConfig, InitialSource
+from rearl_jax.config.critical import CriticalConfig, Proposer
+from rearl_jax.config.decision import DecisionConfig, PolicyName
+from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope
+from rearl_jax.config.metrics import SafetyConfig
+from rearl_jax.evaluation import critical as glue
+from rearl_jax.evaluation.critical import adapt
+from rearl_jax.evaluation.mixture_trials import assess
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import Row
+from rearl_jax.evaluation.runner import scored_rollouts
 from rearl_jax.problems import InvalidInputError
+from rearl_jax.progress import progress_bar
+from rearl_jax.sweep.scale import list_rollouts
+from rearl_jax.tasks import TASKS
 from tests.evaluation.test_rollouts import frames_of
 from tests.llm.asking import make_config
 from tests.llm.stub import Stub
@@ -19,16 +36,10 @@ SUBSET = np.array([0, 2, 3])
 
 @pytest.fixture
 def critical(small):
-    from rearl_jax.config.critical import CriticalConfig
-    from rearl_jax.config.evaluation import Method
-
     return replace(small, method=Method.critical, critical=CriticalConfig(rollouts=6))
 
 
 def test_regular_drivers_start_on_the_lanes_and_at_the_places_of_base(scenes, critical, standing):
-    from rearl_jax.baselines.critical.mixture import ALL_REGULAR
-    from rearl_jax.config.evaluation import Method
-
     _, base = frames_of(replace(critical, method=Method.base), scenes)
     _, ours = frames_of(critical, scenes, mixture=ALL_REGULAR)
     np.testing.assert_array_equal(ours.x[0], base.x[0])
@@ -39,10 +50,6 @@ def test_regular_drivers_start_on_the_lanes_and_at_the_places_of_base(scenes, cr
 
 
 def test_a_measured_start_keeps_its_speeds_and_gets_drivers(scenes, critical, standing):
-    from rearl_jax.baselines.critical.mixture import Mixture
-    from rearl_jax.config.core import InitConfig, InitialSource
-    from rearl_jax.config.evaluation import Method
-
     measured = replace(critical, init=InitConfig(source=InitialSource.scene))
     _, base = frames_of(replace(measured, method=Method.base), scenes)
     _, ours = frames_of(measured, scenes, mixture=Mixture(1.0, 0.0, 0.0))
@@ -53,9 +60,6 @@ def test_a_measured_start_keeps_its_speeds_and_gets_drivers(scenes, critical, st
 
 
 def test_rounds_have_initial_states_of_their_own(scenes, critical, standing):
-    from rearl_jax.baselines.critical.mixture import ALL_REGULAR
-    from rearl_jax.config.evaluation import EvaluationConfig, SeedScope
-
     def starts(eval, **keys):
         return frames_of(replace(critical, eval=eval), scenes, mixture=ALL_REGULAR, **keys)[1].x[0]
 
@@ -68,14 +72,6 @@ def test_rounds_have_initial_states_of_their_own(scenes, critical, standing):
 
 
 def test_a_mixture_is_assessed_alike_alone_and_among_others_and_as_the_evaluation_scores(scenes, critical, standing):
-    from rearl_jax.baselines.critical.mixture import Mixture, grid
-    from rearl_jax.config.evaluation import EvaluationConfig, SeedScope
-    from rearl_jax.config.metrics import SafetyConfig
-    from rearl_jax.evaluation.mixture_trials import assess
-    from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.evaluation.rows import Row
-    from rearl_jax.evaluation.runner import scored_rollouts
-
     mixture = Mixture(0.4, 0.2, 0.2)
     (alone,) = assess(critical, scenes, SUBSET, [mixture])
     traced, seen = len(standing), []
@@ -97,12 +93,6 @@ def test_a_mixture_is_assessed_alike_alone_and_among_others_and_as_the_evaluatio
 
 
 def test_shares_must_come_from_somewhere(scenes, critical):
-    from rearl_jax.config import SweepScaleTask
-    from rearl_jax.config.critical import CriticalConfig
-    from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.evaluation.rows import Row
-    from rearl_jax.sweep.scale import list_rollouts
-
     with pytest.raises(InvalidInputError) as caught:
         Rollouts([Row(critical)], scenes, np.arange(2))
     assert (caught.value.code, caught.value.problem.key) == ("key-missing", "critical.ratios")
@@ -115,9 +105,6 @@ def test_shares_must_come_from_somewhere(scenes, critical):
 
 
 def adapted(config, scenes):
-    from rearl_jax.evaluation.critical import adapt
-    from rearl_jax.progress import progress_bar
-
     with progress_bar() as bar:
         return adapt(config, scenes, SUBSET, bar)
 
@@ -142,8 +129,6 @@ def test_given_shares_are_taken_as_they_are(scenes, critical):
 
 
 def test_search_keeps_the_least_sum_of_both_errors(scenes, critical, standing):
-    from rearl_jax.config.critical import Proposer
-
     mixture, (extra,) = adapted(with_keys(critical, proposer=Proposer.search), scenes)
     rounds = extra.tables["rounds"]
     assert len(rounds) == 56
@@ -158,11 +143,6 @@ def test_search_keeps_the_least_sum_of_both_errors(scenes, critical, standing):
 @pytest.fixture
 def asking(critical, tmp_path, monkeypatch):
     """A configuration that asks a server, and recordings whose shares are known."""
-    from rearl_jax.baselines.critical.mixture import Mixture
-    from rearl_jax.config.critical import Proposer
-    from rearl_jax.config.decision import DecisionConfig, PolicyName
-    from rearl_jax.evaluation import critical as glue
-
     monkeypatch.setattr(glue, "recorded_shares", lambda *arguments: Mixture(0.1, 0.2, 0.3))
 
     def configured(server, policy="matcher", **keys):
@@ -242,8 +222,6 @@ def test_a_model_without_a_valid_answer_leaves_all_regular_and_is_counted(
 
 
 def test_no_server_is_said_before_anything_is_simulated(scenes, asking, monkeypatch):
-    from rearl_jax.evaluation import critical as glue
-
     monkeypatch.setattr(glue, "assess", lambda *arguments: pytest.fail("simulated"))
     with Stub() as stub:
         address = stub.url
@@ -252,9 +230,6 @@ def test_no_server_is_said_before_anything_is_simulated(scenes, asking, monkeypa
 
 
 def test_keys_of_the_group_imply_the_method_also_beside_those_of_a_server():
-    from rearl_jax.cli.composition import with_implied
-    from rearl_jax.tasks import TASKS
-
     (task,) = (task for task in TASKS if task.words == "evaluate")
     asked = ["critical.proposer=llm", "decision.server=http://127.0.0.1:1/v1", "llm.model=m"]
     assert with_implied(task, asked) == ["method=critical", *asked]

@@ -5,9 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.config import EvaluateTask, StudyTable1Task
 from rearl_jax.config.driver import DEFAULT, MODELS, record_of
+from rearl_jax.config.evaluation import Method
 from rearl_jax.config.mobil import MobilConfig
+from rearl_jax.config.study import Table1Config
+from rearl_jax.evaluation.traffic import model_notes, population_of
 from rearl_jax.problems import InvalidInputError
+from rearl_jax.study.rows import chosen_rows, row_record
 from tests.evaluation.test_rollouts import frames_of
 
 
@@ -57,9 +62,6 @@ def test_lane_changing_follows_its_keys(scenes, small, usual):
 
 
 def test_what_differs_from_highway_env_is_said_beside_the_results():
-    from rearl_jax.config import EvaluateTask
-    from rearl_jax.evaluation.traffic import model_notes
-
     assert model_notes(EvaluateTask()) == []
     driver = record_of("idm")(time_gap=1.1, classes={"truck": {"share": 0.1, "time_gap": 1.8}})
     notes = model_notes(EvaluateTask(driver=driver, mobil=MobilConfig(politeness=0.3)))
@@ -70,10 +72,6 @@ def test_what_differs_from_highway_env_is_said_beside_the_results():
 
 
 def test_methods_with_drivers_of_their_own_refuse_the_keys():
-    from rearl_jax.config import EvaluateTask
-    from rearl_jax.config.evaluation import Method
-    from rearl_jax.evaluation.traffic import population_of
-
     with pytest.raises(InvalidInputError) as caught:
         population_of(EvaluateTask(method=Method.critical, driver=record_of("idm")()))
     assert (caught.value.code, caught.value.problem.key) == ("drivers-of-method", "driver")
@@ -86,10 +84,6 @@ def test_methods_with_drivers_of_their_own_refuse_the_keys():
 
 
 def test_rows_of_table_1_that_bring_drivers_leave_the_keys_aside():
-    from rearl_jax.config import StudyTable1Task
-    from rearl_jax.config.study import Table1Config
-    from rearl_jax.study.rows import chosen_rows, row_record
-
     task = StudyTable1Task(driver=record_of("idm")(), mobil=MobilConfig(politeness=0.5))
     records = {row.name: row_record(row, task) for row in chosen_rows(Table1Config())}
     assert records["base"].driver == record_of("idm")()

@@ -7,17 +7,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from rearl_jax.config.metrics import HistConfig
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.spawn import spawn
+from rearl_jax.decision.loop import LoopOptions
+from rearl_jax.detection.detector import Thresholds
+from rearl_jax.detection.references import References
+from rearl_jax.detection.table import tabulate
+from rearl_jax.evaluation import host_policy
+
 
 def test_every_policy_is_told_its_own_scenarios(monkeypatch):
-    from rearl_jax.config.metrics import HistConfig
-    from rearl_jax.core.model import TrafficModel
-    from rearl_jax.core.spawn import spawn
-    from rearl_jax.decision.loop import LoopOptions
-    from rearl_jax.detection.detector import Thresholds
-    from rearl_jax.detection.references import References
-    from rearl_jax.detection.table import tabulate
-    from rearl_jax.evaluation import host_policy
-
     n = 7
     model = TrafficModel(n_lanes=2)
     keys = jax.random.split(jax.random.key(0), n)

@@ -12,7 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.config.decision import DecisionConfig, PolicyName
+from rearl_jax.decision.policies import make_policy
+from rearl_jax.evaluation.language_model import LanguageModel, language_model, request_figures, request_note
+from rearl_jax.evaluation.runner import evaluate
 from rearl_jax.problems import InvalidInputError
+from rearl_jax.progress import progress_bar
 from tests.llm.asking import make_config
 from tests.llm.stub import Fault, Stub
 
@@ -21,18 +26,12 @@ THRESHOLDS = (0.3, 0.2)
 
 
 def asking(task, tmp_path, server, policy="llm", **llm):
-    from rearl_jax.config.decision import DecisionConfig, PolicyName
-
     decision = DecisionConfig(policy=PolicyName[policy], server=server)
     return replace(task, decision=decision, llm=make_config(tmp_path, **({"constrained": True} | llm)))
 
 
 def run(config, scenes, references):
     """Values of the method's row, what was decided, the table of requests."""
-    from rearl_jax.evaluation.language_model import language_model
-    from rearl_jax.evaluation.runner import evaluate
-    from rearl_jax.progress import progress_bar
-
     with progress_bar() as bar, language_model(config, bar) as asked:
         evaluation = evaluate(
             config, scenes, HELD_OUT, references=references, thresholds=THRESHOLDS, host_policy=asked.make_policy
@@ -47,10 +46,6 @@ def assert_same(one, other, rtol=0.0):
 
 @pytest.mark.slow
 def test_the_matcher_asked_from_outside_gives_the_rows_of_the_matcher_inside(scenes, intervening, references):
-    from rearl_jax.config.decision import DecisionConfig, PolicyName
-    from rearl_jax.decision.policies import make_policy
-    from rearl_jax.evaluation.runner import evaluate
-
     class Matcher:
         def __init__(self, table, model):
             self._decide = jax.jit(make_policy(PolicyName.matcher, intervening.matcher, model))
@@ -81,9 +76,6 @@ def test_the_matcher_asked_from_outside_gives_the_rows_of_the_matcher_inside(sce
 
 
 def test_who_is_asked_outside_must_be_said(scenes, intervening, references):
-    from rearl_jax.config.decision import DecisionConfig, PolicyName
-    from rearl_jax.evaluation.runner import evaluate
-
     config = replace(intervening, decision=DecisionConfig(policy=PolicyName.llm))
     with pytest.raises(InvalidInputError) as caught:
         evaluate(config, scenes, HELD_OUT, references=references, thresholds=THRESHOLDS)
@@ -92,8 +84,6 @@ def test_who_is_asked_outside_must_be_said(scenes, intervening, references):
 
 @pytest.mark.thorough
 def test_requests_are_the_distinct_questions_and_a_second_run_sends_none(scenes, intervening, references, tmp_path):
-    from rearl_jax.evaluation.language_model import request_figures
-
     with Stub() as stub:
         values, decisions, requests = run(asking(intervening, tmp_path, stub.url), scenes, references)
         assert len(requests) > 50
@@ -131,8 +121,6 @@ def test_a_server_that_fails_a_third_of_the_time_changes_nothing(scenes, interve
 
 
 def test_vehicles_without_an_answer_are_counted_by_cause_and_no_run_is_lost(scenes, intervening, references, tmp_path):
-    from rearl_jax.evaluation.language_model import request_figures, request_note
-
     def fault(seen):
         return None if seen.is_canary else [None, Fault.html, None, 400][crc32(seen.raw) % 4]
 
@@ -185,8 +173,6 @@ def test_a_run_goes_on_while_the_server_is_down_and_asks_again_when_it_is_back(
     scenes, intervening, references, tmp_path, monkeypatch
 ):
     """Nobody waits for a server that counts as down: those vehicles are left to IDM and MOBIL, and counted."""
-    from rearl_jax.evaluation.language_model import LanguageModel
-
     # Seconds that take a while, or the run would be over before the server is back.
     monkeypatch.setattr(LanguageModel, "_show", lambda self, second, n_seconds: time.sleep(0.1))
     with Stub(latency=0.03) as stub:

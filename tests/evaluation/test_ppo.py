@@ -2,27 +2,33 @@
 
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
+
+from rearl_jax.config.evaluation import Method
+from rearl_jax.config.ppo import PpoPolicyConfig
+from rearl_jax.data.recordings import data_id
+from rearl_jax.evaluation import simulators
+from rearl_jax.evaluation.driven import count_actions
+from rearl_jax.evaluation.estimates import estimates
+from rearl_jax.evaluation.figures import draw
+from rearl_jax.evaluation.page import render
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import Row
+from rearl_jax.evaluation.runner import evaluate
+from rearl_jax.evaluation.tables import summary_rows, table_notes
+from rearl_jax.evaluation.task import inputs_id
 
 
 @pytest.fixture
 def driven(small):
-    from rearl_jax.config.evaluation import Method
-
     core = replace(small.core, lane_changes=False)
     return replace(small, method=Method.ppo, core=core)
 
 
 def test_everybody_starts_as_under_base_and_drives_faster(scenes, driven, monkeypatch, simulated_by):
     """The state handed to both simulations is the same, bit for bit."""
-    import jax
-
-    from rearl_jax.config.evaluation import Method
-    from rearl_jax.evaluation import simulators
-    from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.evaluation.rows import Row
-
     seen = {}
 
     def keeping(name, function):
@@ -49,12 +55,6 @@ def test_everybody_starts_as_under_base_and_drives_faster(scenes, driven, monkey
 
 @pytest.mark.thorough
 def test_row_base_beside_it_note_and_figure(scenes, driven):
-    from rearl_jax.evaluation.estimates import estimates
-    from rearl_jax.evaluation.figures import draw
-    from rearl_jax.evaluation.page import render
-    from rearl_jax.evaluation.runner import evaluate
-    from rearl_jax.evaluation.tables import summary_rows, table_notes
-
     held_out = np.array([1, 4])
     evaluation = evaluate(driven, scenes, held_out)
     assert [row.row for row in evaluation.rows] == ["ppo", "base", "real_vs_real", "noise_floor", "real"]
@@ -76,8 +76,6 @@ def test_row_base_beside_it_note_and_figure(scenes, driven):
 
 
 def test_actions_are_counted_by_the_speed_before_them():
-    from rearl_jax.evaluation.driven import count_actions
-
     actions = np.array([[[3]], [[1]], [[4]], [[-1]]])
     speed = np.array([[[6.0]], [[50.0]], [[20.0]], [[7.0]]])
     counts = count_actions(actions, speed, np.array([5.0, 10.0, 20.5, 32.0]))
@@ -88,11 +86,6 @@ def test_actions_are_counted_by_the_speed_before_them():
 
 
 def test_weights_are_part_of_what_was_read(driven, tmp_path):
-    from rearl_jax.config.evaluation import Method
-    from rearl_jax.config.ppo import PpoPolicyConfig
-    from rearl_jax.data.recordings import data_id
-    from rearl_jax.evaluation.task import inputs_id
-
     assert inputs_id(replace(driven, method=Method.base)) == data_id(driven.data)
     assert inputs_id(driven).startswith(data_id(driven.data) + ", weights-")
     missing = replace(driven, ppo=PpoPolicyConfig(weights=str(tmp_path / "none.eqx")))

@@ -5,22 +5,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.config.detection import Cues, DetectionConfig
+from rearl_jax.config.evaluation import Method
+from rearl_jax.data.splits import Split, Splits
+from rearl_jax.decision.situation import ACTION_NAMES
+from rearl_jax.evaluation.estimates import estimates
+from rearl_jax.evaluation.inputs import Inputs
+from rearl_jax.evaluation.interventions import decision_table
+from rearl_jax.evaluation.percentiles import base_values, thresholds_of
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import Row
+from rearl_jax.evaluation.runner import evaluate
+from rearl_jax.evaluation.simulators import NEVER, program
+from rearl_jax.evaluation.tables import table_notes
 from rearl_jax.problems import InvalidInputError
+from rearl_jax.progress import silent
 
 
 @pytest.fixture
 def evaluation(scenes, intervening, references):
-    from rearl_jax.evaluation.runner import evaluate
-
     return evaluate(intervening, scenes, np.array([1, 4]), references=references, thresholds=(0.1, 0.05))
 
 
 def test_decisions_are_counted_second_by_second(scenes, intervening, evaluation):
-    from rearl_jax.decision.situation import ACTION_NAMES
-    from rearl_jax.evaluation.estimates import estimates
-    from rearl_jax.evaluation.interventions import decision_table
-    from rearl_jax.evaluation.tables import table_notes
-
     table = decision_table(scenes.scene_id, evaluation.log, intervening.hist.window)
     assert len(table) == 2 * 3 * scenes.seconds
     assert table.scene_id.unique().tolist() == [1, 4]
@@ -36,10 +43,6 @@ def test_decisions_are_counted_second_by_second(scenes, intervening, evaluation)
 
 
 def test_base_stands_beside_the_method_from_the_same_initial_states(scenes, intervening, evaluation):
-    from rearl_jax.config.evaluation import Method
-    from rearl_jax.evaluation.estimates import estimates
-    from rearl_jax.evaluation.runner import evaluate
-
     held_out = np.array([1, 4])
     assert [row.row for row in evaluation.rows] == ["rearl", "base", "real_vs_real", "noise_floor", "real"]
     alone = evaluate(replace(intervening, method=Method.base), scenes, held_out)
@@ -55,11 +58,6 @@ def test_base_stands_beside_the_method_from_the_same_initial_states(scenes, inte
 
 
 def test_rows_of_one_batch_get_the_same_rollouts_and_thresholds_do_not_recompile(scenes, intervening, references):
-    from rearl_jax.config.evaluation import Method
-    from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.evaluation.rows import Row
-    from rearl_jax.evaluation.simulators import NEVER, program
-
     pairs = [NEVER, (0.1, 0.05), (2.0, 0.5)]
     held_out = np.array([0, 3])
     rows = [Row(intervening, thresholds=pair) for pair in pairs]
@@ -84,9 +82,6 @@ def test_rows_of_one_batch_get_the_same_rollouts_and_thresholds_do_not_recompile
 
 
 def test_missing_references_are_named(scenes, intervening):
-    from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.evaluation.rows import Row
-
     with pytest.raises(InvalidInputError) as caught:
         Rollouts([Row(intervening)], scenes, np.arange(2))
     assert (caught.value.code, caught.value.problem.key) == ("references-missing", "method=rearl")
@@ -94,10 +89,9 @@ def test_missing_references_are_named(scenes, intervening):
 
 @pytest.mark.thorough
 def test_thresholds_are_percentiles_of_base_where_none_is_given(scenes, intervening):
-    from rearl_jax.config.detection import Cues, DetectionConfig
-    from rearl_jax.evaluation.percentiles import base_values, detection_thresholds
-
-    subset = np.array([0, 2, 5])
+    subset = np.array([0, 5])
+    label = np.where(np.isin(np.arange(6), subset), Split.THRESHOLD, Split.EVALUATION)
+    inputs = Inputs(scenes, Splits(label, {}, 0, 0))
     base = base_values(intervening, scenes, subset)
     n_rollouts = 3 * len(subset)
     assert base.n_rollouts == n_rollouts
@@ -106,7 +100,7 @@ def test_thresholds_are_percentiles_of_base_where_none_is_given(scenes, interven
     assert (base.h < base.threshold_h(30.0)).mean() == pytest.approx(0.3, abs=0.02)
 
     def thresholds(**keys):
-        return detection_thresholds(replace(intervening, detection=DetectionConfig(**keys)), scenes, subset)
+        return thresholds_of(replace(intervening, detection=DetectionConfig(**keys)), inputs, silent())
 
     assert thresholds() == (base.threshold_h(30.0), base.threshold_m(5.0))
     assert thresholds(threshold_h=0.2, m_pct=50.0) == (0.2, base.threshold_m(50.0))

@@ -2,20 +2,22 @@
 
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
 
+from rearl_jax.config.core import InitConfig, InitialSource, InitialSpeed
+from rearl_jax.config.evaluation import EvaluationConfig, SeedScope
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import Row
+from rearl_jax.evaluation.runner import evaluate
+from rearl_jax.evaluation.tables import frame_table, run_table
 from rearl_jax.problems import InvalidInputError
 
 HELD_OUT = np.arange(6)
 
 
 def frames_of(config, scenes, held_out=HELD_OUT, mixture=None, **keys):
-    import jax
-
-    from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.evaluation.rows import Row
-
     rollouts = Rollouts([Row(config, mixture=mixture)], scenes, held_out, **keys)
     parts = [part.frames for part in rollouts.chunks()]
     return rollouts, jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)
@@ -36,9 +38,6 @@ def test_a_rollout_depends_on_seed_run_and_scene_alone(scenes, small):
 
 
 def test_any_number_of_rollouts_is_counted_not_listed(scenes, small):
-    from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.evaluation.rows import Row
-
     row = Row(replace(small, eval=replace(small.eval, n_runs=10**9)))
     many = Rollouts([row], scenes, np.array([2, 5]))
     assert len(many) == 2 * 10**9
@@ -50,8 +49,6 @@ def test_any_number_of_rollouts_is_counted_not_listed(scenes, small):
 
 @pytest.mark.usefixtures("drifting")
 def test_parts_are_what_the_whole_is(scenes, small):
-    from rearl_jax.config.core import InitConfig, InitialSource
-
     for source in InitialSource:
         config = replace(small, init=InitConfig(source=source))
         rollouts, frames = frames_of(config, scenes, np.array([1, 3, 4]))
@@ -73,8 +70,6 @@ def test_common_random_numbers_of_different_models(scenes, small):
 
 @pytest.mark.usefixtures("drifting")
 def test_one_rollout_per_run_serves_every_scene(scenes, small):
-    from rearl_jax.config.evaluation import SeedScope
-
     shared = replace(small, eval=replace(small.eval, n_runs=6, seed_scope=SeedScope.run))
     rollouts, frames = frames_of(shared, scenes, np.array([2, 5]))
     assert len(rollouts) == 6
@@ -85,8 +80,6 @@ def test_one_rollout_per_run_serves_every_scene(scenes, small):
 
 @pytest.mark.usefixtures("drifting")
 def test_fixed_initial_speed(scenes, small):
-    from rearl_jax.config.core import InitConfig, InitialSpeed
-
     _, drawn = frames_of(small, scenes)
     assert drawn.speed.min() >= 21.0
     assert drawn.speed.max() <= 24.0
@@ -98,8 +91,6 @@ def test_fixed_initial_speed(scenes, small):
 
 @pytest.mark.usefixtures("drifting")
 def test_rollouts_from_the_measured_snapshot(scenes, small):
-    from rearl_jax.config.core import InitConfig, InitialSource
-
     measured = replace(small, init=InitConfig(source=InitialSource.scene))
     rollouts, frames = frames_of(measured, scenes, np.array([1, 4]))
     for column, scene in enumerate(rollouts.scene):
@@ -113,11 +104,6 @@ def test_rollouts_from_the_measured_snapshot(scenes, small):
 
 
 def test_measured_snapshots_that_do_not_fit_the_road_stop(scenes, small):
-    from rearl_jax.config.core import InitConfig, InitialSource
-    from rearl_jax.config.evaluation import SeedScope
-    from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.evaluation.rows import Row
-
     measured = replace(small, init=InitConfig(source=InitialSource.scene))
     for changed, key, value in (
         (replace(measured, core=replace(small.core, n_lanes=3)), "core.n_lanes", "4"),
@@ -141,9 +127,6 @@ def test_measured_snapshots_that_do_not_fit_the_road_stop(scenes, small):
 @pytest.mark.thorough
 @pytest.mark.usefixtures("drifting")
 def test_batches_of_any_width_score_alike(scenes, small):
-    from rearl_jax.evaluation.runner import evaluate
-    from rearl_jax.evaluation.tables import frame_table, run_table
-
     tables = []
     for width in (5, 512):
         config = replace(small, core=replace(small.core, chunk=width))
@@ -160,8 +143,6 @@ def test_batches_of_any_width_score_alike(scenes, small):
 
 @pytest.mark.slow
 def test_the_real_simulation_does_not_depend_on_the_batch(scenes, small):
-    from rearl_jax.config.evaluation import EvaluationConfig
-
     core = replace(small.core, n_vehicles=10, density=3.0, collisions=True)
     config = replace(small, eval=EvaluationConfig(n_runs=8))
     _, together = frames_of(replace(config, core=replace(core, chunk=512)), scenes)
