@@ -59,19 +59,7 @@ def simulate_with_host_policy(
     *,
     n_seconds: int,
 ) -> Iterator[Simulated]:
-    """Rollouts and their decisions, burst by burst, in two blocks each.
-
-    Args:
-        state: Initial states of all scenarios.
-        drivers: Parameters of all vehicles.
-        keys: Random keys of the decisions, one per scenario.
-        table: References.
-        thresholds: Of every scenario.
-        make_policy: Makes the policies, one per block.
-        model: Road, clock and stages.
-        options: Choices of the loop.
-        n_seconds: Seconds to simulate [s].
-    """
+    """Rollouts and their decisions, burst by burst, in two blocks each."""
     n_scenarios = state.x.shape[-1]
     for start in range(0, n_scenarios, BURST):
         size = min(BURST, n_scenarios - start)

@@ -30,13 +30,6 @@ def assess(
 
     Initial states are of their own, drawn as highway-env does whatever `init.source` says, and the same in every call.
 
-    Args:
-        config: The task.
-        scenes: All scenes.
-        subset: Indices of the threshold scenes.
-        candidates: The mixtures.
-        progress: Called with the number of rollouts scored and their total.
-
     Raises:
         ValueError: There is no Hellinger distance or no spacing error.
     """

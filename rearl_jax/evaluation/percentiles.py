@@ -56,13 +56,7 @@ def base_values(
     subset: np.ndarray,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> BaseValues:
-    """Values of base on the threshold scenes, `eval.n_runs` rollouts of each.
-
-    Args:
-        config: The method and the thresholds do not matter, and variant=all means drivers without effects.
-        scenes: All scenes.
-        subset: Indices of the threshold scenes.
-        progress: Called with the number of rollouts done and their total.
+    """Values of base on the threshold scenes, `eval.n_runs` rollouts of each; variant=all means no effects.
 
     Raises:
         ValueError: There is no value to take a percentile of.

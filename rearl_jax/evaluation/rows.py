@@ -51,13 +51,7 @@ def compares_variants(config: EvaluateTask) -> bool:
 
 
 def rows_of(config: EvaluateTask, thresholds: tuple[float, float] = NEVER, mixture: Mixture | None = None) -> Rows:
-    """The method and, where it is another one, base beside it; or the four rows of a repaired model.
-
-    Args:
-        config: The task.
-        thresholds: Of the Hellinger distance and of the spacing error.
-        mixture: Shares of the driver classes, for method=critical.
-    """
+    """The method and, where it is another one, base beside it; or the four rows of a repaired model."""
     if compares_variants(config):
         variants = ((Variant.calibrated, ""), (Variant.repaired, WITH_EFFECT))
         rows = (

@@ -83,12 +83,7 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
 
 
 def read_pairs(folder: Path, config: StudyTable3Task) -> PairResults:
-    """The sweep in a folder.
-
-    Args:
-        folder: Its results.
-        config: Which spacing error decides; resamples, confidence and seed of the intervals.
-    """
+    """Sweep that a folder holds, with intervals by the resamples of the configuration."""
     runs, table = pd.read_parquet(folder / RUNS), pd.read_parquet(folder / "table3.parquet")
     h_pct, m_pct = (runs[name].to_numpy(np.float64, na_value=np.nan) for name in ("h_pct", "m_pct"))
     rows = []

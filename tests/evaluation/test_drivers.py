@@ -5,14 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rearl_jax.config import EvaluateTask, StudyTable1Task
+from rearl_jax.config import EvaluateTask
 from rearl_jax.config.driver import DEFAULT, MODELS, record_of
 from rearl_jax.config.evaluation import Method
 from rearl_jax.config.mobil import MobilConfig
-from rearl_jax.config.study import Table1Config
 from rearl_jax.evaluation.traffic import model_notes, population_of
 from rearl_jax.problems import InvalidInputError
-from rearl_jax.study.rows import chosen_rows, row_record
 from tests.evaluation.test_rollouts import frames_of
 
 
@@ -81,13 +79,3 @@ def test_methods_with_drivers_of_their_own_refuse_the_keys():
     with pytest.raises(InvalidInputError) as caught:
         population_of(EvaluateTask(model="x.yaml", driver=record_of("idm")()))
     assert (caught.value.code, caught.value.problem.key) == ("drivers-twice", "model=x.yaml")
-
-
-def test_rows_of_table_1_that_bring_drivers_leave_the_keys_aside():
-    task = StudyTable1Task(driver=record_of("idm")(), mobil=MobilConfig(politeness=0.5))
-    records = {row.name: row_record(row, task) for row in chosen_rows(Table1Config())}
-    assert records["base"].driver == record_of("idm")()
-    assert records["base"].mobil.politeness == 0.5
-    own = [record for record in records.values() if record.method.name in ("ppo", "critical")]
-    assert own
-    assert all(record.driver.is_default and record.mobil.is_default for record in own)

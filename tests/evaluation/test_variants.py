@@ -7,14 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config import EvaluateTask, ResultsConfig, StudyTable1Task
+from rearl_jax.config import EvaluateTask, ResultsConfig
 from rearl_jax.config.evaluation import EvaluationConfig, Method, Variant
-from rearl_jax.config.study import Table1Config
 from rearl_jax.evaluation import task
 from rearl_jax.evaluation.traffic import inputs_id, population_of
 from rearl_jax.models.file import model_id, write_model
 from rearl_jax.problems import InvalidInputError
-from rearl_jax.study.rows import chosen_rows, row_record
 from tests.models.drivers import GAIN, model
 
 
@@ -56,20 +54,6 @@ def test_variants_differ_by_drivers_and_effects_alone(path):
     assert without.effects == ()
     np.testing.assert_array_equal(with_effects.length, without.length)
     assert (with_effects.median != without.median).any()
-
-
-def test_rows_of_table_1_with_a_model(path):
-    names = [row.name for row in chosen_rows(Table1Config(), path)]
-    assert names[-3:] == ["calibrated", "repaired", "repaired_matcher"]
-    assert not {"calibrated", "repaired"} & {row.name for row in chosen_rows(Table1Config())}
-    with pytest.raises(InvalidInputError) as caught:
-        chosen_rows(Table1Config(rows=("repaired",)))
-    assert (caught.value.code, caught.value.problem.key) == ("key-missing", "model")
-    task = StudyTable1Task(model=path)
-    records = {row.name: row_record(row, task) for row in chosen_rows(Table1Config(), path)}
-    assert records["base"].model is None  # highway-env's
-    assert (records["repaired"].model, records["repaired"].variant) == (path, Variant.repaired)
-    assert records["repaired_matcher"].method is Method.rearl
 
 
 @pytest.mark.slow  # four programs
