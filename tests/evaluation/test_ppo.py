@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 
-import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from rearl_jax.config.evaluation import Method
 from rearl_jax.config.ppo import PpoPolicyConfig
+from rearl_jax.core.rollout import Frames
 from rearl_jax.data.recordings import data_id
 from rearl_jax.evaluation import simulators
 from rearl_jax.evaluation.driven import count_actions
@@ -19,6 +20,7 @@ from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.runner import evaluate
 from rearl_jax.evaluation.tables import summary_rows, table_notes
 from rearl_jax.evaluation.task import inputs_id
+from tests.evaluation.test_rollouts import frames_of
 
 
 @pytest.fixture
@@ -27,30 +29,30 @@ def driven(small):
     return replace(small, method=Method.ppo, core=core)
 
 
-def test_everybody_starts_as_under_base_and_drives_faster(scenes, driven, monkeypatch, simulated_by):
+def test_everybody_starts_as_under_base(scenes, driven, monkeypatch, simulated_by):
     """The state handed to both simulations is the same, bit for bit."""
-    seen = {}
 
-    def keeping(name, function):
-        def simulate(state, *others, **keywords):
-            jax.debug.callback(lambda *start: seen.setdefault(name, start), state.x, state.speed, state.y)
-            return function(state, *others, **keywords)
+    def still(state, n_seconds):
+        same = jnp.zeros((n_seconds, *state.x.shape), state.x.dtype)
+        lane = jnp.zeros(same.shape, jnp.int32)
+        return Frames(same + state.x[None], same + state.y[None], same, same + state.speed[None], same, lane, same > 0)
 
-        return simulate
+    def driving(state, *_, n_seconds):
+        frames = still(state, n_seconds)
+        return frames, frames.lane
 
-    monkeypatch.setattr(simulators, "rollout_with_actor", keeping("ppo", simulators.rollout_with_actor))
-    frames = {}
-    with simulated_by(keeping("base", simulators.simulate_base)):
+    monkeypatch.setattr(simulators, "rollout_with_actor", driving)
+    parts = {}
+    with simulated_by(lambda state, drivers, model, n_seconds: still(state, n_seconds)):
         for method in (Method.base, Method.ppo):
-            (part,) = Rollouts([Row(replace(driven, method=method))], scenes, np.array([1, 4])).chunks()
-            frames[method.name] = part.frames
-            assert part.decisions is None
-            assert (part.actions is None) == (method is Method.base)
-    jax.effects_barrier()
-    assert set(seen) == {"base", "ppo"}
-    for base, ppo in zip(seen["base"], seen["ppo"], strict=True):
-        np.testing.assert_array_equal(base, ppo)
-    assert (frames["ppo"].speed[-1] > frames["base"].speed[-1]).mean() > 0.9
+            (parts[method],) = Rollouts([Row(replace(driven, method=method))], scenes, np.array([1, 4])).chunks()
+    assert parts[Method.ppo].decisions is None
+    assert parts[Method.ppo].actions is not None
+    assert parts[Method.base].actions is None
+    for name in ("x", "y", "speed"):
+        values = (getattr(part.frames, name) for part in parts.values())
+        np.testing.assert_array_equal(*values)
+    assert np.ptp(parts[Method.base].frames.speed[0]) > 0
 
 
 @pytest.mark.thorough
@@ -61,6 +63,9 @@ def test_row_base_beside_it_note_and_figure(scenes, driven):
     assert evaluation.log is None
     counts = evaluation.sample.action_counts
     assert counts.sum() == 6 * 4 * (scenes.seconds - 1)
+    _, ppo_frames = frames_of(driven, scenes, held_out)
+    _, base_frames = frames_of(replace(driven, method=Method.base), scenes, held_out)
+    assert (ppo_frames.speed[-1] > base_frames.speed[-1]).mean() > 0.9
     found = estimates(evaluation.rows, held_out, driven.eval)
     ppo, base = (evaluation.row(name).values["h"] for name in ("ppo", "base"))
     assert found["ppo", "h"].less_base == pytest.approx((ppo - base).mean())
