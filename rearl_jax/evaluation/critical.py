@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -18,7 +19,7 @@ from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.evaluation.critical_results import adaptation_extra, answer_extra
 from rearl_jax.evaluation.extras import Extra
 from rearl_jax.evaluation.language_model import open_client
-from rearl_jax.evaluation.mixture_trials import Assessor
+from rearl_jax.evaluation.mixture_trials import assess
 from rearl_jax.evaluation.recorded_driving import recorded_shares
 from rearl_jax.llm.client import Client
 from rearl_jax.llm.records import KEEP_OUT, Cause, Message, Question
@@ -28,13 +29,7 @@ log = logging.getLogger(__name__)
 
 
 def adapt(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progress) -> tuple[Mixture, list[Extra]]:
-    """The shares to evaluate, and what is to be said about them.
-
-    Args:
-        config: The task.
-        scenes: All scenes.
-        subset: Indices of the threshold scenes.
-        bar: Shows how far the rounds are.
+    """Shares of the driver classes to evaluate, found on the threshold scenes of a subset, and their extra results.
 
     Raises:
         ImportError, OSError, ValueError: The language model cannot be asked; see `language_model.language_model`.
@@ -51,25 +46,24 @@ def adapt(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progr
 def _adapted(
     config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progress
 ) -> tuple[Adaptation, pd.DataFrame | None]:
-    """How the shares were found, and what a language model was asked."""
+    """The search for the shares, and the requests to a language model."""
     if config.critical.ratios is not None:
         return Adaptation(GIVEN, Mixture(*config.critical.ratios)), None
-    assess = Assessor(config, scenes, subset)
+    try_out = partial(assess, config, scenes, subset)
     match config.critical.proposer:
         case Proposer.stats:
             recorded = recorded_shares(config, scenes, subset, bar)
-            return best_of([recorded], assess, Proposer.stats.name), None
+            return best_of([recorded], try_out, Proposer.stats.name), None
         case Proposer.search:
-            assess.progress = shown(bar, "mixtures")
-            return best_of(grid(), assess, Proposer.search.name), None
+            return best_of(grid(), partial(try_out, progress=shown(bar, "mixtures")), Proposer.search.name), None
         case Proposer.llm:
-            return _asked(config, scenes, subset, assess, bar)
+            return _asked(config, scenes, subset, try_out, bar)
 
 
 def _asked(
-    config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, assess: Assess, bar: Progress
+    config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, try_out: Assess, bar: Progress
 ) -> tuple[Adaptation, pd.DataFrame]:
-    """The proposals of a language model, and what it was asked."""
+    """The search with proposals of a language model, and the requests to it."""
     critical = config.critical
     # One answer that is no identifier: no votes, no constraint to identifiers, and room for the object.
     llm = replace(config.llm, votes=1, constrained=False, max_tokens=max(config.llm.max_tokens, critical.max_tokens))
@@ -77,7 +71,7 @@ def _asked(
         recorded = recorded_shares(config, scenes, subset, bar)
         propose = LanguageModelProposer(_asking(client), recorded, attempts=critical.attempts, history=critical.history)
         adaptation = adapt_by_rounds(
-            propose, assess, critical.rounds, Proposer.llm.name, progress=shown(bar, "rounds of proposals")
+            propose, try_out, critical.rounds, Proposer.llm.name, progress=shown(bar, "rounds of proposals")
         )
         return adaptation, client.requests_frame()
 

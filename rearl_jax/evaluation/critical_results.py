@@ -12,14 +12,7 @@ from rearl_jax.metrics import METRICS
 
 
 def adaptation_extra(config: EvaluateTask, adaptation: Adaptation, n_scenes: int, *, generated: bool) -> Extra:
-    """Table of the trials, note, keys of the summary and figure.
-
-    Args:
-        config: The task.
-        adaptation: How the shares were found.
-        n_scenes: Threshold scenes.
-        generated: Whether the data are no measurements.
-    """
+    """Table of the trials, note, keys of the summary and figure; `n_scenes` counts the threshold scenes."""
     mixture = adaptation.mixture
     summary = {
         **{f"ratio_{name}": share for name, share in mixture._asdict().items()},

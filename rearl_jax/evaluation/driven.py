@@ -1,4 +1,4 @@
-"""What a policy that drives all vehicles did: its actions by speed, as counts, one sentence and a figure."""
+"""Driving of a policy that drives all vehicles: its actions by speed, as counts, one sentence and a figure."""
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -19,7 +19,7 @@ def count_actions(
     speed: Float[np.ndarray, "seconds vehicles scenarios"],
     edges: Float[np.ndarray, " edges"],
 ) -> Int[np.ndarray, "actions bins"]:
-    """How often each action was taken in each bin of the speed before it, in the order of `MetaAction`.
+    """Counts of each action in each bin of the speed before it, in the order of `MetaAction`.
 
     The first second is left out, as no frame shows the speed before it; what lies outside the edges counts in the
     outermost bins.
@@ -53,7 +53,7 @@ def driving_extra(
 
 
 def driving_note(policy: TrainedPolicy, counts: Int[np.ndarray, "actions bins"]) -> str:
-    """One sentence about the policy and what it did."""
+    """One sentence about the policy and its actions."""
     shares = counts.sum(axis=1) / max(counts.sum(), 1)
     done = ", ".join(f"{name} {100 * share:.1f} %" for name, share in zip(ACTION_NAMES, shares, strict=True))
     return (

@@ -72,39 +72,29 @@ def estimates(rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig) 
             if np.isfinite(values).any():
                 means[row.row, name] = values
                 spread[row.row, name] = spread_over_runs(row, name)
-    others = {
-        (row, name): (REAL_VS_REAL if name in COMPARING else REAL, name) for row, name in means if row not in TITLES
-    }
-    differences = _differences(means, others)
-    less_base = _differences(
-        means, {(row, name): (BASE, name) for row, name in means if row not in TITLES and row != BASE}
-    )
-    ends, ends_of_difference, ends_less_base = (_intervals(c, eval) for c in (means, differences, less_base))
-    found = {}
-    for key, values in means.items():
-        estimate = Estimate(
+    ends = _intervals(means, eval)
+    found = {
+        key: Estimate(
             value=float(np.nanmean(values)),
             sd=spread[key],
             low=ends[key][0],
             high=ends[key][1],
             n_scenes=int(np.isfinite(values).sum()),
         )
-        if key in differences:
-            estimate = replace(
-                estimate,
-                compared_with=others[key][0],
-                difference=float(np.nanmean(differences[key])),
-                difference_low=ends_of_difference[key][0],
-                difference_high=ends_of_difference[key][1],
-            )
-        if key in less_base:
-            estimate = replace(
-                estimate,
-                less_base=float(np.nanmean(less_base[key])),
-                less_base_low=ends_less_base[key][0],
-                less_base_high=ends_less_base[key][1],
-            )
-        found[key] = estimate
+        for key, values in means.items()
+    }
+    simulated = [key for key in means if key[0] not in TITLES]
+    real = {(row, name): (REAL_VS_REAL if name in COMPARING else REAL, name) for row, name in simulated}
+    base = {(row, name): (BASE, name) for row, name in simulated if row != BASE}
+    for field, others in (("difference", real), ("less_base", base)):
+        differences = _differences(means, others)
+        ends = _intervals(differences, eval)
+        for key, values in differences.items():
+            figures = (float(np.nanmean(values)), *ends[key])
+            names = (field, f"{field}_low", f"{field}_high")
+            found[key] = replace(found[key], **dict(zip(names, figures, strict=True)))
+            if field == "difference":
+                found[key] = replace(found[key], compared_with=others[key][0])
     return found
 
 

@@ -1,4 +1,4 @@
-"""What was detected and decided: the log of all rollouts, as a table, figures of the summary and one sentence."""
+"""Detections and decisions: the log of all rollouts, as a table, figures of the summary and one sentence."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ _SECONDS_PER_MINUTE = 60
 
 @dataclass(frozen=True)
 class DecisionLog:
-    """What was detected and decided in every rollout of the method.
+    """Detections and decisions in every rollout of a row.
 
     Attributes:
         scene: Index of the scene whose initial state a rollout has.
@@ -37,13 +37,9 @@ def intervention_extra(scene_id: np.ndarray, log: DecisionLog, window: int) -> E
 
 
 def variants_extra(scene_id: np.ndarray, logs: dict[str, DecisionLog], window: int, n_vehicles: int) -> Extra:
-    """The decisions of several rows in one table, with the row under `method`, and one sentence per row.
+    """Decisions of several rows in one table, with the row under `method`, and one sentence per row.
 
-    Args:
-        scene_id: Number of every scene.
-        logs: What was detected and decided, by row.
-        window: Length of the window of the Hellinger distance [s].
-        n_vehicles: Vehicles in each rollout.
+    The arguments are those of `decision_table`, the logs by row, and `intervention_rates`.
     """
     tables, notes = [], []
     for name, log in logs.items():

@@ -12,7 +12,7 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config.decision import PolicyName
 from rearl_jax.config.llm import LlmConfig
 from rearl_jax.evaluation.extras import Extra
-from rearl_jax.evaluation.outside import Lot
+from rearl_jax.evaluation.host_policy import Block
 from rearl_jax.llm.client import Client, Read
 from rearl_jax.llm.local_server import server_at
 from rearl_jax.llm.parsing import understand
@@ -31,18 +31,22 @@ class LanguageModel:
         self._line: TaskID = bar.add_task("decisions", total=None)
         self._begin = time.perf_counter()
 
-    def make_policy(self, lot: Lot) -> LanguageModelPolicy:
-        """Who decides for some scenarios during a rollout; see `outside.MakePolicy`."""
+    def make_policy(self, block: Block) -> LanguageModelPolicy:
+        """The policy of a block of scenarios; see `host_policy.MakePolicy`."""
         prompter = Prompter(
-            lot.table,
-            lot.model,
+            block.table,
+            block.model,
             self._config.prompt,
-            lot.options.detection,
+            block.options.detection,
             self._template,
-            vehicle_length=lot.length,
+            vehicle_length=block.length,
         )
         return LanguageModelPolicy(
-            self._client, prompter, lot.thresholds, lot.first, lambda second: self._show(second, lot.table.n_seconds)
+            self._client,
+            prompter,
+            block.thresholds,
+            block.first,
+            lambda second: self._show(second, block.table.n_seconds),
         )
 
     def requests(self) -> pd.DataFrame:
@@ -84,12 +88,7 @@ def language_model(config: EvaluateTask, bar: Progress) -> Iterator[LanguageMode
 
 @contextmanager
 def open_client(config: EvaluateTask, llm: LlmConfig, read: Read = understand) -> Iterator[Client]:
-    """A client of `decision.server`, or of the kept answers with `decision.policy=replay`.
-
-    Args:
-        config: The task.
-        llm: Model, sampling and time-outs.
-        read: What the text of an answer means.
+    """A client of `decision.server`, or of the kept answers with `decision.policy=replay`; `read` parses its answers.
 
     Raises:
         As `language_model`.

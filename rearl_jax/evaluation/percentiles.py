@@ -15,6 +15,7 @@ from rearl_jax.config.evaluation import Method
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.evaluation.inputs import Inputs
 from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.runner import scored_rollouts
 from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.evaluation.tables import frame_series
@@ -55,14 +56,7 @@ def base_values(
     subset: np.ndarray,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> BaseValues:
-    """Values of base on the threshold scenes, `eval.n_runs` rollouts of each.
-
-    Args:
-        config: Road, traffic model, initial states, runs, seeds and metrics; the method and the thresholds do not
-            matter, and variant=all means drivers without effects.
-        scenes: All scenes.
-        subset: Indices of the threshold scenes.
-        progress: Called with the number of rollouts done and their total.
+    """Values of base on the threshold scenes, `eval.n_runs` rollouts of each; variant=all means no effects.
 
     Raises:
         ValueError: There is no value to take a percentile of.
@@ -70,8 +64,7 @@ def base_values(
     Source: REARL (Bi et al.): 150 scenes, 5 runs, 56 windows and 60 seconds, so 42,000 and 45,000 values.
     """
     config = calibrated(replace(config, method=Method.base))
-    rollouts = Rollouts(config, scenes, subset)
-    row = scored_rollouts(config, rollouts, scenes, subset, progress)
+    row = scored_rollouts(Rollouts([Row(config)], scenes, subset), scenes, subset, progress)
     series = frame_series(row, config.hist.window)
     h, mape = (series[name][np.isfinite(series[name])] for name in ("h", config.mape.column))
     if not len(h) or not len(mape):
@@ -80,43 +73,19 @@ def base_values(
 
 
 def thresholds_of(config: EvaluateTask, inputs: Inputs, bar: Progress) -> tuple[float, float]:
-    """Thresholds of the configured method; ones that nothing passes where it detects nothing.
+    """Thresholds of the Hellinger distance and of the spacing error: given ones, else percentiles of base.
 
-    Args:
-        config: The task.
-        inputs: Scenes and splits.
-        bar: Shows the rollouts of base.
+    Infinite where the cue is not used or the method detects nothing; base is simulated only for a percentile.
     """
     if not config.method.needs_references:
         return NEVER
-    progress = shown(bar, "thresholds")
-    thresholds = detection_thresholds(config, inputs.scenes, inputs.splits.threshold, progress)
-    log.info("thresholds: Hellinger distance %.4f, spacing error %.4f", *thresholds)
-    return thresholds
-
-
-def detection_thresholds(
-    config: EvaluateTask,
-    scenes: SceneSet,
-    subset: np.ndarray,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> tuple[float, float]:
-    """Thresholds of the Hellinger distance and of the spacing error: given ones, else percentiles of base.
-
-    Infinite where the cue is not used; base is simulated only where a percentile is needed.
-
-    Args:
-        config: The task.
-        scenes: All scenes.
-        subset: Indices of the threshold scenes.
-        progress: Called with the number of rollouts done and their total.
-    """
     detection = config.detection
-    uses_h, uses_m = detection.cues in (Cues.both, Cues.speed), detection.cues in (Cues.both, Cues.spacing)
-    h = detection.threshold_h if uses_h else math.inf
-    m = detection.threshold_m if uses_m else math.inf
+    h = detection.threshold_h if detection.cues in (Cues.both, Cues.speed) else math.inf
+    m = detection.threshold_m if detection.cues in (Cues.both, Cues.spacing) else math.inf
+    progress = shown(bar, "thresholds")
     if h is None or m is None:
-        base = base_values(config, scenes, subset, progress)
+        base = base_values(config, inputs.scenes, inputs.splits.threshold, progress)
         h = base.threshold_h(detection.h_pct) if h is None else h
         m = base.threshold_m(detection.m_pct) if m is None else m
+    log.info("thresholds: Hellinger distance %.4f, spacing error %.4f", h, m)
     return h, m

@@ -22,13 +22,7 @@ _SOURCES = ("baselines/critical", "config", "data")
 
 
 def recorded_shares(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progress) -> Mixture:
-    """The shares among all vehicles that drive during some scenes.
-
-    Args:
-        config: The task.
-        scenes: All scenes.
-        subset: Indices of those that count.
-        bar: Shows the recordings read.
+    """Shares of the driver classes among all vehicles that drive during the scenes of a subset.
 
     Raises:
         ValueError: There are too few cars, or a recording is bad.
@@ -38,7 +32,7 @@ def recorded_shares(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, 
     keys = {
         "data": data_id(config.data),
         "files": stamps,
-        "stretches": {name: [list(vars(s).values()) for s in some] for name, some in stretches.items()},
+        "stretches": {name: [list(vars(s).values()) for s in parts] for name, parts in stretches.items()},
         "reading": as_plain(config.data),
     }
     path = kept_path("driving", keys, _SOURCES, ".npz")
@@ -61,7 +55,7 @@ def recorded_shares(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, 
 
 
 def stretches_of(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray) -> dict[str, list[Stretch]]:
-    """The parts of the recordings that some scenes show, by recording."""
+    """Parts of the recordings that the scenes of a subset show, by recording."""
     found: dict[str, list[Stretch]] = {}
     for index in subset:
         first = int(scenes.start_frame[index])

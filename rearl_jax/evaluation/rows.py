@@ -1,4 +1,7 @@
-"""The simulated rows of the table: whose traffic each is, and which of them figures and differences are about."""
+"""Rows of an evaluation: whose traffic each is, and which of them figures and differences are about.
+
+Methods, the variants of a repaired model, mixtures of driver classes and pairs of thresholds are rows alike.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -6,6 +9,7 @@ from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.evaluation import Method, Variant
 from rearl_jax.evaluation.scores import WITH_EFFECT
+from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.evaluation.traffic import WITH_MODEL
 
 
@@ -14,13 +18,15 @@ class Row:
     """Traffic that is simulated from the initial states of the held-out scenes and scored on them.
 
     Attributes:
-        name: Its name in tables and files.
         config: Method, model and everything else that its traffic follows from.
+        name: Its name in tables and files.
+        thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene.
         mixture: Shares of the driver classes, for method=critical; None for `critical.ratios`.
     """
 
-    name: str
     config: EvaluateTask
+    name: str = ""
+    thresholds: tuple[float, float] = NEVER
     mixture: Mixture | None = None
 
 
@@ -44,22 +50,17 @@ def compares_variants(config: EvaluateTask) -> bool:
     return config.model is not None and config.variant is Variant.all
 
 
-def rows_of(config: EvaluateTask, mixture: Mixture | None = None) -> Rows:
-    """The method and, where it is another one, base beside it; or the four rows of a repaired model.
-
-    Args:
-        config: The task.
-        mixture: Shares of the driver classes, for method=critical.
-    """
+def rows_of(config: EvaluateTask, thresholds: tuple[float, float] = NEVER, mixture: Mixture | None = None) -> Rows:
+    """The method and, where it is another one, base beside it; or the four rows of a repaired model."""
     if compares_variants(config):
         variants = ((Variant.calibrated, ""), (Variant.repaired, WITH_EFFECT))
         rows = (
-            Row(f"{method.name}{ending}", replace(config, method=method, variant=variant))
+            Row(replace(config, method=method, variant=variant), f"{method.name}{ending}", thresholds)
             for method in WITH_MODEL
             for variant, ending in variants
         )
         return Rows(tuple(rows), f"{Method.rearl.name}{WITH_EFFECT}", has_variants=True)
-    rows = (Row(config.method.name, config, mixture),)
+    rows = (Row(config, config.method.name, thresholds, mixture),)
     if config.method is not Method.base:
-        rows += (Row(Method.base.name, replace(config, method=Method.base)),)
+        rows += (Row(replace(config, method=Method.base), Method.base.name),)
     return Rows(rows, config.method.name)

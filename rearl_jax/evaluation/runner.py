@@ -19,10 +19,10 @@ from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.detection.references import References
 from rearl_jax.evaluation.driven import count_actions, driving_extra
 from rearl_jax.evaluation.extras import Extra, Figures
+from rearl_jax.evaluation.host_policy import MakePolicy
 from rearl_jax.evaluation.interventions import DecisionLog, intervention_extra, intervention_rates, variants_extra
-from rearl_jax.evaluation.outside import MakePolicy
 from rearl_jax.evaluation.rollouts import Rollouts
-from rearl_jax.evaluation.rows import Row, rows_of
+from rearl_jax.evaluation.rows import rows_of
 from rearl_jax.evaluation.scores import (
     REAL,
     REAL_VS_REAL,
@@ -109,7 +109,7 @@ def evaluate(
     progress: Callable[[int, int], None] = lambda done, total: None,
     references: References | None = None,
     thresholds: tuple[float, float] = NEVER,
-    outside: MakePolicy | None = None,
+    host_policy: MakePolicy | None = None,
     mixture: Mixture | None = None,
 ) -> Evaluation:
     """The simulated rows and those they must be read against, scored on the held-out scenes.
@@ -121,29 +121,30 @@ def evaluate(
         progress: Called with the number of rollouts done and their total, row by row.
         references: Representative scenes, for methods that intervene.
         thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene.
-        outside: Makes the policies that decide outside the compiled program, where one does.
+        host_policy: Makes the policies that decide outside the compiled program, where one does.
         mixture: Shares of the driver classes, for method=critical; None for `critical.ratios`.
     """
-    wanted = rows_of(config, mixture)
-    scorer, width = make_scorer(config, scenes, config.eval.n_runs * len(held_out))
+    wanted = rows_of(config, thresholds, mixture)
+    scorer = make_scorer(config, scenes, config.eval.n_runs * len(held_out))
     example = example_scene(scenes, held_out, config.eval.example)
-    rows, logs, extras, shown = [], {}, [], None
+    rows, logs, extras, main_sample = [], {}, [], None
     # Beside the simulation's compilation, which is the longest part of a short job.
     with ThreadPoolExecutor(1) as beside:
         reference = beside.submit(reference_rows, config, scenes, held_out, scorer)
         for row in wanted.rows:
-            mixtures = () if row.mixture is None else (row.mixture,)
-            held_to = references if row.config.method.needs_references else None
-            rollouts = Rollouts(row.config, scenes, held_out, held_to, [thresholds], outside, mixtures=mixtures)
-            scores, sample, log = simulated_row(row, rollouts, scorer, held_out, width, example, progress)
+            rollouts = Rollouts([row], scenes, held_out, references, host_policy)
+            scores, sample, log = simulated_row(row.name, rollouts, scorer, held_out, example, progress)
             rows.append(scores)
             if log is not None:
                 logs[row.name] = log
             if row.name == wanted.main:
-                shown = sample
-                extras += _driving(config, scenes, rollouts, sample)
+                main_sample = sample
+                if rollouts.policy is not None and sample.action_counts is not None:
+                    edges, method = speed_histogram_edges(config.hist), config.method.name
+                    counts = sample.action_counts
+                    extras.append(driving_extra(rollouts.policy, counts, edges, method, generated=scenes.generated))
         rows += reference.result()
-    assert shown is not None  # of the main row
+    assert main_sample is not None
     rows = with_realism(rows, next(row for row in rows if row.row == REAL), config.realism)
     window, n_vehicles = config.hist.window, config.core.n_vehicles
     figures = {}
@@ -152,80 +153,62 @@ def evaluate(
         extras.append(variants_extra(scenes.scene_id, logs, window, n_vehicles))
     elif logs:
         extras.insert(0, intervention_extra(scenes.scene_id, logs[wanted.main], window))
-    return Evaluation(config, scenes, held_out, rows, shown, wanted.main, logs, tuple(extras), figures)
-
-
-def _driving(config: EvaluateTask, scenes: SceneSet, rollouts: Rollouts, sample: Sample) -> list[Extra]:
-    """What a trained policy did that drove everybody; nothing where none does."""
-    if rollouts.policy is None or sample.action_counts is None:
-        return []
-    edges, generated = speed_histogram_edges(config.hist), scenes.generated
-    return [driving_extra(rollouts.policy, sample.action_counts, edges, config.method.name, generated=generated)]
+    return Evaluation(config, scenes, held_out, rows, main_sample, wanted.main, logs, tuple(extras), figures)
 
 
 def simulated_row(
-    row: Row,
+    name: str,
     rollouts: Rollouts,
     scorer: Scorer,
     held_out: np.ndarray,
-    width: int,
     example: int,
     progress: Callable[[int, int], None],
 ) -> tuple[Scores, Sample, DecisionLog | None]:
-    """Scores of a row on the held-out scenes, what the figures show of it, and what was decided."""
-    config = row.config
+    """Scores of a row on the held-out scenes, its part in the figures, and what was decided."""
     begin = time.perf_counter()
-    edges = speed_histogram_edges(config.hist)
+    edges = speed_histogram_edges(rollouts.config.hist)
     speed_counts = np.zeros(len(edges) - 1, np.int64)
-    chunks, decided, taken, shown = [], [], [], None
-    for simulated, chunk in scored_chunks(config, rollouts, scorer, held_out, width, progress):
+    chunks, decided, action_counts, example_frames = [], [], [], None
+    for simulated, chunk in scored_chunks(rollouts, scorer, held_out, progress):
         frames = simulated.frames
         chunks.append(chunk)
         decided.append(simulated.decisions)
         if simulated.actions is not None:
-            taken.append(count_actions(np.asarray(simulated.actions), np.asarray(frames.speed), edges))
+            action_counts.append(count_actions(np.asarray(simulated.actions), np.asarray(frames.speed), edges))
         speed_counts += np.histogram(np.clip(frames.speed, edges[0], edges[-1]), edges)[0]
-        if shown is None and example in chunk.scene:
+        if example_frames is None and example in chunk.scene:
             column = chunk.rollout[np.flatnonzero(chunk.scene == example)[0]]
-            shown = jax.tree.map(lambda leaf, at=column: np.array(leaf[..., at]), (frames, simulated.length))
-    scores = _joined(row.name, chunks, len(rollouts), time.perf_counter() - begin)
-    assert shown is not None  # the example is one of the held-out scenes
+            example_frames = jax.tree.map(lambda leaf, at=column: np.array(leaf[..., at]), (frames, simulated.length))
+    scores = _joined(name, chunks, len(rollouts), time.perf_counter() - begin)
+    assert example_frames is not None  # the example is one of the held-out scenes
     log = None
     if decided[0] is not None:
         joined = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *decided)
         log = DecisionLog(rollouts.scene, rollouts.run, joined)
-    first, lengths = shown
-    return scores, Sample(example, first, lengths, speed_counts, np.sum(taken, axis=0) if taken else None), log
+    counts = np.sum(action_counts, axis=0) if action_counts else None
+    return scores, Sample(example, *example_frames, speed_counts, counts), log
 
 
 def scored_rollouts(
-    config: EvaluateTask,
     rollouts: Rollouts,
     scenes: SceneSet,
     held_out: np.ndarray,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Scores:
-    """Scores of rollouts, in their order.
-
-    Args:
-        config: The task.
-        rollouts: The rollouts.
-        scenes: All scenes.
-        held_out: Indices of the scenes they are scored on, rising.
-        progress: Called with the number of rollouts done and their total.
-    """
+    """Scores of the rollouts of one row or of several, in their order, against the held-out scenes."""
     begin = time.perf_counter()
-    n_pairs = config.eval.n_runs * len(held_out) if config.eval.seed_scope is SeedScope.run else len(rollouts)
-    scorer, width = make_scorer(config, scenes, n_pairs)
-    chunks = [chunk for _, chunk in scored_chunks(config, rollouts, scorer, held_out, width, progress)]
-    return _joined(config.method.name, chunks, len(rollouts), time.perf_counter() - begin)
+    eval = rollouts.config.eval
+    n_pairs = eval.n_runs * len(held_out) if eval.seed_scope is SeedScope.run else len(rollouts)
+    scorer = make_scorer(rollouts.config, scenes, n_pairs)
+    chunks = [chunk for _, chunk in scored_chunks(rollouts, scorer, held_out, progress)]
+    return _joined(rollouts.config.method.name, chunks, len(rollouts), time.perf_counter() - begin)
 
 
-def make_scorer(config: EvaluateTask, scenes: SceneSet, n_pairs: int) -> tuple[Scorer, int]:
-    """The scorer of the configured metrics, and the number of pairs a device takes at a time."""
+def make_scorer(config: EvaluateTask, scenes: SceneSet, n_pairs: int) -> Scorer:
+    """Scorer of the configured metrics for so many pairs of a rollout and a scene."""
     width = min(config.core.chunk, math.ceil(n_pairs / len(jax.local_devices())))
     metrics = MetricsConfig(config.hist, config.thw, config.safety, config.realism, config.spacing)
-    return Scorer(scenes, metrics, width=width, dtype=np.dtype(config.core.dtype.name)), width
+    return Scorer(scenes, metrics, width=width, dtype=np.dtype(config.core.dtype.name))
 
 
 @dataclass(frozen=True)
@@ -246,25 +229,27 @@ class ScoredChunk:
 
 
 def scored_chunks(
-    config: EvaluateTask,
-    rollouts: Rollouts,
-    scorer: Scorer,
-    held_out: np.ndarray,
-    width: int,
-    progress: Callable[[int, int], None],
+    rollouts: Rollouts, scorer: Scorer, held_out: np.ndarray, progress: Callable[[int, int], None]
 ) -> Iterator[tuple[Simulated, ScoredChunk]]:
-    """Rollouts chunk by chunk, each scored against its scene, or against all under eval.seed_scope=run."""
-    done = 0
-    for simulated in rollouts.chunks(width):
+    """Rollouts chunk by chunk, each scored against its scene.
+
+    Under eval.seed_scope=run every rollout is scored against all scenes: the runs of one row at a time, so that memory
+    does not grow with the number of rows.
+    """
+    eval, done = rollouts.config.eval, 0
+    is_shared = eval.seed_scope is SeedScope.run
+    for simulated in rollouts.chunks():
         n = simulated.frames.x.shape[-1]
-        part = rollouts[done : done + n]
-        run, scene = part.run, part.scene
-        which = np.arange(n)
-        if config.eval.seed_scope is SeedScope.run:
-            which, scene = np.repeat(which, len(held_out)), np.tile(held_out, n)
-        yield simulated, ScoredChunk(which, scene, run[which], scorer.simulated(simulated, which, scene))
-        done += n
-        progress(done, len(rollouts))
+        for start in range(0, n, eval.n_runs if is_shared else n):
+            columns = slice(start, min(start + eval.n_runs, n) if is_shared else n)
+            some = jax.tree.map(lambda leaf, at=columns: leaf[..., at], simulated)
+            part = rollouts[done : done + columns.stop - start]
+            scene, column = part.scene, np.arange(len(part))
+            if is_shared:
+                column, scene = np.repeat(column, len(held_out)), np.tile(held_out, len(part))
+            yield some, ScoredChunk(column, scene, part.run[column], scorer.simulated(some, column, scene))
+            done += len(part)
+            progress(done, len(rollouts))
 
 
 def _joined(name: str, chunks: list[ScoredChunk], n_rollouts: int, seconds: float) -> Scores:

@@ -49,14 +49,7 @@ class Scorer:
     """Scores traffic against the scenes of a set, in batches of one width."""
 
     def __init__(self, scenes: SceneSet, config: MetricsConfig, *, width: int, dtype: np.dtype) -> None:
-        """Takes the scenes; nothing is compiled before the first call.
-
-        Args:
-            scenes: Scenes to score against, and to take recorded traffic from.
-            config: Bins, thresholds and switches of the metrics.
-            width: Scenarios a device takes at a time.
-            dtype: Floating type of the metrics.
-        """
+        """Compiles nothing yet; `width` scenarios are scored at a time on each device, in floating type `dtype`."""
         self._scenes, self._dtype = scenes, dtype
         self._map = _program(config, width)
         self.batch = width * len(jax.local_devices())
@@ -69,13 +62,7 @@ class Scorer:
         return join(parts)
 
     def simulated(self, simulated: Simulated, rollout: np.ndarray, scene: np.ndarray) -> SceneMetrics:
-        """Metrics of rollouts against recorded scenes, pair by pair.
-
-        Args:
-            simulated: Rollouts.
-            rollout: Which of them.
-            scene: Index of the scene it is scored against.
-        """
+        """Metrics of rollouts, given by column, against recorded scenes, given by index, pair by pair."""
         parts = []
         for at in self._batches(len(scene)):
             parts.append(self._score(self._simulated(simulated, rollout[at]), scene[at]))

@@ -7,7 +7,7 @@ same ones (common random numbers), so that differences between methods are not d
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -22,7 +22,6 @@ from rearl_jax.baselines.network import Perceptron
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import CoreConfig, InitialSpeed
 from rearl_jax.config.decision import MatcherConfig, PolicyName
-from rearl_jax.config.evaluation import Method
 from rearl_jax.core.batch import ScenarioMap
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
@@ -39,9 +38,6 @@ from rearl_jax.detection.table import tabulate
 from rearl_jax.models.population import Population
 from rearl_jax.models.traffic import populate as populate_by_model
 
-Simulator: TypeAlias = Callable[[TrafficState, Drivers, TrafficModel, int], Frames]
-"""From initial states, drivers, the road and a number of seconds to the frame after each second."""
-
 POLICY_STREAM = 1
 """Separates the random numbers of a policy from those of the initial state."""
 
@@ -55,10 +51,6 @@ FIXED_SPEED = 25.0
 def simulate_base(state: TrafficState, drivers: Drivers, model: TrafficModel, n_seconds: int) -> Frames:
     """Frames of IDM and MOBIL traffic that nobody interferes with."""
     return rollout(state, drivers, model, n_seconds=n_seconds)[1]
-
-
-SIMULATORS: dict[Method, Simulator] = {Method.base: simulate_base, Method.critical: simulate_base}
-"""How each method without interventions simulates a batch of scenarios."""
 
 
 class Simulated(eqx.Module):
@@ -129,120 +121,65 @@ class Batch(NamedTuple):
 
 
 def begin(
-    starts: Mapping[str, Array | np.ndarray],
-    measured: TrafficState | None,
-    core: CoreConfig,
-    speed: InitialSpeed,
-    traffic: Population | None = None,
+    batch: Batch, core: CoreConfig, speed: InitialSpeed, model: TrafficModel
 ) -> tuple[TrafficState, Drivers, Key[Array, " scenarios"]]:
-    """Initial states, drivers and random keys of rollouts.
-
-    Args:
-        starts: `seed`, `run` and `scene_id` of each.
-        measured: Initial states that are not drawn.
-        core: The road and its vehicles.
-        speed: How initial speeds are drawn.
-        traffic: Drivers and effects, its leaves with a last axis of length 1; None for highway-env's.
-    """
-    keys = rollout_keys(starts)
+    """Initial states, drivers and random keys of a chunk of rollouts."""
+    keys = rollout_keys(batch.starts)
     state, drivers = spawn(
         keys,
-        traffic_model(core),
+        model,
         n_vehicles=core.n_vehicles,
         density=core.density,
         initial_speed=FIXED_SPEED if speed is InitialSpeed.fixed_25 else None,
         dtype=jnp.dtype(core.dtype.name),
     )
-    state = state if measured is None else measured
-    if traffic is not None:
-        numbers = jax.tree.map(lambda leaf: jnp.asarray(leaf)[..., 0], traffic)
-        state, drivers = populate_by_model(state, drivers, keys, numbers, traffic_model(core))
-    return state, drivers, keys
-
-
-def populated(
-    batch: Batch, core: CoreConfig, speed: InitialSpeed, model: TrafficModel
-) -> tuple[TrafficState, Drivers, Key[Array, " scenarios"]]:
-    """Initial states, drivers and random keys of a chunk, with the classes of drivers where there are any.
-
-    Args:
-        batch: What the chunk is computed from.
-        core: The road and its vehicles.
-        speed: How initial speeds are drawn.
-        model: The road.
-    """
-    state, drivers, keys = begin(batch.starts, batch.measured, core, speed, batch.traffic)
-    if batch.shares is None:
-        return state, drivers, keys
-    measured_speed = state.speed
-    state, drivers = populate(state, drivers, keys, jnp.asarray(batch.shares), model)
     if batch.measured is not None:
-        state = replace(state, speed=measured_speed)
+        state = batch.measured
+    if batch.traffic is not None:
+        state, drivers = populate_by_model(state, drivers, keys, _same_for_all(batch.traffic), model)
+    if batch.shares is not None:
+        state, drivers = populate(state, drivers, keys, jnp.asarray(batch.shares), model)
+        if batch.measured is not None:
+            state = replace(state, speed=batch.measured.speed)
     return state, drivers, keys
+
+
+def _same_for_all(values: Any) -> Any:
+    """Values without their last axis, whose length 1 means the same for all scenarios."""
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf)[..., 0], values)
 
 
 @functools.cache
 def program(
-    method: Method,
     acts: Interventions | DrivingOptions | None,
     core: CoreConfig,
     speed: InitialSpeed,
     n_seconds: int,
-    width: int,
     cooperative: bool,
 ) -> ScenarioMap:
-    """Compiled once for all studies of a process: from seeds (and measured states) to rollouts."""
+    """Program from seeds (and measured states) to rollouts; compiled once for all studies of a process."""
     # Without it, what a lane change costs others would be nothing to polite drivers.
     model = traffic_model(core, cooperative=cooperative)
 
     def simulate(batch: Batch) -> Simulated:
-        references, thresholds = batch.references, batch.thresholds
-        state, drivers, keys = populated(batch, core, speed, model)
+        state, drivers, keys = begin(batch, core, speed, model)
         length = lengths_of(state, drivers)
+        if acts is None:
+            return Simulated(simulate_base(state, drivers, model, n_seconds), length)
         if isinstance(acts, DrivingOptions):
-            assert batch.actor is not None  # loaded with its options
-            actor = jax.tree.map(lambda leaf: leaf[..., 0], batch.actor)
+            actor = _same_for_all(batch.actor)
             frames, actions = rollout_with_actor(state, drivers, actor, model, acts, n_seconds=n_seconds)
             return Simulated(frames, length, actions=actions)
-        if acts is None or references is None or thresholds is None:
-            return Simulated(SIMULATORS[method](state, drivers, model, n_seconds), length)
-        references = jax.tree.map(lambda leaf: leaf[..., 0], references)
-        limits = Thresholds(*thresholds)
-        frames, decisions = simulate_rearl(state, drivers, keys, references, limits, acts, model, n_seconds)
+        assert batch.thresholds is not None  # given with the references
+        acting = model_under_decisions(model, acts.loop.execution.longitudinal)
+        table = tabulate(_same_for_all(batch.references), acts.loop.detection.hist, state.x.dtype)
+        policy, limits = make_policy(acts.policy, acts.matcher, acting), Thresholds(*batch.thresholds)
+        _, frames, decisions = rollout_with_policy(
+            state, drivers, decision_keys(keys), table, limits, policy, acting, acts.loop, n_seconds=n_seconds
+        )
         return Simulated(frames, length, decisions)
 
-    return ScenarioMap(simulate, chunk=width)
-
-
-def simulate_rearl(
-    state: TrafficState,
-    drivers: Drivers,
-    keys: Key[Array, " scenarios"],
-    references: References,
-    thresholds: Thresholds,
-    acts: Interventions,
-    model: TrafficModel,
-    n_seconds: int,
-) -> tuple[Frames, Decisions]:
-    """Frames of IDM and MOBIL traffic with interventions, and what was decided about it.
-
-    Args:
-        state: Initial states.
-        drivers: Parameters of all vehicles.
-        keys: Random keys of the rollouts.
-        references: Representative scenes.
-        thresholds: Of every scenario.
-        acts: Policy, detection, execution.
-        model: Road, clock and stages of the same traffic without interventions.
-        n_seconds: Seconds to simulate [s].
-    """
-    model = model_under_decisions(model, acts.loop.execution.longitudinal)
-    table = tabulate(references, acts.loop.detection.hist, state.x.dtype)
-    policy = make_policy(acts.policy, acts.matcher, model)
-    _, frames, decisions = rollout_with_policy(
-        state, drivers, decision_keys(keys), table, thresholds, policy, model, acts.loop, n_seconds=n_seconds
-    )
-    return frames, decisions
+    return ScenarioMap(simulate, chunk=core.chunk)
 
 
 def lengths_of(state: TrafficState, drivers: Drivers) -> Float[Array, "vehicles scenarios"]:
@@ -256,20 +193,15 @@ def decision_keys(keys: Key[Array, " scenarios"]) -> Key[Array, " scenarios"]:
 
 
 @functools.cache
-def beginnings(core: CoreConfig, speed: InitialSpeed, detection: DetectionOptions) -> Callable[..., tuple]:
-    """Compiled once for all studies of a process: what rollouts need that are decided about outside the program.
+def beginnings(core: CoreConfig, speed: InitialSpeed, detection: DetectionOptions) -> Callable[[Batch], tuple]:
+    """Program from a batch to initial states, drivers, keys of the decisions and the references' table.
 
-    From seeds, measured states, references and the traffic model to initial states, drivers, keys of the decisions and
-    the references' table.
+    Rollouts begin with it whose decisions are made on the host. Compiled once for all studies of a process.
     """
 
-    def start(
-        starts: dict[str, Array],
-        measured: TrafficState | None,
-        references: References,
-        traffic: Population | None,
-    ) -> tuple:
-        state, drivers, keys = begin(starts, measured, core, speed, traffic)
-        return state, drivers, decision_keys(keys), tabulate(references, detection.hist, state.x.dtype)
+    def start(batch: Batch) -> tuple:
+        state, drivers, keys = begin(batch, core, speed, traffic_model(core))
+        table = tabulate(_same_for_all(batch.references), detection.hist, state.x.dtype)
+        return state, drivers, decision_keys(keys), table
 
     return jax.jit(start)

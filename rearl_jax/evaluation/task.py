@@ -121,13 +121,7 @@ def compute(
 
 
 def write_tables(study: Study, evaluation: Evaluation, found: dict[tuple[str, str], Estimate]) -> None:
-    """Writes the Parquet tables.
-
-    Args:
-        study: The folder.
-        evaluation: What was measured.
-        found: Its estimates by row and metric.
-    """
+    """Writes the Parquet tables; `found` has the estimates by row and metric."""
     config = evaluation.config
     metadata = tables.metadata(config, evaluation)
     study.write_table("runs", tables.run_table(evaluation), **metadata)

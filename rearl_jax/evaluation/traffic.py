@@ -76,11 +76,9 @@ def is_cooperative(config: EvaluateTask) -> bool:
 
 
 def _refuse_drivers(config: EvaluateTask) -> None:
-    said = {f"model={config.model}": config.model is None, "driver": config.driver.is_default}
-    said |= {"mobil": config.mobil.is_default}
-    for what, is_left_alone in said.items():
+    is_default = {"model": config.model is None, "driver": config.driver.is_default, "mobil": config.mobil.is_default}
+    for key, is_left_alone in is_default.items():
         if not is_left_alone:
-            key = what.partition("=")[0]
             said = (
                 f"means nothing to the drivers of method={config.method.name}: set method=base or method=rearl, or "
                 f"leave {key} out"

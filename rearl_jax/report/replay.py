@@ -18,12 +18,12 @@ from rearl_jax.config.decision import PolicyName
 from rearl_jax.config.evaluation import Method, Variant
 from rearl_jax.config.report import ReportConfig
 from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.evaluation.host_policy import MakePolicy
 from rearl_jax.evaluation.inputs import Inputs, read_inputs
 from rearl_jax.evaluation.language_model import language_model
-from rearl_jax.evaluation.outside import MakePolicy
 from rearl_jax.evaluation.percentiles import thresholds_of
 from rearl_jax.evaluation.rollouts import Rollouts
-from rearl_jax.evaluation.rows import compares_variants
+from rearl_jax.evaluation.rows import Row, compares_variants
 from rearl_jax.evaluation.runner import make_scorer, named_scenes, scored_chunks
 from rearl_jax.evaluation.scores import WITH_EFFECT, title_of
 from rearl_jax.evaluation.simulators import interventions
@@ -127,19 +127,19 @@ def _replayed(
     """One run of the chosen scenes, scored as the study scored it."""
     scenes = inputs.scenes
     thresholds = thresholds_of(replace(config, variant=study.config.variant), inputs, bar)
-    mixtures = _mixture(study)
+    row = Row(config, config.method.name, thresholds, _mixture(study))
 
-    def rollouts_with(outside: MakePolicy | None) -> Rollouts:
-        all_runs = Rollouts(config, scenes, chosen, inputs.references, [thresholds], outside, mixtures=mixtures)
+    def rollouts_with(host_policy: MakePolicy | None) -> Rollouts:
+        all_runs = Rollouts([row], scenes, chosen, inputs.references, host_policy)
         n = len(all_runs) // config.eval.n_runs
         return all_runs[run * n : (run + 1) * n]
 
     # As many at a time as in the study, so that its compiled programs serve again.
-    scorer, width = make_scorer(config, scenes, config.eval.n_runs * n_held_out)
+    scorer = make_scorer(config, scenes, config.eval.n_runs * n_held_out)
     with _witness(config, rollouts_with, bar) as witness:
         rollouts = rollouts_with(witness)
         first = 0
-        for simulated, chunk in scored_chunks(config, rollouts, scorer, chosen, width, shown(bar, "replay")):
+        for simulated, chunk in scored_chunks(rollouts, scorer, chosen, shown(bar, "replay")):
             for column, scene, h in zip(chunk.rollout, chunk.scene, chunk.metrics.h.value, strict=True):
                 at = first + int(column)
                 decisions = () if witness is None else witness.decisions
@@ -150,13 +150,13 @@ def _replayed(
             first += simulated.frames.x.shape[-1]
 
 
-def _mixture(study: FinishedStudy) -> tuple[Mixture, ...]:
-    """Shares of the driver classes that the study came to; nothing for other methods."""
+def _mixture(study: FinishedStudy) -> Mixture | None:
+    """Shares of the driver classes that the study came to; None for other methods."""
     if study.config.method is not Method.critical:
-        return ()
+        return None
     names = tuple(f"ratio_{name}" for name in Mixture._fields)
     study.needs(study.rows[0], names, "summary.json")
-    return (Mixture(*(float(study.rows[0][name]) for name in names)),)
+    return Mixture(*(float(study.rows[0][name]) for name in names))
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from rearl_jax.decision.lockstep import HostPolicy
 from rearl_jax.decision.policies import make_policy
 from rearl_jax.decision.situation import Situation
 from rearl_jax.detection.table import ReferenceTable
-from rearl_jax.evaluation.outside import Lot, MakePolicy
+from rearl_jax.evaluation.host_policy import Block, MakePolicy
 from rearl_jax.evaluation.simulators import Interventions
 from rearl_jax.replay.scenes import Decision
 
@@ -37,9 +37,9 @@ class Witness:
     make: MakePolicy
     decisions: list[Decision] = field(default_factory=list)
 
-    def __call__(self, lot: Lot) -> HostPolicy:
-        """A policy for some scenarios; see `outside.MakePolicy`."""
-        return _Witnessed(self.make(lot), lot.first, self.decisions)
+    def __call__(self, block: Block) -> HostPolicy:
+        """A policy for some scenarios; see `host_policy.MakePolicy`."""
+        return _Witnessed(self.make(block), block.first, self.decisions)
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,9 @@ def policy_of(acts: Interventions, keys: Key[Array, " rollouts"]) -> MakePolicy:
         keys: Random keys of the policy, one per rollout.
     """
 
-    def make(lot: Lot) -> HostPolicy:
-        own_keys = keys[lot.first : lot.first + lot.length.shape[-1]]
-        return _Compiled(functools.partial(_compiled(acts, lot.model), table=lot.table, keys=own_keys))
+    def make(block: Block) -> HostPolicy:
+        own_keys = keys[block.first : block.first + block.length.shape[-1]]
+        return _Compiled(functools.partial(_compiled(acts, block.model), table=block.table, keys=own_keys))
 
     return make
 

@@ -69,15 +69,7 @@ def fresh_client(llm: LlmConfig, server: str) -> Iterator[Client]:
 def measure_model_steps(
     client: Client, prompt: PromptConfig, loop: StepsConfig, batch: int, repetitions: int
 ) -> list[ModelSteps]:
-    """Measurements after a warm-up of one step, each from other traffic.
-
-    Args:
-        client: Asks the server.
-        prompt: What is shown.
-        loop: Vehicles, steps, references and seed.
-        batch: Scenarios at a time.
-        repetitions: Number of measurements.
-    """
+    """Measurements after a warm-up of one step, each from other traffic."""
     scene = scene_of(loop, loop.steps_vehicles, loop.steps, batch)
     scenes = Scenes.of(scene["references"], loop.steps_vehicles, loop.density)
     prepare = jax.jit(lambda keys: replace(scenes.draw_recorded(keys, loop.steps), recorded=None))

@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config import StudyTable3Task
-from rearl_jax.evaluation.estimates import BASE, intervals
-from rearl_jax.sweep.pairs import scene_means
+from rearl_jax.evaluation.estimates import BASE, grouped_mean, intervals
 from rearl_jax.sweep.parts import RUNS
 from rearl_jax.sweep.task import FIGURES
 
@@ -84,12 +83,7 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
 
 
 def read_pairs(folder: Path, config: StudyTable3Task) -> PairResults:
-    """The sweep in a folder.
-
-    Args:
-        folder: Its results.
-        config: Which spacing error decides; resamples, confidence and seed of the intervals.
-    """
+    """Sweep that a folder holds, with intervals by the resamples of the configuration."""
     runs, table = pd.read_parquet(folder / RUNS), pd.read_parquet(folder / "table3.parquet")
     h_pct, m_pct = (runs[name].to_numpy(np.float64, na_value=np.nan) for name in ("h_pct", "m_pct"))
     rows = []
@@ -108,10 +102,10 @@ def _figures(
 ) -> tuple[dict[str, float], dict[str, tuple[float | None, float | None]]]:
     """Mean over scenes of the mean over runs, and its interval, by figure; NaN and None where there is none."""
     scene = runs["scene_id"].to_numpy(int)[own]
-    subset, one = np.unique(scene), np.zeros(len(scene), int)
+    subset, group = np.unique(scene, return_inverse=True)
     columns = {name: name for name in FIGURES} | {"mape": config.mape.column}
     found = {
-        name: scene_means(runs[column].to_numpy(np.float64, na_value=np.nan)[own], one, scene, subset)[0]
+        name: grouped_mean(runs[column].to_numpy(np.float64, na_value=np.nan)[own], group, len(subset))
         for name, column in columns.items()
     }
     ends = intervals(np.stack(list(found.values()), axis=1), config.eval)

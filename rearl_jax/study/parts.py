@@ -3,9 +3,10 @@
 A part that is finished for the same configuration, data and code is left alone, so a killed study goes on.
 """
 
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, TypeVar
 
 from rearl_jax.config import ResultsConfig
 
@@ -27,14 +28,7 @@ def part_record(kind: type[Record], config: Any, study: str, **other: Any) -> Re
     return kind(**(shared | {"study": study, "results": results} | other))
 
 
-@runtime_checkable
-class Run(Protocol):
-    """The function of a task."""
-
-    def __call__(self, config: Any, *, show: bool = True) -> dict: ...
-
-
-def carry_out(run: Run, part: Any) -> Path:
-    """The folder of a part, with all its results in it; only the study's own table is printed."""
+def carry_out(run: Callable[..., dict], part: Any) -> Path:
+    """The folder of a part, after its task has been run in it; only the study's own table is printed."""
     run(part, show=False)
     return Path(part.results.root) / part.study

@@ -12,13 +12,12 @@ import pandas as pd
 from rearl_jax.config import StudyTable1Task
 from rearl_jax.config.evaluation import EvaluationConfig, Method
 from rearl_jax.evaluation import task
-from rearl_jax.evaluation.estimates import Estimate, intervals
+from rearl_jax.evaluation.estimates import Estimate, grouped_mean, intervals
 from rearl_jax.evaluation.scores import NOISE_FLOOR, REAL, REAL_VS_REAL
 from rearl_jax.evaluation.tables import HEADINGS
 from rearl_jax.study.findings import Difference, RowDifferences
 from rearl_jax.study.parts import carry_out
 from rearl_jax.study.rows import CONTROL, Role, Row, chosen_rows, row_record
-from rearl_jax.sweep.pairs import scene_means
 
 log = logging.getLogger(__name__)
 
@@ -60,8 +59,8 @@ class Evaluated:
         runs = pd.read_parquet(self.folder / "runs.parquet", columns=["method", "scene_id", metric])
         own = runs["method"].to_numpy(str) == self.method
         scene, values = runs["scene_id"].to_numpy(int)[own], runs[metric].to_numpy(np.float64, na_value=np.nan)[own]
-        subset = np.unique(scene)
-        means = scene_means(values, np.zeros(len(scene), int), scene, subset)[0]
+        subset, group = np.unique(scene, return_inverse=True)
+        means = grouped_mean(values, group, len(subset))
         return {int(name): float(mean) for name, mean in zip(subset, means, strict=True) if np.isfinite(mean)}
 
 
@@ -112,14 +111,7 @@ class Results:
 
 
 def paired_difference(row: Evaluated, other: Evaluated, metric: str, eval: EvaluationConfig) -> Difference | None:
-    """A metric of one row less that of another, scene by scene; None where no scene has both.
-
-    Args:
-        row: The one.
-        other: The other one, from the same initial states.
-        metric: Name of the metric.
-        eval: Resamples, confidence and seed.
-    """
+    """A metric of one row less that of another from the same initial states; None where no scene has both."""
     mine, theirs = row.scene_means(metric), other.scene_means(metric)
     less = np.array([mine[scene] - theirs[scene] for scene in mine if scene in theirs])
     if not len(less):

@@ -100,10 +100,6 @@ ROWS = (
 def chosen_rows(table1: Table1Config, model: str | None = None) -> list[Row]:
     """The rows asked for, in the order of the table.
 
-    Args:
-        table1: Names of the rows.
-        model: File of a repaired model; without one there are no rows on its traffic.
-
     Raises:
         ValueError: There is no row of a name, or it needs a model.
     """

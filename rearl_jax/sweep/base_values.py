@@ -26,13 +26,7 @@ def kept_base_values(
 ) -> BaseValues:
     """Values of base as `base_values.parquet` holds them, so that a resumed study has the same thresholds.
 
-    Args:
-        config: See `evaluation.percentiles.base_values`.
-        study: Where they are written unless they are there.
-        scenes: All scenes.
-        subset: Indices of the threshold scenes.
-        metadata: What the table says besides its provenance.
-        progress: Called with the number of rollouts done and their total.
+    They are computed by `evaluation.percentiles.base_values` and written, with the metadata, unless they are there.
     """
     if not study.owns(BASE_VALUES):
         base = base_values(config, scenes, subset, progress)

@@ -112,13 +112,7 @@ def choose(
 def pair_table(
     pairs: list[Pair], scene_values: dict[str, Float[np.ndarray, "pairs scenes"]], choice: Choice
 ) -> pd.DataFrame:
-    """One row per pair: percentiles, thresholds, the mean of every figure, score, `win_share`, `is_best`.
-
-    Args:
-        pairs: The pairs.
-        scene_values: Means over runs, by figure.
-        choice: The best of them.
-    """
+    """One row per pair: percentiles, thresholds, the mean of every figure, score, `win_share`, `is_best`."""
     frame = pd.DataFrame([vars(pair) for pair in pairs])
     for name, values in scene_values.items():
         frame[name] = np.nanmean(values, axis=1)

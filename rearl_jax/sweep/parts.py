@@ -8,7 +8,6 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from rearl_jax.config import EvaluateTask
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.runner import scored_rollouts
@@ -25,7 +24,6 @@ RUNS = "runs"
 
 
 def write_runs(
-    config: EvaluateTask,
     study: Study,
     rollouts: Rollouts,
     scenes: SceneSet,
@@ -39,9 +37,8 @@ def write_runs(
     The parts do not depend on the machine, so a study may go on elsewhere.
 
     Args:
-        config: The task, with eval.seed_scope=run_x_scene.
         study: Where the table goes.
-        rollouts: All rollouts.
+        rollouts: All rollouts, with eval.seed_scope=run_x_scene.
         scenes: All scenes.
         table_of: Rows of a part.
         metadata: What the schema of every part says besides the provenance.
@@ -56,7 +53,7 @@ def write_runs(
         if number not in finished:
             some = rollouts[part]
             advance = partial(_advance, progress, part.start, len(rollouts))
-            scores = scored_rollouts(config, some, scenes, some.scene, advance)
+            scores = scored_rollouts(some, scenes, some.scene, advance)
             study.write_table(part_name(RUNS, number), table_of(some, scores), **metadata)
             on_part(number, len(some))
         progress(part.stop, len(rollouts))

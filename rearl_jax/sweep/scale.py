@@ -22,6 +22,7 @@ from rearl_jax.detection.references import References
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.percentiles import thresholds_of
 from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.scores import Scores
 from rearl_jax.evaluation.traffic import inputs_id, require_one_variant
 from rearl_jax.problems import out_of_range
@@ -79,7 +80,7 @@ def _measured(config: SweepScaleTask, study: Study, bar: Progress, *, generated:
         "thresholds": json.dumps([str(value) for value in thresholds]),
     }
     measured = metadata | {"machine": json.dumps(machine)}
-    costs = batch_costs(config, rollouts, scenes, shown(bar, "batch sizes"))
+    costs = batch_costs(rollouts, scenes, shown(bar, "batch sizes"))
     study.write_table("cost", pd.DataFrame(map(asdict, costs)), **measured)
 
     def table_of(some: Rollouts, scores: Scores) -> pd.DataFrame:
@@ -88,7 +89,7 @@ def _measured(config: SweepScaleTask, study: Study, bar: Progress, *, generated:
     before = list(finished_parts(study, len(rollouts)).values())
     stream = StreamLog(study, sum(part.stop - part.start for part in before), measured)
     progress = shown_with_rate(bar, "rollouts", before)
-    write_runs(config, study, rollouts, scenes, table_of, metadata, progress, stream.add)
+    write_runs(study, rollouts, scenes, table_of, metadata, progress, stream.add)
     return ScaleResults(
         config, len(subset), scenes.seconds, thresholds, costs, stream, machine, load_average, generated
     )
@@ -101,15 +102,8 @@ def list_rollouts(
     references: References | None,
     thresholds: tuple[float, float],
 ) -> Rollouts:
-    """Exactly `n_rollouts` rollouts: as many runs of every scene as that takes, the last one cut short.
-
-    Args:
-        config: The task.
-        scenes: All scenes.
-        subset: Indices of those to be simulated.
-        references: Representative scenes, for methods that intervene.
-        thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene.
-    """
+    """Exactly `n_rollouts` rollouts: as many runs of every scene as that takes, the last one cut short."""
     n_rollouts = int(config.n_rollouts)
     enough = replace(config, eval=replace(config.eval, n_runs=math.ceil(n_rollouts / len(subset))))
-    return Rollouts(enough, scenes, subset, references, [thresholds])[:n_rollouts]
+    row = Row(enough, config.method.name, thresholds)
+    return Rollouts([row], scenes, subset, references)[:n_rollouts]

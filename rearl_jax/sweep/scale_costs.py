@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rearl_jax.config import EvaluateTask
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.runner import make_scorer
@@ -42,21 +41,15 @@ class BatchCost:
     score_cpu_s: float
 
 
-def batch_costs(
-    config: EvaluateTask, rollouts: Rollouts, scenes: SceneSet, progress: Callable[[int, int], None]
-) -> list[BatchCost]:
+def batch_costs(rollouts: Rollouts, scenes: SceneSet, progress: Callable[[int, int], None]) -> list[BatchCost]:
     """Cost of the first rollouts, one by one up to 10,000 at a time, or as many as there are.
 
-    Args:
-        config: The task.
-        rollouts: All rollouts.
-        scenes: All scenes.
-        progress: Called with the number of batch sizes done and their total.
+    `progress` is called with the number of batch sizes done and their total.
     """
     sizes, costs = batch_sizes(len(rollouts)), []
     for size in sizes:
         progress(len(costs), len(sizes))
-        costs.append(_cost(config, rollouts[:size], scenes))
+        costs.append(_cost(rollouts[:size], scenes))
     progress(len(sizes), len(sizes))
     return costs
 
@@ -66,22 +59,22 @@ def batch_sizes(n_rollouts: int) -> list[int]:
     return sorted({min(size, n_rollouts) for size in BATCHES})
 
 
-def _cost(config: EvaluateTask, rollouts: Rollouts, scenes: SceneSet) -> BatchCost:
-    scorer, width = make_scorer(config, scenes, len(rollouts))
-    simulating, scoring = _timed(rollouts, scorer, width)
+def _cost(rollouts: Rollouts, scenes: SceneSet) -> BatchCost:
+    scorer = make_scorer(rollouts.config, scenes, len(rollouts))
+    simulating, scoring = _timed(rollouts, scorer)
     first_s = simulating.wall_s + scoring.wall_s
     passes, passed_s = [], 0.0
     while len(passes) < LEAST_REPETITIONS or passed_s < LEAST_S:
-        simulating, scoring = _timed(rollouts, scorer, width)
+        simulating, scoring = _timed(rollouts, scorer)
         passes.append((simulating.wall_s, simulating.cpu_s, scoring.wall_s, scoring.cpu_s))
         passed_s += simulating.wall_s + scoring.wall_s
     return BatchCost(len(rollouts), len(passes), first_s, *(np.median(passes, axis=0) / len(rollouts)).tolist())
 
 
-def _timed(rollouts: Rollouts, scorer: Scorer, width: int) -> tuple[Stopwatch, Stopwatch]:
+def _timed(rollouts: Rollouts, scorer: Scorer) -> tuple[Stopwatch, Stopwatch]:
     """Time of simulating and of scoring all rollouts once, as the stream does it."""
     simulating, scoring = Stopwatch(), Stopwatch()
-    chunks = rollouts.chunks(width)
+    chunks = rollouts.chunks()
     done = 0
     while done < len(rollouts):
         with simulating:

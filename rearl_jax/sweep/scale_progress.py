@@ -36,13 +36,7 @@ class StreamLog:
     """
 
     def __init__(self, study: Study, n_before: int, metadata: dict[str, str]) -> None:
-        """Starts the clocks.
-
-        Args:
-            study: Keeps the table.
-            n_before: Rollouts on disk already.
-            metadata: What the schema of the table says besides the provenance.
-        """
+        """Starts the clocks; `n_before` rollouts are on disk already, the metadata go into the table's schema."""
         self._study, self._metadata = study, metadata
         self._earlier = pd.read_parquet(study.path / f"{PROGRESS}.parquet") if study.owns(PROGRESS) else None
         self._session = 0 if self._earlier is None else self._earlier["session"].to_numpy().max().item() + 1

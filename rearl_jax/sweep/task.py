@@ -16,6 +16,7 @@ from rearl_jax.console import generated_mark
 from rearl_jax.data.recordings import is_generated
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.scores import Scores
 from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.evaluation.traffic import inputs_id, require_one_variant
@@ -66,14 +67,15 @@ def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
         }
         base = kept_base_values(config, study, scenes, splits.threshold, metadata, shown(bar, "base"))
         pairs = threshold_pairs(config.sweep, base)
-        # Base is the pair that is never passed: bit for bit, and in the same program.
-        thresholds = [*((pair.threshold_h, pair.threshold_m) for pair in pairs), NEVER]
-        rollouts = Rollouts(config, scenes, splits.tuning, inputs.references, thresholds)
+        rows = [Row(config, pair.name, (pair.threshold_h, pair.threshold_m)) for pair in pairs]
+        # Base is the row whose thresholds are never passed: bit for bit, and in the same program.
+        rows.append(Row(config, Method.base.name, NEVER))
+        rollouts = Rollouts(rows, scenes, splits.tuning, inputs.references)
         table_of = partial(_run_table, pairs, scenes.scene_id)
-        write_runs(config, study, rollouts, scenes, table_of, metadata, shown(bar, "threshold pairs"))
+        write_runs(study, rollouts, scenes, table_of, metadata, shown(bar, "threshold pairs"))
     runs = pd.read_parquet(study.path / RUNS)
     means = {
-        name: scene_means(runs[column].to_numpy(np.float64), rollouts.cell, rollouts.scene, splits.tuning)
+        name: scene_means(runs[column].to_numpy(np.float64), rollouts.row, rollouts.scene, splits.tuning)
         for name, column in {**dict(zip(FIGURES, FIGURES, strict=True)), "mape": config.mape.column}.items()
     }
     of_pairs, of_base = ({name: values[at] for name, values in means.items()} for at in (slice(-1), slice(-1, None)))
@@ -120,5 +122,5 @@ def _run_table(pairs: list[Pair], scene_id: np.ndarray, rollouts: Rollouts, scor
     The rows of base come last; its percentiles are missing.
     """
     base = Pair(np.nan, np.nan, *NEVER)
-    columns = {name: np.array([getattr(pair, name) for pair in [*pairs, base]])[rollouts.cell] for name in vars(base)}
+    columns = {name: np.array([getattr(pair, name) for pair in [*pairs, base]])[rollouts.row] for name in vars(base)}
     return pd.DataFrame(columns | run_columns(scene_id, rollouts, scores))

@@ -1,6 +1,7 @@
 """One real evaluation of the shipped recordings for all tests, and small scenes that are quick to score."""
 
 import contextlib
+import functools
 import io
 import json
 from dataclasses import dataclass, replace
@@ -110,18 +111,31 @@ def made_scenes():
     )
 
 
-@pytest.fixture
-def drifting(monkeypatch):
+@pytest.fixture(scope="session")
+def simulated_by():
+    """Replaces the traffic of base and critical, in a context; programs that are compiled in it end with it."""
+    from rearl_jax.evaluation import rollouts, simulators
+
+    @contextlib.contextmanager
+    def replacing(simulate):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(simulators, "simulate_base", simulate)
+            patch.setattr(rollouts, "program", functools.cache(simulators.program.__wrapped__))
+            yield
+
+    return replacing
+
+
+@pytest.fixture(scope="module")
+def drifting(simulated_by):
     """The method base replaced by vehicles that keep their speed and lane: compiles in no time.
 
     Vehicle 0 changes to lane 3 after the fifth second and crashes after the eighth.
     """
     import jax.numpy as jnp
 
-    from rearl_jax.config.evaluation import Method
     from rearl_jax.core.rollout import Frames
     from rearl_jax.core.state import nearest_lane
-    from rearl_jax.evaluation import simulators
 
     def simulate(state, drivers, model, n_seconds):
         second = jnp.arange(1, n_seconds + 1)[:, None, None]
@@ -138,19 +152,71 @@ def drifting(monkeypatch):
             crashed=first & (second > 8) & (same == 0),
         )
 
-    monkeypatch.setitem(simulators.SIMULATORS, Method.base, simulate)
-    simulators.program.cache_clear()
-    yield
-    simulators.program.cache_clear()
+    with simulated_by(simulate):
+        yield
+
+
+@pytest.fixture(scope="module")
+def standing(simulated_by):
+    """Base and critical replaced by vehicles that keep their speed; acceleration and heading show the drivers.
+
+    A list of whether the drivers of each program are cooperative, one entry per tracing.
+    """
+    import jax.numpy as jnp
+
+    from rearl_jax.core.rollout import Frames
+    from rearl_jax.core.state import nearest_lane
+
+    traced = []
+
+    def simulate(state, drivers, model, n_seconds):
+        traced.append(model.cooperative)
+        second = jnp.arange(n_seconds, dtype=state.x.dtype)[:, None, None]
+        same = jnp.zeros((n_seconds, *state.x.shape), state.x.dtype)
+        return Frames(
+            x=state.x[None] + second * state.speed[None],
+            y=state.y[None] + same,
+            heading=state.desired_speed[None] + same,
+            speed=state.speed[None] + same,
+            acceleration=drivers.car_following.max_accel[None] + same,
+            lane=nearest_lane(state.y, model)[None] + jnp.zeros(same.shape, jnp.int32),
+            crashed=same > 0,
+        )
+
+    with simulated_by(simulate):
+        yield traced
 
 
 @pytest.fixture
 def small(scenes):
-    """A configuration for the small scenes."""
+    """A configuration for the small scenes; six rollouts at a time, so that one program serves all tests."""
     from rearl_jax.config import EvaluateTask
     from rearl_jax.config.core import CoreConfig
     from rearl_jax.config.evaluation import EvaluationConfig
 
     return EvaluateTask(
-        core=CoreConfig(n_vehicles=N_SLOTS), eval=EvaluationConfig(n_runs=3, resamples=200, noise_draws=50)
+        core=CoreConfig(n_vehicles=N_SLOTS, collisions=False, chunk=6),
+        eval=EvaluationConfig(n_runs=3, resamples=200, noise_draws=50),
     )
+
+
+@pytest.fixture
+def references(scenes):
+    """Two of the scenes as representatives."""
+    import jax.numpy as jnp
+
+    from rearl_jax.detection.references import References
+
+    chosen = [0, 3]
+    arrays = (scenes.scaled_speed, scenes.spacing, scenes.mean_spacing)
+    speed, spacing, mean = (jnp.asarray(values[chosen], jnp.float32) for values in arrays)
+    action = jnp.asarray(scenes.action[chosen], jnp.int32)
+    return References(speed, spacing, mean, action, jnp.asarray([0.25, 0.75], jnp.float32))
+
+
+@pytest.fixture
+def intervening(small):
+    """The small configuration with interventions."""
+    from rearl_jax.config.evaluation import Method
+
+    return replace(small, method=Method.rearl)

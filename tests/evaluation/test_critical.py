@@ -9,7 +9,25 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.baselines.critical.mixture import ALL_REGULAR, Mixture, grid
+from rearl_jax.cli.composition import with_implied
+from rearl_jax.config import SweepScaleTask
+from rearl_jax.config.core import InitConfig, InitialSource
+from rearl_jax.config.critical import CriticalConfig, Proposer
+from rearl_jax.config.decision import DecisionConfig, PolicyName
+from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope
+from rearl_jax.config.metrics import SafetyConfig
+from rearl_jax.evaluation import critical as glue
+from rearl_jax.evaluation.critical import adapt
+from rearl_jax.evaluation.mixture_trials import assess
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import Row
+from rearl_jax.evaluation.runner import scored_rollouts
 from rearl_jax.problems import InvalidInputError
+from rearl_jax.progress import progress_bar
+from rearl_jax.sweep.scale import list_rollouts
+from rearl_jax.tasks import TASKS
+from tests.evaluation.test_rollouts import frames_of
 from tests.llm.asking import make_config
 from tests.llm.stub import Stub
 
@@ -18,151 +36,55 @@ SUBSET = np.array([0, 2, 3])
 
 @pytest.fixture
 def critical(small):
-    from rearl_jax.config.critical import CriticalConfig
-    from rearl_jax.config.evaluation import Method
-
     return replace(small, method=Method.critical, critical=CriticalConfig(rollouts=6))
 
 
-@pytest.fixture
-def standing(monkeypatch):
-    """Both methods replaced by vehicles that keep their speed; acceleration shows the drivers. Counts its tracings."""
-    import jax.numpy as jnp
-
-    from rearl_jax.config.evaluation import Method
-    from rearl_jax.core.rollout import Frames
-    from rearl_jax.core.state import nearest_lane
-    from rearl_jax.evaluation import simulators
-
-    traced = []
-
-    def simulate(state, drivers, model, n_seconds):
-        traced.append(model.cooperative)
-        second = jnp.arange(n_seconds, dtype=state.x.dtype)[:, None, None]
-        same = jnp.zeros((n_seconds, *state.x.shape), state.x.dtype)
-        return Frames(
-            x=state.x[None] + second * state.speed[None],
-            y=state.y[None] + same,
-            heading=state.desired_speed[None] + same,
-            speed=state.speed[None] + same,
-            acceleration=drivers.car_following.max_accel[None] + same,
-            lane=nearest_lane(state.y, model)[None] + jnp.zeros(same.shape, jnp.int32),
-            crashed=same > 0,
-        )
-
-    for method in (Method.base, Method.critical):
-        monkeypatch.setitem(simulators.SIMULATORS, method, simulate)
-    simulators.program.cache_clear()
-    yield traced
-    simulators.program.cache_clear()
-
-
-def frames_of(config, scenes, mixtures=(), held_out=None, **keys):
-    from rearl_jax.evaluation.rollouts import Rollouts
-
-    held_out = np.arange(6) if held_out is None else held_out
-    (part,) = Rollouts(config, scenes, held_out, mixtures=mixtures, **keys).chunks(512)
-    return part.frames
-
-
 def test_regular_drivers_start_on_the_lanes_and_at_the_places_of_base(scenes, critical, standing):
-    from rearl_jax.baselines.critical.mixture import ALL_REGULAR
-    from rearl_jax.config.evaluation import Method
-
-    base = frames_of(replace(critical, method=Method.base), scenes)
-    ours = frames_of(critical, scenes, [ALL_REGULAR])
+    _, base = frames_of(replace(critical, method=Method.base), scenes)
+    _, ours = frames_of(critical, scenes, mixture=ALL_REGULAR)
     np.testing.assert_array_equal(ours.x[0], base.x[0])
     np.testing.assert_array_equal(ours.lane[0], base.lane[0])
     assert (ours.speed > base.speed).mean() > 0.8
     np.testing.assert_allclose(ours.acceleration, 3.2, rtol=1e-6)
-    assert standing[0] is False
-    assert standing[-1] is True  # politeness counts
+    assert standing == [False, True]  # politeness counts in the second program, the first ones of this file
 
 
 def test_a_measured_start_keeps_its_speeds_and_gets_drivers(scenes, critical, standing):
-    from rearl_jax.baselines.critical.mixture import Mixture
-    from rearl_jax.config.core import InitConfig, InitialSource
-    from rearl_jax.config.evaluation import Method
-
     measured = replace(critical, init=InitConfig(source=InitialSource.scene))
-    base = frames_of(replace(measured, method=Method.base), scenes)
-    ours = frames_of(measured, scenes, [Mixture(1.0, 0.0, 0.0)])
+    _, base = frames_of(replace(measured, method=Method.base), scenes)
+    _, ours = frames_of(measured, scenes, mixture=Mixture(1.0, 0.0, 0.0))
     np.testing.assert_array_equal(ours.x[0], base.x[0])
     np.testing.assert_array_equal(ours.speed[0], base.speed[0])
     assert (ours.heading[0] != base.heading[0]).all()  # desired speeds
     np.testing.assert_allclose(ours.acceleration, 4.5, rtol=1e-6)
 
 
-def test_mixtures_of_one_batch_get_the_same_rollouts(scenes, critical, standing):
-    from rearl_jax.baselines.critical.mixture import Mixture
-    from rearl_jax.evaluation.rollouts import Rollouts
-
-    mixtures = [Mixture(0.0, 0.0, 0.0), Mixture(0.3, 0.3, 0.3), Mixture(0.0, 1.0, 0.0)]
-    rollouts = Rollouts(critical, scenes, np.arange(6), mixtures=mixtures)
-    assert rollouts.cell.tolist() == [0] * 18 + [1] * 18 + [2] * 18
-    (together,) = rollouts.chunks(512)
-    for number, mixture in enumerate(mixtures):
-        own = rollouts.cell == number
-        alone = frames_of(critical, scenes, [mixture])
-        np.testing.assert_array_equal(together.frames.acceleration[..., own], alone.acceleration)
-        np.testing.assert_array_equal(together.frames.speed[..., own], alone.speed)
-
-
 def test_rounds_have_initial_states_of_their_own(scenes, critical, standing):
-    from rearl_jax.baselines.critical.mixture import ALL_REGULAR
-    from rearl_jax.config.evaluation import EvaluationConfig, SeedScope
+    def starts(eval, **keys):
+        return frames_of(replace(critical, eval=eval), scenes, mixture=ALL_REGULAR, **keys)[1].x[0]
 
-    shared = replace(critical, eval=EvaluationConfig(n_runs=6, seed_scope=SeedScope.run))
-    evaluated = frames_of(shared, scenes, [ALL_REGULAR]).x[0]
-    per_scene = frames_of(replace(critical, eval=EvaluationConfig(n_runs=6)), scenes, [ALL_REGULAR]).x[0]
-    rounds = frames_of(shared, scenes, [ALL_REGULAR], apart=True).x[0]
+    shared = EvaluationConfig(n_runs=6, seed_scope=SeedScope.run)
+    evaluated, per_scene = starts(shared), starts(EvaluationConfig(n_runs=6))
+    rounds = starts(shared, apart=True)
     assert rounds.shape == evaluated.shape == (4, 6)
     assert not np.isin(rounds, np.concatenate([evaluated, per_scene], axis=1)).any()
-    np.testing.assert_array_equal(rounds, frames_of(shared, scenes, [ALL_REGULAR], apart=True).x[0])
+    np.testing.assert_array_equal(rounds, starts(shared, apart=True))
 
 
-@pytest.mark.thorough
-def test_one_program_serves_the_whole_grid(scenes, critical, standing):
-    from rearl_jax.baselines.critical.mixture import Mixture, grid
-    from rearl_jax.evaluation.mixture_trials import Assessor
-    from rearl_jax.evaluation.simulators import program
-
-    assess = Assessor(critical, scenes, SUBSET)
-    seen = []
-    assess.progress = lambda done, total: seen.append((done, total))
-    first = assess([Mixture(0.3, 0.0, 0.0)])
-    traced_once = len(standing)
-    assert program.cache_info().misses == 1
-    standing.clear()
-    found = assess(grid())
-    assert len(standing) == traced_once  # another width, traced as often as one mixture is
-    assert program.cache_info().misses == 2
-    assert seen[-1] == (56 * 6, 56 * 6)
-    standing.clear()
-    again = assess([mixture._replace(truck=0.01) for mixture in grid()])
-    assert not standing
-    assert len(found) == len(again) == 56
-    assert len({assessment.h for assessment in found}) > 30
-    assert first[0].n_vehicles == found[0].n_vehicles == 6 * 4
-
-
-@pytest.mark.thorough
 def test_a_mixture_is_assessed_alike_alone_and_among_others_and_as_the_evaluation_scores(scenes, critical, standing):
-    from rearl_jax.baselines.critical.mixture import Mixture, grid
-    from rearl_jax.config.evaluation import EvaluationConfig, SeedScope
-    from rearl_jax.evaluation.mixture_trials import Assessor
-    from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.evaluation.runner import scored_rollouts
-
     mixture = Mixture(0.4, 0.2, 0.2)
-    assess = Assessor(critical, scenes, SUBSET)
-    (alone,) = assess([mixture])
-    among = assess(grid())[grid().index(mixture)]
-    assert (alone.h, alone.mape) == pytest.approx((among.h, among.mape), rel=1e-6)
-    assert (alone.crashed, alone.near_misses) == (among.crashed, among.near_misses)
+    (alone,) = assess(critical, scenes, SUBSET, [mixture])
+    traced, seen = len(standing), []
+    # Near misses do not move with the threshold of the metrics.
+    other = replace(critical, safety=SafetyConfig(ttc=9.0))
+    among = assess(other, scenes, SUBSET, grid(), lambda done, total: seen.append((done, total)))
+    assert alone == among[grid().index(mixture)]
+    assert len({assessment.h for assessment in among}) > 30
+    assert {assessment.n_vehicles for assessment in among} == {6 * 4}
+    assert len(standing) == traced  # one program for all mixtures
+    assert seen[-1] == (56 * 6, 56 * 6)
     config = replace(critical, eval=EvaluationConfig(n_runs=6, seed_scope=SeedScope.run))
-    rollouts = Rollouts(config, scenes, SUBSET, mixtures=[mixture], apart=True)
-    row = scored_rollouts(config, rollouts, scenes, SUBSET)
+    row = scored_rollouts(Rollouts([Row(config, mixture=mixture)], scenes, SUBSET, apart=True), scenes, SUBSET)
     assert alone.h == pytest.approx(row.values["h"].mean(), rel=1e-6)
     assert alone.mape == pytest.approx(row.values["mape_a"].mean(), rel=1e-6)
     short = row.values["ttc_share"] * row.counts["ttc_share"]
@@ -170,25 +92,9 @@ def test_a_mixture_is_assessed_alike_alone_and_among_others_and_as_the_evaluatio
     assert alone.crashed == 0
 
 
-def test_near_misses_do_not_move_with_the_threshold_of_the_metrics(scenes, critical, standing):
-    from rearl_jax.baselines.critical.mixture import Mixture
-    from rearl_jax.config.metrics import SafetyConfig
-    from rearl_jax.evaluation.mixture_trials import Assessor
-
-    mixed = [Mixture(0.5, 0.5, 0.0)]
-    (found,) = Assessor(critical, scenes, SUBSET)(mixed)
-    (other,) = Assessor(replace(critical, safety=SafetyConfig(ttc=9.0)), scenes, SUBSET)(mixed)
-    assert found.near_misses == other.near_misses
-
-
 def test_shares_must_come_from_somewhere(scenes, critical):
-    from rearl_jax.config import SweepScaleTask
-    from rearl_jax.config.critical import CriticalConfig
-    from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.sweep.scale import list_rollouts
-
     with pytest.raises(InvalidInputError) as caught:
-        Rollouts(critical, scenes, np.arange(2))
+        Rollouts([Row(critical)], scenes, np.arange(2))
     assert (caught.value.code, caught.value.problem.key) == ("key-missing", "critical.ratios")
     scale = SweepScaleTask(method=critical.method, core=critical.core, n_rollouts=20.0)
     with pytest.raises(InvalidInputError) as caught:
@@ -199,9 +105,6 @@ def test_shares_must_come_from_somewhere(scenes, critical):
 
 
 def adapted(config, scenes):
-    from rearl_jax.evaluation.critical import adapt
-    from rearl_jax.progress import progress_bar
-
     with progress_bar() as bar:
         return adapt(config, scenes, SUBSET, bar)
 
@@ -226,8 +129,6 @@ def test_given_shares_are_taken_as_they_are(scenes, critical):
 
 
 def test_search_keeps_the_least_sum_of_both_errors(scenes, critical, standing):
-    from rearl_jax.config.critical import Proposer
-
     mixture, (extra,) = adapted(with_keys(critical, proposer=Proposer.search), scenes)
     rounds = extra.tables["rounds"]
     assert len(rounds) == 56
@@ -242,11 +143,6 @@ def test_search_keeps_the_least_sum_of_both_errors(scenes, critical, standing):
 @pytest.fixture
 def asking(critical, tmp_path, monkeypatch):
     """A configuration that asks a server, and recordings whose shares are known."""
-    from rearl_jax.baselines.critical.mixture import Mixture
-    from rearl_jax.config.critical import Proposer
-    from rearl_jax.config.decision import DecisionConfig, PolicyName
-    from rearl_jax.evaluation import critical as glue
-
     monkeypatch.setattr(glue, "recorded_shares", lambda *arguments: Mixture(0.1, 0.2, 0.3))
 
     def configured(server, policy="matcher", **keys):
@@ -306,34 +202,34 @@ def test_a_language_model_proposes_its_answers_are_kept_and_replayed(scenes, ask
     assert third.tables["requests"].text.tolist() == requests.text.tolist()
 
 
-def test_a_language_model_that_never_makes_sense_leaves_all_regular(scenes, asking, standing):
-    with saying(lambda user: "{}") as stub:
-        mixture, (extra, answers) = adapted(asking(stub.url), scenes)
+@pytest.mark.parametrize(
+    ("stub", "cause", "attempts"),
+    [
+        (lambda: saying(lambda user: "{}"), "unparsable", 2),
+        (lambda: Stub(fault=lambda seen: None if seen.method == "GET" else 400), "refused", 1),
+    ],
+)
+def test_a_model_without_a_valid_answer_leaves_all_regular_and_is_counted(
+    scenes, asking, standing, stub, cause, attempts
+):
+    with stub() as server:
+        mixture, (extra, answers) = adapted(asking(server.url), scenes)
     assert mixture == (0.0, 0.0, 0.0)
-    assert extra.tables["rounds"].cause.tolist() == ["start", *["unparsable"] * 3]
-    assert "unparsable 3" in answers.notes[0]
+    assert extra.tables["rounds"].cause.tolist() == ["start", *[cause] * 3]
+    assert extra.tables["rounds"].attempts.tolist() == [0, *[attempts] * 3]
+    assert answers.summary[f"cause_{cause}"] == 3 * attempts
+    assert f"{cause} 3" in answers.notes[0]
 
 
-def test_a_server_that_refuses_leaves_the_shares_and_is_counted(scenes, asking, standing):
-    with Stub(fault=lambda seen: None if seen.method == "GET" else 400) as stub:
-        mixture, (extra, answers) = adapted(asking(stub.url), scenes)
-    assert mixture == (0.0, 0.0, 0.0)
-    assert extra.tables["rounds"].attempts.tolist() == [0, 1, 1, 1]
-    assert answers.summary["cause_refused"] == 3
-
-
-def test_no_server_is_said_before_anything_is_simulated(scenes, asking, standing):
+def test_no_server_is_said_before_anything_is_simulated(scenes, asking, monkeypatch):
+    monkeypatch.setattr(glue, "assess", lambda *arguments: pytest.fail("simulated"))
     with Stub() as stub:
         address = stub.url
-    with pytest.raises(ConnectionError, match="no server answers"):
+    with pytest.raises(ConnectionError):
         adapted(asking(address), scenes)
-    assert not standing
 
 
 def test_keys_of_the_group_imply_the_method_also_beside_those_of_a_server():
-    from rearl_jax.cli.composition import with_implied
-    from rearl_jax.tasks import TASKS
-
     (task,) = (task for task in TASKS if task.words == "evaluate")
     asked = ["critical.proposer=llm", "decision.server=http://127.0.0.1:1/v1", "llm.model=m"]
     assert with_implied(task, asked) == ["method=critical", *asked]

@@ -5,16 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.config import EvaluateTask
 from rearl_jax.config.driver import DEFAULT, MODELS, record_of
+from rearl_jax.config.evaluation import Method
 from rearl_jax.config.mobil import MobilConfig
+from rearl_jax.evaluation.traffic import model_notes, population_of
 from rearl_jax.problems import InvalidInputError
 from tests.evaluation.test_rollouts import frames_of
 
-HELD_OUT = np.arange(3)
-
 
 def driven(small, scenes, **changes):
-    return frames_of(replace(small, **changes), scenes, HELD_OUT)[1]
+    return frames_of(replace(small, **changes), scenes, np.arange(2))[1]
 
 
 @pytest.fixture
@@ -47,20 +48,18 @@ def test_every_model_drives(scenes, small, usual, name):
 
 
 def test_lane_changing_follows_its_keys(scenes, small, usual):
-    eager = driven(small, scenes, mobil=MobilConfig(gain_threshold=0.0, safe_decel=9.0, delay=0.2))
-    settled = driven(small, scenes, mobil=MobilConfig(gain_threshold=9.0))
+    # A little politeness in all of them: one program.
+    eager = driven(small, scenes, mobil=MobilConfig(gain_threshold=0.0, safe_decel=9.0, delay=0.2, politeness=0.01))
+    settled = driven(small, scenes, mobil=MobilConfig(gain_threshold=9.0, politeness=0.01))
+    polite = driven(small, scenes, mobil=MobilConfig(gain_threshold=0.0, safe_decel=9.0, delay=0.2, politeness=1.0))
     changes = [(np.diff(frames.lane, axis=0) != 0).sum() for frames in (settled, usual, eager)]
     assert changes[0] == 0
     assert changes[0] < changes[2]
     assert changes[1] <= changes[2]
-    polite = driven(small, scenes, mobil=MobilConfig(politeness=1.0))
-    assert (polite.lane != usual.lane).any() or (np.diff(usual.lane, axis=0) == 0).all()
+    assert (polite.lane != eager.lane).any()
 
 
 def test_what_differs_from_highway_env_is_said_beside_the_results():
-    from rearl_jax.config import EvaluateTask
-    from rearl_jax.evaluation.traffic import model_notes
-
     assert model_notes(EvaluateTask()) == []
     driver = record_of("idm")(time_gap=1.1, classes={"truck": {"share": 0.1, "time_gap": 1.8}})
     notes = model_notes(EvaluateTask(driver=driver, mobil=MobilConfig(politeness=0.3)))
@@ -71,10 +70,6 @@ def test_what_differs_from_highway_env_is_said_beside_the_results():
 
 
 def test_methods_with_drivers_of_their_own_refuse_the_keys():
-    from rearl_jax.config import EvaluateTask
-    from rearl_jax.config.evaluation import Method
-    from rearl_jax.evaluation.traffic import population_of
-
     with pytest.raises(InvalidInputError) as caught:
         population_of(EvaluateTask(method=Method.critical, driver=record_of("idm")()))
     assert (caught.value.code, caught.value.problem.key) == ("drivers-of-method", "driver")
@@ -84,17 +79,3 @@ def test_methods_with_drivers_of_their_own_refuse_the_keys():
     with pytest.raises(InvalidInputError) as caught:
         population_of(EvaluateTask(model="x.yaml", driver=record_of("idm")()))
     assert (caught.value.code, caught.value.problem.key) == ("drivers-twice", "model=x.yaml")
-
-
-def test_rows_of_table_1_that_bring_drivers_leave_the_keys_aside():
-    from rearl_jax.config import StudyTable1Task
-    from rearl_jax.config.study import Table1Config
-    from rearl_jax.study.rows import chosen_rows, row_record
-
-    task = StudyTable1Task(driver=record_of("idm")(), mobil=MobilConfig(politeness=0.5))
-    records = {row.name: row_record(row, task) for row in chosen_rows(Table1Config())}
-    assert records["base"].driver == record_of("idm")()
-    assert records["base"].mobil.politeness == 0.5
-    own = [record for record in records.values() if record.method.name in ("ppo", "critical")]
-    assert own
-    assert all(record.driver.is_default and record.mobil.is_default for record in own)

@@ -12,7 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.config.decision import DecisionConfig, PolicyName
+from rearl_jax.decision.policies import make_policy
+from rearl_jax.evaluation.language_model import LanguageModel, language_model, request_figures, request_note
+from rearl_jax.evaluation.runner import evaluate
 from rearl_jax.problems import InvalidInputError
+from rearl_jax.progress import progress_bar
 from tests.llm.asking import make_config
 from tests.llm.stub import Fault, Stub
 
@@ -20,40 +25,16 @@ HELD_OUT = np.array([1, 4])
 THRESHOLDS = (0.3, 0.2)
 
 
-@pytest.fixture
-def references(scenes):
-    from rearl_jax.detection.references import References
-
-    chosen = [0, 3]
-    arrays = (scenes.scaled_speed, scenes.spacing, scenes.mean_spacing)
-    speed, spacing, mean = (jnp.asarray(values[chosen], jnp.float32) for values in arrays)
-    action = jnp.asarray(scenes.action[chosen], jnp.int32)
-    return References(speed, spacing, mean, action, jnp.full(2, 0.5, jnp.float32))
-
-
-@pytest.fixture
-def task(small):
-    from rearl_jax.config.evaluation import Method
-
-    return replace(small, method=Method.rearl, core=replace(small.core, collisions=False))
-
-
 def asking(task, tmp_path, server, policy="llm", **llm):
-    from rearl_jax.config.decision import DecisionConfig, PolicyName
-
     decision = DecisionConfig(policy=PolicyName[policy], server=server)
     return replace(task, decision=decision, llm=make_config(tmp_path, **({"constrained": True} | llm)))
 
 
 def run(config, scenes, references):
     """Values of the method's row, what was decided, the table of requests."""
-    from rearl_jax.evaluation.language_model import language_model
-    from rearl_jax.evaluation.runner import evaluate
-    from rearl_jax.progress import progress_bar
-
     with progress_bar() as bar, language_model(config, bar) as asked:
         evaluation = evaluate(
-            config, scenes, HELD_OUT, references=references, thresholds=THRESHOLDS, outside=asked.make_policy
+            config, scenes, HELD_OUT, references=references, thresholds=THRESHOLDS, host_policy=asked.make_policy
         )
         return evaluation.rows[0].values, evaluation.log.decisions, asked.requests()
 
@@ -64,14 +45,10 @@ def assert_same(one, other, rtol=0.0):
 
 
 @pytest.mark.slow
-def test_the_matcher_asked_from_outside_gives_the_rows_of_the_matcher_inside(scenes, task, references):
-    from rearl_jax.config.decision import DecisionConfig, PolicyName
-    from rearl_jax.decision.policies import make_policy
-    from rearl_jax.evaluation.runner import evaluate
-
+def test_the_matcher_asked_from_outside_gives_the_rows_of_the_matcher_inside(scenes, intervening, references):
     class Matcher:
         def __init__(self, table, model):
-            self._decide = jax.jit(make_policy(PolicyName.matcher, task.matcher, model))
+            self._decide = jax.jit(make_policy(PolicyName.matcher, intervening.matcher, model))
             self._table = table
 
         def ask(self, situation):
@@ -80,16 +57,16 @@ def test_the_matcher_asked_from_outside_gives_the_rows_of_the_matcher_inside(sce
             answer.set_result(np.asarray(self._decide(jax.tree.map(jnp.asarray, situation), self._table, keys)))
             return answer
 
-    outside = replace(task, decision=DecisionConfig(policy=PolicyName.llm))
+    outside = replace(intervening, decision=DecisionConfig(policy=PolicyName.llm))
     found = evaluate(
         outside,
         scenes,
         HELD_OUT,
         references=references,
         thresholds=THRESHOLDS,
-        outside=lambda lot: Matcher(lot.table, lot.model),
+        host_policy=lambda block: Matcher(block.table, block.model),
     )
-    inside = evaluate(task, scenes, HELD_OUT, references=references, thresholds=THRESHOLDS)
+    inside = evaluate(intervening, scenes, HELD_OUT, references=references, thresholds=THRESHOLDS)
     assert inside.log.decisions.n_accepted.sum() > 0
     # Two programs may round the last place of a mean differently; what is decided may not differ.
     assert_same(inside.rows[0].values, found.rows[0].values, rtol=1e-6)
@@ -98,38 +75,33 @@ def test_the_matcher_asked_from_outside_gives_the_rows_of_the_matcher_inside(sce
         np.testing.assert_allclose(one, other, rtol=1e-6 if is_measured else 0.0)
 
 
-def test_who_is_asked_outside_must_be_said(scenes, task, references):
-    from rearl_jax.config.decision import DecisionConfig, PolicyName
-    from rearl_jax.evaluation.runner import evaluate
-
-    config = replace(task, decision=DecisionConfig(policy=PolicyName.llm))
+def test_who_is_asked_outside_must_be_said(scenes, intervening, references):
+    config = replace(intervening, decision=DecisionConfig(policy=PolicyName.llm))
     with pytest.raises(InvalidInputError) as caught:
         evaluate(config, scenes, HELD_OUT, references=references, thresholds=THRESHOLDS)
     assert (caught.value.code, caught.value.problem.key) == ("policy-outside", "decision.policy=llm")
 
 
 @pytest.mark.thorough
-def test_requests_are_the_distinct_questions_and_a_second_run_sends_none(scenes, task, references, tmp_path):
-    from rearl_jax.evaluation.language_model import request_figures
-
+def test_requests_are_the_distinct_questions_and_a_second_run_sends_none(scenes, intervening, references, tmp_path):
     with Stub() as stub:
-        values, decisions, requests = run(asking(task, tmp_path, stub.url), scenes, references)
+        values, decisions, requests = run(asking(intervening, tmp_path, stub.url), scenes, references)
         assert len(requests) > 50
         assert len(stub.chats) == requests["digest"].nunique() == request_figures(requests)["requests"]
         # Of the last second nobody is asked, as nothing follows it; all others that were asked follow or are counted.
         assert decisions.n_accepted.sum() == (requests["cause"] == "answered").sum() > 0
         assert decisions.n_asked.sum() == len(requests)
-        again, _, second = run(asking(task, tmp_path, stub.url), scenes, references)
+        again, _, second = run(asking(intervening, tmp_path, stub.url), scenes, references)
         assert len(stub.chats) == requests["digest"].nunique()
     assert second["from_cache"].all()
     assert_same(values, again)
-    replayed, _, third = run(asking(task, tmp_path, "nowhere", "replay"), scenes, references)
+    replayed, _, third = run(asking(intervening, tmp_path, "nowhere", "replay"), scenes, references)
     assert_same(values, replayed)
     assert request_figures(third)["requests"] == 0
 
 
 @pytest.mark.thorough
-def test_a_server_that_fails_a_third_of_the_time_changes_nothing(scenes, task, references, tmp_path):
+def test_a_server_that_fails_a_third_of_the_time_changes_nothing(scenes, intervening, references, tmp_path):
     """Every kind of fault, each time the first try at a chat; what arrives at the second is what a good server says."""
     kinds = [kind for kind in Fault if kind not in (Fault.never, Fault.endless)]
 
@@ -139,23 +111,21 @@ def test_a_server_that_fails_a_third_of_the_time_changes_nothing(scenes, task, r
 
     with Stub() as stub:
         (tmp_path / "good").mkdir()
-        values, _, _ = run(asking(task, tmp_path / "good", stub.url), scenes, references)
+        values, _, _ = run(asking(intervening, tmp_path / "good", stub.url), scenes, references)
     with Stub(fault=fault, stall=0.1) as stub:
-        found, _, requests = run(asking(task, tmp_path, stub.url), scenes, references)
+        found, _, requests = run(asking(intervening, tmp_path, stub.url), scenes, references)
         struck = Counter(fault(seen) for seen in stub.chats)
     assert sum(struck.values()) - struck[None] > 10
     assert (requests["cause"] == "answered").all()
     assert_same(values, found)
 
 
-def test_vehicles_without_an_answer_are_counted_by_cause_and_no_run_is_lost(scenes, task, references, tmp_path):
-    from rearl_jax.evaluation.language_model import request_figures, request_note
-
+def test_vehicles_without_an_answer_are_counted_by_cause_and_no_run_is_lost(scenes, intervening, references, tmp_path):
     def fault(seen):
         return None if seen.is_canary else [None, Fault.html, None, 400][crc32(seen.raw) % 4]
 
     with Stub(fault=fault) as stub:
-        values, decisions, requests = run(asking(task, tmp_path, stub.url, tries=2), scenes, references)
+        values, decisions, requests = run(asking(intervening, tmp_path, stub.url, tries=2), scenes, references)
     assert np.isfinite(values["h"]).all()
     assert len(values["h"]) == 3 * len(HELD_OUT)
     figures = request_figures(requests)
@@ -183,14 +153,14 @@ class Outage(threading.Thread):
         self.stub.start()
 
 
-def test_a_server_that_is_killed_and_comes_back_during_a_run_changes_nothing(scenes, task, references, tmp_path):
+def test_a_server_that_is_killed_and_comes_back_during_a_run_changes_nothing(scenes, intervening, references, tmp_path):
     with Stub() as stub:
         (tmp_path / "good").mkdir()
-        values, _, calm = run(asking(task, tmp_path / "good", stub.url), scenes, references)
+        values, _, calm = run(asking(intervening, tmp_path / "good", stub.url), scenes, references)
     with Stub(latency=0.03) as stub:
         outage = Outage(stub, after=len(calm) // 4, pause=0.5)
         outage.start()
-        patient = asking(task, tmp_path, stub.url, tries=12, backoff=0.05)
+        patient = asking(intervening, tmp_path, stub.url, tries=12, backoff=0.05)
         found, _, requests = run(patient, scenes, references)
         outage.join()
     assert 0 < outage.before < calm["digest"].nunique() < len(stub.chats)
@@ -200,17 +170,15 @@ def test_a_server_that_is_killed_and_comes_back_during_a_run_changes_nothing(sce
 
 
 def test_a_run_goes_on_while_the_server_is_down_and_asks_again_when_it_is_back(
-    scenes, task, references, tmp_path, monkeypatch
+    scenes, intervening, references, tmp_path, monkeypatch
 ):
     """Nobody waits for a server that counts as down: those vehicles are left to IDM and MOBIL, and counted."""
-    from rearl_jax.evaluation.language_model import LanguageModel
-
     # Seconds that take a while, or the run would be over before the server is back.
     monkeypatch.setattr(LanguageModel, "_show", lambda self, second, n_seconds: time.sleep(0.1))
     with Stub(latency=0.03) as stub:
         outage = Outage(stub, after=10, pause=0.5)
         outage.start()
-        quick = asking(task, tmp_path, stub.url, tries=1, breaker_failures=2, breaker_pause=0.1)
+        quick = asking(intervening, tmp_path, stub.url, tries=1, breaker_failures=2, breaker_pause=0.1)
         values, decisions, requests = run(quick, scenes, references)
         outage.join()
     causes = Counter(requests["cause"])

@@ -5,40 +5,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.config.detection import Cues, DetectionConfig
+from rearl_jax.config.evaluation import Method
+from rearl_jax.data.splits import Split, Splits
+from rearl_jax.decision.situation import ACTION_NAMES
+from rearl_jax.evaluation.estimates import estimates
+from rearl_jax.evaluation.inputs import Inputs
+from rearl_jax.evaluation.interventions import decision_table
+from rearl_jax.evaluation.percentiles import base_values, thresholds_of
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import Row
+from rearl_jax.evaluation.runner import evaluate
+from rearl_jax.evaluation.simulators import NEVER, program
+from rearl_jax.evaluation.task import documented
 from rearl_jax.problems import InvalidInputError
+from rearl_jax.progress import silent
 
 
 @pytest.fixture
-def references(scenes):
-    from rearl_jax.detection.references import References
-
-    chosen = [0, 3]
-    with_float32 = (scenes.scaled_speed, scenes.spacing, scenes.mean_spacing)
-    import jax.numpy as jnp
-
-    speed, spacing, mean = (jnp.asarray(values[chosen], jnp.float32) for values in with_float32)
-    action = jnp.asarray(scenes.action[chosen], jnp.int32)
-    return References(speed, spacing, mean, action, jnp.asarray([0.25, 0.75], jnp.float32))
+def evaluation(scenes, intervening, references):
+    return evaluate(intervening, scenes, np.array([1, 4]), references=references, thresholds=(0.1, 0.05))
 
 
-@pytest.fixture
-def intervening(small):
-    from rearl_jax.config.detection import DetectionConfig
-    from rearl_jax.config.evaluation import Method
-
-    core = replace(small.core, collisions=False)
-    detection = DetectionConfig(threshold_h=0.1, threshold_m=0.05)
-    return replace(small, method=Method.rearl, detection=detection, core=core)
-
-
-def test_decisions_are_counted_second_by_second(scenes, intervening, references):
-    from rearl_jax.decision.situation import ACTION_NAMES
-    from rearl_jax.evaluation.estimates import estimates
-    from rearl_jax.evaluation.interventions import decision_table
-    from rearl_jax.evaluation.runner import evaluate
-    from rearl_jax.evaluation.task import documented
-
-    evaluation = evaluate(intervening, scenes, np.array([1, 4]), references=references, thresholds=(0.1, 0.05))
+def test_decisions_are_counted_second_by_second(scenes, intervening, evaluation):
     table = decision_table(scenes.scene_id, evaluation.log, intervening.hist.window)
     assert len(table) == 2 * 3 * scenes.seconds
     assert table.scene_id.unique().tolist() == [1, 4]
@@ -55,13 +44,8 @@ def test_decisions_are_counted_second_by_second(scenes, intervening, references)
     assert [cell.value for cell in row.cells[1:3]] == [f"{n:,}" for n in (table.asked.sum(), table.left.sum())]
 
 
-def test_base_stands_beside_the_method_from_the_same_initial_states(scenes, intervening, references):
-    from rearl_jax.config.evaluation import Method
-    from rearl_jax.evaluation.estimates import estimates
-    from rearl_jax.evaluation.runner import evaluate
-
+def test_base_stands_beside_the_method_from_the_same_initial_states(scenes, intervening, evaluation):
     held_out = np.array([1, 4])
-    evaluation = evaluate(intervening, scenes, held_out, references=references, thresholds=(0.1, 0.05))
     assert [row.row for row in evaluation.rows] == ["rearl", "base", "real_vs_real", "noise_floor", "real"]
     alone = evaluate(replace(intervening, method=Method.base), scenes, held_out)
     for name, values in evaluation.row("base").values.items():
@@ -75,63 +59,42 @@ def test_base_stands_beside_the_method_from_the_same_initial_states(scenes, inte
     assert found["base", "h"].less_base is None
 
 
-def test_the_first_second_is_that_of_the_base_and_thresholds_do_not_recompile(scenes, intervening, references):
-    from rearl_jax.config.evaluation import Method
-    from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.evaluation.simulators import program
-
-    def simulated(config, *interventions):
-        (part,) = Rollouts(config, scenes, np.arange(6), *interventions).chunks(64)
-        return part
-
-    base = simulated(replace(intervening, method=Method.base))
-    acting = simulated(intervening, references, [(0.1, 0.05)])
+def test_rows_of_one_batch_get_the_same_rollouts_and_thresholds_do_not_recompile(scenes, intervening, references):
+    held_out = np.array([0, 3])
+    (resting,) = Rollouts([Row(intervening)], scenes, held_out, references).chunks()
+    pairs = [NEVER, (0.1, 0.05), (np.inf, float(np.median(resting.decisions.mape)))]
+    rows = [Row(intervening, thresholds=pair) for pair in pairs]
+    together = Rollouts(rows, scenes, held_out, references)
+    assert together.row.tolist() == [0] * 6 + [1] * 6 + [2] * 6
+    (base,) = Rollouts([Row(replace(intervening, method=Method.base))], scenes, held_out).chunks()
     assert base.decisions is None
-    np.testing.assert_array_equal(acting.frames.x[0], base.frames.x[0])
-    assert (acting.frames.x[-1] != base.frames.x[-1]).any()
+    joined = list(together.chunks())
     compiled = program.cache_info().misses
-    resting = simulated(intervening, references, [(1.0, 1e9)])
+    for row, part in zip(rows, joined, strict=True):
+        alone = Rollouts([row], scenes, held_out, references)
+        (simulated,) = alone.chunks()
+        np.testing.assert_array_equal(part.decisions.triggered, simulated.decisions.triggered)
+        np.testing.assert_array_equal(part.frames.x, simulated.frames.x)
+        np.testing.assert_array_equal(part.frames.x[0], base.frames.x[0])
     assert program.cache_info().misses == compiled
-    np.testing.assert_array_equal(resting.frames.x, base.frames.x)
-
-
-@pytest.mark.slow
-def test_every_pair_of_thresholds_gets_the_same_rollouts(scenes, intervening, references):
-    """All pairs as one batch are what they are one by one."""
-    from rearl_jax.evaluation.rollouts import Rollouts
-    from rearl_jax.evaluation.simulators import NEVER
-
-    pairs = [NEVER, (0.1, 0.05), (2.0, 0.5)]
-    together = Rollouts(intervening, scenes, np.arange(3), references, pairs)
-    assert together.cell.tolist() == [0] * 9 + [1] * 9 + [2] * 9
-    (joined,) = together.chunks(64)
-    for number, pair in enumerate(pairs):
-        alone = Rollouts(intervening, scenes, np.arange(3), references, [pair])
-        own = together.cell == number
-        np.testing.assert_array_equal(together.scene[own], alone.scene)
-        np.testing.assert_array_equal(together.run[own], alone.run)
-        (part,) = alone.chunks(64)
-        np.testing.assert_array_equal(joined.decisions.triggered[:, own], part.decisions.triggered)
-        np.testing.assert_allclose(joined.frames.x[..., own], part.frames.x, atol=1e-3)
-    asked = [int(joined.decisions.n_asked[:, together.cell == number].sum()) for number in range(3)]
+    np.testing.assert_array_equal(joined[0].frames.x, base.frames.x)
+    asked = [int(part.decisions.n_asked.sum()) for part in joined]
     assert asked[0] == 0
     assert asked[1] > asked[2] > 0
+    assert (joined[1].frames.x[-1] != base.frames.x[-1]).any()
 
 
 def test_missing_references_are_named(scenes, intervening):
-    from rearl_jax.evaluation.rollouts import Rollouts
-
     with pytest.raises(InvalidInputError) as caught:
-        Rollouts(intervening, scenes, np.arange(2))
+        Rollouts([Row(intervening)], scenes, np.arange(2))
     assert (caught.value.code, caught.value.problem.key) == ("references-missing", "method=rearl")
 
 
 @pytest.mark.thorough
 def test_thresholds_are_percentiles_of_base_where_none_is_given(scenes, intervening):
-    from rearl_jax.config.detection import Cues, DetectionConfig
-    from rearl_jax.evaluation.percentiles import base_values, detection_thresholds
-
-    subset = np.array([0, 2, 5])
+    subset = np.array([0, 5])
+    label = np.where(np.isin(np.arange(6), subset), Split.THRESHOLD, Split.EVALUATION)
+    inputs = Inputs(scenes, Splits(label, {}, 0, 0))
     base = base_values(intervening, scenes, subset)
     n_rollouts = 3 * len(subset)
     assert base.n_rollouts == n_rollouts
@@ -140,7 +103,7 @@ def test_thresholds_are_percentiles_of_base_where_none_is_given(scenes, interven
     assert (base.h < base.threshold_h(30.0)).mean() == pytest.approx(0.3, abs=0.02)
 
     def thresholds(**keys):
-        return detection_thresholds(replace(intervening, detection=DetectionConfig(**keys)), scenes, subset)
+        return thresholds_of(replace(intervening, detection=DetectionConfig(**keys)), inputs, silent())
 
     assert thresholds() == (base.threshold_h(30.0), base.threshold_m(5.0))
     assert thresholds(threshold_h=0.2, m_pct=50.0) == (0.2, base.threshold_m(50.0))

@@ -2,100 +2,95 @@
 
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
 
+from rearl_jax.config.core import InitConfig, InitialSource, InitialSpeed
+from rearl_jax.config.evaluation import EvaluationConfig, SeedScope
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import Row
+from rearl_jax.evaluation.runner import evaluate
+from rearl_jax.evaluation.tables import frame_table, run_table
 from rearl_jax.problems import InvalidInputError
 
+HELD_OUT = np.arange(6)
 
-def frames_of(config, scenes, held_out, width=64):
-    import jax
 
-    from rearl_jax.evaluation.rollouts import Rollouts
-
-    rollouts = Rollouts(config, scenes, held_out)
-    parts = [part.frames for part in rollouts.chunks(width)]
+def frames_of(config, scenes, held_out=HELD_OUT, mixture=None, **keys):
+    rollouts = Rollouts([Row(config, mixture=mixture)], scenes, held_out, **keys)
+    parts = [part.frames for part in rollouts.chunks()]
     return rollouts, jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)
 
 
 @pytest.mark.usefixtures("drifting")
 def test_a_rollout_depends_on_seed_run_and_scene_alone(scenes, small):
-    everything, frames = frames_of(small, scenes, np.arange(6))
+    everything, frames = frames_of(small, scenes)
     assert len(everything) == 18
     assert len(np.unique(frames.x[0, 0])) == 18  # no two start alike
-    few, other = frames_of(replace(small, eval=replace(small.eval, n_runs=2)), scenes, np.array([2, 5]))
+    few, other = frames_of(replace(small, eval=replace(small.eval, n_runs=2)), scenes, np.array([2, 4, 5]))
     for column, (run, scene) in enumerate(zip(few.run, few.scene, strict=True)):
         twin = np.flatnonzero((everything.run == run) & (everything.scene == scene))
         np.testing.assert_array_equal(other.x[..., column], frames.x[..., twin[0]])
         np.testing.assert_array_equal(other.lane[..., column], frames.lane[..., twin[0]])
-    _, reseeded = frames_of(replace(small, eval=replace(small.eval, seed=1)), scenes, np.arange(6))
+    _, reseeded = frames_of(replace(small, eval=replace(small.eval, seed=1)), scenes)
     assert not np.isin(reseeded.x[0, 0], frames.x[0, 0]).any()
 
 
 def test_any_number_of_rollouts_is_counted_not_listed(scenes, small):
-    from rearl_jax.evaluation.rollouts import Rollouts
-
-    many = Rollouts(replace(small, eval=replace(small.eval, n_runs=10**9)), scenes, np.array([2, 5]))
+    row = Row(replace(small, eval=replace(small.eval, n_runs=10**9)))
+    many = Rollouts([row], scenes, np.array([2, 5]))
     assert len(many) == 2 * 10**9
     last = many[len(many) - 3 :]
     assert last.run.tolist() == [10**9 - 2, 10**9 - 1, 10**9 - 1]
     assert last.scene.tolist() == [5, 2, 5]
-    assert last.cell.tolist() == [0, 0, 0]
+    assert last.row.tolist() == [0, 0, 0]
 
 
 @pytest.mark.usefixtures("drifting")
 def test_parts_are_what_the_whole_is(scenes, small):
-    from rearl_jax.config.core import InitConfig, InitialSource
-    from rearl_jax.evaluation.rollouts import Rollouts
-
     for source in InitialSource:
         config = replace(small, init=InitConfig(source=source))
         rollouts, frames = frames_of(config, scenes, np.array([1, 3, 4]))
-        part = Rollouts(config, scenes, np.array([1, 3, 4]))[2:7]
-        np.testing.assert_array_equal(part.scene, rollouts.scene[2:7])
-        np.testing.assert_array_equal(part.run, rollouts.run[2:7])
-        (simulated,) = part.chunks(64)
-        np.testing.assert_array_equal(simulated.frames.x, frames.x[..., 2:7])
+        part = rollouts[2:8]
+        np.testing.assert_array_equal(part.scene, rollouts.scene[2:8])
+        np.testing.assert_array_equal(part.run, rollouts.run[2:8])
+        (simulated,) = part.chunks()
+        np.testing.assert_array_equal(simulated.frames.x, frames.x[..., 2:8])
 
 
 @pytest.mark.usefixtures("drifting")
 def test_common_random_numbers_of_different_models(scenes, small):
     # A method that drives differently starts from the same vehicles.
-    _, frames = frames_of(small, scenes, np.arange(6))
+    _, frames = frames_of(small, scenes)
     changed = replace(small.core, lane_changes=False, ticks_per_second=30, speed_limit=30.0)
-    _, other = frames_of(replace(small, core=changed), scenes, np.arange(6))
+    _, other = frames_of(replace(small, core=changed), scenes)
     np.testing.assert_array_equal(frames.x, other.x)
 
 
 @pytest.mark.usefixtures("drifting")
 def test_one_rollout_per_run_serves_every_scene(scenes, small):
-    from rearl_jax.config.evaluation import SeedScope
-
-    shared = replace(small, eval=replace(small.eval, seed_scope=SeedScope.run))
+    shared = replace(small, eval=replace(small.eval, n_runs=6, seed_scope=SeedScope.run))
     rollouts, frames = frames_of(shared, scenes, np.array([2, 5]))
-    assert len(rollouts) == 3
+    assert len(rollouts) == 6
     _, other = frames_of(shared, scenes, np.array([1, 3, 4]))
     np.testing.assert_array_equal(frames.x, other.x)
-    assert len(np.unique(frames.x[0, 0])) == 3
+    assert len(np.unique(frames.x[0, 0])) == 6
 
 
 @pytest.mark.usefixtures("drifting")
 def test_fixed_initial_speed(scenes, small):
-    from rearl_jax.config.core import InitConfig, InitialSpeed
-
-    _, drawn = frames_of(small, scenes, np.arange(6))
+    _, drawn = frames_of(small, scenes)
     assert drawn.speed.min() >= 21.0
     assert drawn.speed.max() <= 24.0
     assert drawn.speed.std() > 0.5
     fixed = replace(small, init=InitConfig(speed=InitialSpeed.fixed_25))
-    _, frames = frames_of(fixed, scenes, np.arange(6))
+    _, frames = frames_of(fixed, scenes)
     assert (frames.speed == 25.0).all()
 
 
 @pytest.mark.usefixtures("drifting")
 def test_rollouts_from_the_measured_snapshot(scenes, small):
-    from rearl_jax.config.core import InitConfig, InitialSource
-
     measured = replace(small, init=InitConfig(source=InitialSource.scene))
     rollouts, frames = frames_of(measured, scenes, np.array([1, 4]))
     for column, scene in enumerate(rollouts.scene):
@@ -109,10 +104,6 @@ def test_rollouts_from_the_measured_snapshot(scenes, small):
 
 
 def test_measured_snapshots_that_do_not_fit_the_road_stop(scenes, small):
-    from rearl_jax.config.core import InitConfig, InitialSource
-    from rearl_jax.config.evaluation import SeedScope
-    from rearl_jax.evaluation.rollouts import Rollouts
-
     measured = replace(small, init=InitConfig(source=InitialSource.scene))
     for changed, key, value in (
         (replace(measured, core=replace(small.core, n_lanes=3)), "core.n_lanes", "4"),
@@ -124,21 +115,18 @@ def test_measured_snapshots_that_do_not_fit_the_road_stop(scenes, small):
         ),
     ):
         with pytest.raises(InvalidInputError) as caught:
-            Rollouts(changed, scenes, np.arange(6))
+            Rollouts([Row(changed)], scenes, HELD_OUT)
         assert (caught.value.code, caught.value.problem.key) == ("out-of-range", key)
         assert caught.value.problem.said.startswith(f"must be {value}")
     blind = replace(scenes, lane=np.full_like(scenes.lane, -1))
     with pytest.raises(InvalidInputError) as caught:
-        Rollouts(measured, blind, np.arange(6))
+        Rollouts([Row(measured)], blind, HELD_OUT)
     assert (caught.value.code, caught.value.problem.key) == ("lane-missing", "init.source")
 
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("drifting")
 def test_batches_of_any_width_score_alike(scenes, small):
-    from rearl_jax.evaluation.runner import evaluate
-    from rearl_jax.evaluation.tables import frame_table, run_table
-
     tables = []
     for width in (5, 512):
         config = replace(small, core=replace(small.core, chunk=width))
@@ -155,14 +143,12 @@ def test_batches_of_any_width_score_alike(scenes, small):
 
 @pytest.mark.slow
 def test_the_real_simulation_does_not_depend_on_the_batch(scenes, small):
-    from rearl_jax.config.evaluation import EvaluationConfig
-
-    core = replace(small.core, n_vehicles=10, density=3.0)
-    config = replace(small, core=core, eval=EvaluationConfig(n_runs=8))
-    _, together = frames_of(config, scenes, np.arange(6), width=512)
+    core = replace(small.core, n_vehicles=10, density=3.0, collisions=True)
+    config = replace(small, eval=EvaluationConfig(n_runs=8))
+    _, together = frames_of(replace(config, core=replace(core, chunk=512)), scenes)
     assert together.x.shape == (12, 10, 48)
     assert int((together.lane[1:] != together.lane[:-1]).sum()) > 10
-    _, apart = frames_of(config, scenes, np.arange(6), width=11)
+    _, apart = frames_of(replace(config, core=replace(core, chunk=11)), scenes)
     np.testing.assert_array_equal(together.lane, apart.lane)
     np.testing.assert_array_equal(together.crashed, apart.crashed)
     for name in ("x", "y", "speed"):

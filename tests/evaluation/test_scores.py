@@ -1,17 +1,33 @@
 """Reference rows: partners, noise floor, realism, and what recordings cannot tell."""
 
 from dataclasses import replace
+from functools import partial
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.config.evaluation import EvaluationConfig
+from rearl_jax.config.metrics import HistConfig, MetricsConfig, RealismConfig
+from rearl_jax.core.rollout import Frames
+from rearl_jax.data.scene_set import real_lane_change_rate
+from rearl_jax.evaluation.scores import (
+    COMPARING,
+    REAL,
+    noise_floor_scores,
+    of_recordings,
+    partners,
+    scores_of,
+    with_realism,
+)
+from rearl_jax.evaluation.scoring import Scorer
+from rearl_jax.evaluation.simulators import Simulated
+from rearl_jax.metrics.realism import realism_scores
 from rearl_jax.problems import InvalidInputError
 
 
 def test_partners_share_no_second_of_traffic(scenes):
-    from rearl_jax.config.evaluation import EvaluationConfig
-    from rearl_jax.evaluation.scores import partners
-
     # Windows of twelve seconds every four: neighbours overlap.
     overlapping = replace(scenes, start_time=scenes.start_time / 3)
     for scene_set, n_expected in ((scenes, 5), (overlapping, 3)):
@@ -27,9 +43,6 @@ def test_partners_share_no_second_of_traffic(scenes):
 
 
 def test_partners_depend_on_seed_and_scene_alone(scenes):
-    from rearl_jax.config.evaluation import EvaluationConfig
-    from rearl_jax.evaluation.scores import partners
-
     config = EvaluationConfig(n_runs=3)
     everything, scene, _ = partners(scenes, np.arange(6), config)
     few, scene_of_few, _ = partners(scenes, np.array([1, 4]), config)
@@ -40,10 +53,6 @@ def test_partners_depend_on_seed_and_scene_alone(scenes):
 
 
 def test_noise_floor_is_the_distance_of_two_samples(scenes):
-    from rearl_jax.config.evaluation import EvaluationConfig
-    from rearl_jax.config.metrics import HistConfig
-    from rearl_jax.evaluation.scores import noise_floor_scores
-
     hist = HistConfig(window=5)
     row = noise_floor_scores(scenes, np.array([0, 3]), hist, EvaluationConfig(noise_draws=4000))
     rng = np.random.default_rng(0)
@@ -59,20 +68,13 @@ def test_noise_floor_is_the_distance_of_two_samples(scenes):
 
 
 def scored(scenes, candidate, index, row="real_vs_real"):
-    from rearl_jax.config.metrics import MetricsConfig
-    from rearl_jax.evaluation.scores import scores_of
-    from rearl_jax.evaluation.scoring import Scorer
-
-    scorer = Scorer(scenes, MetricsConfig(), width=3, dtype=np.dtype(np.float32))
+    scorer = Scorer(scenes, MetricsConfig(), width=6, dtype=np.dtype(np.float32))
     metrics = scorer.recorded(candidate, index)
     run = np.arange(len(index)) // 2
     return scores_of(row, index, run, metrics, partner=candidate, seconds=1.0)
 
 
 def test_a_scene_against_itself_is_no_comparison(scenes):
-    from rearl_jax.data.scene_set import real_lane_change_rate
-    from rearl_jax.evaluation.scores import COMPARING, REAL, of_recordings
-
     index = np.arange(6)
     raw = scored(scenes, index, index, REAL)
     assert raw.values["h"].max() == 0.0
@@ -86,8 +88,6 @@ def test_a_scene_against_itself_is_no_comparison(scenes):
 
 
 def test_without_lanes_nothing_is_said_about_lanes(scenes):
-    from rearl_jax.evaluation.scores import of_recordings
-
     blind = replace(scenes, lane=np.full_like(scenes.lane, -1))
     index = np.arange(6)
     row = of_recordings(scored(blind, np.roll(index, 1), index), blind)
@@ -97,23 +97,18 @@ def test_without_lanes_nothing_is_said_about_lanes(scenes):
 
 
 def test_realism_of_a_row_pools_its_runs(scenes):
-    import jax
-    import jax.numpy as jnp
-
-    from rearl_jax.config.metrics import RealismConfig
-    from rearl_jax.evaluation.scores import REAL, with_realism
-    from rearl_jax.metrics.realism import realism_scores
-
     held_out = np.array([1, 4])
     real = scored(scenes, held_out, held_out, REAL)
     row = scored(scenes, np.array([0, 0, 2, 3]), np.array([4, 1, 1, 4]))
     done, same = with_realism([row, real], real, RealismConfig())
     assert same is real
 
+    score = jax.jit(partial(realism_scores, realism=RealismConfig(), dtype=row.values["h"].dtype))
+
     def likelihood(pairs, scene):
         pooled = jax.tree.map(lambda leaf: jnp.asarray(leaf[..., pairs].sum(axis=-1, dtype="i4")), row.realism)
         reference = jax.tree.map(lambda leaf: jnp.asarray(leaf[..., scene]), real.realism)
-        return float(realism_scores(pooled, reference, RealismConfig(), row.values["h"].dtype).meta.value)
+        return float(score(pooled, reference).meta.value)
 
     expected = [likelihood([1, 2], 0), likelihood([0, 3], 1)]
     assert 0.1 < expected[0] < 1
@@ -125,19 +120,12 @@ def test_realism_of_a_row_pools_its_runs(scenes):
 
 def test_headways_are_those_of_the_vehicles_own_lengths(scenes):
     """Two vehicles 40 m apart at 20 m/s: the leader's length is no headway."""
-    import jax.numpy as jnp
-
-    from rearl_jax.config.metrics import MetricsConfig
-    from rearl_jax.core.rollout import Frames
-    from rearl_jax.evaluation.scoring import Scorer
-    from rearl_jax.evaluation.simulators import Simulated
-
     n_seconds, n_vehicles = scenes.speed.shape[1:]
     shape = (n_seconds, n_vehicles, 1)
     moved = 20.0 * np.arange(n_seconds)[:, None, None] + 40.0 * np.arange(n_vehicles)[None, :, None]
     same, nobody = jnp.zeros(shape, jnp.float32), jnp.zeros(shape, bool)
     frames = Frames(jnp.float32(moved), same, same, same + 20, same, jnp.zeros(shape, jnp.int32), nobody)
-    scorer = Scorer(scenes, MetricsConfig(), width=1, dtype=np.dtype(np.float32))
+    scorer = Scorer(scenes, MetricsConfig(), width=6, dtype=np.dtype(np.float32))
     headway = {}
     for length in (5.0, 15.0):
         simulated = Simulated(frames, np.full(shape[1:], length, np.float32))

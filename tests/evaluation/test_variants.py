@@ -7,30 +7,27 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.config import EvaluateTask, ResultsConfig
+from rearl_jax.config.evaluation import EvaluationConfig, Method, Variant
+from rearl_jax.evaluation import task
+from rearl_jax.evaluation.traffic import inputs_id, population_of
+from rearl_jax.models.file import model_id, write_model
 from rearl_jax.problems import InvalidInputError
 from tests.models.drivers import GAIN, model
 
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
-    from rearl_jax.models.file import write_model
-
     path = tmp_path_factory.mktemp("model") / "model.yaml"
     write_model(path, model(GAIN))
     return str(path)
 
 
 def config_of(path, **changes):
-    from rearl_jax.config import EvaluateTask
-    from rearl_jax.config.evaluation import EvaluationConfig
-
     return EvaluateTask(model=path, eval=EvaluationConfig(n_runs=1), **changes)
 
 
 def test_identity_is_that_of_data_and_model(path, tmp_path):
-    from rearl_jax.evaluation.traffic import inputs_id
-    from rearl_jax.models.file import model_id, write_model
-
     before = inputs_id(config_of(path))
     assert before.endswith(f", {model_id(path)}")
     assert inputs_id(config_of(None)) == before.partition(",")[0]
@@ -40,9 +37,6 @@ def test_identity_is_that_of_data_and_model(path, tmp_path):
 
 
 def test_drivers_of_their_own_are_refused(path):
-    from rearl_jax.config.evaluation import Method, Variant
-    from rearl_jax.evaluation.traffic import population_of
-
     for method in (Method.ppo, Method.critical):
         with pytest.raises(InvalidInputError) as caught:
             population_of(config_of(path, method=method, variant=Variant.repaired))
@@ -54,9 +48,6 @@ def test_drivers_of_their_own_are_refused(path):
 
 
 def test_variants_differ_by_drivers_and_effects_alone(path):
-    from rearl_jax.config.evaluation import Variant
-    from rearl_jax.evaluation.traffic import population_of
-
     with_effects = population_of(config_of(path, variant=Variant.repaired))
     without = population_of(config_of(path, variant=Variant.calibrated))
     assert [effect.name for effect in with_effects.effects] == ["leader_acceleration"]
@@ -65,30 +56,8 @@ def test_variants_differ_by_drivers_and_effects_alone(path):
     assert (with_effects.median != without.median).any()
 
 
-def test_rows_of_table_1_with_a_model(path):
-    from rearl_jax.config import StudyTable1Task
-    from rearl_jax.config.evaluation import Method, Variant
-    from rearl_jax.config.study import Table1Config
-    from rearl_jax.study.rows import chosen_rows, row_record
-
-    names = [row.name for row in chosen_rows(Table1Config(), path)]
-    assert names[-3:] == ["calibrated", "repaired", "repaired_matcher"]
-    assert not {"calibrated", "repaired"} & {row.name for row in chosen_rows(Table1Config())}
-    with pytest.raises(InvalidInputError) as caught:
-        chosen_rows(Table1Config(rows=("repaired",)))
-    assert (caught.value.code, caught.value.problem.key) == ("key-missing", "model")
-    task = StudyTable1Task(model=path)
-    records = {row.name: row_record(row, task) for row in chosen_rows(Table1Config(), path)}
-    assert records["base"].model is None  # highway-env's
-    assert (records["repaired"].model, records["repaired"].variant) == (path, Variant.repaired)
-    assert records["repaired_matcher"].method is Method.rearl
-
-
 @pytest.mark.slow  # four programs
 def test_four_rows_side_by_side(path, tmp_path, capsys):
-    from rearl_jax.config import ResultsConfig
-    from rearl_jax.evaluation import task
-
     config = config_of(path, results=ResultsConfig(root=str(tmp_path)))
     rows = task.run(config)["rows"]
     names = ["base", "base_effect", "rearl", "rearl_effect"]

@@ -48,7 +48,6 @@ def drifting():
     """
     import jax.numpy as jnp
 
-    from rearl_jax.config.evaluation import Method
     from rearl_jax.core.rollout import Frames
     from rearl_jax.core.state import nearest_lane
     from rearl_jax.evaluation import simulators
@@ -69,7 +68,7 @@ def drifting():
         )
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(simulators.SIMULATORS, Method.base, simulate)
+        patch.setattr(simulators, "simulate_base", simulate)
         simulators.program.cache_clear()
         yield
         simulators.program.cache_clear()

@@ -94,6 +94,7 @@ def test_the_replay_is_the_rollout_of_the_study(reported):
     """Positions are those of the same functions `rearl evaluate` calls, to the centimetre."""
     from rearl_jax.evaluation.inputs import read_inputs
     from rearl_jax.evaluation.rollouts import Rollouts
+    from rearl_jax.evaluation.rows import Row
     from rearl_jax.progress import progress_bar
     from rearl_jax.replay.embedding import positions
     from rearl_jax.results import Study
@@ -104,7 +105,7 @@ def test_the_replay_is_the_rollout_of_the_study(reported):
     replay = reported.replay
     assert len(replay["scenes"]) == 3
     chosen = np.array([int(np.flatnonzero(scenes.scene_id == one["id"])[0]) for one in replay["scenes"]])
-    (simulated,) = Rollouts(reported.config, scenes, chosen).chunks(3)
+    (simulated,) = Rollouts([Row(reported.config)], scenes, chosen).chunks()
     runs = pd.read_parquet(reported.folder / "runs.parquet").query("method == 'base'").set_index("scene_id")
     for column, (index, one) in enumerate(zip(chosen, replay["scenes"], strict=True)):
         assert one["h"] == pytest.approx(float(runs.loc[one["id"], "h"]), abs=1e-4)

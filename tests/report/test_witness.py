@@ -38,17 +38,18 @@ def test_a_witnessed_policy_gives_the_same_traffic_and_counts(intervening):
     """With the policy that draws: it needs the random keys of the rollouts too."""
     from rearl_jax.config.decision import PolicyName
     from rearl_jax.evaluation.rollouts import Rollouts
+    from rearl_jax.evaluation.rows import Row
     from rearl_jax.evaluation.simulators import interventions
     from rearl_jax.report.witness import Witness, policy_of
 
     config, scenes, references = intervening
     config = replace(config, decision=replace(config.decision, policy=PolicyName.random_admissible))
     acts = interventions(config)
-    arguments = (config, scenes, np.array([1, 4, 6]), references, [(0.3, 0.1)])
+    arguments = ([Row(config, thresholds=(0.3, 0.1))], scenes, np.array([1, 4, 6]), references)
     inside = Rollouts(*arguments)[3:6]
     witness = Witness(policy_of(acts, inside.decision_keys))
     outside = Rollouts(*arguments, witness)[3:6]
-    (before,), (after,) = list(inside.chunks(3)), list(outside.chunks(3))
+    (before,), (after,) = list(inside.chunks()), list(outside.chunks())
     for one, other in zip(jax.tree.leaves(before.frames), jax.tree.leaves(after.frames), strict=True):
         np.testing.assert_array_equal(np.asarray(one), np.asarray(other))
 

@@ -8,7 +8,9 @@ from rearl_jax.config import EvaluateTask, StudyFig7Task, StudyTable1Task, Study
 from rearl_jax.config._schema import finished
 from rearl_jax.config.decision import DecisionConfig, MatchSpace, PolicyName
 from rearl_jax.config.detection import ReferenceMode
-from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope
+from rearl_jax.config.driver import record_of
+from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope, Variant
+from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.config.study import Table1Config, Table4Config
 from rearl_jax.problems import InvalidInputError
 from rearl_jax.results import config_hash
@@ -60,6 +62,22 @@ def test_rows_are_chosen_in_the_order_of_the_table():
     with pytest.raises(InvalidInputError) as caught:
         chosen_rows(Table1Config(rows=("base", "matcher_rnk")))
     assert (caught.value.code, caught.value.problem.key) == ("choice-unknown", "table1.rows")
+    with pytest.raises(InvalidInputError) as caught:
+        chosen_rows(Table1Config(rows=("repaired",)))
+    assert (caught.value.code, caught.value.problem.key) == ("key-missing", "model")
+
+
+def test_rows_with_drivers_of_their_own_leave_the_keys_aside():
+    config = StudyTable1Task(model="model.yaml", driver=record_of("idm")(), mobil=MobilConfig(politeness=0.5))
+    records = {row.name: row_record(row, config) for row in ROWS}
+    for name, record in records.items():
+        is_repaired = name in ("calibrated", "repaired", "repaired_matcher")
+        assert (record.model is not None) == is_repaired
+        has_own = record.method in (Method.ppo, Method.critical)
+        assert record.driver.is_default == (has_own or is_repaired)
+        assert record.mobil.is_default == has_own
+    assert records["repaired"].variant is Variant.repaired
+    assert records["calibrated"].variant is Variant.calibrated
 
 
 def test_rows_stand_beside_rows_of_the_paper():

@@ -1,16 +1,20 @@
 """Jobs of a multirun: the rows of the batch sweep, nothing compiled twice, killed and resumed, put together."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
+from jax import monitoring
+
+from rearl_jax.config import EvaluateTask, ResultsConfig, SweepThresholdsTask
+from rearl_jax.config.core import CoreConfig
+from rearl_jax.config.detection import DetectionConfig
+from rearl_jax.config.evaluation import EvaluationConfig, Method, Subset
+from rearl_jax.config.sweep import SweepConfig
+from rearl_jax.evaluation import task
+from rearl_jax.sweep.cells import Cell, cell_table, collect
 
 pytestmark = pytest.mark.slow  # a minute of jobs
 
@@ -18,10 +22,6 @@ PAIRS = [(5.0, 5.0), (5.0, 30.0), (30.0, 5.0), (30.0, 30.0)]
 
 
 def evaluate_task(root, **keys):
-    from rearl_jax.config import EvaluateTask, ResultsConfig
-    from rearl_jax.config.core import CoreConfig
-    from rearl_jax.config.evaluation import EvaluationConfig, Method, Subset
-
     return EvaluateTask(
         method=Method.rearl,
         results=ResultsConfig(root=str(root), resume=True),
@@ -38,11 +38,7 @@ def cell_names(pair):
 @pytest.fixture(scope="module")
 def cells(tmp_path_factory):
     """Four jobs run one after the other as a multirun would; the programs compiled in each."""
-    from jax import monitoring
-
-    from rearl_jax.config.detection import DetectionConfig
     from rearl_jax.evaluation.task import run
-    from rearl_jax.sweep.cells import collect
 
     root = tmp_path_factory.mktemp("cells")
     compiled = []
@@ -66,8 +62,6 @@ def test_nothing_is_compiled_after_the_first_job(cells):
 
 
 def test_jobs_and_the_batch_sweep_have_the_same_rows(cells, tmp_path):
-    from rearl_jax.config import SweepThresholdsTask
-    from rearl_jax.config.sweep import SweepConfig
     from rearl_jax.sweep.task import run
 
     given = evaluate_task(tmp_path)
@@ -100,8 +94,6 @@ def test_cells_are_one_table(cells):
 
 
 def test_a_swept_method_is_a_column_of_its_own(tmp_path):
-    from rearl_jax.sweep.cells import Cell, cell_table
-
     def cell(name):
         rows = pd.DataFrame({"method": [name, "real"], "metric": "h", "value": [0.5, 0.1]})
         return Cell({"method": name}, tmp_path, rows, [])
@@ -112,9 +104,6 @@ def test_a_swept_method_is_a_column_of_its_own(tmp_path):
 
 
 def test_a_finished_job_is_left_alone_and_a_changed_one_is_not(cells, monkeypatch):
-    from rearl_jax.config.detection import DetectionConfig
-    from rearl_jax.evaluation import task
-
     folder = cells[0]
     config = evaluate_task(folder.parent, study="pairs/detection.h_pct=5/detection.m_pct=5")
     config = replace(config, detection=DetectionConfig(h_pct=5.0, m_pct=5.0))
@@ -125,28 +114,3 @@ def test_a_finished_job_is_left_alone_and_a_changed_one_is_not(cells, monkeypatc
     assert (folder / "detection.h_pct=5" / "detection.m_pct=5" / "runs.parquet").stat().st_mtime_ns == before
     with pytest.raises(pytest.fail.Exception, match="simulated again"):
         task.run(replace(config, eval=replace(config.eval, seed=1)))
-
-
-@pytest.mark.slow
-def test_a_killed_multirun_goes_on_where_it_was(tmp_path):
-    """The whole command, killed as soon as its first job is done."""
-    keys = ["eval.n_runs=1", "core.collisions=false", "eval.subset=tuning", "eval.seed=0,1,2"]
-    command = [sys.executable, "-m", "rearl_jax", "evaluate", "-m", *keys]
-    root = tmp_path / "killed"
-    first = root / "s" / "eval.seed=0" / "summary.json"
-    with subprocess.Popen([*command, f"results.root={root}", "study=s"], stdout=-3, stderr=-3) as process:
-        while not first.exists() and process.poll() is None:
-            time.sleep(0.02)
-        os.kill(process.pid, signal.SIGKILL)
-    assert first.exists()
-    written = first.stat().st_mtime_ns
-    assert not (root / "s" / "runs.parquet").exists()
-    done = subprocess.run([*command, f"results.root={root}", "study=s"], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert first.stat().st_mtime_ns == written
-    whole = tmp_path / "whole"
-    subprocess.run([*command, f"results.root={whole}", "study=s"], check=True, capture_output=True)
-    for name in ("runs", "cells"):
-        resumed, at_once = (pd.read_parquet(folder / "s" / f"{name}.parquet") for folder in (root, whole))
-        assert len(at_once) > 0
-        pd.testing.assert_frame_equal(resumed, at_once)

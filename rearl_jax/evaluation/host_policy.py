@@ -1,7 +1,7 @@
-"""Rollouts whose decisions are made outside the compiled program: initial states in, frames and decisions out."""
+"""Rollouts whose decisions are made outside the compiled program, on the host: initial states in, frames out."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import jax
@@ -23,7 +23,7 @@ BURST = 2_048
 
 
 @dataclass(frozen=True)
-class Lot:
+class Block:
     """Scenarios that one policy decides for, as it sees them before the first second.
 
     Attributes:
@@ -43,11 +43,11 @@ class Lot:
     first: int
 
 
-MakePolicy: TypeAlias = Callable[[Lot], HostPolicy]
-"""Who decides for some scenarios during a rollout."""
+MakePolicy: TypeAlias = Callable[[Block], HostPolicy]
+"""Makes the policy that decides for a block during a rollout."""
 
 
-def simulate_outside(
+def simulate_with_host_policy(
     state: TrafficState,
     drivers: Drivers,
     keys: Key[jax.Array, " scenarios"],
@@ -59,43 +59,36 @@ def simulate_outside(
     *,
     n_seconds: int,
 ) -> Iterator[Simulated]:
-    """What was simulated and decided, burst by burst.
-
-    Args:
-        state: Initial states of all scenarios.
-        drivers: Parameters of all vehicles.
-        keys: Random keys of the decisions, one per scenario.
-        table: References.
-        thresholds: Of every scenario.
-        make_policy: Makes the policies, two for every burst.
-        model: Road, clock and stages.
-        options: Choices of the loop.
-        n_seconds: Seconds to simulate [s].
-    """
+    """Rollouts and their decisions, burst by burst, in two blocks each."""
     n_scenarios = state.x.shape[-1]
     for start in range(0, n_scenarios, BURST):
         size = min(BURST, n_scenarios - start)
         columns = np.arange(start, start + size)
-        some, their_drivers = select_scenarios((state, drivers), columns, n_scenarios, least_ndim=2)
+        burst_state, burst_drivers = select_scenarios((state, drivers), columns, n_scenarios, least_ndim=2)
         limits = select_scenarios(thresholds, columns, n_scenarios)
-        length, half = np.asarray(lengths_of(some, their_drivers)), -(-size // 2)
-        whole = Lot(table, model, options, limits, length, start)
-        policies = make_policy(_part(whole, slice(0, half))), make_policy(_part(whole, slice(half, size)))
+        length, half = np.asarray(lengths_of(burst_state, burst_drivers)), -(-size // 2)
+        first, second = (
+            make_policy(
+                Block(
+                    table,
+                    model,
+                    options,
+                    Thresholds(limits.hellinger[part], limits.mape[part]),
+                    length[:, part],
+                    start + part.start,
+                )
+            )
+            for part in (slice(0, half), slice(half, size))
+        )
         frames, decisions = rollout_in_lockstep(
-            some,
-            their_drivers,
+            burst_state,
+            burst_drivers,
             keys[columns],
             table,
             limits,
-            policies,
+            (first, second),
             model,
             options,
             n_seconds=n_seconds,
         )
         yield Simulated(frames, length, decisions)
-
-
-def _part(lot: Lot, part: slice) -> Lot:
-    """Some of its scenarios."""
-    limits = Thresholds(lot.thresholds.hellinger[part], lot.thresholds.mape[part])
-    return replace(lot, thresholds=limits, length=lot.length[:, part], first=lot.first + part.start)
