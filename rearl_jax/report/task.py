@@ -9,25 +9,54 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rearl_jax.config import ReportTask
+from rearl_jax.document.document import Document
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import progress_bar
-from rearl_jax.report.content import Content
-from rearl_jax.report.effects import discovery_content
+from rearl_jax.report.content import Content, Section
+from rearl_jax.report.discovery import blind_document, discovery_document
 from rearl_jax.report.finished import FinishedStudy, read_finished
 from rearl_jax.report.methods import evaluation_content
-from rearl_jax.report.others import blind_content, paper_content, sweep_content
+from rearl_jax.report.others import paper_content, sweep_content
 from rearl_jax.report.page import write_report
 from rearl_jax.report.replay import NoReplayError, Replay, simulate_again
+from rearl_jax.study.report import Cell, Line, Shown
 from rearl_jax.whole_files import replacing
 
 log = logging.getLogger(__name__)
 
 FILE = "report.html"
 
+
+def _content(document_of: Callable[[FinishedStudy], Document]) -> Callable[[FinishedStudy], Content]:
+    def content(study: FinishedStudy) -> Content:
+        document = document_of(study)
+        sections = []
+        for part in document.sections:
+            tables = tuple(
+                Shown(
+                    table.title,
+                    table.headings,
+                    tuple(Line(row.title, tuple(Cell(c.value, c.interval) for c in row.cells)) for row in table.rows),
+                )
+                for table in part.tables
+            )
+            sections.append(Section(part.title, part.paragraphs, tables, part.notes, part.is_folded))
+        return Content(
+            document.title,
+            document.verdict,
+            tuple(sections),
+            document.data,
+            document.command,
+            captions=document.captions,
+        )
+
+    return content
+
+
 _CONTENTS: dict[str, Callable[[FinishedStudy], Content]] = {
     "evaluate": evaluation_content,
-    "discover": discovery_content,
-    "discover blind": blind_content,
+    "discover": _content(discovery_document),
+    "discover blind": _content(blind_document),
     "sweep thresholds": sweep_content,
     **{f"study {name}": paper_content for name in ("table1", "table3", "table4", "fig6", "fig7", "fig8")},
 }

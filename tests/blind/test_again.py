@@ -66,7 +66,7 @@ def test_a_study_judged_again_is_the_same(finished, tmp_path, capsys):
     assert f"code {theirs['git_sha'] or theirs['code_version']}" in page
     shown = " ".join(capsys.readouterr().out.split())
     assert "Outcomes by set" in shown
-    assert "as counted when the study was run" not in shown
+    assert "as cases.parquet has no ends of intervals" not in shown
 
 
 def test_what_the_table_does_not_hold_stays_as_it_was(finished, tmp_path):
@@ -85,8 +85,10 @@ def test_what_the_table_does_not_hold_stays_as_it_was(finished, tmp_path):
     hits = {score.name: score.n_hits for score in results.scores}
     assert hits["error_rose"] == 77
     assert hits["wrong_name"] == pd.read_parquet(before / "scores.parquet").set_index("name").n_hits["wrong_name"]
-    (remark,) = results.remarks
-    assert "something added: error surely higher after" in remark
+    judge_again(folder)
+    page = (folder / "page.html").read_text()
+    assert "as cases.parquet has no ends of intervals: " in page
+    assert "something added: error surely higher after" in page
 
 
 def test_a_truth_that_was_changed_is_refused(finished, tmp_path):
