@@ -1,6 +1,7 @@
 """The document of a blind study: rates beside their goals, outcomes by set, what was said by what was hidden."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import pandas as pd
@@ -8,7 +9,7 @@ import pandas as pd
 from rearl_jax.blind.judging import OUTCOMES
 from rearl_jax.blind.questions import QUESTIONS
 from rearl_jax.document.document import Document, Section
-from rearl_jax.document.table import Cell, Emphasis, Row, Table, number, percent, table_of
+from rearl_jax.document.table import percent, table_of
 
 TABLES = ("scores", "sets", "confusion", "parameters", "calibration", "cases")
 """Tables of a study that its document shows."""
@@ -19,6 +20,8 @@ CAPTIONS = {
     "strengths": "Share of data sets with one hidden effect in which it is named. Blue: all effects; grey: each.",
 }
 
+_SCORES = {"title": "", "n_hits": "hits", "n_cases": "of", "rate": "rate [%]", "goal": "goal", "is_met": "reached"}
+_CLAIMS = {"stated_as": "", "n_claims": "names", "stated": "mean stated [%]", "true": "there [%]"}
 _PARAMETERS = {
     "effect": "",
     "parameter": "parameter",
@@ -42,29 +45,31 @@ def document_of(
         tables: TABLES by name, as in its Parquet files.
         protocol: How it was sealed, as in protocol.json.
     """
-    folded = (
-        ("Parameters that mean the same on both sides", tables["parameters"], _PARAMETERS),
-        ("Data sets", tables["cases"], _CASES),
+    sets = tables["sets"]
+    counts = {f"n_{outcome}": outcome for outcome in OUTCOMES if sets[f"n_{outcome}"].any()}
+    outcomes = {"set": "", "n": "data sets", **counts, "n_false": "not there", "rate": "share [%]"}
+    said = tables["confusion"].melt("hidden", var_name="said", value_name="n", ignore_index=False)
+    said = said[said["n"] > 0].sort_index(kind="stable")
+    words = (
+        "Not there: data sets with a name that is not there, whatever the outcome: it may stand beside what is right. "
+        "A curve over a variable counts as a name.",
+    )
+    parts = (
+        (Section("Rates", notes=tuple(_notes(summary, tables, protocol))), _rates(tables["scores"]), _SCORES),
+        (Section("Outcomes by set", words), _rates(sets), outcomes),
+        (Section("What was said, by what was hidden"), said, {"hidden": "", "said": "said", "n": "data sets"}),
+        (Section("Names by their stated confidence"), _claims(tables["calibration"]), _CLAIMS),
+        (Section("Parameters that mean the same on both sides", is_folded=True), tables["parameters"], _PARAMETERS),
+        (Section("Data sets", is_folded=True), tables["cases"], _CASES),
     )
     return Document(
         title="Blind study of discovery",
         verdict=f"Discovery was right about {summary['n_right']} of {summary['n_cases']} data sets whose hidden "
         "effects it was not told.",
         sections=(
-            Section("Rates", tables=(_rates(tables["scores"]),), notes=tuple(_notes(summary, tables, protocol))),
-            Section(
-                "Outcomes by set",
-                (
-                    "A name that is not there is counted whatever the outcome: it may stand beside what is right. A "
-                    "curve over a variable counts as a name.",
-                ),
-                (_outcomes(tables["sets"]),),
-            ),
-            Section("What was said to what", tables=(_said(tables["confusion"]),)),
-            *([Section("Stated confidence", tables=(_claims(rows),))] if len(rows := tables["calibration"]) else []),
             *(
-                Section(title, tables=(table_of(title, frame, columns),), is_folded=True)
-                for title, frame, columns in folded
+                replace(section, tables=(table_of(section.title, frame, columns),))
+                for section, frame, columns in parts
                 if len(frame)
             ),
             _sealing(protocol),
@@ -76,71 +81,23 @@ def document_of(
     )
 
 
-def _rates(scores: pd.DataFrame) -> Table:
-    rows = (
-        Row(
-            row["title"],
-            (
-                Cell(f"{row['n_hits']} of {row['n_cases']}"),
-                _share(row, "rate"),
-                Cell(row["goal"]),
-                Cell("reached" if row["is_met"] else "missed"),
-            ),
-        )
-        for row in scores.to_dict("records")
-    )
-    return Table("Rates with exact 95 % intervals", ("hits", "rate", "goal", ""), tuple(rows))
+def _rates(frame: pd.DataFrame, name: str = "rate") -> pd.DataFrame:
+    """A share and its exact 95 % interval in percent, as `table_of` takes them."""
+    percents = 100 * frame[[name, "low", "high"]]
+    return frame.assign(**{name: percents[name], f"{name}_low": percents["low"], f"{name}_high": percents["high"]})
 
 
-def _share(row: Mapping[Any, Any], name: str) -> Cell:
-    return Cell(percent(row[name]), f"{percent(row['low'])} to {percent(row['high'])}")
-
-
-def _outcomes(sets: pd.DataFrame) -> Table:
-    """Outcomes that occur, and data sets with a name that is not there."""
-    outcomes = [outcome for outcome in OUTCOMES if sets[f"n_{outcome}"].any()]
-    rows = (
-        Row(
-            row["set"],
-            (
-                Cell(str(row["n"])),
-                *(Cell(str(row[f"n_{outcome}"] or "")) for outcome in outcomes),
-                Cell(str(row["n_false"])),
-                _share(row, "rate"),
-            ),
-        )
-        for row in sets.to_dict("records")
-    )
-    headings = ("data sets", *outcomes, "with a name that is not there", "share of them")
-    return Table("Outcomes by set", headings, tuple(rows))
-
-
-def _said(confusion: pd.DataFrame) -> Table:
-    rows = (
-        Row(row["hidden"], (Cell(said), Cell(str(n))), Emphasis.plain if said == row["hidden"] else Emphasis.subdued)
-        for row in confusion.to_dict("records")
-        for said, n in row.items()
-        if said != "hidden" and n
-    )
-    return Table("What was said, by what was hidden", ("said", "data sets"), tuple(rows))
-
-
-def _claims(calibration: pd.DataFrame) -> Table:
-    rows = (
-        Row(
-            f"{percent(row['from'])} to {percent(row['to'])}",
-            (Cell(number(row["n_claims"])), Cell(percent(row["stated"])), _share(row, "true")),
-        )
-        for row in calibration.to_dict("records")
-    )
-    title = "Names by the confidence stated with them, and how many of them are there"
-    return Table(title, ("names", "mean stated", "there"), tuple(rows))
+def _claims(calibration: pd.DataFrame) -> pd.DataFrame:
+    if calibration.empty:
+        return calibration
+    ends = zip(calibration["from"], calibration["to"], strict=True)
+    names = [f"{percent(low)} to {percent(high)}" for low, high in ends]
+    return _rates(calibration, "true").assign(stated_as=names, stated=100 * calibration["stated"])
 
 
 def _notes(
     summary: Mapping[str, Any], tables: Mapping[str, pd.DataFrame], protocol: Mapping[str, Any]
 ) -> Iterator[str]:
-    parameters = tables["parameters"]
     yield (
         f"Code {protocol['code_hash']}, then master seed {protocol['master_seed']} "
         f"({_origin(protocol)}), then truth sealed as {protocol['truth_sha256'][:16]}."
@@ -152,9 +109,9 @@ def _notes(
             f"Repaired models recover {percent(summary['oracle_share'])} of the reduction of the squared error that "
             f"the hidden effect itself brings, in {summary['n_oracles']} data sets."
         )
+    parameters = tables["parameters"]
     if len(parameters) and (n_intervals := parameters["n_intervals"].sum()):
-        known = parameters.dropna(subset="coverage")
-        n_covered = (known["coverage"] * known["n_intervals"]).astype(float).round().sum()
+        n_covered = (parameters["coverage"].astype(float) * parameters["n_intervals"]).sum()
         yield f"Intervals of parameters that hold the truth: {n_covered:.0f} of {n_intervals}."
     if summary["median_seconds"] is not None:
         yield f"Median time of a verdict: {summary['median_seconds']:.1f} s."

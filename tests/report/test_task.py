@@ -229,7 +229,7 @@ def test_a_blind_study_is_reported_with_its_rates(make_study, make_report):
     check_alone(page)
     text = words(page)
     assert "Discovery was right about 2 of 3 data sets" in text
-    assert "effects named 2 of 3 66.7 % 9.0 % to 99.0 % ≥ 95 % missed" in text
+    assert "effects named 2 3 66.7 9.00 to 99.0 ≥ 95 % no" in text
 
 
 def test_what_is_no_finished_study_is_refused_with_the_remedy(discovery, make_report, make_study):
