@@ -66,19 +66,40 @@ def document_of(
         maps: As in maps.parquet, for what the residual still depends on; None leaves that out.
         sources: Data sets with their licences.
     """
-    data = verdict["data"]
-    candidates = [row for row in verdict["candidates"] if not is_lane_choice(row)]
-    lane_candidates = [row for row in verdict["candidates"] if is_lane_choice(row)]
+    data, candidates = verdict["data"], verdict["candidates"]
+    following = [row for row in candidates if not is_lane_choice(row)]
+    lanes = [row for row in candidates if is_lane_choice(row)]
+    fitted = (
+        f"Fitted to {data['drivers']['fitted']} drivers and checked on {data['drivers']['checked']} others; the errors "
+        f"are those of {data['drivers']['reported']} more, who took no part. A candidate is believed if it gains on "
+        "both groups."
+    )
+    lanes_fitted = (
+        "A driver gains acceleration by a change; a candidate is believed if it makes drivers change beyond that, also "
+        "those that it was not fitted to."
+    )
+    if lanes:
+        lanes_fitted = f"{sentence(lane_choice_words(verdict['lane_choice']))} {lanes_fitted}"
     sections = (
         _error_section(verdict["error"]),
         _effect_section(verdict),
-        _candidate_section(candidates, verdict),
-        _lane_section(lane_candidates, verdict),
+        _section("Candidates", fitted, _candidate_table("Candidates of car following", following, verdict)),
+        _section("The choice of the lane", lanes_fitted, _candidate_table("Candidates of lane choice", lanes, verdict)),
         Section("Notes on data and model", notes=tuple(map(sentence, data["notes"]))),
         _left_section(verdict, maps),
-        _unseen_section(verdict["unseen"]),
+        _section(
+            "What these data could not have shown",
+            "An effect weaker than this is not ruled out.",
+            _unseen_table(verdict["unseen"]),
+            is_folded=True,
+        ),
         _definition_section(data.get("car_following", "idm"), config.discover.confidence),
-        _threshold_section(verdict.get("thresholds", {})),
+        _section(
+            "Thresholds of the decision",
+            "Every number that decides what is claimed.",
+            _threshold_table(verdict.get("thresholds", {})),
+            is_folded=True,
+        ),
     )
     return Document(
         title="What the traffic model lacks",
@@ -92,6 +113,11 @@ def document_of(
         sources=sources,
         captions=CAPTIONS,
     )
+
+
+def _section(title: str, words: str, table: Table, *, is_folded: bool = False) -> Section:
+    """A section of one table, empty where that has no rows."""
+    return Section(title, (words,), (table,), is_folded=is_folded) if table.rows else Section(title)
 
 
 def _error_section(error: Mapping[str, Any]) -> Section:
@@ -132,38 +158,14 @@ def _effect_section(verdict: Mapping[str, Any]) -> Section:
 
 
 def _effect_rows(effect: Mapping[str, Any]) -> list[Row]:
-    parameters = [(Cell(_with_unit(name, value["unit"])), _cell(value)) for name, value in effect["parameters"].items()]
-    if not parameters:
-        parameters = [(Cell(NONE), Cell(NONE))]
-    if len(parameters) > MOST_PARAMETERS:
-        parameters = [(Cell(f"a curve through {len(parameters)} values"), Cell(NONE))]
-    return [Row(described(effect), (*cells, Cell(f"{effect['confidence']:.2f}"))) for cells in parameters]
+    cells = [(Cell(_with_unit(name, value["unit"])), _cell(value)) for name, value in effect["parameters"].items()]
+    if not 0 < len(cells) <= MOST_PARAMETERS:
+        cells = [(Cell(f"a curve through {len(cells)} values" if cells else NONE), Cell(NONE))]
+    return [Row(described(effect), (*pair, Cell(f"{effect['confidence']:.2f}"))) for pair in cells]
 
 
 def _with_unit(name: str, unit: str) -> str:
     return spoken(name) if unit == "-" else f"{spoken(name)} [{unit}]"
-
-
-def _candidate_section(rows: Sequence[Mapping[str, Any]], verdict: Mapping[str, Any]) -> Section:
-    if not rows:
-        return Section("Candidates")
-    drivers = verdict["data"]["drivers"]
-    words = (
-        f"Fitted to {drivers['fitted']} drivers and checked on {drivers['checked']} others; the errors are those of "
-        f"{drivers['reported']} more, who took no part. A candidate is believed if it gains on both groups."
-    )
-    return Section("Candidates", (words,), (_candidate_table("Candidates of car following", rows, verdict),))
-
-
-def _lane_section(rows: Sequence[Mapping[str, Any]], verdict: Mapping[str, Any]) -> Section:
-    if not rows:
-        return Section("The choice of the lane")
-    words = (
-        f"{sentence(lane_choice_words(verdict['lane_choice']))} A driver gains acceleration by a change; a candidate "
-        "is believed if it makes drivers change beyond that, also those that it was not fitted to."
-    )
-    table = _candidate_table("Candidates of the choice of the lane", rows, verdict)
-    return Section("The choice of the lane", (words,), (table,))
 
 
 def _candidate_table(title: str, rows: Sequence[Mapping[str, Any]], verdict: Mapping[str, Any]) -> Table:
@@ -217,14 +219,12 @@ def _variable(row: Mapping[Any, Any]) -> Row:
     return Row(title_of(row["variable"]), tuple(map(Cell, cells)))
 
 
-def _unseen_section(effects: Sequence[Mapping[str, Any]]) -> Section:
+def _unseen_table(effects: Sequence[Mapping[str, Any]]) -> Table:
     rows = tuple(
-        Row(spoken(row["name"]), (Cell(_with_unit(row["parameter"], row["unit"])), Cell(f"{row['strength']:.2g}")))
+        Row(spoken(row["name"]), (Cell(_with_unit(row["parameter"], row["unit"])), Cell(number(row["strength"]))))
         for row in effects
     )
-    table = Table("Weakest effects that would have been seen", ("parameter", "least value"), rows)
-    words = ("An effect weaker than this is not ruled out.",)
-    return Section("What these data could not have shown", *((words, (table,)) if rows else ()), is_folded=True)
+    return Table("Weakest effects that would have been seen", ("parameter", "least value"), rows)
 
 
 def _definition_section(car_following: str, confidence: float) -> Section:
@@ -249,10 +249,7 @@ def _definition_section(car_following: str, confidence: float) -> Section:
     return Section("How it was found, and what the words mean", (how,), notes=definitions, is_folded=True)
 
 
-def _threshold_section(thresholds: Mapping[str, float]) -> Section:
+def _threshold_table(thresholds: Mapping[str, float]) -> Table:
     texts = meanings()
-    rows = tuple(
-        Row(spoken(name), (Cell(f"{value:g}"), Cell(texts.get(name, "")))) for name, value in thresholds.items()
-    )
-    tables = (Table("Thresholds", ("value", "meaning"), rows),) if rows else ()
-    return Section("Thresholds of the decision", tables=tables, is_folded=True)
+    rows = (Row(spoken(name), (Cell(f"{value:g}"), Cell(texts.get(name, "")))) for name, value in thresholds.items())
+    return Table("Thresholds", ("value", "meaning"), tuple(rows))

@@ -137,22 +137,19 @@ def map_table(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray]) -> 
 
 def plane_table(atlases: Mapping[str, Atlas]) -> pd.DataFrame:
     """The maps over two variables field by field; no value where there are too few time steps."""
-    rows = []
+    tables = []
     for model, atlas in atlases.items():
         for plane in atlas.planes.values():
-            for (up, across), value in np.ndenumerate(plane.value):
-                rows.append(
-                    {
-                        "model": model,
-                        "across": plane.across.name,
-                        "across_low": plane.across_edges[across],
-                        "across_high": plane.across_edges[across + 1],
-                        "up": plane.up.name,
-                        "up_low": plane.up_edges[up],
-                        "up_high": plane.up_edges[up + 1],
-                        "value": None if np.isnan(value) else float(value),
-                    }
-                )
-    table = pd.DataFrame(rows)
-    table["value"] = table["value"].astype("Float64")
-    return table
+            up, across = np.indices(plane.value.shape).reshape(2, -1)
+            table = {
+                "model": model,
+                "across": plane.across.name,
+                "across_low": plane.across_edges[across],
+                "across_high": plane.across_edges[across + 1],
+                "up": plane.up.name,
+                "up_low": plane.up_edges[up],
+                "up_high": plane.up_edges[up + 1],
+                "value": pd.array(plane.value.ravel(), "Float64"),
+            }
+            tables.append(pd.DataFrame(table))
+    return pd.concat(tables, ignore_index=True)

@@ -1,6 +1,7 @@
 """The document of a discovery, in the terminal and on the page, and the maps that it rests on."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -33,117 +34,87 @@ def atlas() -> Atlas:
     return Atlas({"gap": curve}, {}, [Selected("gap", "acceleration", 1.0, 1.0)], {"gap": "rises by 0.20 m/s^2"})
 
 
-def document(verdict=VERDICT, atlases=None):
-    return document_of(DiscoverTask(), verdict, map_table(atlases or {"before": atlas()}, {}))
+def document(atlases=None, **changes):
+    """The document of the made verdict with some keys changed."""
+    return document_of(DiscoverTask(), VERDICT | changes, map_table(atlases or {"before": atlas()}, {}))
 
 
-def table_of(verdict, title):
-    """Cells of a table of the document by the titles of its rows."""
-    (table,) = [
-        table
-        for section in document(verdict).sections
-        for table in section.tables
-        if table.title.partition(" (")[0] == title
-    ]
-    return {row.title: [cell.value for cell in row.cells] for row in table.rows}
+def printed(**changes):
+    """What the terminal shows, line breaks and rules left out."""
+    return " ".join(text_of(document(**changes)).replace("─", "").split())
 
 
-def words(text):
-    return " ".join(text.split())
-
-
-def test_page_says_the_verdict_escapes_markup_and_has_no_nan():
-    page = page_of(document(), DiscoverTask(), {"maps": b"png"}, data_id="abc")
-    body = re.sub(r"base64,[^\"]*", "", page)
-    assert "Missing in the model: reaction delay" in body
-    assert "Generated recordings, no measurements" in body
-    assert "rises by 0.20 m/s^2" in body
-    assert "faster changes" in body
-    assert "<b>speed</b>" not in body
-    assert "&lt;b&gt;speed" in body
-    assert "<i>" not in body
-    assert not re.search(r"\bnan\b|\bNone\b", body.split("Complete configuration")[0])
+def folded(title, **changes):
+    """A folded section."""
+    (section,) = [part for part in document(**changes).sections if part.title == title]
+    assert section.is_folded
+    return section
 
 
 def test_the_terminal_says_what_is_missing_how_we_know_and_what_it_changes():
-    text = words(text_of(document()))
+    text = printed()
     parts = (
         "Missing in the model: reaction delay.",
         "GENERATED recordings",
+        "closed-loop gap error [m] 1.50 1.50 +1.50 1.00 to 2.00 1.00 to 2.00 +1.00 to +2.00",
+        "gap error by the drivers' own noise alone [m] 0.400 1.00 to 2.00",
         "That is 90 % of the squared error beyond",
+        "reaction delay delay [s] 0.700 0.90 0.600 to 0.800",
         "The columns themselves show: the <b>speed</b> column is late.",
         "Leader acceleration explains the data as well; to tell them apart: faster changes <i>.",
+        "reaction delay 40.0 30.0 20.0 named leader acceleration 40.0 - - not told apart",
         "Fitted to 36 drivers and checked on 35 others",
         "Made for a test.",
     )
     places = [text.index(part) for part in parts]
     assert places == sorted(places)
-    assert "choice of the lane" not in text
-    assert "Thresholds" not in text
+    assert "of lane choice" not in text
 
 
-def test_errors_and_effects_stand_beside_their_intervals():
-    errors, effects = (part.tables[0] for part in document().sections[:2])
-    cells = [(cell.value, cell.interval) for cell in errors.rows[0].cells]
-    assert cells == [("1.50", "1.00 to 2.00")] * 2 + [("+1.50", "+1.00 to +2.00")]
-    assert [cell.value for cell in errors.rows[-1].cells] == ["", "0.400", ""]
-    (row,) = effects.rows
-    assert row.title == "reaction delay"
-    assert [(cell.value, cell.interval) for cell in row.cells] == [
-        ("delay [s]", ""),
-        ("0.700", "0.600 to 0.800"),
-        ("0.90", ""),
-    ]
+def test_the_page_has_what_is_folded_escapes_markup_and_has_no_nan():
+    body = page_of(document(), DiscoverTask(), {}, data_id="abc")
+    for words in ("rises by 0.20 m/s^2", "faster changes", "rear pressure", "&lt;b&gt;speed", "surprise"):
+        assert words in body
+    assert not re.search(r"<b>speed</b>|<i>", body)
+    assert not re.search(r"\bnan\b|\bNone\b", body.split("Complete configuration")[0])
 
 
-def test_a_curve_of_many_values_is_one_row_and_an_effect_without_parameters_another():
-    value = {"value": 0.3, "low": None, "high": None, "unit": "-"}
-    curve = CURVE | NUMBERS | {"variables": ["gap"], "parameters": {f"value_{k}": value for k in range(9)}}
-    rows = table_of(VERDICT | {"effects": [curve, REAR_GAP]}, "Effects and their parameters")
-    assert rows["dependence on gap"][0] == "a curve through 9 values"
-    assert rows["lane choice dependence on rear_gap"] == ["-", "-", "0.90"]
-
-
-def test_of_two_curves_the_one_that_was_added_is_marked():
+def test_of_two_curves_the_one_that_was_added_is_marked_and_its_values_are_left_to_the_maps():
     gap, speed = (CURVE | LANE_SCORES | {"variables": [name]} for name in ("gap", "speed"))
-    effect = CURVE | NUMBERS | {"variables": ["gap"]}
-    rows = table_of(VERDICT | {"effects": [effect], "candidates": [gap, speed]}, "Candidates of car following")
-    assert rows["dependence on gap"] == ["12.0", "30.0", "20.0", "named"]
-    assert rows["dependence on speed"][-1] == ""
+    values = {f"value_{k}": {"value": 0.3, "low": None, "high": None, "unit": "-"} for k in range(9)}
+    effect = CURVE | NUMBERS | {"variables": ["gap"], "parameters": values}
+    text = printed(effects=[effect], candidates=[gap, speed])
+    assert "dependence on gap a curve through 9 values - 0.90" in text
+    assert "dependence on gap 12.0 30.0 20.0 named dependence on speed 12.0 30.0 20.0 Fitted" in text
 
 
 def test_the_choice_of_the_lane_has_a_table_of_its_own():
     lanes = [KEEP_RIGHT | LANE_SCORES, KEEP_RIGHT | LANE_SCORES | {"name": "politeness", "ambiguous": True}]
-    verdict = VERDICT | {
-        "effects": [KEEP_RIGHT | NUMBERS],
-        "candidates": [*VERDICT["candidates"] * 7, *lanes],
-        "lane_choice": {"changes": 400, "opportunities": 9000, "loss": LOSS},
-    }
-    rows = table_of(verdict, "Candidates of the choice of the lane")
-    scores = ["12.0", "30.0", "20.0"]
-    assert rows == {"keep right": [*scores, "named"], "politeness": [*scores, "not told apart"]}
-    assert set(table_of(verdict, "Candidates of car following")) == {"reaction delay", "leader acceleration"}
-    text = words(text_of(document(verdict)))
+    text = printed(
+        effects=[KEEP_RIGHT | NUMBERS],
+        candidates=[*VERDICT["candidates"] * 7, *lanes],
+        lane_choice={"changes": 400, "opportunities": 9000, "loss": LOSS},
+    )
     assert "Missing in the choice of the lane: keep right." in text
-    assert "(the first 12 of 14; candidates.parquet has all)" in text
-    assert "400 changes by choice in 9000 opportunities" in text
-    assert "change -0.0500 (-0.0600 to -0.0400) nats" in text
     assert "gain of the right lane + bias" in text
+    following, table = text.split("Candidates of lane choice")
+    assert "(the first 12 of 14; candidates.parquet has all)" in following
+    assert "keep right 12.0 30.0 20.0 named politeness 12.0 30.0 20.0 not told apart" in table
+    assert "400 changes by choice in 9000 opportunities" in table
+    assert "change -0.0500 (-0.0600 to -0.0400) nats" in table
 
 
 def test_what_no_effect_of_the_library_does_is_said_to_be_in_no_model():
-    text = words(text_of(document(VERDICT | {"verdict": "unexplained", "effects": [REAR_GAP]})))
+    text = printed(verdict="unexplained", effects=[REAR_GAP])
+    assert "lane choice dependence on rear_gap - - 0.90" in text
     assert "Lane choice dependence on rear_gap: not in model.yaml" in text
 
 
 def test_the_page_says_what_the_residual_depends_on_before_and_after():
-    def left(atlases):
-        return next(part for part in document(atlases=atlases).sections if part.title == "What the model leaves")
-
-    seen = atlas()
-    repaired = Atlas(seen.curves, {}, [Selected("gap", "acceleration", 0.1, 0.1)], seen.shapes)
-    assert left({"before": seen}).paragraphs[1].endswith("finds a dependence on gap.")
-    both = left({"before": seen, "after": repaired})
+    seen, title = atlas(), "What the model leaves"
+    repaired = replace(seen, selected=[Selected("gap", "acceleration", 0.1, 0.1)])
+    assert folded(title).paragraphs[1].endswith("finds a dependence on gap.")
+    both = folded(title, atlases={"before": seen, "after": repaired})
     assert both.paragraphs[1].endswith("finds a dependence on gap. After the repair it finds nothing.")
     assert "at most 30.0 %" in both.paragraphs[2]
     assert [cell.value for cell in both.tables[0].rows[0].cells] == ["100 %", "30.0 %", "rises by 0.20 m/s^2"]
@@ -151,19 +122,16 @@ def test_the_page_says_what_the_residual_depends_on_before_and_after():
 
 def test_the_error_of_an_effect_that_was_told_stands_under_its_name():
     error = VERDICT["error"] | {"after": None, "oracle": VERDICT["error"]["before"]}
-    nothing = {"effects": [], "candidates": [], "adequacy": None, "lane_choice": None}
-    told = document_of(DiscoverTask(), VERDICT | nothing | {"error": error})
-    assert told.sections[0].tables[0].headings[1] == "with the effect that was told"
-    assert "1.50 (1.00 to 2.00) m for the oracle" in told.sections[0].paragraphs[0]
-    assert "Candidates" not in [section.title for section in told.sections]
+    text = printed(effects=[], candidates=[], adequacy=None, lane_choice=None, error=error)
+    assert "before with the effect that was told change" in text
+    assert "1.50 (1.00 to 2.00) m for the oracle" in text
 
 
-def test_the_document_has_the_thresholds_of_the_verdict():
+def test_the_thresholds_of_a_verdict_have_their_meaning():
     assert "Thresholds of the decision" not in [section.title for section in document().sections]
-    rows = table_of(VERDICT | {"thresholds": {"least_total": 16.25}}, "Thresholds")
-    value, meaning = rows["least total"]
-    assert value == "16.25"
-    assert re.match(r"Gain and check, .*\[nats\]", meaning)
+    (row,) = folded("Thresholds of the decision", thresholds={"least_total": 16.25}).tables[0].rows
+    assert (row.title, row.cells[0].value) == ("least total", "16.25")
+    assert re.match(r"Gain and check, .*\[nats\]", row.cells[1].value)
 
 
 @pytest.mark.parametrize(
