@@ -2,15 +2,13 @@
 
 import json
 import shutil
-import subprocess
-import sys
 from collections import Counter
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from rearl_jax.blind.again import judge_again, read_study
+from rearl_jax.blind.again import judge_again, main, read_study
 from rearl_jax.blind.judging import names_of
 from rearl_jax.blind.sealing import open_truth, stored_protocol
 from rearl_jax.blind.task import run_with
@@ -104,12 +102,14 @@ def test_a_truth_that_was_changed_is_refused(finished, tmp_path):
         read_study(folder)
 
 
-@pytest.mark.parametrize("words", [[], ["no such folder"]])
-def test_what_cannot_be_judged_is_said(words):
-    command = [sys.executable, "-m", "rearl_jax.blind.again", *words]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    assert "python -m rearl_jax.blind.again FOLDER" in done.stderr or "no such folder has no protocol" in done.stderr
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [([], "python -m rearl_jax.blind.again FOLDER"), (["no such folder"], "no such folder has no protocol")],
+)
+def test_what_cannot_be_judged_is_said(words, said):
+    with pytest.raises(SystemExit) as stopped:
+        main(words)
+    assert said in str(stopped.value)
 
 
 def test_a_study_is_kept():

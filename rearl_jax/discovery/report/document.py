@@ -75,8 +75,8 @@ def document_of(
         "both groups."
     )
     lanes_fitted = (
-        "A driver gains acceleration by a change; a candidate is believed if it makes drivers change beyond that, also "
-        "those that it was not fitted to."
+        "Drivers change to lanes in which they accelerate more. A candidate is believed if it makes them change beyond "
+        "that, also drivers that it was not fitted to."
     )
     if lanes:
         lanes_fitted = f"{sentence(lane_choice_words(verdict['lane_choice']))} {lanes_fitted}"
