@@ -46,10 +46,10 @@ def document_of(
         protocol: How it was sealed, as in protocol.json.
     """
     sets = tables["sets"]
-    counts = {f"n_{outcome}": outcome for outcome in OUTCOMES if sets[f"n_{outcome}"].any()}
+    counts = {f"n_{outcome}": outcome for outcome in OUTCOMES if sets[f"n_{outcome}"].to_numpy().any()}
     outcomes = {"set": "", "n": "data sets", **counts, "n_false": "not there", "rate": "share [%]"}
     said = tables["confusion"].melt("hidden", var_name="said", value_name="n", ignore_index=False)
-    said = said[said["n"] > 0].sort_index(kind="stable")
+    said = said.query("n > 0").sort_index(kind="stable")
     words = (
         "Not there: data sets with a name that is not there, whatever the outcome: it may stand beside what is right. "
         "A curve over a variable counts as a name.",
@@ -110,7 +110,7 @@ def _notes(
             f"the hidden effect itself brings, in {summary['n_oracles']} data sets."
         )
     parameters = tables["parameters"]
-    if len(parameters) and (n_intervals := parameters["n_intervals"].sum()):
+    if len(parameters) and (n_intervals := int(parameters["n_intervals"].to_numpy().sum())):
         n_covered = (parameters["coverage"].astype(float) * parameters["n_intervals"]).sum()
         yield f"Intervals of parameters that hold the truth: {n_covered:.0f} of {n_intervals}."
     if summary["median_seconds"] is not None:

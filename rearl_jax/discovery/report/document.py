@@ -27,7 +27,7 @@ MOST_CANDIDATES, MOST_VARIABLES = 12, 5
 MOST_PARAMETERS = 5
 """Parameters of an effect that have rows of their own; more are values of a curve, which the maps show."""
 
-MEASURES = {
+_MEASURES = {
     "gap_rmse": "closed-loop gap error [m]",
     "speed_rmse": "closed-loop speed error [m/s]",
     "one_step": "error in predicting the next position [m]",
@@ -124,7 +124,7 @@ def _error_section(error: Mapping[str, Any]) -> Section:
     ends = ("before", "after", "change")
     rows = [
         Row(title, tuple(_cell(error["all"][name][end], "+" if end == "change" else "") for end in ends))
-        for name, title in MEASURES.items()
+        for name, title in _MEASURES.items()
     ]
     rows.append(Row("gap error by the drivers' own noise alone [m]", (Cell(""), _cell(error["floor"]), Cell(""))))
     headings = ("before", "after" if error["oracle"] is None else "with the effect that was told", "change")

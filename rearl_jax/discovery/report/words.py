@@ -56,7 +56,8 @@ def lane_choice_words(lanes: Mapping[str, Any]) -> str:
 
 def is_claimed(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> bool:
     """True if a candidate is among the effects."""
-    return (row["name"], row["variables"]) in [(effect["name"], effect["variables"]) for effect in verdict["effects"]]
+    claimed = [(effect["name"], *effect["variables"]) for effect in verdict["effects"]]
+    return (row["name"], *row["variables"]) in claimed
 
 
 def described(effect: Mapping[str, Any]) -> str:
