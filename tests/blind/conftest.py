@@ -1,4 +1,4 @@
-"""Small data sets, simulated once, and a study of them."""
+"""Small data sets, simulated once."""
 
 from functools import cache
 
@@ -19,13 +19,3 @@ def simulated():
         return simulate(Scenario(4, planted, **keys))
 
     return run
-
-
-@pytest.fixture(scope="session")
-def finished(tmp_path_factory):
-    """Root of a finished study in whose verdicts an effect too many is named, and its summary."""
-    from rearl_jax.blind.task import run_with
-    from tests.blind.stub_study import Stub, task
-
-    root = tmp_path_factory.mktemp("results")
-    return root, run_with(task(root), Stub(root / "asked.txt"))

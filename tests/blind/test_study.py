@@ -29,6 +29,14 @@ def silent(done, total):
     pass
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """Folder of a finished study and what was asked."""
+    root = tmp_path_factory.mktemp("results")
+    summary = run_with(task(root), Stub(root / "asked.txt"))
+    return root, summary
+
+
 def test_a_study_writes_everything(finished):
     root, summary = finished
     folder = root / "blind"

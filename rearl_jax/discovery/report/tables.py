@@ -1,7 +1,6 @@
 """Tables of a discovery, and the error block and summary of its verdict."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import known
-from rearl_jax.discovery.report.errors import MEASURES, ModelErrors, with_interval
+from rearl_jax.discovery.report.errors import MEASURES, Interval, ModelErrors, with_interval
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.procedure import Search
 
@@ -44,31 +43,35 @@ def read_null(path: Path) -> Null:
 
 def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int, seed: int) -> dict[str, Any]:
     """`error` of the verdict: every measure before and after, and the floor, with intervals over drivers."""
+    block: dict[str, Any] = {"measure": MAIN_MEASURE, "n_drivers": len(errors["before"].floor)}
     last = "after" if "after" in errors else "oracle" if "oracle" in errors else "before"
     figures = {}
     for measure in MEASURES:
-        values = [errors[model].by_driver[measure] for model in ("before", last)]
-        intervals = map(asdict, with_interval(values, measure, confidence, draws, seed))
-        figures[measure] = dict(zip(("before", "after", "change"), intervals, strict=True))
-    before, after, change = figures[MAIN_MEASURE].values()
-    floor = asdict(with_interval([errors[last].floor], MAIN_MEASURE, confidence, draws, seed)[0])
-    return {
-        "measure": MAIN_MEASURE,
-        "n_drivers": len(errors["before"].floor),
-        "before": before,
-        "after": None if last == "oracle" else after,
-        "change": change,
-        "floor": floor,
-        "oracle": after if last == "oracle" else None,
-        "explained_share": _explained(before["value"], after["value"], floor["value"]),
-        "all": figures,
-    }
+        found = with_interval(
+            [errors["before"].by_driver[measure], errors[last].by_driver[measure]], measure, confidence, draws, seed
+        )
+        figures[measure] = {"before": found[0], "after": found[1], "change": found[2]}
+    main = figures[MAIN_MEASURE]
+    floor = with_interval([errors[last].floor], MAIN_MEASURE, confidence, draws, seed)[0]
+    block["before"] = plain(main["before"])
+    block["after"] = plain(main["after"]) if last != "oracle" else None
+    block["change"] = plain(main["change"])
+    block["floor"] = plain(floor)
+    block["oracle"] = plain(main["after"]) if last == "oracle" else None
+    block["explained_share"] = _explained(main["before"].value, main["after"].value, floor.value)
+    block["all"] = {measure: {name: plain(value) for name, value in row.items()} for measure, row in figures.items()}
+    return block
 
 
 def _explained(before: float, after: float, floor: float) -> float | None:
     """Share of the squared error above the floor that is gone [-]; None where the error was at the floor already."""
     above = before**2 - floor**2
     return None if above <= 0.02 * before**2 else float((before**2 - after**2) / above)
+
+
+def plain(value: Interval) -> dict[str, float]:
+    """An interval as in verdict.json."""
+    return {"value": value.value, "low": value.low, "high": value.high}
 
 
 def error_table(errors: Mapping[str, ModelErrors]) -> pd.DataFrame:
