@@ -105,7 +105,7 @@ def test_a_truth_that_was_changed_is_refused(finished, tmp_path):
 
 @pytest.mark.parametrize(
     ("words", "said"),
-    [([], "python -m rearl_jax.blind.again FOLDER"), (["no such folder"], "no such folder has no protocol")],
+    [([], "python -m rearl_jax.blind.again FOLDER"), (["no such folder"], "no such folder")],
 )
 def test_what_cannot_be_judged_is_said(words, said):
     with pytest.raises(SystemExit) as stopped:
