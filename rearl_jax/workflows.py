@@ -127,9 +127,10 @@ class Discovered:
             task.write(study, replace(self.discovery, config=config))
 
     def __str__(self) -> str:
-        from rearl_jax.discovery.report.terminal import text_of
+        from rearl_jax.discovery.report.document import document_of
+        from rearl_jax.document.terminal import text_of
 
-        return text_of(self.verdict)
+        return text_of(document_of(self.discovery.config, self.verdict))
 
 
 def read_recordings(**keys: Any) -> Iterator[Recording]:

@@ -16,16 +16,17 @@ from typing import Any
 
 import pandas as pd
 
+from rearl_jax.blind.document import TABLES, document_of
 from rearl_jax.blind.judging import Judgement, is_alone, shown_of
 from rearl_jax.blind.questions import QUESTIONS, Judged
 from rearl_jax.blind.results import BlindResults
 from rearl_jax.blind.scores import Score, score_all
 from rearl_jax.blind.sealing import Protocol, open_truth, stored_protocol
-from rearl_jax.blind.terminal import print_results
 from rearl_jax.blind.traffic.measurement import ARTEFACTS
 from rearl_jax.blind.verdicts import ERRORS, Interval, NamedEffect, Verdict
 from rearl_jax.config import DiscoverBlindTask
 from rearl_jax.config._schema import from_plain
+from rearl_jax.document.terminal import print_document
 from rearl_jax.results import PREFIX, PROVENANCE, read_metadata
 from rearl_jax.whole_files import replacing
 
@@ -65,14 +66,6 @@ class KeptResults(BlindResults):
         return list(self.kept_calibration)
 
     @property
-    def remarks(self) -> list[str]:
-        """Which rates were not asked again."""
-        titles = [question.title for question in QUESTIONS if question.name in self._not_asked]
-        if not titles:
-            return []
-        return [f"as counted when the study was run, for cases.parquet has no ends of intervals: {'; '.join(titles)}"]
-
-    @property
     def _not_asked(self) -> set[str]:
         return {question.name for question in QUESTIONS if question.needs and question.needs not in self.columns}
 
@@ -107,7 +100,7 @@ def judge_again(folder: Path) -> dict[str, Any]:
     """
     # Only here, so that who only reads needs neither matplotlib nor jinja2.
     from rearl_jax.blind.figures import draw_figures
-    from rearl_jax.blind.page import write_page
+    from rearl_jax.document.html import page_of
 
     protocol, results = read_study(folder)
     before = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
@@ -116,12 +109,13 @@ def judge_again(folder: Path) -> dict[str, Any]:
     made_by = {key: before[key] for key in PROVENANCE}
     sealed = {"master_seed": protocol.master_seed, "truth_sha256": protocol.truth_sha256}
     summary = made_by | {"judged_again": True} | sealed | results.summary()
-    page = write_page(config, results, protocol, draw_figures(results), made_by)
     for name, table in results.tables().items():
         _write_table(folder / f"{name}.parquet", table, provenance)
-    _write_text(folder / "page.html", page)
+    shown = {name: pd.read_parquet(folder / f"{name}.parquet") for name in TABLES}
+    document = document_of(summary, shown, vars(protocol))
+    _write_text(folder / "page.html", page_of(document, config, draw_figures(results), made_by=made_by))
     _write_text(folder / "summary.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
-    print_results(results, protocol)
+    print_document(document)
     return summary
 
 

@@ -55,11 +55,6 @@ class BlindResults:
         """See `calibration`."""
         return calibration(self.cases)
 
-    @property
-    def remarks(self) -> list[str]:
-        """What must be known about the rates."""
-        return []
-
     def tables(self) -> dict[str, pd.DataFrame]:
         """What follows from the table of data sets, by the name of its file."""
         return {

@@ -15,13 +15,14 @@ from typing import Any
 import pandas as pd
 from rich.progress import Progress
 
+from rearl_jax.blind.document import document_of
 from rearl_jax.blind.results import BlindResults
 from rearl_jax.blind.rounds import Discover, count_finished, judge_cases, open_study, run_cases, time_left
 from rearl_jax.blind.sealing import Protocol
-from rearl_jax.blind.terminal import print_results
 from rearl_jax.config import DiscoverBlindTask, DiscoverTask, ResultsConfig
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.discovery import task as discovery
+from rearl_jax.document.terminal import print_document
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study, config_hash
 
@@ -52,17 +53,18 @@ def run_with(config: DiscoverBlindTask, discover: Discover) -> dict:
     }
     for name, table in tables.items():
         study.write_table(name, table, **seeds)
-    print_results(results, protocol)
+    summary = {"master_seed": protocol.master_seed, "truth_sha256": protocol.truth_sha256, **results.summary()}
+    document = document_of(summary, tables, vars(protocol))
+    print_document(document)
 
     # Only now, so that nobody waits for matplotlib and jinja2 to see the table.
     from rearl_jax.blind.figures import draw_figures
-    from rearl_jax.blind.page import write_page
+    from rearl_jax.document.html import page_of
 
     figures = draw_figures(results)
     for name, png in figures.items():
         study.write_bytes(f"{name}.png", png)
-    study.write_text("page.html", write_page(config, results, protocol, figures))
-    summary = {"master_seed": protocol.master_seed, "truth_sha256": protocol.truth_sha256, **results.summary()}
+    study.write_text("page.html", page_of(document, config, figures))
     study.write_summary(summary)
     return summary
 

@@ -12,7 +12,9 @@ import json
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import data_id, is_generated
 from rearl_jax.discovery.discover import NULL_TABLE, Discovery, compute
-from rearl_jax.discovery.report import tables, terminal
+from rearl_jax.discovery.report import tables
+from rearl_jax.discovery.report.document import document_of
+from rearl_jax.document.terminal import print_document
 from rearl_jax.models.file import write_model
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
@@ -36,7 +38,7 @@ def run(config: DiscoverTask, *, show: bool = True) -> dict:
         discovery = compute(config, bar, identity, generated=generated, study=study)
     write(study, discovery)
     if show:
-        terminal.print_verdict(discovery.verdict)
+        print_document(document_of(config, discovery.verdict))
     return discovery.verdict
 
 
@@ -52,16 +54,6 @@ def write(study: Study, discovery: Discovery) -> None:
         # Only now, so that nobody waits for matplotlib to know the verdict.
         from rearl_jax.discovery.report.presentation import present
 
-        behind = discovery.behind
-        present(
-            study,
-            behind.solver,
-            behind.search,
-            behind.parts,
-            behind.reported,
-            behind.errors,
-            discovery.verdict,
-            discovery.config,
-        )
+        present(study, discovery)
     study.write_text("verdict.json", json.dumps(discovery.verdict, indent=1, allow_nan=False) + "\n")
     study.write_summary(tables.summary(discovery.verdict))

@@ -186,7 +186,8 @@ def simulated_row(
         joined = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *decided)
         log = DecisionLog(rollouts.scene, rollouts.run, joined)
     counts = np.sum(action_counts, axis=0) if action_counts else None
-    return scores, Sample(example, *example_frames, speed_counts, counts), log
+    first, lengths = example_frames
+    return scores, Sample(example, first, lengths, speed_counts, counts), log
 
 
 def scored_rollouts(

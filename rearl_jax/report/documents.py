@@ -7,9 +7,9 @@ from rearl_jax.document.table import Cell, Emphasis, Row, Table
 from rearl_jax.evaluation.document import DECISION_COLUMNS, SUMMARY_COLUMNS, document_of
 from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.report.content import Content
-from rearl_jax.report.effects import discovery_content
+from rearl_jax.report.discovery import blind_document, discovery_document
 from rearl_jax.report.finished import FinishedStudy
-from rearl_jax.report.others import blind_content, paper_content, sweep_content
+from rearl_jax.report.others import paper_content, sweep_content
 from rearl_jax.study.report import Shown
 
 
@@ -69,8 +69,8 @@ def _table(shown: Shown) -> Table:
 
 DOCUMENTS: dict[str, Callable[[FinishedStudy], Document]] = {
     "evaluate": evaluation_document,
-    "discover": _from_content(discovery_content),
-    "discover blind": _from_content(blind_content),
+    "discover": discovery_document,
+    "discover blind": blind_document,
     "sweep thresholds": _from_content(sweep_content),
     **{
         f"study {name}": _from_content(paper_content) for name in ("table1", "table3", "table4", "fig6", "fig7", "fig8")

@@ -176,9 +176,8 @@ def test_a_discovery_is_reported_with_its_verdict_and_hostile_names_are_text(dis
     text = words(page)
     assert "Missing in the model: reaction delay." in text
     assert "Generated recordings, no measurements" in text
-    assert "0.700 s 0.600 to 0.800 0.90" in text  # value, interval, confidence
+    assert "delay [s] 0.700 0.600 to 0.800 0.90" in text  # value, interval, confidence
     assert "closed-loop gap error [m] 1.50 1.00 to 2.00" in text
-    assert "gap error by drivers&#39; own noise alone [m] 0.40" in text
     assert "105 drivers who follow somebody" in text
     assert "Source and licence of the recordings cannot be told: " in text
     assert seen.of("script") == []
@@ -238,23 +237,15 @@ def test_a_study_beside_the_paper_is_reported_with_both(make_study, make_report)
 
 def test_a_blind_study_is_reported_with_its_rates(make_study, make_report):
     from rearl_jax.config import DiscoverBlindTask
+    from tests.blind.made_tables import PROTOCOL, SUMMARY, TABLES
 
-    score = {"name": "identified", "title": "effects named", "n_hits": 2, "n_cases": 3, "low": 0.09, "high": 0.99}
-    scores = pd.DataFrame([score | {"rate": 2 / 3, "goal": "≥ 95 %", "is_met": False}])
-    cases = pd.DataFrame(
-        [{"variant": "grade", "set": "named", "verdict": "named", "named": "grade", "outcome": "right"}]
-    )
-    confusion = pd.DataFrame({"hidden": ["grade"], "grade": [1], "nothing": [0]})
-    summary = {"n_cases": 3, "n_right": 2, "master_seed": 7}
-    tables = {"scores": scores, "cases": cases, "confusion": confusion}
-    root = make_study("blind", "discover blind", DiscoverBlindTask(), summary, tables)
+    root = make_study("blind", "discover blind", DiscoverBlindTask(), SUMMARY, TABLES, protocol=PROTOCOL)
     make_report(root, "blind")
     page = (root / "blind" / "page.html").read_text()
     check_alone(page)
     text = words(page)
     assert "Discovery was right about 2 of 3 data sets" in text
-    assert "effects named 2 of 3 67 % 9 % to 99 % ≥ 95 % missed" in text
-    assert "grade 1 0" in text
+    assert "effects named 2 3 66.7 9.00 to 99.0 ≥ 95 % no" in text
 
 
 def test_what_is_no_finished_study_is_refused_with_the_remedy(discovery, make_report, make_study):

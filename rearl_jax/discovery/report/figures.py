@@ -1,18 +1,20 @@
 """Figures of the evidence, the errors, the innovations, the drivers, and of one drive."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Int
-from matplotlib.patches import Patch
 from scipy.stats import norm
 
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.residuals import Residuals
 from rearl_jax.discovery.report.errors import ModelErrors
+from rearl_jax.discovery.report.words import described
 from rearl_jax.discovery.search.null import Null
+from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, LIGHT_GREY, VERMILION, panels, png, set_title
 
 COLOURS = {"before": VERMILION, "after": BLUE}
@@ -24,36 +26,28 @@ FARTHEST_SIGMA = 5.0
 """Standard deviations up to which innovations are drawn."""
 
 
-def draw_evidence(
-    rows: Sequence[Mapping],
-    titles: Sequence[str],
-    terms: Sequence[Term],
-    null: Null,
-    z_score: float,
-    *,
-    generated: bool,
-) -> bytes:
+def draw_evidence(rows: Sequence[Mapping[str, Any]], null: Null, *, generated: bool) -> bytes:
     """PNG of the candidates' evidence with the null's band, and of what they gain.
 
     Args:
         rows: Candidates as in the verdict.
-        titles: What people call them.
-        terms: What they are in the null; unknown ones have no band.
-        null: Evidence where nothing is missing.
-        z_score: Standard deviations of the null from which evidence exceeds chance [-].
+        null: Evidence where nothing is missing; candidates that it does not hold have no band.
         generated: Whether the data are no measurements.
     """
-    shown = list(zip(rows, titles, terms, strict=True))[:BARS]
-    places, threshold = np.arange(len(shown)), null.threshold(z_score)
+    shown, threshold = rows[:BARS], null.threshold(THRESHOLDS.candidate_z_score)
+    terms = [Term(row["name"], row["variables"][0] if row["kind"] == "generic" else None) for row in shown]
+    bands = {place: (null.mean[term], threshold[term]) for place, term in enumerate(terms) if term in threshold}
     figure, (axes,) = panels(7.2, 1.2 + 0.26 * max(len(shown), 3), generated=generated)
-    for place, (row, _, term) in zip(places, shown, strict=True):
-        if term in threshold:
-            axes.barh(place, threshold[term] - null.mean[term], 0.9, null.mean[term], color=LIGHT_GREY, zorder=0)
-        axes.plot(row["evidence"], place, "o", color=DARK_GREY, markersize=5, zorder=3)
-        for name, colour, marker in (("gain", VERMILION, "s"), ("check", BLUE, "D")):
-            if row[name] is not None:
-                axes.plot(row[name], place, marker, color=colour, markersize=4.5, mfc="none", zorder=3)
-    axes.set_yticks(places, [title for _, title, _ in shown])
+    for name, label, colour, marker, size, fill in (
+        ("evidence", "evidence of the screen", DARK_GREY, "o", 5, DARK_GREY),
+        ("gain", "gain when fitted", VERMILION, "s", 4.5, "none"),
+        ("check", "gain on other drivers", BLUE, "D", 4.5, "none"),
+    ):
+        values = [np.nan if row[name] is None else row[name] for row in shown]
+        axes.plot(values, range(len(shown)), marker, color=colour, markersize=size, mfc=fill, label=label, zorder=3)
+    widths, lefts = [high - low for low, high in bands.values()], [low for low, _ in bands.values()]
+    axes.barh(list(bands), widths, 0.9, lefts, color=LIGHT_GREY, label="by chance", zorder=0)
+    axes.set_yticks(range(len(shown)), [described(row) for row in shown])
     axes.set_ylim(len(shown) - 0.5, -0.5)
     axes.set_xscale("symlog", linthresh=10)
     low, high = axes.get_xlim()
@@ -62,17 +56,7 @@ def draw_evidence(
     axes.axvline(0.0, color=GREY, linewidth=0.8)
     axes.grid(axis="y", color=LIGHT_GREY, linewidth=0.5)
     axes.set_xlabel("nats (linear up to 10)")
-    marks = [
-        axes.plot([], [], marker, color=colour, mfc=fill, linestyle="", label=label)[0]
-        for marker, colour, fill, label in (
-            ("o", DARK_GREY, DARK_GREY, "evidence of the screen"),
-            ("s", VERMILION, "none", "gain when fitted"),
-            ("D", BLUE, "none", "gain on other drivers"),
-        )
-    ]
-    handles = [*marks, Patch(color=LIGHT_GREY, label="by chance")]
-    labels = [str(handle.get_label()) for handle in handles]
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=8)
+    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=8)
     return png(figure)
 
 
@@ -175,11 +159,11 @@ def draw_example(left: Mapping[str, Residuals], errors: Mapping[str, ModelErrors
 def stretches(
     counts: Bool[np.ndarray, " steps"], stride: int
 ) -> tuple[Int[np.ndarray, " counted"], Bool[np.ndarray, " counted"]]:
-    """Moments of a piece that count, and whether something was left out before each.
+    """Time steps of a piece that count, and whether something was left out before each.
 
     Args:
-        counts: Whether each moment does.
-        stride: Moments from one that says something new to the next.
+        counts: Whether each time step does.
+        stride: Time steps from one that says something new to the next.
     """
     rows = np.flatnonzero(counts)
     return rows, np.diff(rows, prepend=rows[:1]) > stride

@@ -6,19 +6,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rearl_jax.config import DiscoverTask
-from rearl_jax.discovery.observe.candidates import Term
+from rearl_jax.discovery.discover import Behind, Discovery
 from rearl_jax.discovery.observe.fit import on_others
-from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
-from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.report.errors import ModelErrors
+from rearl_jax.discovery.report import figures, map_figures
+from rearl_jax.discovery.report.document import document_of
 from rearl_jax.discovery.report.tables import driver_table
+from rearl_jax.discovery.report.words import is_lane_choice
 from rearl_jax.discovery.search.atlas import Atlas, added_curves, atlas_of, chart_of, part_scores
-from rearl_jax.discovery.search.procedure import Search
-from rearl_jax.discovery.thresholds import THRESHOLDS
-from rearl_jax.evaluation.layout import data_sources
+from rearl_jax.document.document import data_sources
+from rearl_jax.document.html import page_of
 from rearl_jax.results import Study
 
 PARTS = ("fitted", "checked", "reported")
@@ -27,36 +24,23 @@ CHOSEN_FROM = 2
 """Parts that the open-ended finder looks at: not the one that is reported on."""
 
 KEPT_EVERY = 0.2
-"""Least time between the moments that residuals.parquet holds [s]."""
+"""Least time between the time steps that residuals.parquet holds [s]."""
 
 DRAWS = 300
 """Resamples of drivers for the bands of maps."""
 
 
-def present(
-    study: Study,
-    solver: Solver,
-    search: Search,
-    parts: Parts,
-    reported: Measured,
-    errors: Mapping[str, ModelErrors],
-    verdict: Mapping[str, Any],
-    config: DiscoverTask,
-) -> None:
+def present(study: Study, discovery: Discovery) -> None:
     """Writes `residuals.parquet`, `maps.parquet`, `planes.parquet`, the figures and `page.html`.
 
     Args:
         study: The folder.
-        solver: Runs the observers.
-        search: What was found.
-        parts: The data.
-        reported: The report drivers as the final model takes them, see `procedure.in_time`.
-        errors: Of the report drivers, `before` and, where something was added, `after`.
-        verdict: As in verdict.json.
-        config: The task.
+        discovery: A discovery with what figures are drawn from.
     """
-    options, generated = config.discover, verdict["data"]["generated"]
-    left = all_residuals(solver, search, parts, reported)
+    behind, verdict, options = discovery.behind, discovery.verdict, discovery.config.discover
+    assert behind is not None
+    solver, search, generated = behind.solver, behind.search, verdict["data"]["generated"]
+    left = all_residuals(behind)
     chart = chart_of(left["before"][0])
     atlases = {
         model: atlas_of(
@@ -68,52 +52,42 @@ def present(
     # Only what depends on one variable is a curve of it.
     known = {trial.candidate.variables for trial in search.added}
     added = {name: values for name, values in added.items() if (name,) in known}
-    seeds = {"seeds": f"discover.seed={options.seed}"}
-    study.write_table("residuals", residual_table(left), **seeds)
-    study.write_table("maps", map_table(atlases, added), **seeds)
-    study.write_table("planes", plane_table(atlases), **seeds)
+    maps = map_table(atlases, added)
+    for name, table in (("residuals", residual_table(left)), ("maps", maps), ("planes", plane_table(atlases))):
+        study.write_table(name, table, seeds=f"discover.seed={options.seed}")
 
-    # Only now, so that whoever needs the tables alone does not wait for matplotlib and jinja2.
-    from rearl_jax.discovery.report import figures, map_figures
-    from rearl_jax.discovery.report.page import write_page
-    from rearl_jax.discovery.report.words import described, is_lane_choice
-
-    rows = [row for row in verdict["candidates"] if not is_lane_choice(row)]
-    terms = [Term(row["name"], row["variables"][0] if row["kind"] == "generic" else None) for row in rows]
-    titles = [described(row) for row in rows]
-    of_report = {model: found[-1] for model, found in left.items()}
+    candidates = [row for row in verdict["candidates"] if not is_lane_choice(row)]
+    of_fitted, of_reported = ({model: found[part] for model, found in left.items()} for part in (0, -1))
     drawn = {
         "maps": map_figures.draw_maps(atlases, added, generated=generated),
-        "evidence": figures.draw_evidence(
-            rows, titles, terms, search.null, THRESHOLDS.candidate_z_score, generated=generated
-        ),
-        "closed_loop": figures.draw_errors(errors, generated=generated),
-        "example": figures.draw_example(of_report, errors, generated=generated),
-        "innovations": figures.draw_innovations(
-            {model: found[0] for model, found in left.items()}, generated=generated
-        ),
+        "evidence": figures.draw_evidence(candidates, search.null, generated=generated),
+        "closed_loop": figures.draw_errors(behind.errors, generated=generated),
+        "example": figures.draw_example(of_reported, behind.errors, generated=generated),
+        "innovations": figures.draw_innovations(of_fitted, generated=generated),
         "planes": map_figures.draw_planes(atlases, generated=generated),
         "parameters": figures.draw_parameters(driver_table(solver, search), solver.layout.prior, generated=generated),
     }
     for name, png in drawn.items():
         study.write_bytes(f"{name}.png", png)
-    study.write_text("page.html", write_page(config, verdict, atlases, drawn, data_sources(parts.infos)))
+    document = document_of(discovery.config, verdict, maps, data_sources(behind.parts.infos))
+    study.write_text("page.html", page_of(document, discovery.config, drawn, data_id=discovery.data_id))
 
 
-def all_residuals(solver: Solver, search: Search, parts: Parts, reported: Measured) -> dict[str, list[Residuals]]:
+def all_residuals(behind: Behind) -> dict[str, list[Residuals]]:
     """Residuals of the fitted, checked and reported drivers, `before` and, where something was added, `after`."""
+    solver, search, parts = behind.solver, behind.search, behind.parts
     models = {"before": (search.before, (parts.checked, parts.reported))}
     if search.added or search.clocks is not None:
-        models["after"] = search.last, (search.checked, reported)
-    found = {}
+        models["after"] = search.last, (search.checked, behind.reported)
+    left = {}
     for model, (fit, others) in models.items():
         states = [fit.state, *(on_others(solver, part, [fit])[0] for part in others)]
-        found[model] = [residuals_of(solver, [state], [fit])[0] for state in states]
-    return found
+        left[model] = [residuals_of(solver, [state], [fit])[0] for state in states]
+    return left
 
 
 def residual_table(left: Mapping[str, Sequence[Residuals]]) -> pd.DataFrame:
-    """Residuals in moments that count, about KEPT_EVERY apart, driver by driver, before and after."""
+    """Residuals in time steps that count, about KEPT_EVERY apart, driver by driver, before and after."""
     tables = []
     for number, part in enumerate(PARTS):
         data = left["before"][number].state.data
@@ -162,23 +136,20 @@ def map_table(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray]) -> 
 
 
 def plane_table(atlases: Mapping[str, Atlas]) -> pd.DataFrame:
-    """The maps over two variables field by field; no value where too few moments are."""
-    rows = []
+    """The maps over two variables field by field; no value where there are too few time steps."""
+    tables = []
     for model, atlas in atlases.items():
         for plane in atlas.planes.values():
-            for (up, across), value in np.ndenumerate(plane.value):
-                rows.append(
-                    {
-                        "model": model,
-                        "across": plane.across.name,
-                        "across_low": plane.across_edges[across],
-                        "across_high": plane.across_edges[across + 1],
-                        "up": plane.up.name,
-                        "up_low": plane.up_edges[up],
-                        "up_high": plane.up_edges[up + 1],
-                        "value": None if np.isnan(value) else float(value),
-                    }
-                )
-    table = pd.DataFrame(rows)
-    table["value"] = table["value"].astype("Float64")
-    return table
+            up, across = np.indices(plane.value.shape).reshape(2, -1)
+            table = {
+                "model": model,
+                "across": plane.across.name,
+                "across_low": plane.across_edges[across],
+                "across_high": plane.across_edges[across + 1],
+                "up": plane.up.name,
+                "up_low": plane.up_edges[up],
+                "up_high": plane.up_edges[up + 1],
+                "value": pd.array(plane.value.ravel(), "Float64"),
+            }
+            tables.append(pd.DataFrame(table))
+    return pd.concat(tables, ignore_index=True)

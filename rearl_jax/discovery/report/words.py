@@ -1,4 +1,4 @@
-"""The verdict in sentences, the same in terminal, page and notes."""
+"""The verdict in sentences."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -44,8 +44,7 @@ def is_lane_choice(row: Mapping[str, Any]) -> bool:
 
 def lane_choice_words(lanes: Mapping[str, Any]) -> str:
     """Data on the choice of the lane, and how much better other drivers' choices are predicted."""
-    text = f"{lanes['changes']} changes by choice in {lanes['opportunities']} opportunities"
-    loss = lanes["loss"]
+    text, loss = f"{lanes['changes']} changes by choice in {lanes['opportunities']} opportunities", lanes["loss"]
     if loss is None or loss["after"] == loss["before"]:
         return text
     change = loss["change"]
@@ -57,7 +56,8 @@ def lane_choice_words(lanes: Mapping[str, Any]) -> str:
 
 def is_claimed(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> bool:
     """True if a candidate is among the effects."""
-    return any((row["name"], *row["variables"]) == (one["name"], *one["variables"]) for one in verdict["effects"])
+    claimed = [(effect["name"], *effect["variables"]) for effect in verdict["effects"]]
+    return (row["name"], *row["variables"]) in claimed
 
 
 def described(effect: Mapping[str, Any]) -> str:
@@ -66,35 +66,15 @@ def described(effect: Mapping[str, Any]) -> str:
     return f"{name} on {', '.join(effect['variables'])}" if effect["kind"] == "generic" else name
 
 
-def effect_words(effect: Mapping[str, Any]) -> str:
-    """An effect with its numbers and how sure it is."""
-    numbers = [
-        f"{name} {value['value']:.3g}{_range(value)} {value['unit']}".rstrip(" -")
-        for name, value in effect["parameters"].items()
-    ]
-    shown = "; ".join(numbers) if len(numbers) <= 5 else f"a curve through {len(numbers)} values"
-    equation = EFFECTS[effect["name"]].equation if effect["name"] in EFFECTS else ""
-    parts = [f"{described(effect)}: {shown}", equation, f"confidence {effect['confidence']:.2f}"]
-    if effect["name"] == LANE_CHOICE_DEPENDENCE:
-        parts.append("not in model.yaml, for no effect of the library does it")
-    return "; ".join(part for part in parts if part)
+def error_words(error: Mapping[str, Any]) -> str:
+    """Closed-loop gap error before and after, with intervals, beside what the drivers' own noise makes."""
 
+    def text(value: Mapping[str, float], sign: str = "") -> str:
+        return f"{value['value']:{sign}.2f} ({value['low']:{sign}.2f} to {value['high']:{sign}.2f}) m"
 
-def error_words(error: dict[str, Any]) -> str:
-    """Error before and after, with intervals, beside the floor."""
-
-    def figure(value: dict[str, float]) -> str:
-        return f"{value['value']:.2f} ({value['low']:.2f} to {value['high']:.2f}) m"
-
-    text = f"closed-loop gap error of {error['n_drivers']} other drivers: {figure(error['before'])}"
+    words = f"closed-loop gap error of {error['n_drivers']} other drivers: {text(error['before'])}"
     if error["after"] is not None and error["after"]["value"] != error["before"]["value"]:
-        change = error["change"]
-        text += f" before, {figure(error['after'])} after, change {change['value']:+.2f} "
-        text += f"({change['low']:+.2f} to {change['high']:+.2f}) m"
+        words += f" before, {text(error['after'])} after, change {text(error['change'], '+')}"
     if error["oracle"] is not None:
-        text += f", {figure(error['oracle'])} for the oracle"
-    return f"{text}; drivers' own noise alone makes {figure(error['floor'])}"
-
-
-def _range(value: dict[str, float | None]) -> str:
-    return "" if value["low"] is None else f" ({value['low']:.3g} to {value['high']:.3g})"
+        words += f", {text(error['oracle'])} for the oracle"
+    return f"{words}; drivers' own noise alone makes {text(error['floor'])}"

@@ -1,0 +1,134 @@
+"""The document of a blind study: rates beside their goals, outcomes by set, what was said by what was hidden."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import pandas as pd
+
+from rearl_jax.blind.judging import OUTCOMES
+from rearl_jax.blind.questions import QUESTIONS
+from rearl_jax.document.document import Document, Section
+from rearl_jax.document.table import percent, table_of
+
+TABLES = ("scores", "sets", "confusion", "parameters", "calibration", "cases")
+"""Tables of a study that its document shows."""
+
+CAPTIONS = {
+    "confusion": "Data sets by what was hidden (rows) and what was said first (columns); rows add up to one in colour. "
+    "What was recognised under another of its names stands on the diagonal.",
+    "strengths": "Share of data sets with one hidden effect in which it is named. Blue: all effects; grey: each.",
+}
+
+_SCORES = {"title": "", "n_hits": "hits", "n_cases": "of", "rate": "rate [%]", "goal": "goal", "is_met": "reached"}
+_CLAIMS = {"stated_as": "", "n_claims": "names", "stated": "mean stated [%]", "true": "there [%]"}
+_PARAMETERS = {
+    "effect": "",
+    "parameter": "parameter",
+    "n": "data sets",
+    "truth": "mean truth",
+    "bias": "bias",
+    "rms_error": "rms error",
+    "n_intervals": "intervals",
+    "coverage": "share that holds the truth",
+}
+_CASES = ("variant", "set", "verdict", "named", "outcome", "confidence", "before", "after", "floor", "seconds")
+
+
+def document_of(
+    summary: Mapping[str, Any], tables: Mapping[str, pd.DataFrame], protocol: Mapping[str, Any]
+) -> Document:
+    """The document of a blind study.
+
+    Args:
+        summary: Its figures, as in summary.json.
+        tables: TABLES by name, as in its Parquet files.
+        protocol: How it was sealed, as in protocol.json.
+    """
+    sets = tables["sets"]
+    counts = {f"n_{outcome}": outcome for outcome in OUTCOMES if sets[f"n_{outcome}"].to_numpy().any()}
+    outcomes = {"set": "", "n": "data sets", **counts, "n_false": "not there", "rate": "share [%]"}
+    said = tables["confusion"].melt("hidden", var_name="said", value_name="n", ignore_index=False)
+    said = said.query("n > 0").sort_index(kind="stable")
+    words = (
+        "Not there: data sets with a name that is not there, whatever the outcome: it may stand beside what is right. "
+        "A curve over a variable counts as a name.",
+    )
+    parts = (
+        (Section("Rates", notes=tuple(_notes(summary, tables, protocol))), _rates(tables["scores"]), _SCORES),
+        (Section("Outcomes by set", words), _rates(sets), outcomes),
+        (Section("What was said, by what was hidden"), said, {"hidden": "", "said": "said", "n": "data sets"}),
+        (Section("Names by their stated confidence"), _claims(tables["calibration"]), _CLAIMS),
+        (Section("Parameters that mean the same on both sides", is_folded=True), tables["parameters"], _PARAMETERS),
+        (Section("Data sets", is_folded=True), tables["cases"], _CASES),
+    )
+    return Document(
+        title="Blind study of discovery",
+        verdict=f"Discovery was right about {summary['n_right']} of {summary['n_cases']} data sets whose hidden "
+        "effects it was not told.",
+        sections=(
+            *(
+                replace(section, tables=(table_of(section.title, frame, columns),))
+                for section, frame, columns in parts
+                if len(frame)
+            ),
+            _sealing(protocol),
+        ),
+        command="discover blind",
+        generated=True,
+        data=f"{summary['n_cases']} generated data sets, master seed {protocol['master_seed']}.",
+        captions=CAPTIONS,
+    )
+
+
+def _rates(frame: pd.DataFrame, name: str = "rate") -> pd.DataFrame:
+    """A share and its exact 95 % interval in percent, as `table_of` takes them."""
+    percents = 100 * frame[[name, "low", "high"]]
+    return frame.assign(**{name: percents[name], f"{name}_low": percents["low"], f"{name}_high": percents["high"]})
+
+
+def _claims(calibration: pd.DataFrame) -> pd.DataFrame:
+    if calibration.empty:
+        return calibration
+    ends = zip(calibration["from"], calibration["to"], strict=True)
+    names = [f"{percent(low)} to {percent(high)}" for low, high in ends]
+    return _rates(calibration, "true").assign(stated_as=names, stated=100 * calibration["stated"])
+
+
+def _notes(
+    summary: Mapping[str, Any], tables: Mapping[str, pd.DataFrame], protocol: Mapping[str, Any]
+) -> Iterator[str]:
+    yield (
+        f"Code {protocol['code_hash']}, then master seed {protocol['master_seed']} "
+        f"({_origin(protocol)}), then truth sealed as {protocol['truth_sha256'][:16]}."
+    )
+    if summary["n_drawn"] > summary["n_cases"]:
+        yield f"{summary['n_cases']} of {summary['n_drawn']} data sets, the first in the study's random order."
+    if summary["oracle_share"] is not None:
+        yield (
+            f"Repaired models recover {percent(summary['oracle_share'])} of the reduction of the squared error that "
+            f"the hidden effect itself brings, in {summary['n_oracles']} data sets."
+        )
+    parameters = tables["parameters"]
+    if len(parameters) and (n_intervals := int(parameters["n_intervals"].to_numpy().sum())):
+        n_covered = (parameters["coverage"].astype(float) * parameters["n_intervals"]).sum()
+        yield f"Intervals of parameters that hold the truth: {n_covered:.0f} of {n_intervals}."
+    if summary["median_seconds"] is not None:
+        yield f"Median time of a verdict: {summary['median_seconds']:.1f} s."
+    if unasked := [question.title for question in QUESTIONS if question.needs not in ("", *tables["cases"])]:
+        yield f"Counted when the study was run, as cases.parquet has no ends of intervals: {'; '.join(unasked)}."
+
+
+def _sealing(protocol: Mapping[str, Any]) -> Section:
+    words = (
+        f"The hash of all sources was written down first, then the master seed was {_origin(protocol)}, then what is "
+        "hidden was written to one file and the hash of that file into the protocol; only then did discovery see the "
+        "first data set. It was given folders whose names and contents say nothing about what is hidden. The file was "
+        "opened once, after the last verdict.",
+        f"Code {protocol['code_hash']}, master seed {protocol['master_seed']}, truth {protocol['truth_sha256']}.",
+    )
+    return Section("How it was kept blind", words, is_folded=True)
+
+
+def _origin(protocol: Mapping[str, Any]) -> str:
+    return "drawn" if protocol["seed_drawn"] else "given"

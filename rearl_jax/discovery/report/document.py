@@ -1,0 +1,255 @@
+"""The document of a discovery: what the model lacks, the error before and after, how we know, how sure it is."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+from rearl_jax.config import DiscoverTask
+from rearl_jax.core.effects import EFFECTS
+from rearl_jax.discovery.lane_changes.candidates import LANE_CHOICE_DEPENDENCE
+from rearl_jax.discovery.report.words import (
+    described,
+    error_words,
+    is_claimed,
+    is_lane_choice,
+    lane_choice_words,
+    verdict_words,
+)
+from rearl_jax.discovery.search.reactions import title_of
+from rearl_jax.discovery.thresholds import THRESHOLDS, meanings
+from rearl_jax.document.document import DataSource, Document, Section
+from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, percent, sentence, spoken
+
+MOST_CANDIDATES, MOST_VARIABLES = 12, 5
+"""Rows of the tables at most; candidates.parquet and maps.parquet have all."""
+
+MOST_PARAMETERS = 5
+"""Parameters of an effect that have rows of their own; more are values of a curve, which the maps show."""
+
+_MEASURES = {
+    "gap_rmse": "closed-loop gap error [m]",
+    "speed_rmse": "closed-loop speed error [m/s]",
+    "one_step": "error in predicting the next position [m]",
+    "energy_score": "energy score of noisy simulations [m]",
+}
+"""Titles of the measures that are shown, by their names in the verdict."""
+
+CAPTIONS = {
+    "maps": "Acceleration that the model leaves, as a function of what a driver or a road could react to, drivers' own "
+    "means and parameters taken out; bands from resampling drivers. Red: calibrated model. Blue: with what was added. "
+    "Dotted: what was added. Flat within the band means nothing is left to see.",
+    "planes": "The same over two variables. Grey: too few time steps.",
+    "evidence": "Evidence of the candidates. Grey: what chance makes of it where nothing is missing, up to the "
+    "threshold. A candidate is believed if it gains where it was fitted and on other drivers.",
+    "closed_loop": "Gap error of each report driver, simulated behind the measured leader, before and after, and the "
+    "error that the drivers' own noise makes where the model is right.",
+    "innovations": "What the observer fails to predict: of a right model it is white and normal.",
+    "example": "One report driver: gap measured and simulated with the parameters that predict best from one time step "
+    "to the next; below, the acceleration that the model leaves.",
+    "parameters": "Own parameters of the fitted drivers (squares: trucks), lines: medians. What is missing from a "
+    "model pulls them away from their values.",
+}
+
+
+def document_of(
+    config: DiscoverTask,
+    verdict: Mapping[str, Any],
+    maps: pd.DataFrame | None = None,
+    sources: tuple[DataSource, ...] = (),
+) -> Document:
+    """The document of a discovery.
+
+    Args:
+        config: The task.
+        verdict: As in verdict.json, see `verdict.py`.
+        maps: As in maps.parquet, for what the residual still depends on; None leaves that out.
+        sources: Data sets with their licences.
+    """
+    data, candidates = verdict["data"], verdict["candidates"]
+    following = [row for row in candidates if not is_lane_choice(row)]
+    lanes = [row for row in candidates if is_lane_choice(row)]
+    fitted = (
+        f"Fitted to {data['drivers']['fitted']} drivers and checked on {data['drivers']['checked']} others; the errors "
+        f"are those of {data['drivers']['reported']} more, who took no part. A candidate is believed if it gains on "
+        "both groups."
+    )
+    lanes_fitted = (
+        "Drivers change to lanes in which they accelerate more. A candidate is believed if it makes them change beyond "
+        "that, also drivers that it was not fitted to."
+    )
+    if lanes:
+        lanes_fitted = f"{sentence(lane_choice_words(verdict['lane_choice']))} {lanes_fitted}"
+    sections = (
+        _error_section(verdict["error"]),
+        _effect_section(verdict),
+        _section("Candidates", fitted, _candidate_table("Candidates of car following", following, verdict)),
+        _section("The choice of the lane", lanes_fitted, _candidate_table("Candidates of lane choice", lanes, verdict)),
+        Section("Notes on data and model", notes=tuple(map(sentence, data["notes"]))),
+        _left_section(verdict, maps),
+        _section(
+            "What these data could not have shown",
+            "An effect weaker than this is not ruled out.",
+            _unseen_table(verdict["unseen"]),
+            is_folded=True,
+        ),
+        _definition_section(data.get("car_following", "idm"), config.discover.confidence),
+        _section(
+            "Thresholds of the decision",
+            "Every number that decides what is claimed.",
+            _threshold_table(verdict.get("thresholds", {})),
+            is_folded=True,
+        ),
+    )
+    return Document(
+        title="What the traffic model lacks",
+        verdict=sentence(verdict_words(verdict)),
+        sections=tuple(part for part in sections if part.paragraphs or part.tables or part.notes),
+        command="discover",
+        generated=data["generated"],
+        data=f"{data['recordings']} recordings, {data['driver_seconds'] / 60:.0f} driver-minutes of "
+        f"{sum(data['drivers'].values())} drivers who follow somebody, one time step every {data['step']:.2g} s, "
+        f"positions with {data['position_noise']:.2f} m of noise.",
+        sources=sources,
+        captions=CAPTIONS,
+    )
+
+
+def _section(title: str, words: str, table: Table, *, is_folded: bool = False) -> Section:
+    """A section of one table, empty where that has no rows."""
+    return Section(title, (words,), (table,), is_folded=is_folded) if table.rows else Section(title)
+
+
+def _error_section(error: Mapping[str, Any]) -> Section:
+    ends = ("before", "after", "change")
+    rows = [
+        Row(title, tuple(_cell(error["all"][name][end], "+" if end == "change" else "") for end in ends))
+        for name, title in _MEASURES.items()
+    ]
+    rows.append(Row("gap error by the drivers' own noise alone [m]", (Cell(""), _cell(error["floor"]), Cell(""))))
+    headings = ("before", "after" if error["oracle"] is None else "with the effect that was told", "change")
+    words = sentence(error_words(error))
+    share = error["explained_share"]
+    if share is not None and error["after"] is not None and error["after"]["value"] != error["before"]["value"]:
+        words += f" That is {100 * share:.0f} % of the squared error beyond the drivers' own noise."
+    table = Table("Errors on drivers nothing was fitted to", headings, tuple(rows))
+    return Section("Error before and after", (words,), (table,))
+
+
+def _cell(value: Mapping[str, Any], sign: str = "") -> Cell:
+    return Cell(number(value["value"], sign), interval(value["low"], value["high"], sign))
+
+
+def _effect_section(verdict: Mapping[str, Any]) -> Section:
+    """Findings in the columns, effects with their parameters, their equations, and what they could be mistaken for."""
+    effects, notes = verdict["effects"], []
+    for effect in effects:
+        if effect["name"] in EFFECTS:
+            notes.append(f"{described(effect)}: {EFFECTS[effect['name']].equation}")
+        elif effect["name"] == LANE_CHOICE_DEPENDENCE:
+            notes.append(f"{described(effect)}: not in model.yaml, for no effect of the library does it")
+    for row in verdict["candidates"]:
+        if row["ambiguous"]:
+            notes.append(f"{described(row)} explains the data as well; to tell them apart: {row['told_apart_by']}")
+    rows = tuple(row for effect in effects for row in _effect_rows(effect))
+    tables = (Table("Effects and their parameters", ("parameter", "value", "confidence"), rows),) if rows else ()
+    findings = tuple(f"The columns themselves show: {finding}." for finding in verdict["data"]["findings"])
+    return Section("What was found", findings, tables, tuple(map(sentence, notes)))
+
+
+def _effect_rows(effect: Mapping[str, Any]) -> list[Row]:
+    cells = [(Cell(_with_unit(name, value["unit"])), _cell(value)) for name, value in effect["parameters"].items()]
+    if not 0 < len(cells) <= MOST_PARAMETERS:
+        cells = [(Cell(f"a curve through {len(cells)} values" if cells else NONE), Cell(NONE))]
+    return [Row(described(effect), (*pair, Cell(f"{effect['confidence']:.2f}"))) for pair in cells]
+
+
+def _with_unit(name: str, unit: str) -> str:
+    return spoken(name) if unit == "-" else f"{spoken(name)} [{unit}]"
+
+
+def _candidate_table(title: str, rows: Sequence[Mapping[str, Any]], verdict: Mapping[str, Any]) -> Table:
+    drawn = []
+    for row in rows[:MOST_CANDIDATES]:
+        figures = (NONE if row[name] is None else f"{row[name]:.1f}" for name in ("surprise", "gain", "check"))
+        mark = "not told apart" if row["ambiguous"] else "named" if is_claimed(row, verdict) else ""
+        drawn.append(Row(described(row), (*map(Cell, figures), Cell(mark))))
+    if len(rows) > len(drawn):
+        title += f" (the first {MOST_CANDIDATES} of {len(rows)}; candidates.parquet has all)"
+    return Table(title, ("surprise [σ]", "gain [nats]", "on others [nats]", ""), tuple(drawn))
+
+
+def _left_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Section:
+    """What the last model leaves: in its innovations, and by sparse regression over every variable."""
+    words, tables, left = [], [], verdict["adequacy"]
+    if left is not None:
+        name = spoken(left["remaining"]["name"]).replace(".", " on ")
+        words.append(
+            f"Innovations one time step apart correlate by {left['autocorrelation']:+.3f}, their excess kurtosis is "
+            f"{left['kurtosis']:+.2f} (both 0 for a right model); the strongest candidate left is {name} at "
+            f"{left['remaining']['surprise']:.1f} σ."
+        )
+    if maps is not None:
+        variables = maps.drop_duplicates(["model", "variable"]).sort_values(["selected", "gain"], ascending=False)
+        by_model = dict(list(variables.groupby("model")))
+        before, last = by_model["before"], by_model.get("after", by_model["before"])
+        text = f"Without any list of effects, sparse regression over curves of every variable {_depends_on(before)}."
+        if "after" in by_model:
+            text += f" After the repair it {_depends_on(last)}."
+        best = last.loc[last["gain"].idxmax()]
+        words += [
+            text,
+            f"Any one variable still predicts at most {percent(max(best['share'], 0.0))} of the acceleration that is "
+            f"left, on other drivers ({title_of(best['variable'])}).",
+        ]
+        rows = tuple(_variable(row) for row in before.head(MOST_VARIABLES).to_dict("records"))
+        headings = ("selected", "share", "what the acceleration left does")
+        tables = [Table("Acceleration that the calibrated model leaves, by variable", headings, rows)]
+    return Section("What the model leaves", tuple(words), tuple(tables), is_folded=True)
+
+
+def _depends_on(variables: pd.DataFrame) -> str:
+    stable = variables.loc[variables["selected"] >= THRESHOLDS.stable_share, "variable"]
+    return f"finds a dependence on {', '.join(map(title_of, stable))}" if len(stable) else "finds nothing"
+
+
+def _variable(row: Mapping[Any, Any]) -> Row:
+    words = row["shape"] + ("; as a time gap it carries further" if row["acts_on"] == "time_gap" else "")
+    cells = (f"{100 * row['selected']:.0f} %", percent(max(row["share"], 0.0)), words)
+    return Row(title_of(row["variable"]), tuple(map(Cell, cells)))
+
+
+def _unseen_table(effects: Sequence[Mapping[str, Any]]) -> Table:
+    rows = tuple(
+        Row(spoken(row["name"]), (Cell(_with_unit(row["parameter"], row["unit"])), Cell(number(row["strength"]))))
+        for row in effects
+    )
+    return Table("Weakest effects that would have been seen", ("parameter", "least value"), rows)
+
+
+def _definition_section(car_following: str, confidence: float) -> Section:
+    how = (
+        f"Every driver of the first group was calibrated with the car-following model {car_following}. What the model "
+        "then fails to predict was compared with what each candidate would leave behind, and with what is left where "
+        "nothing is missing. Candidates that stand out were fitted and had to gain on the second group."
+    )
+    definitions = (
+        "Closed-loop gap error: the driver, with the own parameters that fit its gap best, is simulated behind the "
+        "measured leader; root mean square over time steps and drivers.",
+        f"Intervals: {100 * confidence:g} %, from resampling drivers.",
+        "Confidence: stated probability that the effect is there, if it is one of the candidates at all.",
+        "Surprise: evidence above its mean where nothing is missing, in standard deviations of that; in the choice of "
+        "the lane, the slope of the likelihood in standard deviations between drivers.",
+        "Gain: log-likelihood of the fitted drivers less the price of freedom; on others: that of drivers whose own "
+        "parameters alone were fitted anew.",
+        "Selected: share of random halves of the drivers in which sparse regression takes the variable in; from "
+        f"{100 * THRESHOLDS.stable_share:.0f} % on it is taken to matter.",
+        "Share: of the variance of the acceleration left, on drivers the curve was not fitted to.",
+    )
+    return Section("How it was found, and what the words mean", (how,), notes=definitions, is_folded=True)
+
+
+def _threshold_table(thresholds: Mapping[str, float]) -> Table:
+    texts = meanings()
+    rows = (Row(spoken(name), (Cell(f"{value:g}"), Cell(texts.get(name, "")))) for name, value in thresholds.items())
+    return Table("Thresholds", ("value", "meaning"), tuple(rows))

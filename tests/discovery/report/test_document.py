@@ -1,0 +1,174 @@
+"""The document of a discovery, in the terminal and on the page, and the maps that it rests on."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rearl_jax.config import DiscoverTask
+from rearl_jax.discovery.observe.candidates import Term
+from rearl_jax.discovery.report.document import document_of
+from rearl_jax.discovery.report.figures import draw_evidence
+from rearl_jax.discovery.report.map_figures import draw_maps
+from rearl_jax.discovery.report.presentation import map_table
+from rearl_jax.discovery.report.words import verdict_words
+from rearl_jax.discovery.search.atlas import Atlas
+from rearl_jax.discovery.search.finder import Selected
+from rearl_jax.discovery.search.maps import Basis, Curve
+from rearl_jax.discovery.search.null import Null
+from rearl_jax.discovery.search.reactions import Reaction
+from rearl_jax.document.html import page_of
+from rearl_jax.document.terminal import text_of
+from tests.discovery.made_verdict import KEEP_RIGHT, LANE_SCORES, LOSS, VERDICT
+
+CURVE = {"name": "dependence", "kind": "generic"}
+NUMBERS = {"parameters": {}, "confidence": 0.9, "evidence": 50.0}
+REAR_GAP = {"name": "lane_choice_dependence", "kind": "generic", "variables": ["rear_gap"], **NUMBERS}
+
+
+def atlas() -> Atlas:
+    basis = Basis(Reaction("gap", np.zeros((2, 1))), np.array([1.0, 2.0, 3.0]), np.full(3, 1 / 3))
+    value = np.array([-0.1, 0.0, 0.1])
+    curve = Curve(basis, value, value - 0.05, value + 0.05, "acceleration", 0.3, 12.0)
+    return Atlas({"gap": curve}, {}, [Selected("gap", "acceleration", 1.0, 1.0)], {"gap": "rises by 0.20 m/s^2"})
+
+
+def document(atlases=None, **changes):
+    """The document of the made verdict with some keys changed."""
+    return document_of(DiscoverTask(), VERDICT | changes, map_table(atlases or {"before": atlas()}, {}))
+
+
+def printed(**changes):
+    """What the terminal shows, line breaks and rules left out."""
+    return " ".join(text_of(document(**changes)).replace("─", "").split())
+
+
+def folded(title, **changes):
+    """A folded section."""
+    (section,) = [part for part in document(**changes).sections if part.title == title]
+    assert section.is_folded
+    return section
+
+
+def test_the_terminal_says_what_is_missing_how_we_know_and_what_it_changes():
+    text = printed()
+    parts = (
+        "Missing in the model: reaction delay.",
+        "GENERATED recordings",
+        "closed-loop gap error [m] 1.50 1.50 +1.50 1.00 to 2.00 1.00 to 2.00 +1.00 to +2.00",
+        "gap error by the drivers' own noise alone [m] 0.400 1.00 to 2.00",
+        "That is 90 % of the squared error beyond",
+        "reaction delay delay [s] 0.700 0.90 0.600 to 0.800",
+        "The columns themselves show: the <b>speed</b> column is late.",
+        "Leader acceleration explains the data as well; to tell them apart: faster changes <i>.",
+        "reaction delay 40.0 30.0 20.0 named leader acceleration 40.0 - - not told apart",
+        "Fitted to 36 drivers and checked on 35 others",
+        "Made for a test.",
+    )
+    places = [text.index(part) for part in parts]
+    assert places == sorted(places)
+    assert "of lane choice" not in text
+
+
+def test_the_page_has_what_is_folded_escapes_markup_and_has_no_nan():
+    body = page_of(document(), DiscoverTask(), {}, data_id="abc")
+    for words in ("rises by 0.20 m/s^2", "faster changes", "rear pressure", "&lt;b&gt;speed", "surprise"):
+        assert words in body
+    assert not re.search(r"<b>speed</b>|<i>", body)
+    assert not re.search(r"\bnan\b|\bNone\b", body.split("Complete configuration")[0])
+
+
+def test_of_two_curves_the_one_that_was_added_is_marked_and_its_values_are_left_to_the_maps():
+    gap, speed = (CURVE | LANE_SCORES | {"variables": [name]} for name in ("gap", "speed"))
+    values = {f"value_{k}": {"value": 0.3, "low": None, "high": None, "unit": "-"} for k in range(9)}
+    effect = CURVE | NUMBERS | {"variables": ["gap"], "parameters": values}
+    text = printed(effects=[effect], candidates=[gap, speed])
+    assert "dependence on gap a curve through 9 values - 0.90" in text
+    assert "dependence on gap 12.0 30.0 20.0 named dependence on speed 12.0 30.0 20.0 Fitted" in text
+
+
+def test_the_choice_of_the_lane_has_a_table_of_its_own():
+    lanes = [KEEP_RIGHT | LANE_SCORES, KEEP_RIGHT | LANE_SCORES | {"name": "politeness", "ambiguous": True}]
+    text = printed(
+        effects=[KEEP_RIGHT | NUMBERS],
+        candidates=[*VERDICT["candidates"] * 7, *lanes],
+        lane_choice={"changes": 400, "opportunities": 9000, "loss": LOSS},
+    )
+    assert "Missing in the choice of the lane: keep right." in text
+    assert "gain of the right lane + bias" in text
+    following, table = text.split("Candidates of lane choice")
+    assert "(the first 12 of 14; candidates.parquet has all)" in following
+    assert "keep right 12.0 30.0 20.0 named politeness 12.0 30.0 20.0 not told apart" in table
+    assert "400 changes by choice in 9000 opportunities" in table
+    assert "change -0.0500 (-0.0600 to -0.0400) nats" in table
+
+
+def test_what_no_effect_of_the_library_does_is_said_to_be_in_no_model():
+    text = printed(verdict="unexplained", effects=[REAR_GAP])
+    assert "lane choice dependence on rear_gap - - 0.90" in text
+    assert "Lane choice dependence on rear_gap: not in model.yaml" in text
+
+
+def test_the_page_says_what_the_residual_depends_on_before_and_after():
+    seen, title = atlas(), "What the model leaves"
+    repaired = replace(seen, selected=[Selected("gap", "acceleration", 0.1, 0.1)])
+    assert folded(title).paragraphs[1].endswith("finds a dependence on gap.")
+    both = folded(title, atlases={"before": seen, "after": repaired})
+    assert both.paragraphs[1].endswith("finds a dependence on gap. After the repair it finds nothing.")
+    assert "at most 30.0 %" in both.paragraphs[2]
+    assert [cell.value for cell in both.tables[0].rows[0].cells] == ["100 %", "30.0 %", "rises by 0.20 m/s^2"]
+
+
+def test_the_error_of_an_effect_that_was_told_stands_under_its_name():
+    error = VERDICT["error"] | {"after": None, "oracle": VERDICT["error"]["before"]}
+    text = printed(effects=[], candidates=[], adequacy=None, lane_choice=None, error=error)
+    assert "before with the effect that was told change" in text
+    assert "1.50 (1.00 to 2.00) m for the oracle" in text
+
+
+def test_the_thresholds_of_a_verdict_have_their_meaning():
+    assert "Thresholds of the decision" not in [section.title for section in document().sections]
+    (row,) = folded("Thresholds of the decision", thresholds={"least_total": 16.25}).tables[0].rows
+    assert (row.title, row.cells[0].value) == ("least total", "16.25")
+    assert re.match(r"Gain and check, .*\[nats\]", row.cells[1].value)
+
+
+@pytest.mark.parametrize(
+    ("word", "effects", "said"),
+    [
+        ("nothing", [], "nothing significant is missing"),
+        ("named", [], "an effect was told, and nothing looked for"),
+        ("named", [KEEP_RIGHT], "missing in the choice of the lane: keep right"),
+        (
+            "unexplained",
+            [REAR_GAP],
+            "unexplained; missing in the choice of the lane: lane choice dependence on rear_gap",
+        ),
+        (
+            "artefact",
+            [{"name": "speed_lag", "kind": "artefact", "variables": []}, KEEP_RIGHT],
+            "fault of the measurement: speed lag; missing in the choice of the lane: keep right",
+        ),
+    ],
+)
+def test_verdict_in_one_line(word, effects, said):
+    assert verdict_words({"verdict": word, "effects": effects}) == said
+
+
+def test_map_table_has_no_value_where_nothing_was_added():
+    table = map_table({"before": atlas()}, {})
+    assert table["added"].isna().all()
+    assert table["value"].notna().all()
+    assert list(table["knot"]) == [1.0, 2.0, 3.0]
+    assert list(map_table({"before": atlas()}, {"gap": np.ones(3)})["added"]) == [1.0] * 3
+
+
+def test_maps_are_drawn_with_fewer_variables_than_panels():
+    assert draw_maps({"before": atlas(), "after": atlas()}, {"gap": np.ones(3)}, generated=True).startswith(b"\x89PNG")
+
+
+def test_evidence_is_drawn_of_candidates_with_and_without_a_null():
+    null = Null({Term("reaction_delay"): 1.0}, {Term("reaction_delay"): 0.5}, 7)
+    rows = [*VERDICT["candidates"], CURVE | LANE_SCORES | {"variables": ["gap"]}]
+    assert draw_evidence(rows, null, generated=True).startswith(b"\x89PNG")
