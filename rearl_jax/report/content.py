@@ -6,13 +6,39 @@ from typing import Any
 
 import pandas as pd
 
-from rearl_jax.study.report import NONE, Cell, Line, Shown
+NONE = "-"
+"""Where there is no figure."""
 
 MOST_LINES = 60
 """Lines of a table; the file beside the page has all."""
 
 _DIGITS = 3
 """Significant digits of a figure nobody has chosen digits for."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A figure as text, and its interval below it."""
+
+    figure: str
+    interval: str = ""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a table."""
+
+    title: str
+    cells: tuple[Cell, ...]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A table people read."""
+
+    title: str
+    headings: tuple[str, ...]
+    lines: tuple[Line, ...]
 
 
 @dataclass(frozen=True)

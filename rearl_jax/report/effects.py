@@ -13,9 +13,8 @@ from rearl_jax.discovery.report.words import (
     lane_choice_words,
     verdict_words,
 )
-from rearl_jax.report.content import Content, Section, interval, number, sentence, spoken
+from rearl_jax.report.content import Cell, Content, Line, Section, Shown, interval, number, sentence, spoken
 from rearl_jax.report.finished import FinishedStudy
-from rearl_jax.study.report import Cell, Line, Shown
 
 _KEYS = ("verdict", "effects", "candidates", "unseen", "error", "adequacy", "lane_choice", "data")
 _MOST_CANDIDATES = 12

@@ -10,21 +10,18 @@ from pathlib import Path
 from rearl_jax.config import StudyTable3Task, SweepThresholdsTask
 from rearl_jax.data.recordings import is_generated
 from rearl_jax.evaluation.inputs import read_inputs
-from rearl_jax.evaluation.layout import data_sources
-from rearl_jax.evaluation.page import data_summary
-from rearl_jax.evaluation.tables import source_names
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 from rearl_jax.study import differences
+from rearl_jax.study.document import Form, publish, remarks_on
 from rearl_jax.study.pair_results import PairResults, read_pairs
 from rearl_jax.study.parts import carry_out, part_record
 from rearl_jax.study.published import N_THRESHOLD_SCENES, N_TUNING_SCENES
-from rearl_jax.study.report import Report, finish
-from rearl_jax.study.table3_tables import conclusions, long_pairs, shown_pairs, summary_of
+from rearl_jax.study.table3_tables import conclusions, long_pairs, sections, summary_of
 from rearl_jax.sweep import task
 
-CAPTIONS = {
+_CAPTIONS = {
     "table3": (
         "Both errors of every pair on the tuning scenes. Left: beside base; bars are intervals of the best pair and of "
         "base. Right: the pairs alone, named by the percentiles of Hellinger distance and spacing error; the line "
@@ -32,7 +29,8 @@ CAPTIONS = {
     ),
     "pairs": "The same errors as maps, from the sweep.",
 }
-"""What is below each figure."""
+
+FORM = Form("table3", "Threshold pairs beside Table 3 of the paper", sections, _CAPTIONS)
 
 
 def run(config: StudyTable3Task) -> dict:
@@ -51,32 +49,30 @@ def run(config: StudyTable3Task) -> dict:
     scenes, splits = inputs.scenes, inputs.splits
     assert inputs.references is not None  # asked for
     n_runs = config.eval.n_runs
-    report = Report(
-        title=f"Threshold pairs beside Table 3 of the paper, on {source_names(scenes)}",
-        tables=(shown_pairs(config, results),),
-        findings=tuple(conclusions(results)),
-        differences=(
-            *differences.of_data(config, scenes),
-            *differences.of_subset(len(splits.threshold), N_THRESHOLD_SCENES, "threshold scenes", n_runs),
-            *differences.of_subset(len(splits.tuning), N_TUNING_SCENES, "tuning scenes", n_runs),
-            *differences.of_references(inputs.references.speed.shape[0], config),
-            *differences.of_model(config),
-            *differences.of_errors(config),
-            *differences.of_decisions(asks_model=False, interval=1, n_runs=1),
-            "choice of the pair: least sum of both errors; the paper does not say how it chose",
-        ),
-        data={
-            "summary": data_summary(config, scenes, f"{len(splits.tuning)} of them simulated under every pair"),
-            "sources": data_sources(scenes.infos),
-        },
+    differing = (
+        *differences.of_data(config, scenes),
+        *differences.of_subset(len(splits.threshold), N_THRESHOLD_SCENES, "threshold scenes", n_runs),
+        *differences.of_subset(len(splits.tuning), N_TUNING_SCENES, "tuning scenes", n_runs),
+        *differences.of_references(inputs.references.speed.shape[0], config),
+        *differences.of_model(config),
+        *differences.of_errors(config),
+        *differences.of_decisions(asks_model=False, interval=1, n_runs=1),
+        "choice of the pair: least sum of both errors; the paper does not say how it chose",
+    )
+    use = f"{len(splits.tuning)} of them simulated under every pair"
+    summary = summary_of(config, results)
+    publish(
+        study,
+        FORM,
+        config,
+        long_pairs(results),
+        summary,
+        remarks_on(config, scenes, use, conclusions(results), differing),
+        partial(_draw, results, folder, generated=generated),
         generated=generated,
         data_id=scenes.data_id,
-        captions=CAPTIONS,
+        seeds=config.seeds,
     )
-    summary = summary_of(config, results)
-    seeds = config.seeds
-    draw = partial(_draw, results, folder, generated=generated)
-    finish(study, "study table3", config, report, long_pairs(results), summary, draw, seeds=seeds)
     return summary
 
 

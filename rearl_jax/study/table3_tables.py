@@ -1,86 +1,43 @@
-"""The threshold pairs as people read them, as one long table, and as flat figures."""
+"""The threshold pairs as one long table, as flat figures, and as people read them."""
 
-import math
+from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
 
 from rearl_jax.config import StudyTable3Task
-from rearl_jax.evaluation.terminal import short
+from rearl_jax.document.document import Section
+from rearl_jax.metrics import METRICS
 from rearl_jax.results import PROVENANCE
+from rearl_jax.study.document import beside_paper, long_table
 from rearl_jax.study.pair_results import PairResults, PairRow
 from rearl_jax.study.published import BEST_PAIR, PARETO_PAIRS, THRESHOLDS_H, THRESHOLDS_MAPE
-from rearl_jax.study.report import NONE, Cell, Line, Shown, long_table
 
-_ERRORS = {"h": "h", "mape": "mape_a"}
-"""Errors that decide, each with the metric whose digits it has; they are the same for all definitions of the spacing
-error.
-"""
-
-_TRAFFIC = ("thw", "lcr", "collisions")
+_DIGITS = {"threshold_h": 4, "threshold_m": 4, "mape": METRICS["mape_a"].digits, "score": 3}
 
 
-def shown_pairs(config: StudyTable3Task, results: PairResults) -> Shown:
+def sections(config: StudyTable3Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
     """Every pair beside the paper's thresholds and marks."""
     mape = f"MAPE {config.mape.definition.name}"
-    headings = ("H >", "paper", f"{mape} >", "paper", "H", mape, "sum", "best in", "Pareto", "paper's")
-    title = (
-        f"Table 3, ours beside what is known of the paper's; pairs are percentiles of H / MAPE, {results.n_scenes} "
-        "tuning scenes"
+    headings = {
+        "threshold_h": "H >",
+        "threshold_m": f"{mape} >",
+        "h": "H",
+        "mape": mape,
+        "score": "sum",
+        "win_share": "best in",
+        "is_pareto": "Pareto",
+        "is_best": "best",
+        "thw": "THW, s",
+        "lcr": "LCR",
+        "collisions": "crashed",
+    }
+    title = "Table 3, ours beside what is known of the paper's; pairs are percentiles of H / MAPE"
+    every = headings | {f"mape_{name}": f"MAPE {name.upper()}" for name in "abc"}
+    return (
+        Section("Pairs of thresholds", tables=(beside_paper(title, table, headings, _DIGITS),)),
+        Section("All errors", tables=(beside_paper("Every figure", table, every, _DIGITS),), is_folded=True),
     )
-    front = {row.pair for row in results.front}
-    lines = [_line(row, row.pair in front, row is results.best) for row in results.pairs]
-    blank = (Cell(NONE),) * 4
-    errors = tuple(_error_cell(results.base, name) for name in _ERRORS)
-    end = (Cell(f"{results.base.score:.3f}"), Cell(NONE), Cell(NONE), Cell(NONE))
-    base = Line("base", (*blank, *errors, *end, *_traffic(results.base)))
-    return Shown(title, (*headings, "THW, s", "LCR", "crashed"), (*lines, base))
-
-
-def _line(row: PairRow, is_front: bool, is_best: bool) -> Line:
-    assert row.thresholds is not None
-    assert row.h_pct is not None
-    assert row.m_pct is not None
-    assert row.win_share is not None
-    thresholds = (
-        Cell(f"{row.thresholds[0]:.4f}"),
-        Cell(_published(THRESHOLDS_H.get(row.h_pct))),
-        Cell(f"{row.thresholds[1]:.4f}"),
-        Cell(_published(THRESHOLDS_MAPE.get(row.m_pct))),
-    )
-    errors = tuple(_error_cell(row, name) for name in _ERRORS)
-    marks = ("best" if is_best else "yes" if is_front else "", _paper_mark(row))
-    return Line(
-        row.name,
-        (
-            *thresholds,
-            *errors,
-            Cell(f"{row.score:.3f}"),
-            Cell(f"{100 * row.win_share:.0f} %"),
-            *map(Cell, marks),
-            *_traffic(row),
-        ),
-    )
-
-
-def _published(value: float | None) -> str:
-    return NONE if value is None else f"{value:.4f}"
-
-
-def _paper_mark(row: PairRow) -> str:
-    return "best" if row.pair == BEST_PAIR else "yes" if row.pair in PARETO_PAIRS else ""
-
-
-def _error_cell(row: PairRow, name: str) -> Cell:
-    low, high = row.ends[name]
-    metric = _ERRORS[name]
-    ends = "" if low is None or high is None else f"{short(low, metric)}–{short(high, metric)}"
-    return Cell(short(row.means[name], metric), ends)
-
-
-def _traffic(row: PairRow) -> tuple[Cell, ...]:
-    values = {name: row.means[name] for name in _TRAFFIC}
-    return tuple(Cell(NONE if math.isnan(value) else short(value, name)) for name, value in values.items())
 
 
 def conclusions(results: PairResults) -> list[str]:

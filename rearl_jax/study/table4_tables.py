@@ -1,12 +1,16 @@
-"""Inference times as people read them, as one long table, and as flat figures."""
+"""Inference times as one long table, as flat figures, and as people read them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from rearl_jax.study.report import NONE, Cell, Line, Shown, long_table
+from rearl_jax.config import StudyTable4Task
+from rearl_jax.document.document import Section
+from rearl_jax.document.table import NONE, Cell, Emphasis, Row, Table
+from rearl_jax.study.document import long_table
 from rearl_jax.timing.decision_steps import BASE, DECISION, DETECTION, LOOP, PAPER_MS, PPO
 from rearl_jax.timing.measurement import Spread, spread_of
 
@@ -89,27 +93,28 @@ def _spread_ms(measured: pd.DataFrame, own: np.ndarray) -> Spread:
     return spread_of((1e3 * measured["wall_s"].to_numpy(float)[own]).tolist())
 
 
-def shown_timings(timings: list[Timing], n_steps: int, n_vehicles: int) -> Shown:
+def sections(config: StudyTable4Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
     """Every program beside the paper's figure."""
     headings = ("batch", "ms", "least", "greatest", "ms per scenario", "compile s", "paper ms")
-    lines = []
-    for timing in timings:
-        cells = (
-            f"{timing.batch:,}",
-            f"{timing.ms.median:#.4g}",
-            f"{timing.ms.least:#.4g}",
-            f"{timing.ms.greatest:#.4g}",
-            f"{timing.ms.median / timing.batch:#.3g}",
-            NONE if timing.compile_s is None else f"{timing.compile_s:.1f}",
-            NONE if timing.paper_ms is None else f"{timing.paper_ms:,}",
+    rows = []
+    for record in table.astype(object).to_dict("records"):
+        values = (
+            *(f"{record[name]:#.4g}" for name in ("ours", "low", "high")),
+            f"{record['ours'] / record['batch']:#.3g}",
         )
-        lines.append(Line(timing.title, tuple(map(Cell, cells))))
-    if all(timing.program != MODEL for timing in timings):
-        blank = (Cell(NONE),) * (len(headings) - 1)
-        paper = Cell(f"{PAPER_MS['rearl']:,}")
-        lines.append(Line("paper: REARL (language model)", (*blank, paper), is_paper=True))
-    title = f"Table 4: {n_steps} consecutive decision steps of {n_vehicles} vehicles, elapsed time of the whole batch"
-    return Shown(title, headings, tuple(lines))
+        compile_s = NONE if pd.isna(record["compile_s"]) else f"{record['compile_s']:.1f}"
+        cells = (f"{record['batch']:,}", *values, compile_s, _paper(record["paper"]))
+        rows.append(Row(record["title"], tuple(map(Cell, cells))))
+    if MODEL not in set(table["row"]):
+        cells = (*(NONE for _ in headings[1:]), _paper(PAPER_MS["rearl"]))
+        rows.append(Row("paper: REARL (language model)", tuple(map(Cell, cells)), Emphasis.subdued))
+    title = f"Table 4: {summary['n_steps']} consecutive decision steps of {config.loop.steps_vehicles} vehicles"
+    times = Table(f"{title}, elapsed time of the whole batch", headings, tuple(rows))
+    return (Section("Inference time", tables=(times,)),)
+
+
+def _paper(value: float | None) -> str:
+    return NONE if value is None or pd.isna(value) else f"{value:,}"
 
 
 def conclusions(timings: list[Timing], n_steps: int) -> list[str]:

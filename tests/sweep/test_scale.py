@@ -233,11 +233,12 @@ def test_a_finished_study_has_no_rates_and_says_so(whole):
 
 
 def test_generated_recordings_are_marked(whole, tmp_path, capsys):
+    from rearl_jax.sweep.scale_terminal import print_scale
+
     from rearl_jax.results import Study
     from rearl_jax.sweep.scale_costs import BatchCost
     from rearl_jax.sweep.scale_progress import StreamLog
     from rearl_jax.sweep.scale_results import ScaleResults
-    from rearl_jax.sweep.scale_terminal import print_scale
 
     machine = {"cpu_model": "one", "cpu_cores": 2, "jax_version": "0"}
     stream = StreamLog(Study(tmp_path, "none", whole.config, "sweep scale"), 0, {})
