@@ -6,12 +6,14 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
+from rearl_jax.config import StudyTable4Task
 from rearl_jax.config.llm import LlmConfig, PromptConfig
 from rearl_jax.config.study import StepsConfig
+from rearl_jax.document.table import Cell, Emphasis
 from rearl_jax.study import language_model_steps as module
 from rearl_jax.study.language_model_steps import fresh_client
 from rearl_jax.study.table4_figure import draw_timings
-from rearl_jax.study.table4_tables import MODEL, conclusions, long_timings, shown_timings, summary_of, timings_of
+from rearl_jax.study.table4_tables import MODEL, conclusions, long_timings, sections, summary_of, timings_of
 from rearl_jax.timing import decision_steps
 from rearl_jax.timing.decision_steps import BASE, PARTS
 from tests.llm.stub import Stub
@@ -27,6 +29,12 @@ def steps():
         for factor in (0.9, 1.0, 1.4)
     ]
     return pd.DataFrame(rows)
+
+
+def shown_rows(timings):
+    """Rows of the table that people read."""
+    (section,) = sections(StudyTable4Task(), long_timings(timings), {"n_steps": 10})
+    return section.tables[0].rows
 
 
 @pytest.fixture
@@ -47,13 +55,14 @@ def test_medians_stand_beside_the_paper_for_one_scenario_only(steps):
     one, many = timings[:2]
     assert (one.ms.median, one.ms.least, one.n_repetitions) == (1000, 900, 3)
     assert (one.paper_ms, many.paper_ms) == (0.461, None)
+    shown = shown_rows(timings)
+    assert (shown[-1].title, shown[-1].emphasis) == ("paper: REARL (language model)", Emphasis.subdued)
+    assert shown[-1].cells[-1] == Cell("86,241.0")
+    assert shown[0].cells == tuple(map(Cell, ("1", "1000.", "900.0", "1400.", "1.00e+03", "2.0", "0.461")))
     table = long_timings(timings).set_index(["row", "batch"])
     assert table.loc[("ppo", 1), "paper"] == 15.898
     assert pd.isna(table.loc[("loop", 1), "paper"])  # the paper's REARL asks a language model
     assert summary_of(timings, 10)["steps_ms_loop_b256"] == 2000 * 256
-    shown = shown_timings(timings, 10, 10)
-    assert shown.lines[-1].is_paper
-    assert shown.lines[-1].cells[-1].figure == "86,241.0"
 
 
 def test_conclusions_compare_ours_with_ours(steps, with_model):
@@ -71,7 +80,7 @@ def test_the_model_has_a_row_of_its_own(steps, with_model):
     timings = timings_of(steps, with_model)
     assert timings[-1].program == MODEL
     assert timings[-1].paper_ms == 86_241
-    assert not shown_timings(timings, 10, 10).lines[-1].is_paper
+    assert shown_rows(timings)[-1].emphasis is Emphasis.plain
     assert draw_timings(timings, 10) != draw_timings(timings_of(steps, None), 10)
 
 

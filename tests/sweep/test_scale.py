@@ -232,8 +232,9 @@ def test_a_finished_study_has_no_rates_and_says_so(whole):
     assert left.printed == ""
 
 
-def test_generated_recordings_are_marked(whole, tmp_path, capsys):
-    from rearl_jax.sweep.scale_terminal import print_scale
+def test_generated_recordings_are_marked(whole, tmp_path):
+    from rearl_jax.document.terminal import text_of
+    from rearl_jax.sweep.scale_document import document_of
 
     from rearl_jax.results import Study
     from rearl_jax.sweep.scale_costs import BatchCost
@@ -244,8 +245,7 @@ def test_generated_recordings_are_marked(whole, tmp_path, capsys):
     stream = StreamLog(Study(tmp_path, "none", whole.config, "sweep scale"), 0, {})
     cost = BatchCost(1, 3, 1.0, 1e-3, 1e-3, 1e-3, 1e-3)
     results = ScaleResults(whole.config, 5, 60, (0.5, np.inf), [cost], stream, machine, None, True)
-    print_scale(results)
-    assert "GENERATED" in capsys.readouterr().out
+    assert "GENERATED" in text_of(document_of(results))
     assert results.summary()["threshold_h"] == 0.5
     assert results.summary()["threshold_m"] is None
 
