@@ -18,7 +18,7 @@ class ReportConfig:
     """File of the report, and replayed scenes"""
 
     path: str | None = key(
-        None, "file to write, relative to the current folder; null = report.html in the folder of the study"
+        None, "file to write, relative to the current folder; null = page.html in the folder of the study"
     )
     replay: bool = key(True, "replay scenes of `rearl evaluate` beside the recorded ones")
     n_scenes: int = key(3, "number of replayed scenes, spread evenly from the slowest to the fastest held-out scene")
@@ -36,5 +36,5 @@ class ReportConfig:
         if self.scenes is not None and (not self.scenes or len(set(self.scenes)) != len(self.scenes)):
             raise out_of_range("scenes", "must name each scene once", list(self.scenes))
         if self.path == "":
-            said = "must name a file, or be null for report.html in the study's folder"
+            said = "must name a file, or be null for page.html in the study's folder"
             raise out_of_range("path", said, repr(self.path))

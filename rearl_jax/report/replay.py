@@ -70,8 +70,8 @@ def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -
     _require_same_figures(study, row, inputs.scenes, replayed)
     origin = (
         f"Simulated again with {title_of(row)}, eval.seed={config.eval.seed}, run {options.run} of "
-        f"{config.eval.n_runs} (from 0), and found to be the rollouts of the study: their Hellinger distances are those "
-        "in runs.parquet."
+        f"{config.eval.n_runs} (from 0), and found to be the rollouts of the study: their Hellinger distances are "
+        "those in runs.parquet."
     )
     return Replay(config, inputs.scenes, replayed, origin, has_decisions=interventions(config) is not None)
 

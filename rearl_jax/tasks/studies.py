@@ -92,7 +92,7 @@ STUDIES = (
         summary="a finished study as one HTML file, its scenes replayed beside the recorded ones",
         description=(
             "Reads the folder of a finished `rearl evaluate`, `discover`, `discover blind`, `sweep thresholds` or "
-            "`study ...` and writes report.html into it: the result in one sentence, tables with intervals, figures, "
+            "`study ...` and writes its page.html anew: the result in one sentence, tables with intervals, figures, "
             "data and licence, the command that repeats it. Of `rearl evaluate` some scenes are simulated again, "
             "checked against the figures the study has kept, and played beside the recorded ones. The file needs "
             "nothing but a browser."

@@ -56,8 +56,7 @@ def done(tmp_path_factory):
     return Done(config, seen["evaluate"], seen["estimates"], rows, printed.getvalue(), folder)
 
 
-@pytest.fixture
-def scenes():
+def made_scenes():
     """Six scenes of two recordings, four vehicles each, on two carriageways of two lanes."""
     from rearl_jax.config.scenes import SpeedNorm
     from rearl_jax.data.records import RecordingInfo
@@ -106,8 +105,14 @@ def scenes():
 
 
 @pytest.fixture
-def drifting(monkeypatch):
-    """The method base replaced by vehicles that keep their speed and lane: compiles in no time.
+def scenes():
+    """Small scenes."""
+    return made_scenes()
+
+
+@contextlib.contextmanager
+def drifting_traffic():
+    """The method base replaced by vehicles that keep their speed, which compiles in no time.
 
     Vehicle 0 changes to lane 3 after the fifth second and crashes after the eighth.
     """
@@ -122,21 +127,29 @@ def drifting(monkeypatch):
         second = jnp.arange(1, n_seconds + 1)[:, None, None]
         same = jnp.zeros((n_seconds, *state.x.shape), state.x.dtype)
         first = jnp.arange(state.x.shape[0])[None, :, None] == 0
-        lane = nearest_lane(state.y, model)[None] + jnp.zeros(same.shape, jnp.int32)
+        y = jnp.where(first & (second > 5), 3 * model.lane_width, state.y[None] + same).astype(state.y.dtype)
         return Frames(
             x=state.x[None] + second.astype(state.x.dtype) * state.speed[None],
-            y=state.y[None] + same,
+            y=y,
             heading=same,
             speed=state.speed[None] + same,
             acceleration=same,
-            lane=jnp.where(first & (second > 5), 3, lane),
+            lane=nearest_lane(y, model),
             crashed=first & (second > 8) & (same == 0),
         )
 
-    monkeypatch.setitem(simulators.SIMULATORS, Method.base, simulate)
-    simulators.program.cache_clear()
-    yield
-    simulators.program.cache_clear()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(simulators.SIMULATORS, Method.base, simulate)
+        simulators.program.cache_clear()
+        yield
+        simulators.program.cache_clear()
+
+
+@pytest.fixture
+def drifting():
+    """The method base replaced by drifting vehicles."""
+    with drifting_traffic():
+        yield
 
 
 @pytest.fixture

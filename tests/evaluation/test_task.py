@@ -121,7 +121,9 @@ def test_printed_table_holds_the_reference_rows_and_never_praises_more_headway(d
     assert "…" not in done.printed  # nothing cut off
     base = done.summary[0]
     assert f"{base['h']:.3f}" in done.printed
-    assert done.printed.startswith(f"The speeds of base are a Hellinger distance of {base['h']:.3f} ({base['h_low']:.3f} ")
+    assert done.printed.startswith(
+        f"The speeds of base are a Hellinger distance of {base['h']:.3f} ({base['h_low']:.3f} "
+    )
 
 
 def test_page_needs_nothing_from_outside(done):
@@ -137,17 +139,6 @@ def test_page_needs_nothing_from_outside(done):
     assert "rearl evaluate method=base" in page
     assert "eval.n_runs=1" in page
     assert "rearl report study=evaluate replays more scenes." in page
-
-
-def test_the_replay_has_marks_and_their_legend_only_where_decisions_are_known(done):
-    from rearl_jax.evaluation.page import example_replay
-    from rearl_jax.replay.player import player_of
-
-    replay = example_replay(done.evaluation)
-    for has_decisions in (False, True):
-        player = player_of(replace(replay, has_decisions=has_decisions))
-        assert ("not followed" in player.html) == has_decisions
-        assert f'"decisions":{str(has_decisions).lower()}' in player.script
 
 
 def test_the_document_is_the_same_from_memory_and_from_the_folder(done):

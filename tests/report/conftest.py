@@ -11,23 +11,25 @@ from pathlib import Path
 import pytest
 
 from tests.discovery.made_verdict import VERDICT as MADE
+from tests.evaluation.conftest import drifting_traffic
 
 HOSTILE = "</script><script>alert(1)</script><!--"
 
 
 @dataclass(frozen=True)
 class Reported:
-    """What `rearl evaluate` and `rearl report` did."""
+    """What `rearl evaluate` and `rearl report` did; `before` is the page of the first."""
 
     config: object
     root: Path
     folder: Path
+    before: str
     found: dict
     printed: str
 
     @property
     def page(self):
-        return (self.folder / "report.html").read_text(encoding="utf-8")
+        return (self.folder / "page.html").read_text(encoding="utf-8")
 
     @property
     def replay(self):
@@ -39,45 +41,10 @@ def replay_of(page):
     return json.loads(re.search(r'id="replay-data">(.*?)</script>', page, re.DOTALL)[1])
 
 
-@contextlib.contextmanager
-def drifting():
-    """The method base replaced by vehicles that keep their speed, which compiles in no time.
-
-    Vehicle 0 changes to lane 3 after the fifth second and crashes after the eighth.
-    """
-    import jax.numpy as jnp
-
-    from rearl_jax.config.evaluation import Method
-    from rearl_jax.core.rollout import Frames
-    from rearl_jax.core.state import nearest_lane
-    from rearl_jax.evaluation import simulators
-
-    def simulate(state, drivers, model, n_seconds):
-        second = jnp.arange(1, n_seconds + 1)[:, None, None]
-        same = jnp.zeros((n_seconds, *state.x.shape), state.x.dtype)
-        first = jnp.arange(state.x.shape[0])[None, :, None] == 0
-        y = jnp.where(first & (second > 5), 3 * model.lane_width, state.y[None] + same).astype(state.y.dtype)
-        return Frames(
-            x=state.x[None] + second.astype(state.x.dtype) * state.speed[None],
-            y=y,
-            heading=same,
-            speed=state.speed[None] + same,
-            acceleration=same,
-            lane=nearest_lane(y, model),
-            crashed=first & (second > 8) & (same == 0),
-        )
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(simulators.SIMULATORS, Method.base, simulate)
-        simulators.program.cache_clear()
-        yield
-        simulators.program.cache_clear()
-
-
 @pytest.fixture(scope="module", autouse=True)
 def only_drifting():
     """What is simulated anew drifts too, in these tests only: later ones of the same process want traffic."""
-    with drifting():
+    with drifting_traffic():
         yield
 
 
@@ -94,11 +61,12 @@ def reported(tmp_path_factory):
         results=ResultsConfig(root=str(root)),
         eval=EvaluationConfig(n_runs=1, resamples=50, noise_draws=10),
     )
-    with drifting():
+    with drifting_traffic():
         with contextlib.redirect_stdout(io.StringIO()):
             task.run(config)
+        before = (root / "quick" / "page.html").read_text(encoding="utf-8")
         found, printed = report(root, "quick")
-    return Reported(config, root, root / "quick", found, printed)
+    return Reported(config, root, root / "quick", before, found, printed)
 
 
 def report(root, study, **options):
@@ -115,8 +83,8 @@ def report(root, study, **options):
 
 @pytest.fixture
 def copied(reported, tmp_path):
-    """A copy of the evaluation that a test may spoil, without its report: its root."""
-    shutil.copytree(reported.folder, tmp_path / "quick", ignore=shutil.ignore_patterns("report.html"))
+    """A copy of the evaluation that a test may spoil: its root."""
+    shutil.copytree(reported.folder, tmp_path / "quick")
     return tmp_path
 
 

@@ -75,12 +75,25 @@ def test_an_evaluation_is_reported_with_intervals_and_provenance(reported):
     assert reported.found["size"] < 1_500_000
 
 
+def test_the_page_of_the_task_says_the_same_and_replays_its_example(reported, make_report, read_replay, tmp_path):
+    """All but the origin of the replayed scenes and the name of the data is as the task wrote it."""
+    (example,) = read_replay(reported.before)["scenes"]
+    make_report(reported.root, "quick", scenes=(example["id"],), path=str(tmp_path / "example.html"))
+    again = (tmp_path / "example.html").read_text(encoding="utf-8")
+    assert read_replay(again)["scenes"] == [example]
+
+    def without_origin(page):
+        return re.sub(r"Simulated .*?(?= Both are drawn)|configuration \w+, .*?(?= Complete)", "", words(page))
+
+    assert without_origin(again) == without_origin(reported.before)
+
+
 def test_the_replay_is_the_rollout_of_the_study(reported):
     """Positions are those of the same functions `rearl evaluate` calls, to the centimetre."""
     from rearl_jax.evaluation.inputs import read_inputs
     from rearl_jax.evaluation.rollouts import Rollouts
     from rearl_jax.progress import progress_bar
-    from rearl_jax.report.embedding import positions
+    from rearl_jax.replay.embedding import positions
     from rearl_jax.results import Study
 
     with progress_bar() as bar:
@@ -134,7 +147,7 @@ def test_without_its_data_a_study_is_reported_without_replay(copied, make_report
     file.write_text(json.dumps([row | {"data_id": "us101-gone"} for row in rows]))
     found, printed = make_report(copied, "quick")
     assert found["scenes"] == []
-    page = (copied / "quick" / "report.html").read_text()
+    page = (copied / "quick" / "page.html").read_text()
     check_alone(page)
     for text in (printed, words(page)):
         assert "No scenes are replayed here: the data of the study are us101-gone, those at data.root are" in text
@@ -155,7 +168,7 @@ def test_rollouts_that_are_not_those_of_the_study_are_not_shown(copied, make_rep
 
 def test_a_discovery_is_reported_with_its_verdict_and_hostile_names_are_text(discovery, make_report):
     make_report(discovery, "found")
-    page = (discovery / "found" / "report.html").read_text()
+    page = (discovery / "found" / "page.html").read_text()
     seen = check_alone(page)
     text = words(page)
     assert "Missing in the model: reaction delay." in text
@@ -182,7 +195,7 @@ def test_a_sweep_is_reported_with_its_pairs(make_study, make_report):
         "sweep", "sweep thresholds", SweepThresholdsTask(), summary | {"is_distinguishable": True}, {"table3": table}
     )
     make_report(root, "sweep")
-    page = (root / "sweep" / "report.html").read_text()
+    page = (root / "sweep" / "page.html").read_text()
     check_alone(page)
     text = words(page)
     assert "the percentiles 10 % and 5 % leave the least error, 0.500 beside 0.700 without interventions" in text
@@ -211,7 +224,7 @@ def test_a_study_beside_the_paper_is_reported_with_both(make_study, make_report)
     root = make_study("paper", "study table1", StudyTable1Task(), findings, {"table1": table})
     (root / "paper" / "rows").mkdir()
     found, _ = make_report(root, "paper")
-    page = (root / "paper" / "report.html").read_text()
+    page = (root / "paper" / "page.html").read_text()
     check_alone(page)
     text = words(page)
     assert "1 of 1 rows are closer to the recorded traffic than base, 0 are farther and 0 cannot" in text
@@ -233,7 +246,7 @@ def test_a_blind_study_is_reported_with_its_rates(make_study, make_report):
     tables = {"scores": scores, "cases": cases, "confusion": confusion}
     root = make_study("blind", "discover blind", DiscoverBlindTask(), summary, tables)
     make_report(root, "blind")
-    page = (root / "blind" / "report.html").read_text()
+    page = (root / "blind" / "page.html").read_text()
     check_alone(page)
     text = words(page)
     assert "Discovery was right about 2 of 3 data sets" in text
@@ -296,6 +309,6 @@ def test_keys_that_did_not_exist_then_have_their_defaults(discovery, make_report
     summary = json.loads((discovery / "found" / "summary.json").read_text())
     (discovery / "found" / "summary.json").write_text(json.dumps(summary | {"config_hash": "of_another_time"}))
     make_report(discovery, "found")
-    text = words((discovery / "found" / "report.html").read_text())
+    text = words((discovery / "found" / "page.html").read_text())
     assert "Keys that did not exist when the study was made are listed with their defaults." in text
     assert "configuration of_another_time" in text
