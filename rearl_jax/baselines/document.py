@@ -9,7 +9,7 @@ import pandas as pd
 from rearl_jax.config import TrainPpoTask
 from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.document.document import Document, Section
-from rearl_jax.document.table import Cell, Row, Table
+from rearl_jax.document.table import table_of
 
 _ROWS = 10
 """Updates shown; the file has all."""
@@ -24,16 +24,10 @@ def document_of(config: TrainPpoTask, curve: pd.DataFrame, summary: Mapping[str,
         summary: The figures of `summary.json`.
         weights: File of the weights.
     """
-    names = ("crashed", "speed", *ACTION_NAMES)
-    updates = np.unique(np.linspace(0, len(curve) - 1, _ROWS).round().astype(int))
-    rows = tuple(
-        Row(
-            f"{update['car_steps']:,}",
-            (Cell(f"{update['return']:.2f}"), *(Cell(f"{update[name]:.3f}") for name in names)),
-        )
-        for update in curve.iloc[updates].to_dict("records")
-    )
+    columns = {"car_steps": "vehicle-seconds", "return": "return", "crashed": "crashed", "speed": "speed, m/s"}
+    shown = np.unique(np.linspace(0, len(curve) - 1, _ROWS).round().astype(int))
     title = f"ppo by vehicle-seconds, {len(curve)} updates of {config.ppo.batch(config.core.n_vehicles):,}"
+    updates = table_of(title, curve.iloc[shown], columns | {name: name for name in ACTION_NAMES})
     notes = [
         f"return: rewards of a vehicle until it crashes, {config.ppo.horizon} at most; actions are drawn while "
         "training, an evaluation takes the likeliest"
@@ -51,7 +45,7 @@ def document_of(config: TrainPpoTask, curve: pd.DataFrame, summary: Mapping[str,
         sections=(
             Section(
                 "Learning curve",
-                tables=(Table(title, ("return", "crashed", "speed, m/s", *ACTION_NAMES), rows),),
+                tables=(updates,),
                 notes=tuple(notes),
             ),
         ),

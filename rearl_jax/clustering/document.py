@@ -8,7 +8,7 @@ import pandas as pd
 from rearl_jax.config import ClusterTask
 from rearl_jax.config.clustering import Representative
 from rearl_jax.document.document import DataSource, Document, Section
-from rearl_jax.document.table import Cell, Row, Table, table_of
+from rearl_jax.document.table import table_of
 
 _TRACKS = {
     "label": "label",
@@ -36,21 +36,12 @@ def document_of(
         sources: Data sets with their licences.
         generated: Whether any of the recordings were generated.
     """
-    shares = [f"share_{label}" for label in range(summary["k"])]
-    references = tuple(
-        Row(
-            str(row["reference"]),
-            (
-                *(Cell(str(row[name])) for name in ("scene_id", "recording", "n_members")),
-                *(Cell(f"{row[name]:.3f}") for name in shares),
-            ),
-        )
-        for row in summary["references"]
-    )
-    headings = ("scene", "recording", "members", *(f"share {label}" for label in range(summary["k"])))
-    tracks = table_of(
-        f"Tracks of {', '.join(source.name for source in sources)}", pd.DataFrame(summary["tracks"]), _TRACKS
-    )
+    names = ", ".join(source.name for source in sources)
+    columns = {"reference": "reference", "scene_id": "scene", "recording": "recording", "n_members": "members"}
+    columns |= {f"share_{label}": f"share {label}" for label in range(summary["k"])}
+    representatives = pd.DataFrame(summary["references"]).astype({"scene_id": str})
+    tracks = table_of(f"Tracks of {names}", pd.DataFrame(summary["tracks"]), _TRACKS)
+    scenes = table_of("Representative scenes", representatives, columns)
     return Document(
         title="Clusters of tracks and scenes",
         verdict=f"{summary['n_tracks']:,} tracks fall into {summary['k']} clusters, {summary['n_scenes']:,} scenes "
@@ -59,7 +50,7 @@ def document_of(
             Section("Clusters of tracks, by label", tables=(tracks,)),
             Section(
                 "Representative scenes, by cluster",
-                tables=(Table("Representative scenes", headings, references),),
+                tables=(scenes,),
                 notes=tuple(_notes(config, summary)),
             ),
         ),

@@ -21,7 +21,7 @@ from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study, read_metadata
 from rearl_jax.study.document import Form, publish
 from rearl_jax.study.language_model_steps import fresh_client, measure_model_steps
-from rearl_jax.study.table4_tables import Timing, conclusions, long_timings, sections, summary_of, timings_of
+from rearl_jax.study.table4_tables import conclusions, long_timings, sections, summary_of
 from rearl_jax.timing.decision_steps import count_reports, measure_steps
 from rearl_jax.timing.turns import reporting
 
@@ -64,7 +64,7 @@ def run(config: StudyTable4Task) -> dict:
     study.write_config()
     with_model = _measured_with_model(config) if config.table4.llm else None
     steps, measured_on = _measured(config)
-    timings = timings_of(steps, with_model)
+    table = long_timings(steps, with_model)
     n_steps = config.loop.steps
     machine, load = measured_on["machine"], measured_on["load_average"]
     measured = f"Measured on {machine}" + ("" if load is None else f", load {load:.1f} at the start")
@@ -72,25 +72,25 @@ def run(config: StudyTable4Task) -> dict:
         f"No data were read: {_references(config)}. {measured}; median of {config.loop.steps_repetitions} measurements "
         "after a warm-up."
     )
-    summary = {"machine": machine, "load_average": load} | summary_of(timings, n_steps)
+    summary = {"machine": machine, "load_average": load} | summary_of(table, n_steps)
     publish(
         study,
         FORM,
         config,
-        long_timings(timings),
+        table,
         summary,
-        Remarks(data, tuple(conclusions(timings, n_steps)), _DIFFERENCES),
-        partial(_draw, timings, n_steps),
+        Remarks(data, tuple(conclusions(table, n_steps)), _DIFFERENCES),
+        partial(_draw, table, n_steps),
         generated=False,
         machine=machine,
     )
     return summary
 
 
-def _draw(timings: list[Timing], n_steps: int) -> dict[str, bytes]:
+def _draw(table: pd.DataFrame, n_steps: int) -> dict[str, bytes]:
     from rearl_jax.study.table4_figure import draw_timings
 
-    return {"table4": draw_timings(timings, n_steps)}
+    return {"table4": draw_timings(table, n_steps)}
 
 
 def _references(config: StudyTable4Task) -> str:

@@ -1,48 +1,54 @@
 """What a stream of rollouts says: time of a rollout by the number at a time, rates, memory."""
 
+import pandas as pd
+
 from rearl_jax.document.document import Document, Section
-from rearl_jax.document.table import NONE, Cell, Emphasis, Row, Table
+from rearl_jax.document.table import Emphasis, table_of
 from rearl_jax.runtime import machine_line
-from rearl_jax.sweep.scale_costs import BatchCost
 from rearl_jax.sweep.scale_results import ScaleResults
 
-_HEADINGS = ("simulate", "score", "together", "CPU simulate", "CPU score", "CPU together", "rollouts/s")
+_COLUMNS = {
+    "title": "",
+    "simulate_s": "simulate",
+    "score_s": "score",
+    "together_s": "together",
+    "simulate_cpu_s": "CPU simulate",
+    "score_cpu_s": "CPU score",
+    "together_cpu_s": "CPU together",
+    "rate": "rollouts/s",
+}
 
 
 def document_of(results: ScaleResults) -> Document:
     """The document of a stream of rollouts."""
-    rows = [Row(f"{cost.n_rollouts:,} at a time", _cells(cost)) for cost in results.costs]
-    rates = results.rates()
+    costs = pd.DataFrame(map(vars, results.costs))
+    for clock in ("s", "cpu_s"):
+        costs[f"together_{clock}"] = costs[f"simulate_{clock}"] + costs[f"score_{clock}"]
+    costs["title"] = [f"{n:,} at a time" for n in costs["n_rollouts"]]
+    rates, stream = results.rates(), results.stream
     elapsed, cpu = rates["rollouts_per_s"], rates["rollouts_per_cpu_s"]
     if elapsed is None or cpu is None:
         verdict = f"All {results.n_rollouts:,} rollouts were on disk; nothing was simulated, so no rates."
     else:
-        cells = (NONE, NONE, _ms(1 / elapsed), NONE, NONE, _ms(1 / cpu), f"{elapsed:,.0f}")
-        title = f"stream of {results.stream.n_simulated:,}"
-        rows.append(Row(title, tuple(map(Cell, cells)), Emphasis.strong))
+        name = f"stream of {stream.n_simulated:,}"
+        record = {"title": name, "together_s": 1 / elapsed, "together_cpu_s": 1 / cpu}
+        costs = pd.concat([costs, pd.DataFrame([record])])
         verdict = (
-            f"{results.stream.n_simulated:,} of {results.n_rollouts:,} rollouts were simulated, scored and written in "
-            f"{results.stream.wall_s:,.1f} s ({results.stream.cpu_s:,.1f} s of CPU time)."
+            f"{stream.n_simulated:,} of {results.n_rollouts:,} rollouts were simulated, scored and written in "
+            f"{stream.wall_s:,.1f} s ({stream.cpu_s:,.1f} s of CPU time)."
         )
+    costs["rate"] = 1 / costs["together_s"]
+    times = [name for name in costs if name.endswith("_s")]
+    costs[times] = 1000 * costs[times]
     title = f"{results.config.method.name}: time of a rollout of {results.seconds} s, ms"
+    table = table_of(title, costs, _COLUMNS, {f"stream of {stream.n_simulated:,}": Emphasis.strong})
     return Document(
         title=title,
         verdict=verdict,
-        sections=(Section("Costs", tables=(Table(title, _HEADINGS, tuple(rows)),), notes=_notes(results)),),
+        sections=(Section("Costs", tables=(table,), notes=_notes(results)),),
         command="sweep scale",
         generated=results.generated,
     )
-
-
-def _cells(cost: BatchCost) -> tuple[Cell, ...]:
-    elapsed = (cost.simulate_s, cost.score_s, cost.simulate_s + cost.score_s)
-    cpu = (cost.simulate_cpu_s, cost.score_cpu_s, cost.simulate_cpu_s + cost.score_cpu_s)
-    return (*(Cell(_ms(seconds)) for seconds in (*elapsed, *cpu)), Cell(f"{1 / elapsed[-1]:,.0f}"))
-
-
-def _ms(seconds: float) -> str:
-    """Milliseconds with three significant digits."""
-    return f"{1000 * seconds:#.3g}"
 
 
 def _notes(results: ScaleResults) -> tuple[str, ...]:

@@ -7,8 +7,20 @@ import pandas as pd
 
 from rearl_jax.config.validation import ValidationConfig
 from rearl_jax.document.document import Document, Section
-from rearl_jax.document.table import NONE, Cell, Emphasis, Row, Table
+from rearl_jax.document.table import NONE, Emphasis, table_of
 from rearl_jax.validation.summary import PRECISIONS, where
+
+_SHARES = ("lane_change_agreement", "crash_agreement", "agree_share")
+
+_EXCEPTION = {
+    "scene": "scene",
+    "cause": "cause",
+    "first_time": "from\n[s]",
+    "first_contact": "first contact\n[s]",
+    "first_speed": "vehicle's\nspeed [m/s]",
+    "max_position": "largest\n[m]",
+    "own_difference": "highway-env's\nown [m]",
+}
 
 
 def document_of(
@@ -23,10 +35,13 @@ def document_of(
         config: Tolerances.
     """
     sections = [_agreement(groups, precision, summary, config) for precision in PRECISIONS]
+    note = "highway-env's own: what it makes of a start one unit in the last place further ahead"
     for precision in PRECISIONS:
         excepted = where(scenes, precision=precision, agrees=False)
         if len(excepted):
-            sections.append(_exceptions(excepted, precision))
+            named = excepted.assign(scene=excepted["set"] + " " + excepted["index"].astype(str))
+            table = table_of(f"Scenes that differ in {precision}", named, _EXCEPTION)
+            sections.append(Section(f"Exceptions in {precision}", tables=(table,), notes=(note,)))
     return Document(
         title="The traffic model against highway-env",
         verdict=f"{_percent(summary['agree_share_f64'])} of {summary['scenes']:,} scenes agree with "
@@ -43,25 +58,26 @@ def _agreement(groups: pd.DataFrame, precision: str, summary: Mapping[str, Any],
     """float64 is judged over all ticks, float32 before the first contact of each scene."""
     whole = precision == "float64"
     ending, scope = ("", "at all ticks") if whole else ("_before_contact", "before the first contact")
-    tolerance = config.tolerance_f64 if whole else config.tolerance_f32
-    headings = (
-        *("scenes", "lane\nchanges", "aborts", "crashed"),
-        *("position\n[m]", "speed\n[m/s]", "heading\n[rad]", "decision\nflips"),
-        *("lane changes\nalike", "crash flags\nalike", f"agree\n({tolerance:g} m)"),
-    )
-    rows = []
-    for row in where(groups, precision=precision).to_dict("records"):
-        cells = (
-            *(str(row[name]) for name in ("scenes", "lane_changes", "aborts", "crashes")),
-            *(f"{row[name + ending]:.1e}" for name in ("max_dx", "max_dspeed", "max_dheading")),
-            str(row["flips" + ending]),
-            *(_percent(row[name]) for name in ("lane_change_agreement", "crash_agreement", "agree_share")),
-        )
-        emphasis = Emphasis.strong if row["level"] == "all" else Emphasis.plain
-        rows.append(Row(row["group"], tuple(map(Cell, cells)), emphasis))
+    columns = {
+        "group": "set",
+        "scenes": "scenes",
+        "lane_changes": "lane\nchanges",
+        "aborts": "aborts",
+        "crashes": "crashed",
+        f"max_dx{ending}": "position\n[m]",
+        f"max_dspeed{ending}": "speed\n[m/s]",
+        f"max_dheading{ending}": "heading\n[rad]",
+        f"flips{ending}": "decision\nflips",
+        "lane_change_agreement": "lane changes\nalike",
+        "crash_agreement": "crash flags\nalike",
+        "agree_share": f"agree\n({config.tolerance_f64 if whole else config.tolerance_f32:g} m)",
+    }
+    rows = where(groups, precision=precision)
+    rows = rows.assign(**{name: rows[name].map(_percent) for name in _SHARES})
     title = f"{precision} against {summary['reference']}, largest differences {scope}"
     note = "lane changes and crash flags: of all ticks, those after contact included"
-    return Section(precision, tables=(Table(title, headings, tuple(rows)),), notes=() if whole else (note,))
+    table = table_of(title, rows, columns, {"all": Emphasis.strong})
+    return Section(precision, tables=(table,), notes=() if whole else (note,))
 
 
 def _control(summary: Mapping[str, Any]) -> str:
@@ -74,33 +90,8 @@ def _control(summary: Mapping[str, Any]) -> str:
     )
 
 
-def _exceptions(excepted: pd.DataFrame, precision: str) -> Section:
-    headings = (
-        *("cause", "from\n[s]", "first contact\n[s]", "vehicle's\nspeed [m/s]", "largest\n[m]"),
-        "highway-env's\nown [m]",
-    )
-    rows = []
-    for row in excepted.to_dict("records"):
-        own = row["own_difference"]
-        cells = (
-            row["cause"],
-            f"{row['first_time']:.2f}",
-            NONE if pd.isna(row["first_contact"]) else f"{row['first_contact']:.2f}",
-            f"{row['first_speed']:.3f}",
-            f"{row['max_position']:.1e}",
-            NONE if pd.isna(own) else f"{own:.1e}",
-        )
-        rows.append(Row(f"{row['set']} {row['index']}", tuple(map(Cell, cells))))
-    note = "highway-env's own: what it makes of a start one unit in the last place further ahead"
-    return Section(
-        f"Exceptions in {precision}",
-        tables=(Table(f"Scenes that differ in {precision}", headings, tuple(rows)),),
-        notes=(note,),
-    )
-
-
 def _percent(share: float | None) -> str:
-    """Never rounded up to a full 100 %."""
-    if share is None:
+    """Text of a share [-], never rounded up to a full 100 %."""
+    if share is None or pd.isna(share):
         return NONE
     return "100 %" if share == 1 else f"{min(share, 0.9999):.2%}".replace("%", " %")

@@ -234,10 +234,9 @@ def test_a_finished_study_has_no_rates_and_says_so(whole):
 
 def test_generated_recordings_are_marked(whole, tmp_path):
     from rearl_jax.document.terminal import text_of
-    from rearl_jax.sweep.scale_document import document_of
-
     from rearl_jax.results import Study
     from rearl_jax.sweep.scale_costs import BatchCost
+    from rearl_jax.sweep.scale_document import document_of
     from rearl_jax.sweep.scale_progress import StreamLog
     from rearl_jax.sweep.scale_results import ScaleResults
 
