@@ -78,13 +78,11 @@ def publish(
     study: Study,
     form: Form,
     config: Any,
+    scenes: SceneSet | None,
     table: pd.DataFrame,
     summary: Mapping[str, Any],
     remarks: Remarks,
     draw: Callable[[], Mapping[str, bytes]],
-    *,
-    generated: bool,
-    data_id: str | None = None,
     **metadata: str,
 ) -> None:
     """Prints the document and writes `NAME.parquet`, the figures, `page.html` and, last of all, `summary.json`.
@@ -93,15 +91,15 @@ def publish(
         study: The folder.
         form: The form of the study.
         config: Its record.
+        scenes: All scenes; None without data.
         table: The long table.
         summary: Flat figures.
         remarks: Text that goes with the table.
         draw: Makes the figures, PNG by name; called after the tables are printed.
-        generated: Whether any of the recordings were generated.
-        data_id: Identity of the scenes; None without data.
         **metadata: What the table says besides its provenance.
     """
     study.write_table(form.name, table, **metadata, remarks=remarks.to_json())
+    generated = scenes is not None and scenes.generated
     document = document_of(form, config, table, summary, remarks, generated=generated)
     print_document(document)
 
@@ -111,7 +109,7 @@ def publish(
     figures = draw()
     for name, png in figures.items():
         study.write_bytes(f"{name}.png", png)
-    study.write_text("page.html", page_of(document, config, figures, data_id=data_id))
+    study.write_text("page.html", page_of(document, config, figures, data_id=scenes and scenes.data_id))
     study.write_summary(summary)
 
 

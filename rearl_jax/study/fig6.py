@@ -12,15 +12,14 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config import StudyFig6Task
-from rearl_jax.data.recordings import is_generated
 from rearl_jax.document.document import Section
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.tables import HEADINGS
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.progress import progress_bar
-from rearl_jax.results import Study
 from rearl_jax.study.document import Form, beside_paper, long_table, publish
 from rearl_jax.study.error_series import ErrorSeries, error_series
+from rearl_jax.study.parts import begin
 from rearl_jax.study.row_results import evaluate_rows
 from rearl_jax.study.table1 import remarks_on_rows
 
@@ -56,9 +55,7 @@ def run(config: StudyFig6Task) -> dict:
     Raises:
         FileNotFoundError, ValueError: See `rearl_jax.study.table1.run`.
     """
-    generated = is_generated(config.data)
-    study = Study(config.results.root, config.study, config, "study fig6", inputs_id(config), generated=generated)
-    study.write_config()
+    study = begin("study fig6", config, inputs_id(config))
     results = evaluate_rows(config)
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=results.has_references)
@@ -73,12 +70,11 @@ def run(config: StudyFig6Task) -> dict:
         study,
         FORM,
         config,
+        inputs.scenes,
         table,
         summary,
         remarks_on_rows(config, results, inputs, _findings(parts, metrics), _NOT_AT_HAND),
-        partial(_draw, config, series, generated=generated),
-        generated=generated,
-        data_id=inputs.scenes.data_id,
+        partial(_draw, config, series, generated=inputs.scenes.generated),
         seeds=config.seeds,
     )
     return summary

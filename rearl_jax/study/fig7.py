@@ -12,17 +12,16 @@ import pandas as pd
 
 from rearl_jax.config import StudyFig7Task
 from rearl_jax.console import generated_mark
-from rearl_jax.data.recordings import is_generated
 from rearl_jax.document.document import Section
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.percentiles import BaseValues
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.metrics.histograms import legacy_scale
 from rearl_jax.progress import progress_bar, shown
-from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
 from rearl_jax.study import differences
 from rearl_jax.study.document import Form, beside_paper, long_table, publish, remarks_on
+from rearl_jax.study.parts import begin
 from rearl_jax.study.published import (
     N_THRESHOLD_SCENES,
     N_VALUES_H,
@@ -55,9 +54,7 @@ def run(config: StudyFig7Task) -> dict:
         FileNotFoundError, ValueError: There are no recordings, one is bad, or too few scenes can be cut from them.
     """
     set_precision(config.core.dtype)
-    generated = is_generated(config.data)
-    study = Study(config.results.root, config.study, config, "study fig7", inputs_id(config), generated=generated)
-    study.write_config()
+    study = begin("study fig7", config, inputs_id(config))
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=False)
         scenes, subset = inputs.scenes, inputs.splits.threshold
@@ -87,12 +84,11 @@ def run(config: StudyFig7Task) -> dict:
         study,
         FORM,
         config,
+        scenes,
         long_table(records),
         summary,
         remarks_on(config, scenes, use, _findings(config, base), differing),
-        partial(_draw, config, base, generated=generated),
-        generated=generated,
-        data_id=scenes.data_id,
+        partial(_draw, config, base, generated=scenes.generated),
         **metadata,
     )
     return summary

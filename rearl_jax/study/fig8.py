@@ -15,16 +15,15 @@ import pandas as pd
 from rearl_jax.clustering import task
 from rearl_jax.clustering.tables import seeds
 from rearl_jax.config import ClusterTask, StudyFig8Task
-from rearl_jax.data.recordings import data_id, is_generated
+from rearl_jax.data.recordings import data_id
 from rearl_jax.data.scenes import PAPER_SCENES
 from rearl_jax.document.document import Section
 from rearl_jax.document.table import table_of
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.progress import progress_bar
-from rearl_jax.results import Study
 from rearl_jax.study import differences
 from rearl_jax.study.document import Form, beside_paper, long_table, publish, remarks_on
-from rearl_jax.study.parts import carry_out, part_record
+from rearl_jax.study.parts import begin, carry_out, part_record
 from rearl_jax.study.published import N_SCENE_CLUSTERS, N_TRACK_CLUSTERS
 
 _CAPTIONS = {
@@ -69,9 +68,7 @@ def run(config: StudyFig8Task) -> dict:
     Raises:
         FileNotFoundError, ValueError: See `rearl_jax.clustering.task.run`.
     """
-    generated = is_generated(config.data)
-    study = Study(config.results.root, config.study, config, "study fig8", data_id(config.data), generated=generated)
-    study.write_config()
+    study = begin("study fig8", config, data_id(config.data))
     folder = carry_out(task.run, part_record(ClusterTask, config, f"{config.study}/cluster"))
     found = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     with progress_bar() as bar:
@@ -92,12 +89,11 @@ def run(config: StudyFig8Task) -> dict:
         study,
         FORM,
         config,
+        scenes,
         _long(found),
         summary,
         remarks_on(config, scenes, use, _findings(found), differing),
-        partial(_draw, folder, found, generated=generated),
-        generated=generated,
-        data_id=scenes.data_id,
+        partial(_draw, folder, found, generated=scenes.generated),
         seeds=seeds(config),
     )
     return summary
@@ -112,7 +108,7 @@ def _draw(folder: Path, found: dict, *, generated: bool) -> dict[str, bytes]:
     scenes = pd.read_parquet(folder / "scene_clusters.parquet")
     return {
         "fig8": (folder / "scenes.png").read_bytes(),
-        "fig8_clusters": draw_clusters(scenes, found["k"], generated=generated),
+        "fig8_clusters": draw_clusters(scenes, found["k"], generated=scenes.generated),
     }
 
 

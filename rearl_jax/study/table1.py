@@ -7,15 +7,14 @@ metric), `table1.png`, `page.html`, `config.json` and, last of all, `summary.jso
 from functools import partial
 
 from rearl_jax.config import StudyTable1Task
-from rearl_jax.data.recordings import is_generated
 from rearl_jax.evaluation.inputs import Inputs, read_inputs
 from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.progress import progress_bar
-from rearl_jax.results import Study
 from rearl_jax.study import differences
 from rearl_jax.study.document import Form, publish, remarks_on
 from rearl_jax.study.findings import findings
+from rearl_jax.study.parts import begin
 from rearl_jax.study.published import N_EVALUATION_SCENES
 from rearl_jax.study.row_results import Results, evaluate_rows
 from rearl_jax.study.table1_tables import long_rows, sections, summary_of, verdict
@@ -36,26 +35,22 @@ def run(config: StudyTable1Task) -> dict:
         FileNotFoundError, ValueError: There are no recordings, one is bad, too few scenes can be cut from them, two
             keys contradict each other, or there is no row of a name.
     """
-    generated = is_generated(config.data)
-    study = Study(config.results.root, config.study, config, "study table1", inputs_id(config), generated=generated)
-    study.write_config()
+    study = begin("study table1", config, inputs_id(config))
     results = evaluate_rows(config)
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=results.has_references)
-    said = findings(
-        results.differences(config), n_scenes=results.n_scenes, confidence=config.eval.confidence, generated=generated
-    )
+    compared, confidence, generated = results.differences(config), config.eval.confidence, inputs.scenes.generated
+    said = findings(compared, n_scenes=results.n_scenes, confidence=confidence, generated=generated)
     table, summary = long_rows(results), summary_of(config, results, said)
     publish(
         study,
         FORM,
         config,
+        inputs.scenes,
         table,
         summary,
         remarks_on_rows(config, results, inputs, [verdict(table), *said]),
         partial(_draw, config, results, generated=generated),
-        generated=generated,
-        data_id=inputs.scenes.data_id,
         seeds=config.seeds,
     )
     return summary

@@ -4,19 +4,20 @@ The pairs are simulated by `rearl sweep thresholds` in `sweep/`. Writes `table3.
 `table3.png`, `page.html`, `config.json` and, last of all, `summary.json`.
 """
 
+import json
 from functools import partial
 from pathlib import Path
 
+import pandas as pd
+
 from rearl_jax.config import StudyTable3Task, SweepThresholdsTask
-from rearl_jax.data.recordings import is_generated
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.progress import progress_bar
-from rearl_jax.results import Study
 from rearl_jax.study import differences
 from rearl_jax.study.document import Form, publish, remarks_on
-from rearl_jax.study.pair_results import PairResults, read_pairs
-from rearl_jax.study.parts import carry_out, part_record
+from rearl_jax.study.pair_results import read_pairs
+from rearl_jax.study.parts import begin, carry_out, part_record
 from rearl_jax.study.published import N_THRESHOLD_SCENES, N_TUNING_SCENES
 from rearl_jax.study.table3_tables import conclusions, long_pairs, sections, summary_of
 from rearl_jax.sweep import task
@@ -39,11 +40,9 @@ def run(config: StudyTable3Task) -> dict:
     Raises:
         FileNotFoundError, ValueError: See `rearl_jax.sweep.task.run`.
     """
-    generated = is_generated(config.data)
-    study = Study(config.results.root, config.study, config, "study table3", inputs_id(config), generated=generated)
-    study.write_config()
+    study = begin("study table3", config, inputs_id(config))
     folder = carry_out(task.run, part_record(SweepThresholdsTask, config, f"{config.study}/sweep"))
-    results = read_pairs(folder, config)
+    pairs, sweep = read_pairs(folder, config), json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=True)
     scenes, splits = inputs.scenes, inputs.splits
@@ -60,26 +59,25 @@ def run(config: StudyTable3Task) -> dict:
         "choice of the pair: least sum of both errors; the paper does not say how it chose",
     )
     use = f"{len(splits.tuning)} of them simulated under every pair"
-    summary = summary_of(config, results)
+    summary = summary_of(config, pairs, sweep)
     publish(
         study,
         FORM,
         config,
-        long_pairs(results),
+        scenes,
+        long_pairs(pairs),
         summary,
-        remarks_on(config, scenes, use, conclusions(results), differing),
-        partial(_draw, results, folder, generated=generated),
-        generated=generated,
-        data_id=scenes.data_id,
+        remarks_on(config, scenes, use, conclusions(pairs, sweep, len(splits.tuning)), differing),
+        partial(_draw, pairs, len(splits.tuning), folder, generated=scenes.generated),
         seeds=config.seeds,
     )
     return summary
 
 
-def _draw(results: PairResults, folder: Path, *, generated: bool) -> dict[str, bytes]:
+def _draw(pairs: pd.DataFrame, n_scenes: int, folder: Path, *, generated: bool) -> dict[str, bytes]:
     from rearl_jax.study.table3_figure import draw_pairs
 
     return {
-        "table3": draw_pairs(results, generated=generated),
+        "table3": draw_pairs(pairs, n_scenes, generated=scenes.generated),
         "pairs": (folder / "pairs.png").read_bytes(),
     }

@@ -77,11 +77,11 @@ def run(config: StudyTable4Task) -> dict:
         study,
         FORM,
         config,
+        None,
         table,
         summary,
         Remarks(data, tuple(conclusions(table, n_steps)), _DIFFERENCES),
         partial(_draw, table, n_steps),
-        generated=False,
         machine=machine,
     )
     return summary

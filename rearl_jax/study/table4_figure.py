@@ -27,7 +27,7 @@ def draw_timings(table: pd.DataFrame, n_steps: int) -> bytes:
     batches = sorted(table["batch"].unique())
     figure, (axes,) = panels(7.2, 1.4 + 0.4 * len(programs), generated=False)
     for number, batch in enumerate(batches):
-        of_batch = table[table["batch"] == batch]
+        of_batch = table.loc[table["batch"] == batch]
         middle, low, high = (of_batch[name].to_numpy(float) for name in ("ours", "low", "high"))
         axes.errorbar(
             middle,

@@ -41,7 +41,7 @@ def long_timings(steps: pd.DataFrame, with_model: pd.DataFrame | None) -> pd.Dat
         steps: One row per measurement: `program`, `batch`, `wall_s` [s], `compile_s` [s].
         with_model: Measurements with a language model; None without.
     """
-    records = [_record(str(key[0]), runs) for key, runs in steps.groupby(["program", "batch"], sort=False)]
+    records = [_record(runs["program"].iloc[0], runs) for _, runs in steps.groupby(["program", "batch"], sort=False)]
     for _, runs in () if with_model is None else with_model.groupby("batch", sort=False):
         asked, sent, answered = (runs[name].sum() for name in ("n_questions", "n_sent", "n_answered"))
         note = f"{runs['model'].iloc[0]}: {asked} questions, {sent} sent, {answered} answered"
@@ -92,7 +92,7 @@ def conclusions(table: pd.DataFrame, n_steps: int) -> list[str]:
         times = ", ".join(f"{TITLES[program]} {ratio[program]:.2f}" for program in (PPO, LOOP) if program in ratio)
         parts = (f"{TITLES[name]} {100 * ratio[name]:.0f} %" for name in (DETECTION, DECISION) if name in ratio)
         said.append(f"Batch {batch}: times IDM+MOBIL: {times}; of its time: {' and '.join(parts)}.")
-    for timing in table[table["row"] == MODEL].to_dict("records"):
+    for timing in table.loc[table["row"] == MODEL].to_dict("records"):
         said.append(
             f"Language model ({timing['note']}), batch {timing['batch']}: {timing['ours'] / n_steps:,.0f} ms per "
             "decision step, waiting for the server included."

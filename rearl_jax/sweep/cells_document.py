@@ -30,7 +30,7 @@ def document_of(config: EvaluateTask, cells: pd.DataFrame, *, generated: bool) -
     own = figures[figures["method"].isin(methods)]
     own = own.assign(title=own["method"] + ": " + own["cell"] if len(methods) > 1 else own["cell"])
     references = [
-        _reference(figures[figures["method"] == name]) for name in (BASE, REAL_VS_REAL, REAL) if name not in methods
+        _reference(figures.loc[figures["method"] == name]) for name in (BASE, REAL_VS_REAL, REAL) if name not in methods
     ]
     rows = pd.concat([own, *references])
     title = f"{n_cells} cells of {config.study}"

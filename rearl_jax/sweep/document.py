@@ -53,6 +53,7 @@ def document_of(
         columns,
         {names[0]: Emphasis.strong, "base": Emphasis.subdued},
     )
+    interval = f"{100 * config.eval.confidence:g} % bootstrap interval over scenes"
     told = "can" if summary["is_distinguishable"] else "cannot"
     closer = summary["best_score"] < summary["base_score"]
     notes = (
@@ -60,7 +61,7 @@ def document_of(
         "errors, smaller is closer",
         "best in: share of the resamples of the scenes in which the pair has the least sum",
         f"lead of {names[0]} over {names[min(1, len(names) - 1)]}: {summary['lead']:.4f}, "
-        f"{100 * config.eval.confidence:g} % bootstrap interval over scenes {summary['lead_low']:.4f} to {summary['lead_high']:.4f}",
+        f"{interval} {summary['lead_low']:.4f} to {summary['lead_high']:.4f}",
         *(() if closer else ("no pair is closer to the recorded scenes than base",)),
     )
     return Document(

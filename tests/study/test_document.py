@@ -1,10 +1,13 @@
 """The end of every study: page, Parquet, what is printed, that generated data are marked, and the report on it."""
 
+from unittest.mock import Mock
+
 import pandas as pd
 import pytest
 
 from rearl_jax import drawing
 from rearl_jax.config import ResultsConfig, StudyFig7Task
+from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.document.table import Cell, Emphasis
 from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.report.documents import paper_document
@@ -37,14 +40,21 @@ def study(tmp_path):
 def test_everything_is_written_generated_data_are_marked_and_the_report_says_the_same(study, tmp_path, capsys):
     study, config = study
     table, summary = long_table(RECORDS), {"n_scenes": 3, "missing": None}
-    publish(study, FORM, config, table, summary, REMARKS, lambda: {"fig7": png()}, generated=True)
+    scenes = Mock(spec=SceneSet, generated=True, data_id="of-a-test")
+    publish(study, FORM, config, scenes, table, summary, REMARKS, lambda: {"fig7": png()})
     printed = capsys.readouterr().out
     assert printed.count("GENERATED") == 2
     places = [printed.index(text) for text in ("They differ.", "[5 %]", "paper: [5 %]", "By much.")]
     assert places == sorted(places)
     assert "Only signs and orders can be compared with the paper; page.html says what differs: data, unit." in printed
     page = (study.path / "page.html").read_text(encoding="utf-8")
-    for text in ("Generated recordings, no measurements", "paper: [5 %]", "<li>data: others</li>", "rearl study fig7"):
+    for text in (
+        "Generated recordings, no measurements",
+        "paper: [5 %]",
+        "<li>data: others</li>",
+        "rearl study fig7",
+        "of-a-test",
+    ):
         assert text in page
     assert "data:image/png;base64," in page
     stored = pd.read_parquet(study.path / "fig7.parquet")
