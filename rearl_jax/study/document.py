@@ -109,7 +109,7 @@ def publish(
     figures = draw()
     for name, png in figures.items():
         study.write_bytes(f"{name}.png", png)
-    study.write_text("page.html", page_of(document, config, figures, data_id=scenes and scenes.data_id))
+    study.write_text("page.html", page_of(document, config, figures, data_id=scenes.data_id if scenes else None))
     study.write_summary(summary)
 
 

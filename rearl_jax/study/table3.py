@@ -78,6 +78,6 @@ def _draw(pairs: pd.DataFrame, n_scenes: int, folder: Path, *, generated: bool) 
     from rearl_jax.study.table3_figure import draw_pairs
 
     return {
-        "table3": draw_pairs(pairs, n_scenes, generated=scenes.generated),
+        "table3": draw_pairs(pairs, n_scenes, generated=generated),
         "pairs": (folder / "pairs.png").read_bytes(),
     }

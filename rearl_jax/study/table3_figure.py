@@ -32,9 +32,9 @@ def draw_pairs(pairs: pd.DataFrame, n_scenes: int, *, generated: bool) -> bytes:
         style = {"color": DARK_GREY, "mfc": "none", "markersize": 9, "linestyle": ""}
         right.plot(published["h"], published["mape"], "D", **style, label="paper's")
     right.plot(best["h"], best["mape"], "o", color=VERMILION)
-    for name, *at in zip(pairs["row"], pairs["h"], pairs["mape"], strict=True):
+    for name, x, y in zip(pairs["row"], pairs["h"], pairs["mape"], strict=True):
         text = name.replace(" %", "")
-        right.annotate(text, at, xytext=(4, 3), textcoords="offset points", fontsize=6, rotation=30)
+        right.annotate(text, (x, y), xytext=(4, 3), textcoords="offset points", fontsize=6, rotation=30)
     right.margins(0.12)
     right.legend(frameon=False, fontsize=FONT_SIZE)
     left.legend(frameon=False, fontsize=FONT_SIZE)
