@@ -5,11 +5,12 @@ Writes into the study folder `curve.parquet` (one row per update), `curve.png`, 
 training goes on from `checkpoint.eqx`.
 """
 
-from rearl_jax.baselines.terminal import print_curve
+from rearl_jax.baselines.document import document_of
 from rearl_jax.baselines.training import CHECKPOINT, Training, curve_table, train
 from rearl_jax.baselines.weights import weights_file
 from rearl_jax.config import TrainPpoTask
 from rearl_jax.decision.situation import ACTION_NAMES
+from rearl_jax.document.terminal import print_document
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
@@ -34,13 +35,13 @@ def run(config: TrainPpoTask) -> dict:
     curve = curve_table(training, batch)
     study.write_table("curve", curve, seeds=f"ppo.seed={config.ppo.seed}")
     weights = study.write_bytes(WEIGHTS, weights_file(training.network, config))
-    print_curve(config, training, curve, weights)
+    summary = _summary(training, curve, batch)
+    print_document(document_of(config, curve, summary, str(weights)))
 
     # Only now, so that nobody waits for matplotlib to see the table.
     from rearl_jax.baselines.figure import draw_curve
 
     study.write_bytes("curve.png", draw_curve(curve))
-    summary = _summary(training, curve, batch)
     study.write_summary(summary)
     (study.path / CHECKPOINT).unlink(missing_ok=True)
     return summary

@@ -2,7 +2,8 @@
 
 Writes into the study folder `tracks.parquet` (one row per track), `centres.parquet` (one per vertex),
 `scene_clusters.parquet` (one per scene: label shares, cluster, t-SNE coordinates), `references.parquet` (one per
-representative, second and slot), `bo_trace.parquet` with a search, PNG figures, `summary.json` and `config.json`.
+representative, second and slot), `bo_trace.parquet` with a search, PNG figures, `page.html`, `summary.json` and
+`config.json`.
 """
 
 import logging
@@ -10,13 +11,16 @@ import time
 
 import numpy as np
 
-from rearl_jax.clustering import tables, terminal
+from rearl_jax.clustering import tables
+from rearl_jax.clustering.document import document_of
 from rearl_jax.clustering.references import ReferenceBuilder
 from rearl_jax.clustering.search import TRACE
 from rearl_jax.config import ClusterTask
 from rearl_jax.data.recordings import count_recordings, is_generated, iterate_recordings
 from rearl_jax.data.scenes import build_scenes
 from rearl_jax.data.splits import split_scenes
+from rearl_jax.document.document import data_sources
+from rearl_jax.document.terminal import print_document
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 
@@ -72,14 +76,18 @@ def run(config: ClusterTask, *, show: bool = True) -> dict:
     if clusters.trace is not None and not (study.path / f"{TRACE}.parquet").exists():
         study.write_table(TRACE, clusters.trace, **metadata)  # the clustering, and with it its trace, was on disk
     summary = tables.summary(config, scenes, splits, clusters)
+    document = document_of(config, summary, data_sources(scenes.infos), generated=generated)
     if show:
-        terminal.print_table(config, scenes, splits, clusters)
+        print_document(document)
 
-    # Only now, so that nobody waits for matplotlib to see the table.
+    # Only now, so that nobody waits for matplotlib and jinja2 to see the table.
     from rearl_jax.clustering.figures import draw
+    from rearl_jax.document.html import page_of
 
-    for name, png in draw(config, scenes, splits, clusters, coordinates).items():
+    figures = draw(config, scenes, splits, clusters, coordinates)
+    for name, png in figures.items():
         study.write_bytes(f"{name}.png", png)
+    study.write_text("page.html", page_of(document, config, figures, data_id=scenes.data_id))
     study.write_summary(summary)
     log.info("%d references written to %s", len(np.asarray(references.speed)), study.path)
     return summary

@@ -83,18 +83,28 @@ class Table:
         return Alignment.words if any(value[:1].isalpha() for value in values) else Alignment.number
 
 
-def table_of(title: str, frame: pd.DataFrame, columns: Mapping[str, str] | Sequence[str]) -> Table:
+def table_of(
+    title: str,
+    frame: pd.DataFrame,
+    columns: Mapping[str, str] | Sequence[str],
+    emphasis: Mapping[str, Emphasis] | None = None,
+) -> Table:
     """Table of a frame: the first column holds the titles, `x_low` and `x_high` are the interval of `x`.
 
     Args:
         title: Its title.
         frame: The frame.
         columns: Names of the columns shown, those that the frame has not left out; as keys of their headings.
+        emphasis: Emphasis of rows by title; the others are plain.
     """
     headings = dict(columns) if isinstance(columns, Mapping) else {name: spoken(name) for name in columns}
     first, *others = (name for name in headings if name in frame)
     records = frame.head(MOST_ROWS).astype(object).to_dict("records")
-    rows = tuple(Row(number(record[first]), tuple(_cell(record, name) for name in others)) for record in records)
+    rows = tuple(
+        Row(title, tuple(_cell(record, name) for name in others), (emphasis or {}).get(title, Emphasis.plain))
+        for record in records
+        for title in (number(record[first]),)
+    )
     if len(frame) > len(rows):
         title += f" (the first {MOST_ROWS} of {len(frame)} rows)"
     return Table(title, tuple(headings[name] for name in others), rows)

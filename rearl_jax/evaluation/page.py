@@ -6,7 +6,6 @@ import numpy as np
 
 from rearl_jax.document.document import Document
 from rearl_jax.document.html import page_of
-from rearl_jax.evaluation.remarks import data_summary as data_summary
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.replay.player import player_of
 from rearl_jax.replay.scenes import Replay, ReplayedScene

@@ -1,16 +1,17 @@
 """The document of a finished study, by the task that made it."""
 
+import json
 from collections.abc import Callable
+from importlib import import_module
 
-from rearl_jax.document.document import Document, Section
-from rearl_jax.document.table import Cell, Emphasis, Row, Table
+from rearl_jax.document.document import Document
 from rearl_jax.evaluation.document import DECISION_COLUMNS, SUMMARY_COLUMNS, document_of
 from rearl_jax.evaluation.remarks import Remarks
-from rearl_jax.report.content import Content
 from rearl_jax.report.discovery import blind_document, discovery_document
 from rearl_jax.report.finished import FinishedStudy
-from rearl_jax.report.others import paper_content, sweep_content
-from rearl_jax.study.report import Shown
+from rearl_jax.study.document import document_of as study_document_of
+from rearl_jax.sweep.document import SUMMARY_KEYS
+from rearl_jax.sweep.document import document_of as sweep_document_of
 
 
 def evaluation_document(study: FinishedStudy) -> Document:
@@ -19,7 +20,7 @@ def evaluation_document(study: FinishedStudy) -> Document:
     Raises:
         FileNotFoundError, ValueError: A table is missing, or of an older version.
     """
-    summary, remarks = study.table("summary"), study.metadata("summary").get("remarks")
+    summary = study.table("summary")
     study.needs(summary, SUMMARY_COLUMNS, "summary.parquet")
     decisions = None
     if (study.path / "decisions.parquet").exists():
@@ -28,52 +29,50 @@ def evaluation_document(study: FinishedStudy) -> Document:
     return document_of(
         study.config,
         summary,
-        Remarks() if remarks is None else Remarks.from_json(remarks),
+        _remarks(study, "summary"),
         decisions=decisions,
         generated=study.generated,
     )
 
 
-def _from_content(content_of: Callable[[FinishedStudy], Content]) -> Callable[[FinishedStudy], Document]:
-    def document(study: FinishedStudy) -> Document:
-        content = content_of(study)
-        sections = (
-            Section(part.title, part.paragraphs, tuple(map(_table, part.tables)), part.items, part.is_folded)
-            for part in content.sections
-        )
-        data = " ".join(filter(None, (content.data, *content.notes)))
-        return Document(
-            content.title,
-            content.result,
-            tuple(sections),
-            content.words,
-            study.generated,
-            data,
-            captions=content.captions,
-        )
+def sweep_document(study: FinishedStudy) -> Document:
+    """The document of a sweep of thresholds.
 
-    return document
+    Raises:
+        FileNotFoundError, ValueError: A table is missing, or of an older version.
+    """
+    (summary,) = study.rows
+    study.needs(summary, SUMMARY_KEYS, "summary.json")
+    pairs = study.table("table3")
+    study.needs(pairs, ("h_pct", "m_pct", "score"), "table3.parquet")
+    base = json.loads(study.metadata("table3").get("base", "{}"))
+    return sweep_document_of(study.config, pairs, summary, base, generated=study.generated)
 
 
-def _table(shown: Shown) -> Table:
-    rows = (
-        Row(
-            line.title,
-            tuple(Cell(cell.figure, cell.interval) for cell in line.cells),
-            Emphasis.subdued if line.is_paper else Emphasis.plain,
-        )
-        for line in shown.lines
-    )
-    return Table(shown.title, shown.headings, tuple(rows))
+def paper_document(study: FinishedStudy) -> Document:
+    """The document of a study beside the paper.
+
+    Raises:
+        FileNotFoundError, ValueError: The table is missing, or of an older version.
+    """
+    (summary,) = study.rows
+    form = import_module(study.task.run.partition(":")[0]).FORM
+    table, remarks = study.table(form.name), _remarks(study, form.name)
+    study.needs(table, ("row", "metric", "ours"), f"{form.name}.parquet")
+    return study_document_of(form, study.config, table, summary, remarks, generated=study.generated)
+
+
+def _remarks(study: FinishedStudy, table: str) -> Remarks:
+    """Text that goes with a table; empty in studies of an older version."""
+    remarks = study.metadata(table).get("remarks")
+    return Remarks() if remarks is None else Remarks.from_json(remarks)
 
 
 DOCUMENTS: dict[str, Callable[[FinishedStudy], Document]] = {
     "evaluate": evaluation_document,
     "discover": discovery_document,
     "discover blind": blind_document,
-    "sweep thresholds": _from_content(sweep_content),
-    **{
-        f"study {name}": _from_content(paper_content) for name in ("table1", "table3", "table4", "fig6", "fig7", "fig8")
-    },
+    "sweep thresholds": sweep_document,
+    **{f"study {name}": paper_document for name in ("table1", "table3", "table4", "fig6", "fig7", "fig8")},
 }
 """The document of a study, by the task that made it."""

@@ -1,4 +1,4 @@
-"""What differs between a study and the paper besides the method, in sentences for whoever compares the figures."""
+"""What differs between a study and the paper besides the method, each as `name: text`, for a comparison of figures."""
 
 from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.config.clustering import FitOn
@@ -77,8 +77,8 @@ def of_decisions(*, asks_model: bool, interval: int, n_runs: int) -> list[str]:
 def of_traffic_figures() -> list[str]:
     """Time headway and lane-change rate."""
     return [
-        "THW and LCR describe traffic, more is not better; the paper's LCR of CRITICAL, .563, is one lane change per "
-        "vehicle every 1.8 s and unexplained",
+        "time headway and lane-change rate: they describe traffic, more is not better; the paper's lane-change rate of "
+        "CRITICAL, .563, is one lane change per vehicle every 1.8 s and unexplained",
         "PPO and CRITICAL: built from the paper's sentences and public code, without the paper's weights or prompts",
     ]
 

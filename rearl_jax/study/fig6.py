@@ -4,23 +4,24 @@ The rows are those of Table 1. Writes `fig6.parquet` (one row per row, second an
 `config.json` and, last of all, `summary.json`.
 """
 
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from rearl_jax.config import StudyFig6Task
-from rearl_jax.data.recordings import is_generated
+from rearl_jax.document.document import Section
 from rearl_jax.evaluation.inputs import read_inputs
-from rearl_jax.evaluation.tables import HEADINGS, source_names
-from rearl_jax.evaluation.terminal import short
+from rearl_jax.evaluation.tables import HEADINGS
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.progress import progress_bar
-from rearl_jax.results import Study
+from rearl_jax.study.document import Form, beside_paper, long_table, publish
 from rearl_jax.study.error_series import ErrorSeries, error_series
-from rearl_jax.study.report import NONE, Cell, Line, Report, Shown, finish, long_table
+from rearl_jax.study.parts import begin
 from rearl_jax.study.row_results import evaluate_rows
-from rearl_jax.study.table1 import page_data, what_differs
+from rearl_jax.study.table1 import remarks_on_rows
 
 THIRDS = ("first", "middle", "last")
 """Parts of a rollout in the table."""
@@ -30,8 +31,22 @@ _CAPTION = (
     "the row, grey: real against real, dashed: base. The first Hellinger distance is that of the first full window."
 )
 
-CAPTIONS = {"fig6": _CAPTION}
-"""What is below the figure."""
+_NOT_AT_HAND = (
+    "Fig. 6: the paper's figure is not at hand, so only what it shows is shown, and nothing of it beside ours"
+)
+
+
+def _sections(config: StudyFig6Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
+    metrics = ("h", config.mape.column)
+    headings = {f"{metric}_{third}": f"{HEADINGS[metric]}, {third} third" for metric in metrics for third in THIRDS}
+    title = f"Fig. 6, means over the thirds of a rollout; {summary['n_scenes']} held-out scenes"
+    digits = dict.fromkeys(headings, 3)
+    return (
+        Section("Errors in the course of a rollout", tables=(beside_paper(title, thirds(table), headings, digits),)),
+    )
+
+
+FORM = Form("fig6", "Errors second by second", _sections, {"fig6": _CAPTION})
 
 
 def run(config: StudyFig6Task) -> dict:
@@ -40,34 +55,28 @@ def run(config: StudyFig6Task) -> dict:
     Raises:
         FileNotFoundError, ValueError: See `rearl_jax.study.table1.run`.
     """
-    generated = is_generated(config.data)
-    study = Study(config.results.root, config.study, config, "study fig6", inputs_id(config), generated=generated)
-    study.write_config()
+    study = begin("study fig6", config, inputs_id(config))
     results = evaluate_rows(config)
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=results.has_references)
     metrics = ("h", config.mape.column)
     series = error_series(results, metrics)
-    report = Report(
-        title=f"Errors second by second, on {source_names(inputs.scenes)}",
-        tables=(_shown(series, metrics, results.n_scenes),),
-        findings=tuple(_findings(series, metrics)),
-        differences=(
-            "the paper's Fig. 6 itself is not at hand: nothing of it stands beside ours, only what it shows is shown",
-            *what_differs(config, results, inputs),
-        ),
-        data=page_data(config, results, inputs),
-        generated=generated,
-        data_id=inputs.scenes.data_id,
-        captions=CAPTIONS,
-    )
+    table = _long(series, metrics)
+    parts = thirds(table)
     summary: dict[str, Any] = {"n_rows": len(results.rows), "n_scenes": results.n_scenes}
-    for item in series:
-        for metric in metrics:
-            summary |= {f"{item.name}_{metric}_{third}": value for third, value in _thirds(item, metric).items()}
-    seeds = config.seeds
-    draw = partial(_draw, config, series, generated=generated)
-    finish(study, "study fig6", config, report, _long(series, metrics), summary, draw, seeds=seeds)
+    for row, metric, ours in zip(parts["row"], parts["metric"], parts["ours"], strict=True):
+        summary[f"{row}_{metric}"] = None if pd.isna(ours) else ours
+    publish(
+        study,
+        FORM,
+        config,
+        inputs.scenes,
+        table,
+        summary,
+        remarks_on_rows(config, results, inputs, _findings(parts, metrics), _NOT_AT_HAND),
+        partial(_draw, config, series, generated=inputs.scenes.generated),
+        seeds=config.seeds,
+    )
     return summary
 
 
@@ -77,39 +86,35 @@ def _draw(config: StudyFig6Task, series: list[ErrorSeries], *, generated: bool) 
     return {"fig6": draw_series(series, ("h", config.mape.column), generated=generated)}
 
 
-def _thirds(item: ErrorSeries, metric: str) -> dict[str, float | None]:
-    """Mean of an error in each third of the rollout."""
-    found = item.errors[metric]
-    part = len(THIRDS) * found.second // (found.second.max() + 1)
-    means = (found.mean[part == number] for number in range(len(THIRDS)))
-    return {third: float(values.mean()) if len(values) else None for third, values in zip(THIRDS, means, strict=True)}
+def thirds(table: pd.DataFrame) -> pd.DataFrame:
+    """Mean of every error in each third of the rollout, missing without a second: `row`, `title`, `metric`, `ours`.
+
+    Args:
+        table: The long table.
+    """
+    records = []
+    for _, part in table.groupby(["row", "metric"], sort=False):
+        row, title, metric = (part[name].iloc[0] for name in ("row", "title", "metric"))
+        second, ours = part["second"].to_numpy(int), part["ours"].to_numpy(np.float64)
+        number = len(THIRDS) * second // (second.max() + 1)
+        for place, third in enumerate(THIRDS):
+            values = ours[number == place]
+            mean = float(values.mean()) if len(values) else None
+            records.append({"row": row, "title": title, "metric": f"{metric}_{third}", "ours": mean})
+    return long_table(records)
 
 
-def _shown(series: list[ErrorSeries], metrics: tuple[str, str], n_scenes: int) -> Shown:
-    headings = tuple(f"{HEADINGS[metric]}, {third} third" for metric in metrics for third in THIRDS)
-    lines = []
-    for item in series:
-        values = [(metric, value) for metric in metrics for value in _thirds(item, metric).values()]
-        cells = (Cell(NONE if value is None else short(value, metric)) for metric, value in values)
-        lines.append(Line(item.title, tuple(cells)))
-    return Shown(f"Fig. 6, means over the thirds of a rollout; {n_scenes} held-out scenes", headings, tuple(lines))
-
-
-def _findings(series: list[ErrorSeries], metrics: tuple[str, str]) -> list[str]:
+def _findings(parts: pd.DataFrame, metrics: tuple[str, str]) -> list[str]:
     """Whether the errors rise or fall in the course of a rollout."""
     said = []
     for metric in metrics:
-        rising, falling = [], []
-        for item in series:
-            thirds = _thirds(item, metric)
-            first, last = thirds["first"], thirds["last"]
-            if first is None or last is None or first == last:
-                continue
-            (rising if last > first else falling).append(f"{item.title} ({last - first:+.3f})")
-        said.append(
-            f"{HEADINGS[metric]}, last less first third: higher in {', '.join(rising) or 'no row'}; lower in "
-            f"{', '.join(falling) or 'no row'}."
-        )
+        changes = {"higher": [], "lower": []}
+        first, last = (parts[parts["metric"] == f"{metric}_{third}"] for third in ("first", "last"))
+        for title, before, after in zip(first["title"], first["ours"], last["ours"], strict=True):
+            if pd.notna(before) and pd.notna(after) and before != after:
+                changes["higher" if after > before else "lower"].append(f"{title} ({after - before:+.3f})")
+        higher, lower = (", ".join(titles) or "no row" for titles in changes.values())
+        said.append(f"{HEADINGS[metric]}, last less first third: higher in {higher}; lower in {lower}.")
     return said
 
 

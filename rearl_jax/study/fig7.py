@@ -4,23 +4,24 @@ Writes `base_values.parquet` (one row per value), `fig7.parquet` (one row per pe
 `page.html`, `config.json` and, last of all, `summary.json`.
 """
 
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
+import pandas as pd
+
 from rearl_jax.config import StudyFig7Task
 from rearl_jax.console import generated_mark
-from rearl_jax.data.recordings import is_generated
+from rearl_jax.document.document import Section
 from rearl_jax.evaluation.inputs import read_inputs
-from rearl_jax.evaluation.layout import data_sources
-from rearl_jax.evaluation.page import data_summary
 from rearl_jax.evaluation.percentiles import BaseValues
-from rearl_jax.evaluation.tables import source_names
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.metrics.histograms import legacy_scale
 from rearl_jax.progress import progress_bar, shown
-from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
 from rearl_jax.study import differences
+from rearl_jax.study.document import Form, beside_paper, long_table, publish, remarks_on
+from rearl_jax.study.parts import begin
 from rearl_jax.study.published import (
     N_THRESHOLD_SCENES,
     N_VALUES_H,
@@ -28,7 +29,6 @@ from rearl_jax.study.published import (
     THRESHOLDS_H,
     THRESHOLDS_MAPE,
 )
-from rearl_jax.study.report import NONE, Cell, Line, Report, Shown, finish, long_table
 from rearl_jax.sweep.base_values import kept_base_values
 
 _CAPTION = (
@@ -36,8 +36,15 @@ _CAPTION = (
     "thresholds, those of the Hellinger distance divided by the factor that they likely hold."
 )
 
-CAPTIONS = {"fig7": _CAPTION}
-"""What is below the figure."""
+
+def _sections(config: StudyFig7Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
+    headings = {"h": "H", "h_legacy": "H legacy", "mape": f"MAPE {config.mape.definition.name}"}
+    title = "Fig. 7, percentiles of base, ours beside the paper's"
+    percentiles = beside_paper(title, table, headings, dict.fromkeys(headings, 4))
+    return (Section("Percentiles of base", tables=(percentiles,)),)
+
+
+FORM = Form("fig7", "Errors of base beside Fig. 7 of the paper", _sections, {"fig7": _CAPTION})
 
 
 def run(config: StudyFig7Task) -> dict:
@@ -47,9 +54,7 @@ def run(config: StudyFig7Task) -> dict:
         FileNotFoundError, ValueError: There are no recordings, one is bad, or too few scenes can be cut from them.
     """
     set_precision(config.core.dtype)
-    generated = is_generated(config.data)
-    study = Study(config.results.root, config.study, config, "study fig7", inputs_id(config), generated=generated)
-    study.write_config()
+    study = begin("study fig7", config, inputs_id(config))
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=False)
         scenes, subset = inputs.scenes, inputs.splits.threshold
@@ -57,23 +62,11 @@ def run(config: StudyFig7Task) -> dict:
         metadata |= {"scenes_id": scenes.data_id, "mape": config.mape.definition.name}
         base = kept_base_values(config, study, scenes, subset, metadata, shown(bar, "base"))
     records = percentile_records(config, base)
-    report = Report(
-        title=f"Errors of base beside Fig. 7 of the paper, on {source_names(scenes)}",
-        tables=(_shown(config, base, records),),
-        findings=tuple(_findings(config, base)),
-        differences=(
-            *differences.of_data(config, scenes),
-            *differences.of_subset(len(subset), N_THRESHOLD_SCENES, "threshold scenes", config.eval.n_runs),
-            *differences.of_model(config),
-            *differences.of_errors(config),
-        ),
-        data={
-            "summary": data_summary(config, scenes, f"{len(subset)} of them behind the percentiles"),
-            "sources": data_sources(scenes.infos),
-        },
-        generated=generated,
-        data_id=scenes.data_id,
-        captions=CAPTIONS,
+    differing = (
+        *differences.of_data(config, scenes),
+        *differences.of_subset(len(subset), N_THRESHOLD_SCENES, "threshold scenes", config.eval.n_runs),
+        *differences.of_model(config),
+        *differences.of_errors(config),
     )
     summary: dict[str, Any] = {
         "n_scenes": len(subset),
@@ -86,8 +79,18 @@ def run(config: StudyFig7Task) -> dict:
     for record in records:
         key = f"{record['metric']}_p{record['percentile']:g}"
         summary |= {key: record["ours"], f"{key}_paper": record["paper"]}
-    draw = partial(_draw, config, base, generated=generated)
-    finish(study, "study fig7", config, report, long_table(records), summary, draw, **metadata)
+    use = f"{len(subset)} of them behind the percentiles"
+    publish(
+        study,
+        FORM,
+        config,
+        scenes,
+        long_table(records),
+        summary,
+        remarks_on(config, scenes, use, _findings(config, base), differing),
+        partial(_draw, config, base, generated=scenes.generated),
+        **metadata,
+    )
     return summary
 
 
@@ -105,19 +108,6 @@ def percentile_records(config: StudyFig7Task, base: BaseValues) -> list[dict[str
         value = base.threshold_m(percentile)
         records.append(keys | {"metric": "mape", "ours": value, "paper": THRESHOLDS_MAPE.get(percentile)})
     return records
-
-
-def _shown(config: StudyFig7Task, base: BaseValues, records: list[dict[str, Any]]) -> Shown:
-    headings = ("H", "H legacy", "paper", f"MAPE {config.mape.definition.name}", "paper")
-    columns = (("h", "ours"), ("h_legacy", "ours"), ("h_legacy", "paper"), ("mape", "ours"), ("mape", "paper"))
-    known = {(record["row"], record["metric"]): record for record in records}
-    lines = []
-    for name in dict.fromkeys(record["row"] for record in records):
-        values = (known.get((name, metric), {}).get(column) for metric, column in columns)
-        lines.append(Line(name, tuple(Cell(NONE if value is None else f"{value:.4f}") for value in values)))
-    counts = (len(base.h), len(base.h), N_VALUES_H, len(base.mape), N_VALUES_MAPE)
-    lines.append(Line("values", tuple(Cell(f"{count:,}") for count in counts)))
-    return Shown("Fig. 7, percentiles of base, ours beside the paper's", headings, tuple(lines))
 
 
 def _findings(config: StudyFig7Task, base: BaseValues) -> list[str]:

@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,63 +13,10 @@ from rearl_jax.evaluation.estimates import BASE, grouped_mean, intervals
 from rearl_jax.sweep.parts import RUNS
 from rearl_jax.sweep.task import FIGURES
 
+METRICS = (*FIGURES, "mape")
+"""Metrics of a pair; `mape` is the error that decides."""
 
-@dataclass(frozen=True)
-class PairRow:
-    """A pair of percentiles [%], or base.
-
-    Attributes:
-        h_pct: Of the Hellinger distance; None for base.
-        m_pct: Of the spacing error; None for base.
-        thresholds: Of both.
-        means: Mean over scenes of every figure; `mape` is the error that decides.
-        ends: Bootstrap interval of each; None where fewer than two scenes have it.
-        win_share: Share of the resamples of the scenes in which the pair is best; None for base.
-    """
-
-    h_pct: float | None
-    m_pct: float | None
-    thresholds: tuple[float, float] | None
-    means: dict[str, float]
-    ends: dict[str, tuple[float | None, float | None]]
-    win_share: float | None = None
-
-    @property
-    def name(self) -> str:
-        """What people read."""
-        return BASE if self.h_pct is None else f"{self.h_pct:g} % / {self.m_pct:g} %"
-
-    @property
-    def score(self) -> float:
-        """Sum of both errors."""
-        return self.means["h"] + self.means["mape"]
-
-    @property
-    def pair(self) -> tuple[float, float] | None:
-        """The percentiles; None for base."""
-        return None if self.h_pct is None or self.m_pct is None else (self.h_pct, self.m_pct)
-
-
-@dataclass(frozen=True)
-class PairResults:
-    """All pairs, base, and the sweep's own summary."""
-
-    pairs: list[PairRow]
-    base: PairRow
-    summary: dict
-    n_scenes: int
-
-    @property
-    def best(self) -> PairRow:
-        """The pair the sweep has chosen."""
-        wanted = (self.summary["best_h_pct"], self.summary["best_m_pct"])
-        return next(row for row in self.pairs if row.pair == wanted)
-
-    @property
-    def front(self) -> list[PairRow]:
-        """The pairs that no other beats in both errors, by rising Hellinger distance."""
-        chosen = pareto([(row.means["h"], row.means["mape"]) for row in self.pairs])
-        return sorted((self.pairs[index] for index in chosen), key=lambda row: row.means["h"])
+_OF_PAIRS = ("h_pct", "m_pct", "threshold_h", "threshold_m", "win_share")
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
@@ -82,34 +28,48 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
     ]
 
 
-def read_pairs(folder: Path, config: StudyTable3Task) -> PairResults:
-    """Sweep that a folder holds, with intervals by the resamples of the configuration."""
+def read_pairs(folder: Path, config: StudyTable3Task) -> pd.DataFrame:
+    """One row per pair of percentiles, base last: `row`, percentiles [%], thresholds, `win_share`, the mean over scenes
+    of every metric with its bootstrap interval (`_low`, `_high`), `score` (sum of both errors), `is_pareto`, `is_best`.
+
+    Args:
+        folder: Results of the sweep.
+        config: Which spacing error decides; resamples, confidence and seed of the intervals.
+    """
     runs, table = pd.read_parquet(folder / RUNS), pd.read_parquet(folder / "table3.parquet")
     h_pct, m_pct = (runs[name].to_numpy(np.float64, na_value=np.nan) for name in ("h_pct", "m_pct"))
-    rows = []
-    for record in table.to_dict("records"):
-        own = (h_pct == record["h_pct"]) & (m_pct == record["m_pct"])
-        thresholds = (record["threshold_h"], record["threshold_m"])
-        means, ends = _figures(runs, own, config)
-        rows.append(PairRow(record["h_pct"], record["m_pct"], thresholds, means, ends, record["win_share"]))
-    base = PairRow(None, None, None, *_figures(runs, np.isnan(h_pct), config))
+    records = []
+    for pair in table.to_dict("records"):
+        own = (h_pct == pair["h_pct"]) & (m_pct == pair["m_pct"])
+        name = f"{pair['h_pct']:g} % / {pair['m_pct']:g} %"
+        records.append({"row": name} | {key: pair[key] for key in _OF_PAIRS} | _figures(runs, own, config))
+    records.append({"row": BASE} | _figures(runs, np.isnan(h_pct), config))
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    return PairResults(rows, base, summary, len(np.unique(runs["scene_id"].to_numpy(int))))
+    return marked(pd.DataFrame(records), (summary["best_h_pct"], summary["best_m_pct"]))
 
 
-def _figures(
-    runs: pd.DataFrame, own: np.ndarray, config: StudyTable3Task
-) -> tuple[dict[str, float], dict[str, tuple[float | None, float | None]]]:
-    """Mean over scenes of the mean over runs, and its interval, by figure; NaN and None where there is none."""
+def marked(pairs: pd.DataFrame, best: tuple[float, float]) -> pd.DataFrame:
+    """The pairs, base last, with `score`, `is_pareto` and `is_best`; `best` are percentiles of the sweep's choice."""
+    points = list(zip(pairs["h"], pairs["mape"], strict=True))[:-1]
+    return pairs.assign(
+        score=pairs["h"] + pairs["mape"],
+        is_pareto=pairs.index.isin(pareto(points)),
+        is_best=(pairs["h_pct"] == best[0]) & (pairs["m_pct"] == best[1]),
+    )
+
+
+def _figures(runs: pd.DataFrame, own: np.ndarray, config: StudyTable3Task) -> dict[str, float | None]:
+    """Mean over scenes of the mean over runs, and its interval, by metric; NaN and None where there is none."""
     scene = runs["scene_id"].to_numpy(int)[own]
     subset, group = np.unique(scene, return_inverse=True)
     columns = {name: name for name in FIGURES} | {"mape": config.mape.column}
-    found = {
+    means = {
         name: grouped_mean(runs[column].to_numpy(np.float64, na_value=np.nan)[own], group, len(subset))
         for name, column in columns.items()
     }
-    ends = intervals(np.stack(list(found.values()), axis=1), config.eval)
-    means = {
-        name: float(np.nanmean(values)) if np.isfinite(values).any() else math.nan for name, values in found.items()
-    }
-    return means, dict(zip(found, ends, strict=True))
+    ends = intervals(np.stack(list(means.values()), axis=1), config.eval)
+    figures = {}
+    for (name, values), (low, high) in zip(means.items(), ends, strict=True):
+        mean = float(np.nanmean(values)) if np.isfinite(values).any() else math.nan
+        figures |= {name: mean, f"{name}_low": low, f"{name}_high": high}
+    return figures

@@ -9,8 +9,23 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from rearl_jax.config import ResultsConfig
+from rearl_jax.data.recordings import is_generated
+from rearl_jax.results import Study
 
 Record = TypeVar("Record")
+
+
+def begin(task: str, config: Any, data_id: str) -> Study:
+    """The folder of a study of recordings, with its configuration in it.
+
+    Args:
+        task: The task, as in `study table1`.
+        config: Record of the study.
+        data_id: Identity of the data.
+    """
+    study = Study(config.results.root, config.study, config, task, data_id, generated=is_generated(config.data))
+    study.write_config()
+    return study
 
 
 def part_record(kind: type[Record], config: Any, study: str, **other: Any) -> Record:

@@ -4,26 +4,20 @@ Every row is evaluated by `rearl evaluate` in `rows/NAME`. Writes `table1.parque
 metric), `table1.png`, `page.html`, `config.json` and, last of all, `summary.json`.
 """
 
-import logging
 from functools import partial
 
 from rearl_jax.config import StudyTable1Task
-from rearl_jax.data.recordings import is_generated
 from rearl_jax.evaluation.inputs import Inputs, read_inputs
-from rearl_jax.evaluation.layout import data_sources
-from rearl_jax.evaluation.page import data_summary
-from rearl_jax.evaluation.tables import source_names
+from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.progress import progress_bar
-from rearl_jax.results import Study
 from rearl_jax.study import differences
+from rearl_jax.study.document import Form, publish, remarks_on
 from rearl_jax.study.findings import findings
+from rearl_jax.study.parts import begin
 from rearl_jax.study.published import N_EVALUATION_SCENES
-from rearl_jax.study.report import Report, finish
 from rearl_jax.study.row_results import Results, evaluate_rows
-from rearl_jax.study.table1_tables import long_rows, shown_tables, summary_of
-
-log = logging.getLogger(__name__)
+from rearl_jax.study.table1_tables import long_rows, sections, summary_of, verdict
 
 _CAPTION = (
     "Every row with its interval. Diamonds are the paper's figures of the same row: H on the scale they likely have, "
@@ -31,8 +25,7 @@ _CAPTION = (
     "themselves for time headway and lane-change rate."
 )
 
-CAPTIONS = {"table1": _CAPTION}
-"""What is below the figure."""
+FORM = Form("table1", "Methods beside Table 1 of the paper", sections, {"table1": _CAPTION})
 
 
 def run(config: StudyTable1Task) -> dict:
@@ -42,36 +35,23 @@ def run(config: StudyTable1Task) -> dict:
         FileNotFoundError, ValueError: There are no recordings, one is bad, too few scenes can be cut from them, two
             keys contradict each other, or there is no row of a name.
     """
-    generated = is_generated(config.data)
-    study = Study(config.results.root, config.study, config, "study table1", inputs_id(config), generated=generated)
-    study.write_config()
+    study = begin("study table1", config, inputs_id(config))
     results = evaluate_rows(config)
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=results.has_references)
-    said = findings(
-        results.differences(config), n_scenes=results.n_scenes, confidence=config.eval.confidence, generated=generated
-    )
-    report = Report(
-        title=f"Methods beside Table 1 of the paper, on {source_names(inputs.scenes)}",
-        tables=shown_tables(config, results),
-        findings=tuple(said),
-        differences=tuple(what_differs(config, results, inputs)),
-        data=page_data(config, results, inputs),
-        generated=generated,
-        data_id=inputs.scenes.data_id,
-        captions=CAPTIONS,
-    )
-    summary = summary_of(config, results, said)
-    metadata = {"seeds": config.seeds}
-    finish(
+    compared, confidence, generated = results.differences(config), config.eval.confidence, inputs.scenes.generated
+    said = findings(compared, n_scenes=results.n_scenes, confidence=confidence, generated=generated)
+    table, summary = long_rows(results), summary_of(config, results, said)
+    publish(
         study,
-        "study table1",
+        FORM,
         config,
-        report,
-        long_rows(results),
+        inputs.scenes,
+        table,
         summary,
+        remarks_on_rows(config, results, inputs, [verdict(table), *said]),
         partial(_draw, config, results, generated=generated),
-        **metadata,
+        seeds=config.seeds,
     )
     return summary
 
@@ -82,14 +62,24 @@ def _draw(config: StudyTable1Task, results: Results, *, generated: bool) -> dict
     return {"table1": draw_rows(config, results, generated=generated)}
 
 
-def what_differs(config: StudyTable1Task, results: Results, inputs: Inputs) -> list[str]:
-    """Sentences for whoever compares the rows with the paper's."""
-    references = inputs.references
-    return [
+def remarks_on_rows(
+    config: StudyTable1Task, results: Results, inputs: Inputs, findings: list[str], *others: str
+) -> Remarks:
+    """Text that goes with the rows of Table 1: what follows from them, and what differs from the paper.
+
+    Args:
+        config: The task.
+        results: The rows.
+        inputs: Scenes and references behind them.
+        findings: As of `remarks_on`.
+        *others: Differences besides those of the rows.
+    """
+    n_scored, references = len(inputs.held_out(config.eval)), inputs.references
+    purpose = f"{config.eval.subset.name} scenes"
+    differing = [
+        *others,
         *differences.of_data(config, inputs.scenes),
-        *differences.of_subset(
-            results.n_scenes, N_EVALUATION_SCENES, f"{config.eval.subset.name} scenes", config.eval.n_runs
-        ),
+        *differences.of_subset(results.n_scenes, N_EVALUATION_SCENES, purpose, config.eval.n_runs),
         *differences.of_model(config),
         *differences.of_errors(config),
         *differences.of_decisions(
@@ -100,10 +90,4 @@ def what_differs(config: StudyTable1Task, results: Results, inputs: Inputs) -> l
         *([] if references is None else differences.of_references(references.speed.shape[0], config)),
         *differences.of_traffic_figures(),
     ]
-
-
-def page_data(config: StudyTable1Task, results: Results, inputs: Inputs) -> dict:
-    """Data and licences for the page."""
-    n_scored = len(inputs.held_out(config.eval))
-    use = f"{n_scored} of them held out for this study"
-    return {"summary": data_summary(config, inputs.scenes, use), "sources": data_sources(inputs.scenes.infos)}
+    return remarks_on(config, inputs.scenes, f"{n_scored} of them held out for this study", findings, differing)

@@ -1,18 +1,19 @@
-"""Table 1 as people read it, as one long table, and as flat figures."""
+"""Table 1 as one long table, as flat figures, and as people read it."""
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from rearl_jax.config import StudyTable1Task
-from rearl_jax.evaluation.estimates import Estimate
+from rearl_jax.document.document import Section
+from rearl_jax.document.table import Cell, Row, Table, number, spoken
 from rearl_jax.evaluation.scores import TITLES
 from rearl_jax.evaluation.tables import HEADINGS
-from rearl_jax.evaluation.terminal import short
 from rearl_jax.metrics import METRICS
+from rearl_jax.study.document import beside_paper, cell, long_table, records_of
 from rearl_jax.study.published import TABLE1, PublishedRow
-from rearl_jax.study.report import NONE, Cell, Line, Shown, long_table
 from rearl_jax.study.row_results import REFERENCES, Evaluated, Results
 
 TITLES_OF_METRICS = {
@@ -37,69 +38,50 @@ def paper_figure(row: PublishedRow | None, metric: str) -> float | None:
     return None if row is None or metric not in PUBLISHED else getattr(row, PUBLISHED[metric])
 
 
-def shown_tables(config: StudyTable1Task, results: Results) -> tuple[Shown, Shown]:
-    """The figures with their intervals beside the paper's, and what every row changes against base."""
-    percent = f"{100 * config.eval.confidence:g} % intervals"
-    figures = Shown(
-        f"Table 1, ours beside the paper's; {results.n_scenes} held-out scenes, {percent}",
-        tuple(TITLES_OF_METRICS.values()),
-        tuple(_lines(results)),
+def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
+    """Ours beside the paper's, what every row changes against base, and all metrics."""
+    intervals = f"{100 * config.eval.confidence:g} % intervals"
+    ours = beside_paper(
+        f"Table 1, ours beside the paper's; {summary['n_scenes']} held-out scenes, {intervals}",
+        table,
+        TITLES_OF_METRICS,
     )
-    headings = (*(TITLES_OF_METRICS[metric] for metric in LESS_BASE), "scenes", "rollouts")
-    lines = tuple(_less_base_line(item) for item in results.rows)
-    return figures, Shown(f"Less base, from the same initial states, paired over scenes; {percent}", headings, lines)
+    changes = []
+    for figures in records_of(table).values():
+        if any(pd.notna(figure["less_base"]) for figure in figures.values()):
+            cells = [
+                cell(figures.get(metric), metric, "less_base", digits=METRICS[metric].digits, sign="+")
+                for metric in LESS_BASE
+            ]
+            first = next(iter(figures.values()))
+            counts = (Cell(number(first.get(name))) for name in ("n_scenes", "n_rollouts"))
+            changes.append(Row(first["title"], (*cells, *counts)))
+    less_base = Table(
+        f"Less base, from the same initial states, paired over scenes; {intervals}",
+        (*(TITLES_OF_METRICS[metric] for metric in LESS_BASE), "scenes", "rollouts"),
+        tuple(changes),
+    )
+    names = dict.fromkeys(table["metric"])
+    every = {
+        name: f"{METRICS[name].title} [{METRICS[name].unit}]" if name in METRICS else spoken(name) for name in names
+    }
+    return (
+        Section("Ours beside the paper's", tables=(ours, less_base)),
+        Section("All metrics", tables=(beside_paper("Every metric", table, every),), is_folded=True),
+    )
 
 
-def _lines(results: Results) -> Iterator[Line]:
-    """Our rows, each group followed by the paper's rows it stands beside; then the reference rows."""
-    rows = results.rows
-    for item, following in zip(rows, [*rows[1:], None], strict=True):
-        yield _line(item, item.method, item.row.title)
-        if item.row.paper is not None and (following is None or following.row.paper != item.row.paper):
-            for name in _group(item.row.paper):
-                cells = (_paper_cell(TABLE1[name], metric) for metric in TITLES_OF_METRICS)
-                yield Line(f"paper: {TABLE1[name].title}", tuple(cells), is_paper=True)
-    for name in REFERENCES:
-        yield _line(results.reference, name, TITLES[name])
-
-
-def _group(paper: str) -> list[str]:
-    """The paper's rows of the same method: all language models of REARL together."""
-    return [name for name in TABLE1 if name.partition("_")[0] == paper.partition("_")[0]]
-
-
-def _paper_cell(row: PublishedRow, metric: str) -> Cell:
-    value = paper_figure(row, metric)
-    return Cell(NONE if value is None else short(value, metric))
-
-
-def _line(item: Evaluated, method: str, title: str) -> Line:
-    return Line(title, tuple(_cell(item.estimates.get((method, metric)), metric) for metric in TITLES_OF_METRICS))
-
-
-def _cell(estimate: Estimate | None, metric: str) -> Cell:
-    if estimate is None:
-        return Cell(NONE)
-    return Cell(short(estimate.value, metric), _ends(estimate.low, estimate.high, metric))
-
-
-def _ends(low: float | None, high: float | None, metric: str) -> str:
-    return "" if low is None or high is None else f"{short(low, metric)}–{short(high, metric)}"
-
-
-def _less_base_line(item: Evaluated) -> Line:
-    cells = [_less_base_cell(item.estimate(metric), metric) for metric in LESS_BASE]
-    counts = (Cell(str(item.figures["n_scenes"])), Cell(str(item.figures["n_rollouts"])))
-    return Line(item.row.title, (*cells, *counts))
-
-
-def _less_base_cell(estimate: Estimate | None, metric: str) -> Cell:
-    if estimate is None or estimate.less_base is None:
-        return Cell(NONE)
-    low, high = estimate.less_base_low, estimate.less_base_high
-    sign = "+" if estimate.less_base > 0 else ""
-    ends = "" if low is None or high is None else f"{short(low, metric)} {short(high, metric)}"
-    return Cell(sign + short(estimate.less_base, metric), ends)
+def verdict(table: pd.DataFrame) -> str:
+    """How many rows are closer to the recorded traffic than base."""
+    of_h = table[(table["metric"] == "h") & table["less_base_low"].notna()]
+    if of_h.empty:
+        return "No row stands beside base with an interval."
+    low, high = np.array(of_h[["less_base_low", "less_base_high"]], np.float64).T
+    closer, farther = int((high < 0).sum()), int((low > 0).sum())
+    return (
+        f"By the Hellinger distance of speeds, {closer} of {len(of_h)} rows are closer to the recorded traffic than "
+        f"base, {farther} are farther and {len(of_h) - closer - farther} cannot be told apart from it."
+    )
 
 
 def long_rows(results: Results) -> pd.DataFrame:

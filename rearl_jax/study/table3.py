@@ -4,27 +4,25 @@ The pairs are simulated by `rearl sweep thresholds` in `sweep/`. Writes `table3.
 `table3.png`, `page.html`, `config.json` and, last of all, `summary.json`.
 """
 
+import json
 from functools import partial
 from pathlib import Path
 
+import pandas as pd
+
 from rearl_jax.config import StudyTable3Task, SweepThresholdsTask
-from rearl_jax.data.recordings import is_generated
 from rearl_jax.evaluation.inputs import read_inputs
-from rearl_jax.evaluation.layout import data_sources
-from rearl_jax.evaluation.page import data_summary
-from rearl_jax.evaluation.tables import source_names
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.progress import progress_bar
-from rearl_jax.results import Study
 from rearl_jax.study import differences
-from rearl_jax.study.pair_results import PairResults, read_pairs
-from rearl_jax.study.parts import carry_out, part_record
+from rearl_jax.study.document import Form, publish, remarks_on
+from rearl_jax.study.pair_results import read_pairs
+from rearl_jax.study.parts import begin, carry_out, part_record
 from rearl_jax.study.published import N_THRESHOLD_SCENES, N_TUNING_SCENES
-from rearl_jax.study.report import Report, finish
-from rearl_jax.study.table3_tables import conclusions, long_pairs, shown_pairs, summary_of
+from rearl_jax.study.table3_tables import conclusions, long_pairs, sections, summary_of
 from rearl_jax.sweep import task
 
-CAPTIONS = {
+_CAPTIONS = {
     "table3": (
         "Both errors of every pair on the tuning scenes. Left: beside base; bars are intervals of the best pair and of "
         "base. Right: the pairs alone, named by the percentiles of Hellinger distance and spacing error; the line "
@@ -32,7 +30,8 @@ CAPTIONS = {
     ),
     "pairs": "The same errors as maps, from the sweep.",
 }
-"""What is below each figure."""
+
+FORM = Form("table3", "Threshold pairs beside Table 3 of the paper", sections, _CAPTIONS)
 
 
 def run(config: StudyTable3Task) -> dict:
@@ -41,49 +40,44 @@ def run(config: StudyTable3Task) -> dict:
     Raises:
         FileNotFoundError, ValueError: See `rearl_jax.sweep.task.run`.
     """
-    generated = is_generated(config.data)
-    study = Study(config.results.root, config.study, config, "study table3", inputs_id(config), generated=generated)
-    study.write_config()
+    study = begin("study table3", config, inputs_id(config))
     folder = carry_out(task.run, part_record(SweepThresholdsTask, config, f"{config.study}/sweep"))
-    results = read_pairs(folder, config)
+    pairs, sweep = read_pairs(folder, config), json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=True)
     scenes, splits = inputs.scenes, inputs.splits
     assert inputs.references is not None  # asked for
     n_runs = config.eval.n_runs
-    report = Report(
-        title=f"Threshold pairs beside Table 3 of the paper, on {source_names(scenes)}",
-        tables=(shown_pairs(config, results),),
-        findings=tuple(conclusions(results)),
-        differences=(
-            *differences.of_data(config, scenes),
-            *differences.of_subset(len(splits.threshold), N_THRESHOLD_SCENES, "threshold scenes", n_runs),
-            *differences.of_subset(len(splits.tuning), N_TUNING_SCENES, "tuning scenes", n_runs),
-            *differences.of_references(inputs.references.speed.shape[0], config),
-            *differences.of_model(config),
-            *differences.of_errors(config),
-            *differences.of_decisions(asks_model=False, interval=1, n_runs=1),
-            "choice of the pair: least sum of both errors; the paper does not say how it chose",
-        ),
-        data={
-            "summary": data_summary(config, scenes, f"{len(splits.tuning)} of them simulated under every pair"),
-            "sources": data_sources(scenes.infos),
-        },
-        generated=generated,
-        data_id=scenes.data_id,
-        captions=CAPTIONS,
+    differing = (
+        *differences.of_data(config, scenes),
+        *differences.of_subset(len(splits.threshold), N_THRESHOLD_SCENES, "threshold scenes", n_runs),
+        *differences.of_subset(len(splits.tuning), N_TUNING_SCENES, "tuning scenes", n_runs),
+        *differences.of_references(inputs.references.speed.shape[0], config),
+        *differences.of_model(config),
+        *differences.of_errors(config),
+        *differences.of_decisions(asks_model=False, interval=1, n_runs=1),
+        "choice of the pair: least sum of both errors; the paper does not say how it chose",
     )
-    summary = summary_of(config, results)
-    seeds = config.seeds
-    draw = partial(_draw, results, folder, generated=generated)
-    finish(study, "study table3", config, report, long_pairs(results), summary, draw, seeds=seeds)
+    use = f"{len(splits.tuning)} of them simulated under every pair"
+    summary = summary_of(config, pairs, sweep)
+    publish(
+        study,
+        FORM,
+        config,
+        scenes,
+        long_pairs(pairs),
+        summary,
+        remarks_on(config, scenes, use, conclusions(pairs, sweep, len(splits.tuning)), differing),
+        partial(_draw, pairs, len(splits.tuning), folder, generated=scenes.generated),
+        seeds=config.seeds,
+    )
     return summary
 
 
-def _draw(results: PairResults, folder: Path, *, generated: bool) -> dict[str, bytes]:
+def _draw(pairs: pd.DataFrame, n_scenes: int, folder: Path, *, generated: bool) -> dict[str, bytes]:
     from rearl_jax.study.table3_figure import draw_pairs
 
     return {
-        "table3": draw_pairs(results, generated=generated),
+        "table3": draw_pairs(pairs, n_scenes, generated=generated),
         "pairs": (folder / "pairs.png").read_bytes(),
     }

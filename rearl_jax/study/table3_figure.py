@@ -1,32 +1,40 @@
 """The figure of the threshold pairs: one error against the other, and which pairs no other beats in both."""
 
+import numpy as np
+import pandas as pd
+
 from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, VERMILION, panels, png, set_title
-from rearl_jax.study.pair_results import PairResults, PairRow
 from rearl_jax.study.published import PARETO_PAIRS
 
 
-def draw_pairs(results: PairResults, *, generated: bool) -> bytes:
-    """PNG of all pairs: left beside base with intervals, right among each other."""
+def draw_pairs(pairs: pd.DataFrame, n_scenes: int, *, generated: bool) -> bytes:
+    """PNG of all pairs: left beside base with intervals, right among each other.
+
+    Args:
+        pairs: As of `pair_results.read_pairs`, base last.
+        n_scenes: Tuning scenes.
+        generated: Whether the recordings are no measurements.
+    """
+    pairs, base = pairs.iloc[:-1], pairs.iloc[-1:]
+    best, front = pairs.loc[pairs["is_best"]], pairs.loc[pairs["is_pareto"]].sort_values("h")
     figure, (left, right) = panels(10.0, 4.8, columns=2, generated=generated)
     for axes in (left, right):
-        axes.plot(*_errors(results.pairs), "o", color=BLUE, markersize=4, linestyle="", label="pairs")
+        axes.plot(pairs["h"], pairs["mape"], "o", color=BLUE, markersize=4, linestyle="", label="pairs")
         axes.set_xlabel("Hellinger distance [-]")
-    for row, colour, label in ((results.best, VERMILION, "least sum"), (results.base, GREY, "base")):
-        (x,), (y,) = _errors([row])
-        left.errorbar(
-            x, y, xerr=_reach(row, "h"), yerr=_reach(row, "mape"), fmt="o", color=colour, capsize=2, label=label
-        )
+    for row, colour, label in ((best, VERMILION, "least sum"), (base, GREY, "base")):
+        x_reach, y_reach = _reach(row, "h"), _reach(row, "mape")
+        left.errorbar(row["h"], row["mape"], y_reach, x_reach, fmt="o", color=colour, capsize=2, label=label)
     left.set_ylabel("spacing error [-]")
-    set_title(left, f"{len(results.pairs)} pairs and base; {results.n_scenes} tuning scenes")
-    right.plot(*_errors(results.front), color=BLUE, linewidth=1.0, label="no other pair is closer in both")
-    published = [row for row in results.pairs if row.pair in PARETO_PAIRS]
-    if published:
-        right.plot(*_errors(published), "D", color=DARK_GREY, mfc="none", markersize=9, linestyle="", label="paper's")
-    right.plot(*_errors([results.best]), "o", color=VERMILION)
-    for row in results.pairs:
-        at = (row.means["h"], row.means["mape"])
-        name = row.name.replace(" %", "")
-        right.annotate(name, at, xytext=(4, 3), textcoords="offset points", fontsize=6, rotation=30)
+    set_title(left, f"{len(pairs)} pairs and base; {n_scenes} tuning scenes")
+    right.plot(front["h"], front["mape"], color=BLUE, linewidth=1.0, label="no other pair is closer in both")
+    published = pairs.loc[[pair in PARETO_PAIRS for pair in zip(pairs["h_pct"], pairs["m_pct"], strict=True)]]
+    if len(published):
+        style = {"color": DARK_GREY, "mfc": "none", "markersize": 9, "linestyle": ""}
+        right.plot(published["h"], published["mape"], "D", **style, label="paper's")
+    right.plot(best["h"], best["mape"], "o", color=VERMILION)
+    for name, x, y in zip(pairs["row"], pairs["h"], pairs["mape"], strict=True):
+        text = name.replace(" %", "")
+        right.annotate(text, (x, y), xytext=(4, 3), textcoords="offset points", fontsize=6, rotation=30)
     right.margins(0.12)
     right.legend(frameon=False, fontsize=FONT_SIZE)
     left.legend(frameon=False, fontsize=FONT_SIZE)
@@ -34,11 +42,7 @@ def draw_pairs(results: PairResults, *, generated: bool) -> bytes:
     return png(figure)
 
 
-def _errors(rows: list[PairRow]) -> tuple[list[float], list[float]]:
-    return [row.means["h"] for row in rows], [row.means["mape"] for row in rows]
-
-
-def _reach(row: PairRow, name: str) -> list[list[float]] | None:
+def _reach(row: pd.DataFrame, name: str) -> list[np.ndarray] | None:
     """How far the interval reaches below and above the mean; None without one."""
-    low, high = row.ends[name]
-    return None if low is None or high is None else [[row.means[name] - low], [high - row.means[name]]]
+    value, low, high = (row[column].to_numpy(np.float64) for column in (name, f"{name}_low", f"{name}_high"))
+    return [value - low, high - value] if np.isfinite(low).all() else None

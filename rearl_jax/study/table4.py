@@ -15,12 +15,13 @@ import pandas as pd
 
 from rearl_jax import runtime
 from rearl_jax.config import StudyTable4Task
+from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study, read_metadata
+from rearl_jax.study.document import Form, publish
 from rearl_jax.study.language_model_steps import fresh_client, measure_model_steps
-from rearl_jax.study.report import Report, finish
-from rearl_jax.study.table4_tables import Timing, conclusions, long_timings, shown_timings, summary_of, timings_of
+from rearl_jax.study.table4_tables import conclusions, long_timings, sections, summary_of
 from rearl_jax.timing.decision_steps import count_reports, measure_steps
 from rearl_jax.timing.turns import reporting
 
@@ -47,8 +48,7 @@ _CAPTION = (
     "Diamonds: the paper's figures, of an ambiguous unit and from another machine."
 )
 
-CAPTIONS = {"table4": _CAPTION}
-"""What is below the figure."""
+FORM = Form("table4", "Inference time beside Table 4 of the paper", sections, {"table4": _CAPTION})
 
 
 def run(config: StudyTable4Task) -> dict:
@@ -64,34 +64,33 @@ def run(config: StudyTable4Task) -> dict:
     study.write_config()
     with_model = _measured_with_model(config) if config.table4.llm else None
     steps, measured_on = _measured(config)
-    timings = timings_of(steps, with_model)
+    table = long_timings(steps, with_model)
     n_steps = config.loop.steps
-    said = conclusions(timings, n_steps)
     machine, load = measured_on["machine"], measured_on["load_average"]
-    report = Report(
-        title="Inference time beside Table 4 of the paper",
-        tables=(shown_timings(timings, n_steps, config.loop.steps_vehicles),),
-        findings=tuple(said),
-        differences=_DIFFERENCES,
-        data={
-            "summary": f"No data were read: {_references(config)}. Measured on {machine}"
-            + ("" if load is None else f", load {load:.1f} at the start")
-            + f"; median of {config.loop.steps_repetitions} measurements after a warm-up.",
-            "sources": [],
-        },
-        generated=False,
-        captions=CAPTIONS,
+    measured = f"Measured on {machine}" + ("" if load is None else f", load {load:.1f} at the start")
+    data = (
+        f"No data were read: {_references(config)}. {measured}; median of {config.loop.steps_repetitions} measurements "
+        "after a warm-up."
     )
-    summary = {"machine": machine, "load_average": load} | summary_of(timings, n_steps)
-    draw = partial(_draw, timings, n_steps)
-    finish(study, "study table4", config, report, long_timings(timings), summary, draw, machine=machine)
+    summary = {"machine": machine, "load_average": load} | summary_of(table, n_steps)
+    publish(
+        study,
+        FORM,
+        config,
+        None,
+        table,
+        summary,
+        Remarks(data, tuple(conclusions(table, n_steps)), _DIFFERENCES),
+        partial(_draw, table, n_steps),
+        machine=machine,
+    )
     return summary
 
 
-def _draw(timings: list[Timing], n_steps: int) -> dict[str, bytes]:
+def _draw(table: pd.DataFrame, n_steps: int) -> dict[str, bytes]:
     from rearl_jax.study.table4_figure import draw_timings
 
-    return {"table4": draw_timings(timings, n_steps)}
+    return {"table4": draw_timings(table, n_steps)}
 
 
 def _references(config: StudyTable4Task) -> str:

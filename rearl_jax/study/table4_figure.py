@@ -1,5 +1,7 @@
 """The figure of the inference times: a line per program, a colour per batch, logarithmic."""
 
+import pandas as pd
+
 from rearl_jax.drawing import (
     BLUE,
     DARK_GREY,
@@ -13,26 +15,24 @@ from rearl_jax.drawing import (
     png,
     set_title,
 )
-from rearl_jax.study.table4_tables import MODEL, PAPER, TITLES, Timing
+from rearl_jax.study.table4_tables import MODEL, PAPER, TITLES
 from rearl_jax.timing.decision_steps import PAPER_MS
 
 _COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
 
 
-def draw_timings(timings: list[Timing], n_steps: int) -> bytes:
-    """PNG of all programs, and the paper's figures."""
-    programs = [name for name in TITLES if name == MODEL or any(timing.program == name for timing in timings)]
-    batches = sorted({timing.batch for timing in timings})
+def draw_timings(table: pd.DataFrame, n_steps: int) -> bytes:
+    """PNG of all programs of the long table, and the paper's figures."""
+    programs = [name for name in TITLES if name == MODEL or name in set(table["row"])]
+    batches = sorted(table["batch"].unique())
     figure, (axes,) = panels(7.2, 1.4 + 0.4 * len(programs), generated=False)
     for number, batch in enumerate(batches):
-        found = [timing for timing in timings if timing.batch == batch]
-        middle = [timing.ms.median for timing in found]
-        below = [timing.ms.median - timing.ms.least for timing in found]
-        above = [timing.ms.greatest - timing.ms.median for timing in found]
+        of_batch = table.loc[table["batch"] == batch]
+        middle, low, high = (of_batch[name].to_numpy(float) for name in ("ours", "low", "high"))
         axes.errorbar(
             middle,
-            [programs.index(timing.program) for timing in found],
-            xerr=[below, above],
+            [programs.index(program) for program in of_batch["row"]],
+            xerr=[middle - low, high - middle],
             fmt="o",
             color=_COLOURS[number % len(_COLOURS)],
             markersize=5,

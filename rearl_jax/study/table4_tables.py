@@ -1,14 +1,17 @@
-"""Inference times as people read them, as one long table, and as flat figures."""
+"""Inference times as one long table, as flat figures, and as people read them."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from rearl_jax.study.report import NONE, Cell, Line, Shown, long_table
+from rearl_jax.config import StudyTable4Task
+from rearl_jax.document.document import Section
+from rearl_jax.document.table import NONE, Cell, Emphasis, Row, table_of
+from rearl_jax.study.document import long_table
 from rearl_jax.timing.decision_steps import BASE, DECISION, DETECTION, LOOP, PAPER_MS, PPO
-from rearl_jax.timing.measurement import Spread, spread_of
+from rearl_jax.timing.measurement import spread_of
 
 MODEL = "llm"
 """Row of the steps with a language model."""
@@ -27,112 +30,73 @@ PAPER = {BASE: "idm_mobil", PPO: "ppo", MODEL: "rearl"}
 """The paper's figure a row stands beside; its REARL asks a language model, so the matcher's rows stand beside none."""
 
 
-@dataclass(frozen=True)
-class Timing:
-    """Consecutive decision steps of one program, one batch at a time.
+def long_timings(steps: pd.DataFrame, with_model: pd.DataFrame | None) -> pd.DataFrame:
+    """One row per program and batch, in the order of the table.
 
-    Attributes:
-        program: One of `TITLES`.
-        batch: Scenarios at a time.
-        ms: Elapsed time of all steps of the whole batch [ms].
-        compile_s: Elapsed time of compiling [s]; None where it is not measured.
-        n_repetitions: Measurements.
-        note: What else must be known.
-    """
-
-    program: str
-    batch: int
-    ms: Spread
-    compile_s: float | None
-    n_repetitions: int
-    note: str = ""
-
-    @property
-    def title(self) -> str:
-        """What people read."""
-        return TITLES[self.program]
-
-    @property
-    def paper_ms(self) -> float | None:
-        """The paper's figure [ms]; it has none for batches."""
-        return PAPER_MS[PAPER[self.program]] if self.batch == 1 and self.program in PAPER else None
-
-
-def timings_of(steps: pd.DataFrame, with_model: pd.DataFrame | None) -> list[Timing]:
-    """The timings in the order of the table.
+    Columns: `row`, `title`, `batch` (scenarios at a time), `metric` (steps_ms), `ours` (median time of all steps of the
+    whole batch [ms]), `low` and `high` (least and greatest), `paper` (of one scenario at a time), `compile_s` (missing
+    where it is not measured), `n_repetitions`, `note`.
 
     Args:
         steps: One row per measurement: `program`, `batch`, `wall_s` [s], `compile_s` [s].
         with_model: Measurements with a language model; None without.
     """
-    found = []
-    programs, batches = steps["program"].to_numpy(str), steps["batch"].to_numpy(int)
-    for program, batch in dict.fromkeys(zip(programs.tolist(), batches.tolist(), strict=True)):
-        own = (programs == program) & (batches == batch)
-        compile_s = float(steps["compile_s"].to_numpy(float)[own][0])
-        found.append(Timing(program, batch, _spread_ms(steps, own), compile_s, int(own.sum())))
-    if with_model is not None:
-        batches = with_model["batch"].to_numpy(int)
-        for batch in dict.fromkeys(batches.tolist()):
-            own = batches == batch
-            asked, sent, answered = (
-                int(with_model[name].to_numpy(int)[own].sum()) for name in ("n_questions", "n_sent", "n_answered")
-            )
-            note = f"{with_model['model'].to_numpy(str)[own][0]}: {asked} questions, {sent} sent, {answered} answered"
-            found.append(Timing(MODEL, batch, _spread_ms(with_model, own), None, int(own.sum()), note))
+    records = [_record(runs["program"].iloc[0], runs) for _, runs in steps.groupby(["program", "batch"], sort=False)]
+    for _, runs in () if with_model is None else with_model.groupby("batch", sort=False):
+        asked, sent, answered = (runs[name].sum() for name in ("n_questions", "n_sent", "n_answered"))
+        note = f"{runs['model'].iloc[0]}: {asked} questions, {sent} sent, {answered} answered"
+        records.append(_record(MODEL, runs) | {"note": note})
     order = list(TITLES)
-    return sorted(found, key=lambda timing: (order.index(timing.program), timing.batch))
+    records.sort(key=lambda record: (order.index(record["row"]), record["batch"]))
+    return long_table(records).astype({"compile_s": "Float64"})
 
 
-def _spread_ms(measured: pd.DataFrame, own: np.ndarray) -> Spread:
-    """Elapsed time of the measurements of one program and batch [ms]."""
-    return spread_of((1e3 * measured["wall_s"].to_numpy(float)[own]).tolist())
+def _record(program: str, runs: pd.DataFrame) -> dict[str, Any]:
+    batch = int(runs["batch"].iloc[0])
+    ms = spread_of((1e3 * runs["wall_s"].to_numpy(float)).tolist())
+    return {
+        "row": program,
+        "title": TITLES[program],
+        "batch": batch,
+        "metric": "steps_ms",
+        "ours": ms.median,
+        "low": ms.least,
+        "high": ms.greatest,
+        "paper": PAPER_MS[PAPER[program]] if batch == 1 and program in PAPER else None,
+        "compile_s": float(runs["compile_s"].iloc[0]) if "compile_s" in runs else None,
+        "n_repetitions": len(runs),
+        "note": "",
+    }
 
 
-def shown_timings(timings: list[Timing], n_steps: int, n_vehicles: int) -> Shown:
+def sections(config: StudyTable4Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
     """Every program beside the paper's figure."""
-    headings = ("batch", "ms", "least", "greatest", "ms per scenario", "compile s", "paper ms")
-    lines = []
-    for timing in timings:
-        cells = (
-            f"{timing.batch:,}",
-            f"{timing.ms.median:#.4g}",
-            f"{timing.ms.least:#.4g}",
-            f"{timing.ms.greatest:#.4g}",
-            f"{timing.ms.median / timing.batch:#.3g}",
-            NONE if timing.compile_s is None else f"{timing.compile_s:.1f}",
-            NONE if timing.paper_ms is None else f"{timing.paper_ms:,}",
-        )
-        lines.append(Line(timing.title, tuple(map(Cell, cells))))
-    if all(timing.program != MODEL for timing in timings):
-        blank = (Cell(NONE),) * (len(headings) - 1)
-        paper = Cell(f"{PAPER_MS['rearl']:,}")
-        lines.append(Line("paper: REARL (language model)", (*blank, paper), is_paper=True))
-    title = f"Table 4: {n_steps} consecutive decision steps of {n_vehicles} vehicles, elapsed time of the whole batch"
-    return Shown(title, headings, tuple(lines))
+    columns = {"title": "", "batch": "batch", "ours": "ms", "low": "least", "high": "greatest"}
+    columns |= {"each": "ms per scenario", "compile_s": "compile s", "paper": "paper ms"}
+    title = f"Table 4: {summary['n_steps']} consecutive decision steps of {config.loop.steps_vehicles} vehicles"
+    published = [NONE if pd.isna(value) else f"{value:,}" for value in table["paper"]]  # with all digits
+    shown = table.assign(each=table["ours"] / table["batch"], paper=published)
+    times = table_of(f"{title}, elapsed time of the whole batch", shown, columns)
+    if MODEL not in set(table["row"]):
+        cells = (*(Cell(NONE) for _ in times.headings[1:]), Cell(f"{PAPER_MS['rearl']:,}"))
+        times = replace(times, rows=(*times.rows, Row("paper: REARL (language model)", cells, Emphasis.subdued)))
+    return (Section("Inference time", tables=(times,)),)
 
 
-def conclusions(timings: list[Timing], n_steps: int) -> list[str]:
+def conclusions(table: pd.DataFrame, n_steps: int) -> list[str]:
     """What the times say, computed from them; no ratio is taken to the paper's."""
     said = []
-    ms = {(timing.program, timing.batch): timing.ms.median for timing in timings}
+    ms = {(row, batch): ours for row, batch, ours in zip(table["row"], table["batch"], table["ours"], strict=True)}
     for batch in sorted({batch for program, batch in ms if program == BASE}):
-        base = ms[BASE, batch]
-        times = ", ".join(
-            f"{TITLES[program]} {ms[program, batch] / base:.2f}" for program in (PPO, LOOP) if (program, batch) in ms
+        ratio = {program: ms[program, batch] / ms[BASE, batch] for program in TITLES if (program, batch) in ms}
+        times = ", ".join(f"{TITLES[program]} {ratio[program]:.2f}" for program in (PPO, LOOP) if program in ratio)
+        parts = (f"{TITLES[name]} {100 * ratio[name]:.0f} %" for name in (DETECTION, DECISION) if name in ratio)
+        said.append(f"Batch {batch}: times IDM+MOBIL: {times}; of its time: {' and '.join(parts)}.")
+    for timing in table.loc[table["row"] == MODEL].to_dict("records"):
+        said.append(
+            f"Language model ({timing['note']}), batch {timing['batch']}: {timing['ours'] / n_steps:,.0f} ms per "
+            "decision step, waiting for the server included."
         )
-        parts = " and ".join(
-            f"{TITLES[program]} {100 * ms[program, batch] / base:.0f} %"
-            for program in (DETECTION, DECISION)
-            if (program, batch) in ms
-        )
-        said.append(f"Batch {batch}: times IDM+MOBIL: {times}; of its time: {parts}.")
-    for timing in timings:
-        if timing.program == MODEL:
-            said.append(
-                f"Language model ({timing.note}), batch {timing.batch}: {timing.ms.median / n_steps:,.0f} ms per "
-                "decision step, waiting for the server included."
-            )
     said.append(
         f"The paper orders IDM+MOBIL < PPO < REARL: {PAPER_MS['idm_mobil']:g} < {PAPER_MS['ppo']:g} < "
         f"{PAPER_MS['rearl']:,g} ms."
@@ -140,37 +104,14 @@ def conclusions(timings: list[Timing], n_steps: int) -> list[str]:
     return said
 
 
-def long_timings(timings: list[Timing]) -> pd.DataFrame:
-    """`row`, `title`, `batch`, `metric` (steps_ms), `ours`, `low` and `high` (least and greatest), `paper`,
-    `compile_s`, `n_repetitions`, `note`.
-    """
-    records = [
-        {
-            "row": timing.program,
-            "title": timing.title,
-            "batch": timing.batch,
-            "metric": "steps_ms",
-            "ours": timing.ms.median,
-            "low": timing.ms.least,
-            "high": timing.ms.greatest,
-            "paper": timing.paper_ms,
-            "compile_s": timing.compile_s,
-            "n_repetitions": timing.n_repetitions,
-            "note": timing.note,
-        }
-        for timing in timings
-    ]
-    return long_table(records).astype({"compile_s": "Float64"})
-
-
-def summary_of(timings: list[Timing], n_steps: int) -> dict[str, Any]:
+def summary_of(table: pd.DataFrame, n_steps: int) -> dict[str, Any]:
     """Flat figures: `n_steps`; per program and batch (`_loop_b256`) `steps_ms` with `_min`, `_max`, and `compile_s`;
     `paper_ms_METHOD`.
     """
     figures: dict[str, Any] = {"n_steps": n_steps}
-    for timing in timings:
-        key = f"{timing.program}_b{timing.batch}"
-        figures[f"steps_ms_{key}"] = timing.ms.median
-        figures |= {f"steps_ms_{key}_min": timing.ms.least, f"steps_ms_{key}_max": timing.ms.greatest}
-        figures[f"compile_s_{key}"] = timing.compile_s
+    for timing in table.to_dict("records"):
+        key = f"{timing['row']}_b{timing['batch']}"
+        figures[f"steps_ms_{key}"] = timing["ours"]
+        figures |= {f"steps_ms_{key}_min": timing["low"], f"steps_ms_{key}_max": timing["high"]}
+        figures[f"compile_s_{key}"] = None if pd.isna(timing["compile_s"]) else timing["compile_s"]
     return figures | {f"paper_ms_{name}": value for name, value in PAPER_MS.items()}

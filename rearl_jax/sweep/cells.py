@@ -12,8 +12,9 @@ from pathlib import Path
 import pandas as pd
 
 from rearl_jax.config import EvaluateTask
+from rearl_jax.document.terminal import print_document
 from rearl_jax.results import PROVENANCE, Study, cell_folder, shared_config
-from rearl_jax.sweep.cell_terminal import print_cells
+from rearl_jax.sweep.cells_document import document_of
 
 log = logging.getLogger(__name__)
 
@@ -70,7 +71,7 @@ def collect(config: EvaluateTask, swept: list[dict[str, str]]) -> None:
     study.write_table("cells", table, **seeds)
     study.write_table("runs", run_table(cells), **seeds)
     names = [cell.name for cell in cells]
-    print_cells(config, names, table, generated=generated)
+    print_document(document_of(config, table, generated=generated))
 
     # Only now, so that nobody waits for matplotlib to see the table.
     from rearl_jax.sweep.cell_figure import draw_cells

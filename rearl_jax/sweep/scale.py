@@ -19,6 +19,7 @@ from rearl_jax.config.evaluation import SeedScope
 from rearl_jax.data.recordings import is_generated
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.detection.references import References
+from rearl_jax.document.terminal import print_document
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.percentiles import thresholds_of
 from rearl_jax.evaluation.rollouts import Rollouts
@@ -31,9 +32,9 @@ from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
 from rearl_jax.sweep.parts import finished_parts, run_columns, write_runs
 from rearl_jax.sweep.scale_costs import batch_costs
+from rearl_jax.sweep.scale_document import document_of
 from rearl_jax.sweep.scale_progress import StreamLog, shown_with_rate
 from rearl_jax.sweep.scale_results import ScaleResults
-from rearl_jax.sweep.scale_terminal import print_scale
 
 
 def run(config: SweepScaleTask) -> dict:
@@ -55,7 +56,7 @@ def run(config: SweepScaleTask) -> dict:
         return stored
     with progress_bar() as bar:
         results = _measured(config, study, bar, generated=generated)
-    print_scale(results)
+    print_document(document_of(results))
 
     # Only now, so that nobody waits for matplotlib to see the table.
     from rearl_jax.sweep.scale_figure import draw_scale

@@ -1,10 +1,11 @@
 """The task `rearl sweep thresholds`: which thresholds of the detection bring the traffic closest to the recorded one.
 
 Writes into the study folder `base_values.parquet` (what the percentiles are taken of), `runs/part-*.parquet` (one row
-per pair, scene and run), `table3.parquet` (one row per pair), two PNG figures, `config.json` and, last of all,
-`summary.json`. A killed study goes on where it was.
+per pair, scene and run), `table3.parquet` (one row per pair), two PNG figures, `page.html`, `config.json` and, last of
+all, `summary.json`. A killed study goes on where it was.
 """
 
+import json
 from functools import partial
 
 import numpy as np
@@ -14,6 +15,8 @@ from rearl_jax.config import SweepThresholdsTask
 from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.console import generated_mark
 from rearl_jax.data.recordings import is_generated
+from rearl_jax.document.document import data_sources
+from rearl_jax.document.terminal import print_document
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
@@ -24,8 +27,8 @@ from rearl_jax.problems import out_of_range
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
-from rearl_jax.sweep import terminal
 from rearl_jax.sweep.base_values import kept_base_values
+from rearl_jax.sweep.document import document_of
 from rearl_jax.sweep.pairs import Pair, choose, pair_table, scene_means, threshold_pairs
 from rearl_jax.sweep.parts import RUNS, run_columns, write_runs
 
@@ -82,7 +85,7 @@ def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
     choice = choose(of_pairs["h"], of_pairs["mape"], config.eval)
     table = pair_table(pairs, of_pairs, choice)
     base_means = {name: float(np.nanmean(values)) for name, values in of_base.items()}
-    study.write_table("table3", table, **metadata)
+    study.write_table("table3", table, **metadata, base=json.dumps(base_means))
     best = pairs[choice.best]
     summary = {
         "n_pairs": len(pairs),
@@ -101,17 +104,24 @@ def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
         "lead_high": choice.lead_high,
         "is_distinguishable": choice.is_distinguishable,
     }
-    note = generated_mark(generated)
+    sources, note = data_sources(scenes.infos), generated_mark(generated)
+    document = document_of(config, table, summary, base_means, generated=generated, sources=sources)
     if show:
-        terminal.print_pairs(config, pairs, table, choice, base, base_means, note)
+        print_document(document)
 
-    # Only now, so that nobody waits for matplotlib to see the table.
+    # Only now, so that nobody waits for matplotlib and jinja2 to see the table.
+    from rearl_jax.document.html import page_of
     from rearl_jax.sweep.figures import cumulative, heat_maps
 
     subset = f"{len(base.scene)} threshold scenes x {config.eval.n_runs} runs{note}"
-    study.write_bytes("base_values.png", cumulative(base, config.sweep, f"Base on {subset}"))
     tuning = f"{len(splits.tuning)} tuning scenes x {config.eval.n_runs} runs{note}"
-    study.write_bytes("pairs.png", heat_maps(table, f"Threshold pairs on {tuning}; smaller is closer"))
+    figures = {
+        "base_values": cumulative(base, config.sweep, f"Base on {subset}"),
+        "pairs": heat_maps(table, f"Threshold pairs on {tuning}; smaller is closer"),
+    }
+    for name, png in figures.items():
+        study.write_bytes(f"{name}.png", png)
+    study.write_text("page.html", page_of(document, config, figures, data_id=scenes.data_id))
     study.write_summary(summary)
     return summary
 

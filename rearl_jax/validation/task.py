@@ -23,10 +23,12 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from rearl_jax.config import ValidateTask
 from rearl_jax.config.validation import ValidationConfig
+from rearl_jax.document.terminal import print_document
 from rearl_jax.results import Study
 from rearl_jax.runtime import available_cores
-from rearl_jax.validation import causes, comparison, report, simulation, summary
+from rearl_jax.validation import causes, comparison, simulation, summary
 from rearl_jax.validation.comparison import Comparison
+from rearl_jax.validation.document import document_of
 from rearl_jax.validation.figures import error_over_time
 from rearl_jax.validation.records import Recorded, stack
 from rearl_jax.validation.scenarios import SETS, TICKS_PER_SECOND, ScenarioSet
@@ -69,7 +71,7 @@ def run(config: ValidateTask) -> dict:
     study.write_bytes("error_over_time.png", error_over_time(errors, tolerances))
     figures = summary.summarise(scenes, reference)
     study.write_summary(figures)
-    report.print_report(groups, scenes, figures, options)
+    print_document(document_of(groups, scenes, figures, options))
     if shortfalls := summary.shortfalls(figures, options):
         raise ValueError("; ".join(shortfalls))
     return figures

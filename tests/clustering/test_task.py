@@ -12,8 +12,8 @@ import pytest
 from rearl_jax.config.clustering import BoConfig
 from rearl_jax.problems import InvalidInputError
 
-FILES = ["bo_trace.parquet", "centres.parquet", "config.json", "references.parquet", "scene_clusters.parquet"]
-FILES += ["scenes.png", "search.png", "summary.json", "tracks.parquet", "tracks.png"]
+FILES = ["bo_trace.parquet", "centres.parquet", "config.json", "page.html", "references.parquet"]
+FILES += ["scene_clusters.parquet", "scenes.png", "search.png", "summary.json", "tracks.parquet", "tracks.png"]
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_folder_tables_and_summary(done, traffic, monkeypatch):
     scene = int(references.loc[0, "scene_id"])
     np.testing.assert_allclose(one.to_numpy(), scenes.scaled_speed[scene], rtol=1e-6)
     assert json.loads((folder / "summary.json").read_text())["n_leaked"] == 0
-    assert printed.count("GENERATED") == 2
+    assert printed.count("GENERATED") == 3
     assert "search of 4 rounds" in printed
 
     # A second run takes everything from disk, the trace too, and ends with the same files.

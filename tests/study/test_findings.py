@@ -1,6 +1,9 @@
 """Sentences that are computed from figures say what the figures say."""
 
+import pandas as pd
+
 from rearl_jax.study.findings import Difference, RowDifferences, findings
+from rearl_jax.study.table1_tables import verdict
 
 CLOSER, SAME, FARTHER = Difference(-0.2, -0.3, -0.1), Difference(-0.05, -0.2, 0.1), Difference(0.2, 0.1, 0.3)
 
@@ -57,3 +60,9 @@ def test_an_interval_that_touches_zero_excludes_nothing():
     assert Difference(-0.1, -0.2, 0.0).sign == 0
     assert Difference(0.1, 0.0, 0.2).sign == 0
     assert (CLOSER.sign, FARTHER.sign) == (-1, 1)
+
+
+def test_the_verdict_counts_rows_by_their_intervals():
+    rows = pd.DataFrame({"metric": "h", "less_base_low": [-0.2, -0.1, None], "less_base_high": [-0.1, 0.1, None]})
+    assert verdict(rows).startswith("By the Hellinger distance of speeds, 1 of 2 rows are closer")
+    assert "closer" not in verdict(rows[2:])

@@ -8,6 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.document.terminal import text_of
+from rearl_jax.report.documents import paper_document
+from rearl_jax.report.finished import read_finished
 from rearl_jax.results import read_metadata
 
 pytestmark = pytest.mark.thorough
@@ -59,18 +62,21 @@ def test_summary_is_flat_and_says_the_same(folder):
 
 def test_what_is_printed_never_claims_comparability(table1, folder):
     printed = " ".join(table1[1].split())
-    assert "only signs and orders can be compared" in printed
-    assert "more is not better" in printed
+    assert "Only signs and orders can be compared with the paper" in printed
+    assert "traffic model, Hellinger distance, MAPE, decisions" in printed
     assert "paper: Base" in printed
-    assert "H legacy = 0.385 H" in printed
     assert "closer than base" in printed
     assert printed.count("real against real") >= 1
     assert "…" not in table1[1]
     assert printed.count("held-out scenes (of") == 0  # the rows' own tables are on their own pages
     page = (folder / "page.html").read_text(encoding="utf-8")
     assert "What differs from the paper" in page
+    assert "more is not better" in page
+    assert "H legacy = 0.385 H" in page
     assert "CC BY-SA 4.0" in page
     assert not re.search(r"<(?:script|link|iframe|object)\b", page)
+    document = paper_document(read_finished(str(table1[0]), "study_table1"))
+    assert text_of(document) in table1[1]  # the report is of the same words
 
 
 @pytest.mark.slow
@@ -101,7 +107,8 @@ def test_fig6_uses_the_rows_of_table1(table1, rearl, two_rows, tmp_path):
     before = kept.stat().st_mtime_ns
     printed = rearl(root, "study", "fig6", "table1.kept_in=study_table1", *two_rows)
     assert kept.stat().st_mtime_ns == before
-    assert "Fig. 6 itself is not at hand" in " ".join(printed.split())
+    assert "page.html says what differs: Fig. 6, data" in " ".join(printed.split())
+    assert text_of(paper_document(read_finished(str(root), "study_fig6"))) in printed
     folder = root / "study_fig6"
     assert not (folder / "rows").exists()
     table = pd.read_parquet(folder / "fig6.parquet")

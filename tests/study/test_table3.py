@@ -1,28 +1,34 @@
 """The threshold pairs: the front, what is concluded, and the command from end to end."""
 
 import json
-from dataclasses import replace
 
 import pandas as pd
 import pytest
 
-from rearl_jax.study.pair_results import PairResults, PairRow, pareto
+from rearl_jax.config import StudyTable3Task
+from rearl_jax.study.pair_results import METRICS, marked, pareto
 from rearl_jax.study.table3_figure import draw_pairs
-from rearl_jax.study.table3_tables import conclusions, long_pairs
+from rearl_jax.study.table3_tables import conclusions, long_pairs, sections
+
+SUMMARY = {"is_distinguishable": False, "lead": 0.1, "lead_low": -0.1, "lead_high": 0.2}
 
 
 def pair(h_pct, m_pct, h, mape):
-    means = {"h": h, "mape": mape, "thw": 3.0, "lcr": 0.01, "collisions": 0.0}
-    return PairRow(h_pct, m_pct, (0.3, 0.4), means, dict.fromkeys(means, (0.1, 0.9)), 0.5)
+    own = {"row": f"{h_pct:g} % / {m_pct:g} %", "h_pct": h_pct, "m_pct": m_pct}
+    figures = dict.fromkeys(METRICS, 0.5) | {"h": h, "mape": mape}
+    ends = {f"{name}_{end}": value for name in METRICS for end, value in (("low", 0.1), ("high", 0.9))}
+    return own | figures | ends | {"threshold_h": 0.3, "threshold_m": 0.4, "win_share": 0.5}
+
+
+def pairs_of(base, best):
+    rows = [pair(30.0, 5.0, 0.4, 0.4), pair(20.0, 20.0, 0.3, 0.6), pair(5.0, 5.0, 0.5, 0.5), pair(0.0, 0.0, *base)]
+    rows[-1] |= {"row": "base", "h_pct": None, "m_pct": None}
+    return marked(pd.DataFrame(rows), best)
 
 
 @pytest.fixture
-def results():
-    rows = [pair(30.0, 5.0, 0.4, 0.4), pair(20.0, 20.0, 0.3, 0.6), pair(5.0, 5.0, 0.5, 0.5)]
-    base = replace(pair(None, None, 0.8, 0.9), thresholds=None, win_share=None)
-    summary = {"best_h_pct": 30.0, "best_m_pct": 5.0, "is_distinguishable": False}
-    summary |= {"lead": 0.1, "lead_low": -0.1, "lead_high": 0.2}
-    return PairResults(rows, base, summary, 15)
+def pairs():
+    return pairs_of((0.8, 0.9), (30.0, 5.0))
 
 
 def test_the_front_holds_what_no_other_beats_in_both():
@@ -30,29 +36,34 @@ def test_the_front_holds_what_no_other_beats_in_both():
     assert pareto([(1.0, 1.0), (1.0, 2.0), (2.0, 1.0)]) == [0]
 
 
-def test_conclusions_follow_from_the_pairs(results):
-    first, second, *_, front = conclusions(results)
+def test_conclusions_follow_from_the_pairs(pairs):
+    first, second, *_, front = conclusions(pairs, SUMMARY, 15)
     assert first == "Best pair: ours 30 % / 5 %, the paper's 30 % / 5 %."
     assert "15 scenes cannot tell ours from the next best" in second
     assert "20 % / 20 %, 30 % / 5 %; 2 of the paper's 3 are among them" in front
-    other = replace(results, summary=results.summary | {"best_h_pct": 5.0}, base=results.pairs[0])
-    said = conclusions(other)
+    said = conclusions(pairs_of((0.4, 0.4), (5.0, 5.0)), SUMMARY, 15)
     assert "The paper's pair is number 1 of 3 here" in said[2]
     assert said[-1] == "No pair is closer to the recorded scenes than base."
 
 
-def test_long_table_marks_the_papers_pairs(results):
-    table = long_pairs(results).set_index(["row", "metric"])
+def test_long_table_marks_the_papers_pairs(pairs):
+    long = long_pairs(pairs)
+    table = long.set_index(["row", "metric"])
     assert table.loc[("30 % / 5 %", "is_best"), ["ours", "paper"]].tolist() == [1, 1]
     assert table.loc[("20 % / 20 %", "is_pareto"), ["ours", "paper"]].tolist() == [1, 1]
     assert table.loc[("5 % / 5 %", "is_pareto"), ["ours", "paper"]].tolist() == [0, 0]
     assert table.loc[("30 % / 5 %", "threshold_h"), "paper"] == 0.3306
     assert pd.isna(table.loc[("base", "score"), "paper"])
+    assert pd.isna(table.loc[("base", "score"), "h_pct"])
+    shown = sections(StudyTable3Task(), long, {})[0].tables[0]
+    assert [row.title for row in shown.rows][::2] == ["30 % / 5 %", "20 % / 20 %", "5 % / 5 %", "base"]
+    assert [cell.value for cell in shown.rows[1].cells[:2]] == ["0.3306", "0.1982"]
+    assert [cell.value for cell in shown.rows[0].cells[5:8]] == ["50.0 %", "yes", "yes"]
 
 
-def test_figure_is_drawn(results):
-    assert draw_pairs(results, generated=False)[:4] == b"\x89PNG"
-    assert draw_pairs(results, generated=True) != draw_pairs(results, generated=False)
+def test_figure_is_drawn(pairs):
+    assert draw_pairs(pairs, 15, generated=False)[:4] == b"\x89PNG"
+    assert draw_pairs(pairs, 15, generated=True) != draw_pairs(pairs, 15, generated=False)
 
 
 @pytest.mark.slow

@@ -6,12 +6,14 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
+from rearl_jax.config import StudyTable4Task
 from rearl_jax.config.llm import LlmConfig, PromptConfig
 from rearl_jax.config.study import StepsConfig
+from rearl_jax.document.table import Cell, Emphasis
 from rearl_jax.study import language_model_steps as module
 from rearl_jax.study.language_model_steps import fresh_client
 from rearl_jax.study.table4_figure import draw_timings
-from rearl_jax.study.table4_tables import MODEL, conclusions, long_timings, shown_timings, summary_of, timings_of
+from rearl_jax.study.table4_tables import MODEL, conclusions, long_timings, sections, summary_of
 from rearl_jax.timing import decision_steps
 from rearl_jax.timing.decision_steps import BASE, PARTS
 from tests.llm.stub import Stub
@@ -29,6 +31,12 @@ def steps():
     return pd.DataFrame(rows)
 
 
+def shown_rows(table):
+    """Rows of the table that people read."""
+    (section,) = sections(StudyTable4Task(), table, {"n_steps": 10})
+    return section.tables[0].rows
+
+
 @pytest.fixture
 def with_model():
     counts = {"n_questions": 100, "n_sent": 90, "n_answered": 80}
@@ -36,28 +44,28 @@ def with_model():
 
 
 def test_medians_stand_beside_the_paper_for_one_scenario_only(steps):
-    timings = timings_of(steps, None)
-    assert [timing.title for timing in timings[::2]] == [
+    timings = long_timings(steps, None)
+    assert timings["title"].tolist()[::2] == [
         "IDM+MOBIL",
         "PPO",
         "REARL, detection alone",
         "REARL, matcher alone",
         "REARL, whole loop with matcher",
     ]
-    one, many = timings[:2]
-    assert (one.ms.median, one.ms.least, one.n_repetitions) == (1000, 900, 3)
-    assert (one.paper_ms, many.paper_ms) == (0.461, None)
-    table = long_timings(timings).set_index(["row", "batch"])
+    assert timings.loc[0, ["ours", "low", "n_repetitions", "paper"]].tolist() == [1000, 900, 3, 0.461]
+    assert pd.isna(timings.loc[1, "paper"])
+    shown = shown_rows(timings)
+    assert (shown[-1].title, shown[-1].emphasis) == ("paper: REARL (language model)", Emphasis.subdued)
+    assert shown[-1].cells[-1] == Cell("86,241.0")
+    assert shown[0].cells == tuple(map(Cell, ("1", "1,000", "900", "1,400", "1,000", "2.00", "0.461")))
+    table = timings.set_index(["row", "batch"])
     assert table.loc[("ppo", 1), "paper"] == 15.898
     assert pd.isna(table.loc[("loop", 1), "paper"])  # the paper's REARL asks a language model
     assert summary_of(timings, 10)["steps_ms_loop_b256"] == 2000 * 256
-    shown = shown_timings(timings, 10, 10)
-    assert shown.lines[-1].is_paper
-    assert shown.lines[-1].cells[-1].figure == "86,241.0"
 
 
 def test_conclusions_compare_ours_with_ours(steps, with_model):
-    said = conclusions(timings_of(steps, with_model), 10)
+    said = conclusions(long_timings(steps, with_model), 10)
     assert said[0] == (
         "Batch 1: times IDM+MOBIL: PPO 3.00, REARL, whole loop with matcher 2.00; of its time: REARL, detection alone "
         "25 % and REARL, matcher alone 50 %."
@@ -68,11 +76,10 @@ def test_conclusions_compare_ours_with_ours(steps, with_model):
 
 
 def test_the_model_has_a_row_of_its_own(steps, with_model):
-    timings = timings_of(steps, with_model)
-    assert timings[-1].program == MODEL
-    assert timings[-1].paper_ms == 86_241
-    assert not shown_timings(timings, 10, 10).lines[-1].is_paper
-    assert draw_timings(timings, 10) != draw_timings(timings_of(steps, None), 10)
+    timings = long_timings(steps, with_model)
+    assert timings[["row", "paper"]].iloc[-1].tolist() == [MODEL, 86_241]
+    assert shown_rows(timings)[-1].emphasis is Emphasis.plain
+    assert draw_timings(timings, 10) != draw_timings(long_timings(steps, None), 10)
 
 
 @pytest.mark.slow

@@ -22,6 +22,7 @@ from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.scenes import build_scenes
 from rearl_jax.data.splits import split_scenes
+from rearl_jax.document.terminal import text_of
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.runner import scored_rollouts
@@ -32,7 +33,7 @@ from rearl_jax.sweep.scale import run
 from rearl_jax.sweep.scale_costs import BatchCost, batch_sizes
 from rearl_jax.sweep.scale_progress import StreamLog
 from rearl_jax.sweep.scale_results import ScaleResults
-from rearl_jax.sweep.scale_terminal import print_scale
+from rearl_jax.sweep.scale_document import document_of
 from rearl_jax.tasks import TASKS
 
 N_ROLLOUTS, PART = 304, 76
@@ -193,13 +194,12 @@ def test_a_finished_study_has_no_rates_and_says_so(whole):
     assert left.printed == ""
 
 
-def test_generated_recordings_are_marked(whole, tmp_path, capsys):
+def test_generated_recordings_are_marked(whole, tmp_path):
     machine = {"cpu_model": "one", "cpu_cores": 2, "jax_version": "0"}
     stream = StreamLog(Study(tmp_path, "none", whole.config, "sweep scale"), 0, {})
     cost = BatchCost(1, 3, 1.0, 1e-3, 1e-3, 1e-3, 1e-3)
     results = ScaleResults(whole.config, 5, 60, (0.5, np.inf), [cost], stream, machine, None, True)
-    print_scale(results)
-    assert "GENERATED" in capsys.readouterr().out
+    assert "GENERATED" in text_of(document_of(results))
     assert results.summary()["threshold_h"] == 0.5
     assert results.summary()["threshold_m"] is None
 

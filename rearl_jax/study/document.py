@@ -1,0 +1,231 @@
+"""What a study beside the paper says, from its long table: ours beside the paper's, and what differs between them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from rearl_jax.config import ClusterTask, EvaluateTask
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.document.document import Document, Section, data_sources
+from rearl_jax.document.table import NONE, Cell, Emphasis, Row, Table, interval, number, percent, spoken
+from rearl_jax.document.terminal import print_document
+from rearl_jax.evaluation.remarks import Remarks, data_summary
+from rearl_jax.metrics import METRICS
+from rearl_jax.results import PROVENANCE, Study
+from rearl_jax.study.published import TABLE1
+
+_SHORT = 100
+"""Characters of a text in summary.json that is a figure, not a paragraph."""
+
+_FIGURES = ("ours", "low", "high", "sd", "less_base", "less_base_low", "less_base_high", "paper")
+
+
+@dataclass(frozen=True)
+class Form:
+    """The form of a study.
+
+    Attributes:
+        name: Name of the task after `study`, and of its long table.
+        title: Title of its document, before the names of the data sets.
+        sections: Its tables, from the task's record, the long table and the summary.
+        captions: Text below each figure, by name.
+    """
+
+    name: str
+    title: str
+    sections: Callable[[Any, pd.DataFrame, Mapping[str, Any]], tuple[Section, ...]]
+    captions: Mapping[str, str]
+
+
+def long_table(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """One row per row of the study and metric: `row`, `metric`, `ours`, `low`, `high`, `paper`, and what else is known.
+
+    Missing values are null, never NaN.
+    """
+    frame = pd.DataFrame(list(records))
+    for name in _FIGURES:
+        if name in frame:
+            frame[name] = pd.array([None if pd.isna(value) else float(value) for value in frame[name]], "Float64")
+    for name in frame.columns:
+        if name.startswith("n_"):
+            frame[name] = pd.array([None if pd.isna(value) else int(value) for value in frame[name]], "Int64")
+    return frame
+
+
+def remarks_on(
+    config: EvaluateTask | ClusterTask,
+    scenes: SceneSet,
+    use: str,
+    findings: Sequence[str],
+    differences: Sequence[str],
+) -> Remarks:
+    """Text that goes with the long table.
+
+    Args:
+        config: The task.
+        scenes: All scenes.
+        use: How many of them are used for what.
+        findings: What follows from the figures; the first sentence is the verdict.
+        differences: What differs from the paper besides the method, each as `name: text`.
+    """
+    data = data_summary(config, scenes, use)
+    return Remarks(data, tuple(findings), tuple(differences), data_sources(scenes.infos))
+
+
+def publish(
+    study: Study,
+    form: Form,
+    config: Any,
+    scenes: SceneSet | None,
+    table: pd.DataFrame,
+    summary: Mapping[str, Any],
+    remarks: Remarks,
+    draw: Callable[[], Mapping[str, bytes]],
+    **metadata: str,
+) -> None:
+    """Prints the document and writes `NAME.parquet`, the figures, `page.html` and, last of all, `summary.json`.
+
+    Args:
+        study: The folder.
+        form: The form of the study.
+        config: Its record.
+        scenes: All scenes; None without data.
+        table: The long table.
+        summary: Flat figures.
+        remarks: Text that goes with the table.
+        draw: Makes the figures, PNG by name; called after the tables are printed.
+        **metadata: What the table says besides its provenance.
+    """
+    study.write_table(form.name, table, **metadata, remarks=remarks.to_json())
+    generated = scenes is not None and scenes.generated
+    document = document_of(form, config, table, summary, remarks, generated=generated)
+    print_document(document)
+
+    # Only now, so that nobody waits for matplotlib and jinja2 to see the table.
+    from rearl_jax.document.html import page_of
+
+    figures = draw()
+    for name, png in figures.items():
+        study.write_bytes(f"{name}.png", png)
+    study.write_text("page.html", page_of(document, config, figures, data_id=scenes.data_id if scenes else None))
+    study.write_summary(summary)
+
+
+def document_of(
+    form: Form, config: Any, table: pd.DataFrame, summary: Mapping[str, Any], remarks: Remarks, *, generated: bool
+) -> Document:
+    """The document of a study; arguments as of `publish`."""
+    sources = ", ".join(source.name for source in remarks.sources)
+    title = f"{form.title}, on {sources}" if sources else form.title
+    verdict, *findings = remarks.notes or (f"{title}.",)
+    if remarks.definitions:
+        names = ", ".join(text.partition(":")[0] for text in remarks.definitions)
+        findings.append(f"Only signs and orders can be compared with the paper; page.html says what differs: {names}.")
+    others = _other_figures(summary, list(dict.fromkeys(table["row"])))
+    return Document(
+        title=title,
+        verdict=verdict,
+        sections=(
+            *form.sections(config, table, summary),
+            Section("What follows", notes=tuple(findings)),
+            Section("What differs from the paper", notes=remarks.definitions, is_folded=True),
+            Section("Other figures", tables=(others,), is_folded=True),
+        ),
+        command=f"study {form.name}",
+        generated=generated,
+        data=remarks.data,
+        sources=remarks.sources,
+        captions=form.captions,
+    )
+
+
+def beside_paper(
+    title: str, table: pd.DataFrame, headings: Mapping[str, str], digits: Mapping[str, int] | None = None
+) -> Table:
+    """Rows of a long table with a column per metric; the paper's figures are in a row below the last they belong to.
+
+    Args:
+        title: Title of the table.
+        table: The long table; its column `paper_row` names rows of Table 1 of the paper.
+        headings: Headings of the metrics.
+        digits: Digits after the point of metrics that are none of `METRICS`, or that need others.
+    """
+    digits = {name: metric.digits for name, metric in METRICS.items()} | dict(digits or {})
+    records = records_of(table)
+    last = {paper_row: name for name, figures in records.items() if (paper_row := _paper_row(figures))}
+    rows = []
+    for name, figures in records.items():
+        first = next(iter(figures.values()))
+        row_title, paper_row = str(first.get("title", name)), _paper_row(figures)
+        cells = tuple(cell(figures.get(metric), metric, digits=digits.get(metric)) for metric in headings)
+        if not name.startswith("paper_"):
+            rows.append(Row(row_title, cells))
+        paper = tuple(cell(figures.get(metric), metric, "paper", digits=digits.get(metric)) for metric in headings)
+        if any(one.value != NONE for one in paper) and (paper_row is None or last[paper_row] == name):
+            row_title = TABLE1[paper_row].title if paper_row else row_title
+            rows.append(Row(f"paper: {row_title}", paper, Emphasis.subdued))
+    return Table(title, tuple(headings.values()), tuple(rows))
+
+
+def _paper_row(figures: Mapping[str, Mapping[str, Any]]) -> str | None:
+    """The row of the paper's Table 1 beside a row of ours."""
+    names = (figure.get("paper_row") for figure in figures.values())
+    return next((name for name in names if isinstance(name, str)), None)
+
+
+def records_of(table: pd.DataFrame) -> dict[str, dict[str, dict[str, Any]]]:
+    """Rows of a long table by their name and metric."""
+    rows: dict[str, dict[str, dict[str, Any]]] = {}
+    for record in table.astype(object).to_dict("records"):
+        rows.setdefault(record["row"], {})[record["metric"]] = {str(name): value for name, value in record.items()}
+    return rows
+
+
+def cell(
+    record: Mapping[str, Any] | None, metric: str, column: str = "ours", *, digits: int | None = None, sign: str = ""
+) -> Cell:
+    """A figure of a long table with its interval.
+
+    Args:
+        record: Row of the long table; None for none.
+        metric: Name of the metric.
+        column: `ours`, `paper` or `less_base`.
+        digits: Digits after the point; None for three significant ones.
+        sign: `+` for changes.
+    """
+    ends = ("low", "high") if column == "ours" else (f"{column}_low", f"{column}_high")
+    value, low, high = ((record or {}).get(name) for name in (column, *ends))
+    texts = [_text(end, metric, digits, sign) for end in (value, low, high)]
+    return Cell(texts[0], "" if NONE in texts[1:] else f"{texts[1]} to {texts[2]}")
+
+
+def _text(value: Any, metric: str, digits: int | None, sign: str) -> str:
+    if value is None or pd.isna(value):
+        return NONE
+    if metric.startswith("is_"):
+        return number(bool(value))
+    if metric.endswith("_share"):
+        return percent(value)
+    return number(value, sign) if digits is None else f"{value:{sign},.{digits}f}"
+
+
+def _other_figures(summary: Mapping[str, Any], rows: Sequence[str]) -> Table:
+    """Figures of summary.json that belong to no row of the long table, without the provenance."""
+    plain = {key: value for key, value in summary.items() if not isinstance(value, (list, dict))}
+    left_out = ("_low", "_high", "_paper", "_sd")
+    of_rows = tuple(f"{row}_" for row in rows)
+    return Table(
+        "Figures of summary.json",
+        ("value",),
+        tuple(
+            Row(spoken(key), (Cell(number(value), interval(plain.get(f"{key}_low"), plain.get(f"{key}_high"))),))
+            for key, value in plain.items()
+            if key not in PROVENANCE
+            and not key.endswith(left_out)
+            and not key.startswith(of_rows)
+            and value is not None
+            and len(str(value)) <= _SHORT
+        ),
+    )

@@ -1,0 +1,78 @@
+"""What a sweep of thresholds says: every pair beside base, and whether the scenes can tell the best from the next."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+from rearl_jax.config import SweepThresholdsTask
+from rearl_jax.document.document import DataSource, Document, Section
+from rearl_jax.document.table import Emphasis, percent, table_of
+
+SUMMARY_KEYS = (
+    *("n_pairs", "n_rollouts", "best_score", "base_score", "best_win_share"),
+    *("lead", "lead_low", "lead_high", "is_distinguishable"),
+)
+"""Keys of summary.json that the document needs."""
+
+_CAPTIONS = {
+    "base_values": "Values of the method base on the threshold scenes, whose percentiles become thresholds.",
+    "pairs": "Errors of every pair of thresholds on the tuning scenes; smaller is closer.",
+}
+
+
+def document_of(
+    config: SweepThresholdsTask,
+    pairs: pd.DataFrame,
+    summary: Mapping[str, Any],
+    base: Mapping[str, float],
+    *,
+    generated: bool,
+    sources: tuple[DataSource, ...] = (),
+) -> Document:
+    """The document of a sweep of thresholds.
+
+    Args:
+        config: The task.
+        pairs: The table `table3.parquet`.
+        summary: The figures of `summary.json`.
+        base: Means of base by metric; empty where they are not known.
+        generated: Whether any of the recordings were generated.
+        sources: Data sets with their licences.
+    """
+    mape = f"MAPE {config.mape.definition.name}"
+    columns = {"pair": "pair", "threshold_h": "H >", "threshold_m": f"{mape} >", "h": "H", "mape": mape, "score": "sum"}
+    columns |= {"thw": "THW, s", "lcr": "LCR", "collisions": "crashed", "win_share": "best in"}
+    pairs = pairs.sort_values("score", kind="stable")
+    names = [f"{h:g} % / {m:g} %" for h, m in zip(pairs["h_pct"], pairs["m_pct"], strict=True)]
+    shown = pairs.assign(pair=names, win_share=[percent(share) for share in pairs["win_share"]])
+    without = pd.DataFrame([{**base, "pair": "base", "score": summary["base_score"]}])
+    table = table_of(
+        "Threshold pairs on the tuning scenes",
+        pd.concat([shown, without]),
+        columns,
+        {names[0]: Emphasis.strong, "base": Emphasis.subdued},
+    )
+    interval = f"{100 * config.eval.confidence:g} % bootstrap interval over scenes"
+    told = "can" if summary["is_distinguishable"] else "cannot"
+    closer = summary["best_score"] < summary["base_score"]
+    notes = (
+        "H > and MAPE >: thresholds, percentiles of Hellinger distance / spacing error of base; sum: sum of both "
+        "errors, smaller is closer",
+        "best in: share of the resamples of the scenes in which the pair has the least sum",
+        f"lead of {names[0]} over {names[min(1, len(names) - 1)]}: {summary['lead']:.4f}, "
+        f"{interval} {summary['lead_low']:.4f} to {summary['lead_high']:.4f}",
+        *(() if closer else ("no pair is closer to the recorded scenes than base",)),
+    )
+    return Document(
+        title="Thresholds of the detection",
+        verdict=f"Of {summary['n_pairs']} pairs of thresholds the percentiles {names[0]} leave the least error, "
+        f"{summary['best_score']:.3f} beside {summary['base_score']:.3f} without interventions; the scenes {told} tell "
+        "it from the next.",
+        sections=(Section("Pairs", tables=(table,), notes=notes),),
+        command="sweep thresholds",
+        generated=generated,
+        data=f"{summary['n_rollouts']:,} rollouts; {config.seeds}.",
+        sources=sources,
+        captions=_CAPTIONS,
+    )
