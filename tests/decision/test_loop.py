@@ -165,33 +165,6 @@ def test_crashed_vehicles_do_no_harm(table, model):
     np.testing.assert_array_equal(decisions.n_asked[1:], 10 - frames.crashed[:-1].sum(axis=1))
 
 
-@pytest.mark.thorough
-def test_the_two_halves_called_by_a_host_are_the_scan(start, table, model, matched):
-    from rearl_jax.config.decision import MatcherConfig, PolicyName
-    from rearl_jax.decision.execution import accept, no_orders
-    from rearl_jax.decision.loop import LoopOptions, advance, assess, initial_loop_state
-    from rearl_jax.decision.policies import make_policy
-    from rearl_jax.detection.detector import Thresholds
-
-    state, drivers = start
-    options, policy = LoopOptions(), make_policy(PolicyName.matcher, MatcherConfig(), model)
-    thresholds = Thresholds(*(jnp.full(N_SCENARIOS, value, jnp.float32) for value in (0.2, 0.1)))
-    keys = jax.random.split(jax.random.key(9), N_SCENARIOS)
-
-    @jax.jit
-    def second(traffic, orders):
-        traffic = advance(traffic, orders, drivers, model, options)
-        return assess(traffic, drivers, table, thresholds, model, options)
-
-    traffic, orders = initial_loop_state(state, keys, table, model, options), no_orders(state)
-    for number in range(N_SECONDS):
-        traffic, situation = second(traffic, orders)
-        answers = np.asarray(policy(situation, table, keys))
-        orders = accept(jnp.asarray(answers), situation.is_asked, situation.admissible)
-        np.testing.assert_allclose(situation.frame.x, matched[0].x[number], rtol=1e-6, atol=1e-4)
-        np.testing.assert_array_equal(situation.detection.triggered, matched[1].triggered[number])
-
-
 def test_references_shorter_than_the_rollout_are_refused(start, table, model):
     from rearl_jax.config.decision import PolicyName
 
