@@ -1,14 +1,13 @@
 """The reward against highway-env's own."""
 
 import numpy as np
+from highway_env.envs.highway_env import HighwayEnv
+from highway_env.vehicle.controller import MDPVehicle
+
+from rearl_jax.decision.reward import reward
 
 
 def test_against_highway_env(wild, model):
-    from highway_env.envs.highway_env import HighwayEnv
-    from highway_env.vehicle.controller import MDPVehicle
-
-    from rearl_jax.decision.reward import reward
-
     env = HighwayEnv({"lanes_count": 4, "vehicles_count": 1})
     env.reset(seed=0)
     ours = np.asarray(reward(wild, model))
