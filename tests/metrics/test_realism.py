@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +21,7 @@ from rearl_jax.metrics.realism import (
     realism_scores,
 )
 from tests.metrics import reference
-from tests.metrics.conftest import DEGENERATE, cast, make_scene
+from tests.metrics.conftest import DEGENERATE, HASTE, cast, make_scene
 
 KINDS = pytest.mark.parametrize("kind", ["random", *DEGENERATE])
 F32 = np.dtype("float32")
@@ -35,7 +36,7 @@ CONFIG = RealismConfig(
 SCORES = jax.jit(realism_scores, static_argnums=(2, 3))
 
 
-@jax.jit
+@partial(jax.jit, compiler_options=HASTE)
 def counted(scene):
     acceleration = rate_of_change(scene["speed"], scene["track_id"], 1.0)
     distance = distance_to_nearest(scene["x"], scene["y"], scene["length"], scene["width"])
@@ -80,9 +81,8 @@ def test_scores_equal_the_reference(kind):
 
 
 def test_a_recording_scored_as_simulated_is_closer_to_itself_than_to_another():
-    one, other = (counts_of(make_scene(seed, recorded=True)) for seed in (35, 36))
-    itself = realism_scores(one, one, CONFIG, jnp.dtype("float64"))
-    apart = realism_scores(other, one, CONFIG, jnp.dtype("float64"))
+    one, other = (counts_of(cast(make_scene(seed, recorded=True), F32)) for seed in (35, 36))
+    itself, apart = SCORES(one, one, CONFIG, F32), SCORES(other, one, CONFIG, F32)
     for name in ("speed", "acceleration", "distance", "ttc", "meta"):
         assert float(getattr(itself, name).value) > float(getattr(apart, name).value)
     assert float(itself.collision.value) == pytest.approx(1.0, abs=1e-3)
@@ -108,7 +108,7 @@ def test_default_weights_are_those_of_the_subset():
 
 
 def test_a_feature_without_values_is_left_out_of_the_mean():
-    real = counts_of(make_scene(37, recorded=True))
+    real = counts_of(cast(make_scene(37, recorded=True), F32))
     empty = jnp.zeros_like(real.acceleration)
     without = RealismCounts(real.speed, empty, real.distance, real.ttc, real.collision)
     for simulated, truth in ((real, without), (without, real)):
