@@ -11,8 +11,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from rearl_jax.core.car_following.highway_env_idm import HighwayEnvIDM, projected_approach_rate
+from rearl_jax.core.car_following.highway_env_idm import HighwayEnvIDM
 from rearl_jax.core.compaction import if_any
+from rearl_jax.core.double_double import rounded
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
 from rearl_jax.core.neighbours import (
@@ -213,15 +214,12 @@ def acceleration_behind(
 
 
 def approach_rate(rear: DerivedState | Follower, front: DerivedState | Leader) -> Float[Array, "vehicles *scenarios"]:
-    """Approach rate of one vehicle to another [m/s]."""
-    return projected_approach_rate(
-        rear.speed_x,
-        rear.speed_y,
-        front.speed_x,
-        front.speed_y,
-        cos_heading=rear.cos_heading,
-        sin_heading=rear.sin_heading,
-    )
+    """Approach rate dv of one vehicle to another along the rear one's heading [m/s]; positive = closing.
+
+    Source: highway-env 1.12.1, `IDMVehicle.desired_gap` (projected).
+    """
+    speed_x, speed_y = rear.speed_x, rear.speed_y
+    return rounded((speed_x - front.speed_x) * rear.cos_heading) + (speed_y - front.speed_y) * rear.sin_heading
 
 
 def _follower_acceleration(follower: Follower, spacing: Array, front: DerivedState | Leader, drivers: Drivers) -> Array:

@@ -6,6 +6,8 @@ vehicles or scenarios are arrays and live in `rearl_jax.core.drivers` and `rearl
 
 import dataclasses
 
+from rearl_jax.problems import out_of_range
+
 LANE_TEST_LENGTH = 5.0
 """Vehicle length [m] a lane assumes in its own range tests. Source: highway-env 1.12.1,
 `AbstractLane.VEHICLE_LENGTH`.
@@ -48,13 +50,11 @@ class TrafficModel:
 
     def __post_init__(self) -> None:
         if not 1 <= self.n_lanes <= 8:
-            raise ValueError(f"n_lanes = {self.n_lanes} is outside 1..8; choose the number of lanes of one carriageway")
+            raise out_of_range("n_lanes", "must be within 1 and 8: the lanes of one carriageway", self.n_lanes)
         if self.ticks_per_second < 1:
-            raise ValueError(
-                f"ticks_per_second = {self.ticks_per_second}: at least one tick a second is needed (highway-env: 15)"
-            )
+            raise out_of_range("ticks_per_second", "must be at least 1 (highway-env: 15)", self.ticks_per_second)
         if len(self.speed_levels) < 2:
-            raise ValueError("speed_levels needs at least two speeds [m/s] for FASTER and SLOWER to choose from")
+            raise out_of_range("speed_levels", "must have two speeds for FASTER and SLOWER", self.speed_levels)
 
     @property
     def dt(self) -> float:

@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.timer import ticks_until_decision
+from rearl_jax.problems import InvalidInputError, Problem
 
 
 class Controller(enum.IntEnum):
@@ -144,10 +145,8 @@ def make_state(
     for name, values in given.items():
         bad = np.argwhere(present & ~np.isfinite(values))
         if len(bad):
-            raise ValueError(
-                f"{name} of vehicle {bad[0][0]} (index {tuple(int(i) for i in bad[0])}) is not finite;"
-                " drop the vehicle or mark it Controller.ABSENT"
-            )
+            key, remedy = f"{name}{bad[0].tolist()}", "drop the vehicle or mark it Controller.ABSENT"
+            raise InvalidInputError(Problem("not-a-number", "must be finite", remedy, key=key))
     slot = np.arange(shape[0], dtype=np.float64).reshape(-1, *(1,) * (len(shape) - 1))
     parking = 100 * model.road_length + PARKING_SPACING * slot
     x = np.where(present, x, parking)

@@ -6,10 +6,10 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.config.decision import AdmissibleConfig, LaneGate
-from rearl_jax.core.car_following.highway_env_idm import projected_approach_rate
 from rearl_jax.core.car_following.model import Spacing
 from rearl_jax.core.compaction import if_any
 from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.mobil import approach_rate
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.nearest import lane_bit
 from rearl_jax.core.neighbours import (
@@ -128,15 +128,8 @@ def is_safe(
 
     def follower_acceleration() -> Float[Array, "vehicles scenarios"]:
         follower = find_follower(state, derived, lane)
-        closing = projected_approach_rate(
-            follower.speed_x,
-            follower.speed_y,
-            derived.speed_x,
-            derived.speed_y,
-            cos_heading=follower.cos_heading,
-            sin_heading=follower.sin_heading,
-        )
-        seen = Spacing(follower.distance, drivers.body.length, follower.speed, follower.speed_ratio, closing)
+        dv = approach_rate(follower, derived)
+        seen = Spacing(follower.distance, drivers.body.length, follower.speed, follower.speed_ratio, dv)
         return drivers.car_following.spacing_acceleration(seen)
 
     bound = drivers.mobil.safe_decel
@@ -155,15 +148,8 @@ def leader_interaction(
 
     def interaction() -> Float[Array, "vehicles scenarios"]:
         leader = find_leader(state, derived, lane)
-        closing = projected_approach_rate(
-            derived.speed_x,
-            derived.speed_y,
-            leader.speed_x,
-            leader.speed_y,
-            cos_heading=derived.cos_heading,
-            sin_heading=derived.sin_heading,
-        )
-        seen = Spacing(leader.distance, drivers.body.length, state.speed, derived.speed_ratio, closing)
+        dv = approach_rate(derived, leader)
+        seen = Spacing(leader.distance, drivers.body.length, state.speed, derived.speed_ratio, dv)
         return drivers.car_following.spacing_interaction(seen)
 
     return if_any(is_needed, interaction, jnp.zeros_like(state.x))

@@ -25,6 +25,7 @@ from rearl_jax.core.spawn import EXPONENT_RANGE, spawn
 from rearl_jax.core.state import Controller, TrafficState, nearest_level
 from rearl_jax.decision.observation import COLUMNS, N_ROWS, ObservationSpec, highway_env_observation, observe_neighbours
 from rearl_jax.decision.reward import reward
+from rearl_jax.problems import out_of_range
 
 EGO = 0
 """The controlled vehicle."""
@@ -68,13 +69,13 @@ class HighwayOptions:
         object.__setattr__(self, "speed_levels", tuple(self.speed_levels))
         for name, least in (("n_others", 0), ("duration", 1), ("n_rows", 1)):
             if getattr(self, name) < least:
-                raise ValueError(f"{name} = {getattr(self, name)}: must be at least {least}")
+                raise out_of_range(name, f"must be at least {least}", getattr(self, name))
         if not self.density > 0:
-            raise ValueError(f"density = {self.density}: must be greater than 0 (highway-env: 1)")
+            raise out_of_range("density", "must be greater than 0 (highway-env: 1)", self.density)
         if self.dtype not in PRECISIONS:
-            raise ValueError(f"dtype = {self.dtype!r}: choose one of {', '.join(PRECISIONS)}")
+            raise out_of_range("dtype", f"must be one of {', '.join(PRECISIONS)}", self.dtype)
         if self.dtype == "float64" and not jax.config.read("jax_enable_x64"):
-            raise ValueError("dtype = 'float64' needs jax.config.update(\"jax_enable_x64\", True) first")
+            raise out_of_range("dtype", 'needs jax.config.update("jax_enable_x64", True) first', self.dtype)
         _ = self.model  # which checks the rest
 
     @cached_property

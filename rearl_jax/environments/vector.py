@@ -23,6 +23,7 @@ from rearl_jax.environments.programs import (
 )
 from rearl_jax.environments.single import spaces
 from rearl_jax.environments.starts import with_scenes
+from rearl_jax.problems import out_of_range
 
 
 class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -56,7 +57,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
             TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road.
         """
         if num_envs < 1:
-            raise ValueError(f"num_envs = {num_envs}: at least one scenario is needed")
+            raise out_of_range("num_envs", "must be at least 1", num_envs)
         self.num_envs = num_envs
         self.options, self._cases = with_scenes(HighwayOptions(**options), scenes)
         self._mode = AutoresetMode(autoreset_mode)

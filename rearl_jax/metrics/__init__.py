@@ -124,21 +124,9 @@ _TABLE = (
         needs_lanes=True,
         digits=4,
     ),
+    Metric("collisions", "crashed vehicles", "1", _LOWER, "share of vehicles crashed in the last frame", _REARL),
     Metric(
-        "collisions",
-        "crashed vehicles",
-        "1",
-        _LOWER,
-        "share of vehicles crashed in the last frame",
-        _REARL,
-    ),
-    Metric(
-        "any_collision",
-        "scenes with a crash",
-        "1",
-        _LOWER,
-        "1 if any vehicle crashed in any frame",
-        "own definition",
+        "any_collision", "scenes with a crash", "1", _LOWER, "1 if any vehicle crashed in any frame", "own definition"
     ),
     Metric(
         "jerk_rms",
@@ -148,14 +136,7 @@ _TABLE = (
         "of the second difference of the speed at 1 Hz",
         "own definition; named as future work in REARL (Bi et al.)",
     ),
-    Metric(
-        "jerk_share",
-        "large jerk",
-        "1",
-        _NONE,
-        "share of |jerk| > safety.jerk (2.5 m/s^3)",
-        "ISO 15622:2018",
-    ),
+    Metric("jerk_share", "large jerk", "1", _NONE, "share of |jerk| > safety.jerk (2.5 m/s^3)", "ISO 15622:2018"),
     Metric(
         "ttc_min",
         "least time to collision",

@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax._typing import PRNGKey
 from rearl_jax.config.metrics import HistConfig, OutOfBounds
-from rearl_jax.metrics.measure import unrolled_sum
+from rearl_jax.metrics.measure import safe_sqrt, unrolled_sum
 
 
 class Distances(eqx.Module):
@@ -130,15 +130,9 @@ def hellinger_distance(
 
     Source: REARL (Bi et al.), Eq. 7.
     """
-    half_square = unrolled_sum((_sqrt(p) - _sqrt(q)) ** 2, 0) / 2
+    half_square = unrolled_sum((safe_sqrt(p) - safe_sqrt(q)) ** 2, 0) / 2
     # rounding may leave 1 + 1e-7 for disjoint distributions
-    return jnp.minimum(_sqrt(half_square), 1)
-
-
-def _sqrt(values: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Square root whose gradient at 0 is 0 instead of infinite."""
-    positive = values > 0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, values, 1)), 0)
+    return jnp.minimum(safe_sqrt(half_square), 1)
 
 
 def histogram_distances(

@@ -48,6 +48,12 @@ def fold_vehicles(
     return jax.lax.scan(body, start, jnp.arange(n_vehicles))[0]
 
 
+def safe_sqrt(values: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Square root whose gradient at 0 is 0 instead of infinite."""
+    positive = values > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, values, 1)), 0)
+
+
 def scene_sum(values: Num[Array, "steps vehicles *scenarios"]) -> Num[Array, "*scenarios"]:
     """Sum over frames and vehicles, in the dtype of the values."""
     per_step = unrolled_sum(values, 1)

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
-from rearl_jax.metrics.measure import Measure, ratio, scene_count, scene_mean, share_of
+from rearl_jax.metrics.measure import Measure, ratio, safe_sqrt, scene_count, scene_mean, share_of
 
 
 class Rates(eqx.Module):
@@ -99,10 +99,8 @@ def jerk_statistics(
     jerk = rate_of_change(acceleration.value, ids, frame_interval, known=acceleration.valid)
     valid = jerk.valid & ~crashed[2:]
     mean_square = scene_mean(jerk.value**2, valid)
-    positive = mean_square.value > 0
-    rms = jnp.where(positive, jnp.sqrt(jnp.where(positive, mean_square.value, 1)), 0)
     share = share_of(jnp.abs(jerk.value) > threshold, valid, jerk.value.dtype)
-    return JerkStatistics(Measure(rms, mean_square.count), share)
+    return JerkStatistics(Measure(safe_sqrt(mean_square.value), mean_square.count), share)
 
 
 def lane_changes(

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rearl_jax.config.scenes import SpacingConfig, SpacingMetric
-from rearl_jax.metrics.measure import fold_vehicles, unrolled_sum
+from rearl_jax.metrics.measure import fold_vehicles, safe_sqrt, unrolled_sum
 
 
 class SpacingErrors(eqx.Module):
@@ -40,17 +40,10 @@ def vehicle_spacing(
 
     def add_distance(total, slot, pick):
         dx, dy = pick(x) - x, pick(y) - y
-        return total + (jnp.abs(dx) if longitudinal else _length(dx, dy))
+        return total + (jnp.abs(dx) if longitudinal else safe_sqrt(dx * dx + dy * dy))
 
     total = fold_vehicles(add_distance, jnp.zeros_like(x), x.shape[1])
     return total / max(x.shape[1] - 1, 1)
-
-
-def _length(dx: Float[Array, "..."], dy: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Length of a vector; its gradient at the zero vector is 0 (a vehicle's distance to itself)."""
-    square = dx * dx + dy * dy
-    positive = square > 0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1)), 0)
 
 
 def mean_spacing(spacing: Float[Array, "steps vehicles *scenarios"]) -> Float[Array, " steps *scenarios"]:

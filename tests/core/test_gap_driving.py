@@ -104,18 +104,3 @@ def test_a_driver_without_memory_is_refused():
     state, drivers = traffic(N_VEHICLES)
     with pytest.raises(ValueError, match="begin_driving"):
         step(state, drivers, MODEL)
-
-
-@pytest.mark.slow  # a minute of compiling
-def test_gradients_of_a_rollout_are_finite_and_right():
-    state, drivers = traffic(N_VEHICLES)
-    model = replace(MODEL, lane_changes=False, collisions=False)
-
-    def loss(gain):
-        changed = replace(drivers, effects=(EFFECTS["grade"](gain, *map(jnp.asarray, (0.0, 1e4, 20.0))),))
-        return jnp.sum(rollout(begin_driving(state, changed, model), changed, model, n_seconds=3)[1].x) / 100
-
-    value, slope = jax.jit(jax.value_and_grad(loss))(jnp.asarray(0.1))
-    ends = [float(jax.jit(loss)(jnp.asarray(0.1 + step))) for step in (-1e-5, 1e-5)]
-    assert np.isfinite(value)
-    assert float(slope) == pytest.approx((ends[1] - ends[0]) / 2e-5, rel=1e-5)

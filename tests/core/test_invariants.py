@@ -1,7 +1,5 @@
 """What must not matter to traffic, and what must: symmetries of one tick and of many."""
 
-import copy
-
 import jax
 import numpy as np
 import pytest
@@ -44,34 +42,6 @@ def stress_traffic(n_scenes, n_cars, *, seed=0):
     return traffic
 
 
-def lane_history(states):
-    """Nearest lanes and target lanes after every tick."""
-    return np.clip(np.ceil(states.y / 4 - 0.5), 0, 3).astype(int), states.target_lane
-
-
-def aborts_per_scenario(states):
-    """Changes broken off: the target falls back on the lane the vehicle has not left."""
-    lane, target = lane_history(states)
-    was_changing = lane[:-1] != target[:-1]
-    gives_up = was_changing & (target[1:] != target[:-1]) & (target[1:] == lane[:-1])
-    return gives_up.sum(axis=(0, 1))
-
-
-def test_order_of_the_list_does_not_matter_without_conflicts():
-    traffic = driving_traffic(128, N_VEHICLES)
-    order = np.random.default_rng(0).permutation(N_VEHICLES)
-    shuffled = [[cars[i] for i in order] for cars in traffic]
-    one, other = (simulation.history(*simulation.core_of(cars), n_ticks=150) for cars in (traffic, shuffled))
-    peaceful = (aborts_per_scenario(one) == 0) & (aborts_per_scenario(other) == 0)
-    peaceful &= ~one.crashed.any(axis=(0, 1)) & ~other.crashed.any(axis=(0, 1))
-    lane, _ = lane_history(one)
-    assert ((np.diff(lane, axis=0) != 0).sum(axis=(0, 1)) * peaceful).sum() > 100
-    assert peaceful.sum() > 64
-    for name in MOVING:
-        a, b = getattr(one, name)[:, order][..., peaceful], getattr(other, name)[..., peaceful]
-        np.testing.assert_array_equal(a, b, err_msg=name)
-
-
 def test_order_of_the_list_decides_who_gives_way():
     """Three cars on their way into one lane, each within the desired gap of the next (43 m at 20 m/s) only.
 
@@ -83,56 +53,6 @@ def test_order_of_the_list_decides_who_gives_way():
     after = simulation.advance(state, drivers).target_lane[:3]
     np.testing.assert_array_equal(after[:, 0], [0, 0, 1])
     np.testing.assert_array_equal(after[::-1, 1], [1, 0, 1])
-
-
-@pytest.mark.parametrize("shift", [64.0, 1000.0])
-def test_place_along_the_road_does_not_matter(shift):
-    traffic = driving_traffic(64, N_VEHICLES)
-    moved = copy.deepcopy(traffic)
-    for cars in moved:
-        for car in cars:
-            car.x += shift
-    one, other = (simulation.history(*simulation.core_of(cars), n_ticks=90) for cars in (traffic, moved))
-    assert (np.diff(lane_history(one)[0], axis=0) != 0).sum() > 50
-    np.testing.assert_array_equal(one.target_lane, other.target_lane)
-    np.testing.assert_array_equal(one.crashed, other.crashed)
-    np.testing.assert_allclose(other.x - shift, one.x, rtol=0, atol=1e-9)
-    for name in ("y", "speed", "heading"):
-        np.testing.assert_allclose(getattr(other, name), getattr(one, name), rtol=0, atol=1e-9)
-
-
-def mirrored(cars):
-    cars = copy.deepcopy(cars)
-    for car in cars:
-        car.y, car.heading = 12.0 - car.y, -car.heading
-        car.lane, car.target = 3 - car.lane, 3 - car.target
-    return cars
-
-
-def test_mirrored_road_mirrors_every_decision_but_the_one_for_the_right():
-    """Where both sides are accepted the right one wins; there, and only there, both roads turn right."""
-    traffic = stress_traffic(900, N_VEHICLES)
-    for cars in traffic:
-        for car in cars:
-            car.timer = 2.0  # everybody decides now
-    one, other = (
-        simulation.advance(*simulation.core_of(cars)) for cars in (traffic, [mirrored(cars) for cars in traffic])
-    )
-    lane = np.array([[car.lane for car in cars] for cars in traffic]).T
-    before = np.array([[car.target for car in cars] for cars in traffic]).T
-    decides = lane == before
-    turned, turned_there = one.target_lane - lane, 3 - other.target_lane - lane
-    assert (decides & (turned == -1)).sum() > 200
-    assert (decides & (turned == 1)).sum() > 200
-    same = turned == turned_there
-    both = (turned == 1) & (turned_there == -1) & decides
-    assert (same | both)[decides].all()
-    # Others follow suit: somebody may give way to a vehicle that turns right on both roads.
-    assert same[:, ~both.any(axis=0)].all()
-    assert 20 < both.sum() < 0.5 * (decides & (turned == 1)).sum()
-    # Whoever decided alike drives alike; a mirrored y is rounded anew.
-    np.testing.assert_allclose((12 - other.y)[same], one.y[same], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(other.speed[same], one.speed[same], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("slots", [(0, 1, 2, 3, 4, 5, 6), (3, 4, 5, 6, 7, 8, 9), (0, 2, 3, 5, 6, 8, 9)])
@@ -182,23 +102,6 @@ def test_batch_and_padding_change_nothing(dtype):
     for name in lasting:
         a, b = (np.asarray(getattr(states, name), float) for states in (together, one_by_one))
         np.testing.assert_allclose(a, b, rtol=0, atol=TOLERANCES[dtype]["push"], err_msg=name)
-
-
-@pytest.mark.slow
-def test_one_tick_without_compilation():
-    traffic = stress_traffic(30, N_VEHICLES)
-    for cars in traffic:
-        for car in cars:
-            car.timer = 2.0
-    state, drivers = simulation.core_of(traffic)
-    compiled = simulation.advance(state, drivers)
-    plain = step(state, drivers, MODEL)
-    assert (compiled.target_lane != np.asarray(state.target_lane)).sum() > 10
-    assert compiled.is_pushed.sum() > 30
-    for name in ("target_lane", "ticks_to_decision", "crashed", "is_pushed"):
-        np.testing.assert_array_equal(getattr(plain, name), getattr(compiled, name))
-    for name in ("x", "y", "heading", "speed", "acceleration", "push_x", "push_y"):
-        np.testing.assert_allclose(getattr(plain, name), getattr(compiled, name), rtol=0, atol=1e-11)
 
 
 def test_collisions_that_nobody_looks_for_do_not_happen():

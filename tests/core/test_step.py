@@ -118,17 +118,6 @@ def test_tick_in_large_traffic_with_vehicles_side_by_side():
     assert_follows(after, recorded.after, np.float64)
 
 
-@pytest.mark.thorough
-def test_sorted_search_finds_whom_the_search_of_all_pairs_finds():
-    """Bit for bit, but for vehicles side by side, which have a test of their own."""
-    recorded, by_pairs = one_tick("small", np.float64)
-    _, by_order = one_tick("small", np.float64, largest_small_traffic=N_VEHICLES - 1)
-    apart = np.flatnonzero((np.diff(np.sort(recorded.before["x"], axis=0), axis=0) > 0).all(axis=0))
-    assert len(apart) > 0.9 * recorded.before["x"].shape[1]
-    by_pairs, by_order = (simulation.columns(after, apart) for after in (by_pairs, by_order))
-    simulation.assert_same_bits(by_order, by_pairs, set(vars(by_order)) - {"order"})
-
-
 def test_any_order_along_the_road_is_a_valid_start():
     recorded = recording("large")
     some = np.arange(WIDTH)

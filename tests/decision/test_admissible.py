@@ -6,17 +6,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.config.decision import AdmissibleConfig, LaneGate
 from rearl_jax.config.driver import DEFAULT, MODELS
+from rearl_jax.core.car_following import CAR_FOLLOWING
+from rearl_jax.core.drivers import highway_env_drivers
+from rearl_jax.core.state import make_state
+from rearl_jax.decision.admissible import admissible_actions
+from rearl_jax.decision.execution import accept
 
 LEFT, KEEP, RIGHT, FASTER, SLOWER = range(5)
 
 
 def admissible(x, lanes, speed, model, *, crashed=False, target_lane=None, **options):
-    from rearl_jax.config.decision import AdmissibleConfig
-    from rearl_jax.core.drivers import highway_env_drivers
-    from rearl_jax.core.state import make_state
-    from rearl_jax.decision.admissible import admissible_actions
-
     def column(values):
         return np.asarray(values, float)[:, None]
 
@@ -64,13 +65,7 @@ def test_gaps_on_the_target_lane(model, distance, speed, is_free):
     assert admissible(x, [1, 2], speed, model)[RIGHT, 0] == is_free
     assert admissible(x, [2, 1], speed, model)[LEFT, 0] == is_free
     assert admissible(x, [1, 3], speed, model)[RIGHT, 0]
-    assert admissible(x, [1, 2], speed, model, lane=_gate("exists"))[RIGHT, 0]
-
-
-def _gate(name):
-    from rearl_jax.config.decision import LaneGate
-
-    return LaneGate[name]
+    assert admissible(x, [1, 2], speed, model, lane=LaneGate.exists)[RIGHT, 0]
 
 
 def test_only_the_next_vehicle_behind_counts(model):
@@ -80,7 +75,7 @@ def test_only_the_next_vehicle_behind_counts(model):
 
 
 def test_mobil_safe_is_the_deceleration_of_follower_and_own(model):
-    gate = _gate("mobil_safe")
+    gate = LaneGate.mobil_safe
     assert admissible([500.0, 440.0], [1, 2], [20.0, 20.0], model, lane=gate)[RIGHT, 0]
     assert not admissible([500.0, 480.0], [1, 2], [15.0, 30.0], model, lane=gate)[RIGHT, 0]
     assert not admissible([500.0, 520.0], [1, 2], [30.0, 15.0], model, lane=gate)[RIGHT, 0]
@@ -97,8 +92,6 @@ def test_longitudinal_gate(model):
 
 
 def test_accept_keeps_admissible_answers_of_those_asked():
-    from rearl_jax.decision.execution import accept
-
     actions = jnp.asarray([[0, 3], [1, 7], [2, -1], [4, 0]], jnp.int32)
     admissible = jnp.ones((5, 4, 2), bool).at[0].set(False)
     asked = jnp.asarray([[True, True], [False, True], [True, True], [True, True]])
@@ -110,18 +103,12 @@ def test_accept_keeps_admissible_answers_of_those_asked():
 
 @pytest.mark.parametrize("name", [name for name in MODELS if name != DEFAULT])
 def test_whatever_model_drives_empty_lanes_are_safe_and_close_followers_are_not(model, name):
-    from rearl_jax.config.decision import AdmissibleConfig
-    from rearl_jax.core.car_following import CAR_FOLLOWING
-    from rearl_jax.core.drivers import highway_env_drivers
-    from rearl_jax.core.state import make_state
-    from rearl_jax.decision.admissible import admissible_actions
-
     usual = [jnp.full((1, 1), one.usual, jnp.float32) for one in MODELS[name].parameters]
     drivers = replace(highway_env_drivers(ticks_per_second=15), car_following=CAR_FOLLOWING[name](*usual))
     # Alone on the road; with a fast vehicle right behind on the lane to the left; with one that stands far ahead.
     x = np.array([[100.0, 100.0, 100.0], [5000.0, 92.0, 900.0]])
     lane, speed = np.array([[1, 1, 1], [0, 0, 0]]), np.array([[25.0, 25.0, 0.0], [25.0, 40.0, 0.0]])
     state = make_state(x, lane * 4.0, speed, model, desired_speed=np.full(x.shape, 30.0))
-    options = AdmissibleConfig(lane=_gate("mobil_safe"), longitudinal=True)
+    options = AdmissibleConfig(lane=LaneGate.mobil_safe, longitudinal=True)
     left = np.asarray(admissible_actions(state, drivers, model, options))[0, 0]
     assert left.tolist() == [True, False, True]

@@ -5,6 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.config.decision import ExecConfig
+from rearl_jax.core.drivers import highway_env_drivers
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.rollout import rollout
+from rearl_jax.core.state import Controller, make_state
+from rearl_jax.decision.execution import LONG_AGO, accept, execute, initial_decision_memory, record_lane_changes
+
 LEFT, KEEP, RIGHT, FASTER, SLOWER = range(5)
 NONE = -1
 
@@ -13,17 +20,11 @@ class Vehicle:
     """One vehicle that is given orders second by second."""
 
     def __init__(self, model, speed=20.0, lane=1, **options):
-        from rearl_jax.config.decision import ExecConfig
-        from rearl_jax.core.state import make_state
-        from rearl_jax.decision.execution import initial_decision_memory
-
         self.model, self.options = model, ExecConfig(**options)
         self.state = make_state(np.array([[100.0]]), np.array([[4.0 * lane]]), np.array([[speed]]), model)
         self.memory = initial_decision_memory(self.state, model)
 
     def order(self, action, *, is_asked=True):
-        from rearl_jax.decision.execution import accept, execute
-
         admissible = jnp.ones((5, 1, 1), bool)
         orders = accept(jnp.asarray([[action]], jnp.int32), jnp.asarray([[is_asked]]), admissible)
         self.state, self.memory = execute(self.state, self.memory, orders, self.model, self.options)
@@ -31,8 +32,6 @@ class Vehicle:
 
     @property
     def is_driven(self):
-        from rearl_jax.core.state import Controller
-
         return int(self.state.controller[0, 0]) == Controller.META
 
     @property
@@ -78,11 +77,6 @@ def test_hold(model):
 
 def test_a_driven_vehicle_keeps_its_distance_with_the_cap_only():
     """Behind a slow leader, told to go faster: IDM's bound brakes, the plain speed controller rams."""
-    from rearl_jax.core.drivers import highway_env_drivers
-    from rearl_jax.core.model import TrafficModel
-    from rearl_jax.core.rollout import rollout
-    from rearl_jax.core.state import Controller, make_state
-
     x, y, speed = np.array([[0.0], [80.0]]), np.full((2, 1), 4.0), np.array([[25.0], [10.0]])
     controller = np.array([[Controller.META], [Controller.IDM]])
     crashed, least = {}, {}
@@ -102,8 +96,6 @@ def test_a_driven_vehicle_keeps_its_distance_with_the_cap_only():
 
 
 def test_a_change_is_seen_in_the_memory(model):
-    from rearl_jax.decision.execution import LONG_AGO, record_lane_changes
-
     vehicle = Vehicle(model)
     moved = vehicle.state
     object.__setattr__(moved, "y", moved.y + 4.0)

@@ -8,6 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.config.decision import MatcherConfig, PolicyName
+from rearl_jax.decision.lockstep import rollout_in_lockstep
+from rearl_jax.decision.loop import LoopOptions, rollout_with_policy
+from rearl_jax.decision.policies import make_policy
+from rearl_jax.detection.detector import Thresholds
+from rearl_jax.models.population import population_of_model
+from rearl_jax.models.traffic import populate
+from tests.models.drivers import CURVE, NOISE
+from tests.models.drivers import model as repaired_model
+
 pytestmark = pytest.mark.thorough
 
 N_SECONDS = 6
@@ -17,9 +27,6 @@ class OnHost:
     """The matcher, called from outside; keeps what it was shown."""
 
     def __init__(self, table, model, pool=None):
-        from rearl_jax.config.decision import MatcherConfig, PolicyName
-        from rearl_jax.decision.policies import make_policy
-
         self._decide = jax.jit(functools.partial(make_policy(PolicyName.matcher, MatcherConfig(), model), table=table))
         self._pool, self.shown = pool, []
 
@@ -39,14 +46,10 @@ class OnHost:
 
 @pytest.fixture(scope="module")
 def options():
-    from rearl_jax.decision.loop import LoopOptions
-
     return LoopOptions()
 
 
 def parts(start, n_scenarios, h=0.2, m=0.1):
-    from rearl_jax.detection.detector import Thresholds
-
     keys = jax.random.split(jax.random.key(9), n_scenarios)
     thresholds = Thresholds(*(jnp.full(n_scenarios, value, jnp.float32) for value in (h, m)))
     return *jax.tree.map(lambda leaf: leaf[..., :n_scenarios] if leaf.shape[-1] > 1 else leaf, start), keys, thresholds
@@ -55,11 +58,6 @@ def parts(start, n_scenarios, h=0.2, m=0.1):
 @pytest.fixture(scope="module", params=[7, *(pytest.param(n, marks=pytest.mark.slow) for n in (24, 1))])
 def both(request, start, table, model, options):
     """Frames and decisions from inside and from outside, and the policies of the halves."""
-    from rearl_jax.config.decision import MatcherConfig, PolicyName
-    from rearl_jax.decision.lockstep import rollout_in_lockstep
-    from rearl_jax.decision.loop import rollout_with_policy
-    from rearl_jax.decision.policies import make_policy
-
     state, drivers, keys, thresholds = parts(start, request.param)
     policy = make_policy(PolicyName.matcher, MatcherConfig(), model)
     inside = jax.jit(
@@ -94,7 +92,6 @@ def test_each_half_is_asked_once_per_second_but_not_after_the_last(both):
 
 def test_one_half_computes_while_the_other_waits(start, table, model, options):
     """The first half's answer comes only once the second half has been asked: in turn, nobody waits for ever."""
-    from rearl_jax.decision.lockstep import rollout_in_lockstep
 
     class Waits(OnHost):
         other = None
@@ -119,8 +116,6 @@ def test_one_half_computes_while_the_other_waits(start, table, model, options):
 
 
 def test_references_must_last(start, table, model, options):
-    from rearl_jax.decision.lockstep import rollout_in_lockstep
-
     state, drivers, keys, thresholds = parts(start, 2)
     with pytest.raises(ValueError, match="exceeds the 8 s of the references"):
         rollout_in_lockstep(
@@ -132,15 +127,6 @@ def test_references_must_last(start, table, model, options):
 @pytest.mark.slow  # two programs of their own
 def test_drivers_with_effects_are_the_same_from_outside(start, table, model, options):
     """Three scenarios and a curve of three knots: what belongs to scenarios is told by its axes, not by its length."""
-    from rearl_jax.config.decision import MatcherConfig, PolicyName
-    from rearl_jax.decision.lockstep import rollout_in_lockstep
-    from rearl_jax.decision.loop import rollout_with_policy
-    from rearl_jax.decision.policies import make_policy
-    from rearl_jax.models.population import population_of_model
-    from rearl_jax.models.traffic import populate
-    from tests.models.drivers import CURVE, NOISE
-    from tests.models.drivers import model as repaired_model
-
     state, drivers, keys, thresholds = parts(start, 3)
     numbers = population_of_model(repaired_model(CURVE, NOISE), np.dtype("float32"), with_effects=True)
     state, drivers = jax.jit(lambda state: populate(state, drivers, keys, numbers, model))(state)

@@ -8,6 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.config.decision import ExecConfig, MatcherConfig, PolicyName
+from rearl_jax.config.detection import Cues, ReferenceMode
+from rearl_jax.core.rollout import rollout
+from rearl_jax.core.spawn import spawn
+from rearl_jax.decision.loop import LoopOptions, rollout_with_policy
+from rearl_jax.decision.policies import make_policy
+from rearl_jax.detection.detector import DetectionOptions, Thresholds
+
 N_SCENARIOS, N_SECONDS = 24, 8
 LEFT, KEEP, RIGHT, FASTER, SLOWER = range(5)
 
@@ -15,20 +23,12 @@ LEFT, KEEP, RIGHT, FASTER, SLOWER = range(5)
 @functools.cache
 def program(model, policy, options):
     """The rollout, compiled once for each choice."""
-    from rearl_jax.config.decision import MatcherConfig
-    from rearl_jax.decision.loop import rollout_with_policy
-    from rearl_jax.decision.policies import make_policy
-
     policy = policy if callable(policy) else make_policy(policy, MatcherConfig(), model)
     fixed = {"policy": policy, "model": model, "options": options, "n_seconds": N_SECONDS}
     return jax.jit(functools.partial(rollout_with_policy, **fixed))
 
 
 def run(start, table, model, policy, *, h=0.2, m=0.1, order=None, execution=None, **detection):
-    from rearl_jax.config.decision import ExecConfig
-    from rearl_jax.decision.loop import LoopOptions
-    from rearl_jax.detection.detector import DetectionOptions, Thresholds
-
     order = np.arange(N_SCENARIOS) if order is None else order
     keys = jax.random.split(jax.random.key(9), N_SCENARIOS)[order]
     thresholds = Thresholds(*(jnp.full(len(order), value, jnp.float32) for value in (h, m)))
@@ -46,8 +46,6 @@ def lean(model):
 
 @pytest.fixture(scope="module")
 def base(start, model):
-    from rearl_jax.core.rollout import rollout
-
     plain = replace(model, meta_follows=False)
     frames = jax.jit(lambda state, drivers: rollout(state, drivers, plain, n_seconds=N_SECONDS)[1])(*start)
     return jax.tree.map(np.asarray, frames)
@@ -55,8 +53,6 @@ def base(start, model):
 
 @pytest.fixture(scope="module")
 def matched(start, table, model):
-    from rearl_jax.config.decision import PolicyName
-
     return run(start, table, model, PolicyName.matcher)
 
 
@@ -64,9 +60,6 @@ def matched(start, table, model):
     ("cues", "h", "m"), [("never", 0.0, 0.0), pytest.param("both", 2.0, np.inf, marks=pytest.mark.thorough)]
 )
 def test_traffic_that_nobody_asks_about_is_the_base_bit_for_bit(start, table, model, base, cues, h, m):
-    from rearl_jax.config.decision import PolicyName
-    from rearl_jax.config.detection import Cues
-
     assert (np.diff(base.lane, axis=0) != 0).sum() > 5
     frames, decisions = run(start, table, model, PolicyName.matcher, h=h, m=m, cues=Cues[cues])
     assert not decisions.n_asked.any()
@@ -89,8 +82,6 @@ def test_an_intervention_changes_trajectories(matched, base):
 
 
 def test_scenarios_do_not_depend_on_their_place_in_the_batch(start, table, model, matched):
-    from rearl_jax.config.decision import PolicyName
-
     order = np.random.default_rng(0).permutation(N_SCENARIOS)
     found = run(start, table, model, PolicyName.matcher, order=order)
     for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(matched), strict=True):
@@ -100,9 +91,6 @@ def test_scenarios_do_not_depend_on_their_place_in_the_batch(start, table, model
 @pytest.mark.slow
 def test_a_drawn_reference_belongs_to_the_rollout_for_its_whole_time(start, table, lean, matched):
     """Whatever the policy and whoever else is in the batch."""
-    from rearl_jax.config.decision import PolicyName
-    from rearl_jax.config.detection import ReferenceMode
-
     frames, decisions = run(start, table, lean, PolicyName.matcher, mode=ReferenceMode.drawn)
     drawn = decisions.reference[0]
     assert (np.bincount(drawn, minlength=3) > 0).all()
@@ -118,9 +106,6 @@ def test_a_drawn_reference_belongs_to_the_rollout_for_its_whole_time(start, tabl
 
 
 def test_random_actions_are_reproducible_and_interval_and_hold_are_kept(start, table, lean):
-    from rearl_jax.config.decision import ExecConfig, PolicyName
-    from rearl_jax.config.detection import Cues
-
     changes = {"cues": Cues.always, "interval": 3, "execution": ExecConfig(hold=2)}
     once, again = (run(start, table, lean, PolicyName.random_admissible, **changes) for _ in range(2))
     for a, b in zip(jax.tree.leaves(once), jax.tree.leaves(again), strict=True):
@@ -132,7 +117,6 @@ def test_random_actions_are_reproducible_and_interval_and_hold_are_kept(start, t
 
 def test_answers_that_do_not_count_leave_everybody_to_idm(start, table, lean, base):
     """Inadmissible or no answers at all: counted, and the traffic is the base."""
-    from rearl_jax.config.detection import Cues
 
     def fails(situation, table, keys):
         worst = jnp.argmin(situation.admissible, axis=0).astype(jnp.int32)
@@ -151,10 +135,6 @@ def test_answers_that_do_not_count_leave_everybody_to_idm(start, table, lean, ba
 @pytest.mark.thorough
 def test_crashed_vehicles_do_no_harm(table, model):
     """Vehicles that crash at the start and later are not asked, and nothing becomes NaN."""
-    from rearl_jax.config.decision import PolicyName
-    from rearl_jax.config.detection import Cues
-    from rearl_jax.core.spawn import spawn
-
     plain = replace(model, meta_follows=False)
     start = spawn(jax.random.split(jax.random.key(0), N_SCENARIOS), plain, n_vehicles=10, density=8.0)
     object.__setattr__(start[0], "crashed", start[0].crashed.at[::4].set(True))
@@ -165,36 +145,7 @@ def test_crashed_vehicles_do_no_harm(table, model):
     np.testing.assert_array_equal(decisions.n_asked[1:], 10 - frames.crashed[:-1].sum(axis=1))
 
 
-@pytest.mark.thorough
-def test_the_two_halves_called_by_a_host_are_the_scan(start, table, model, matched):
-    from rearl_jax.config.decision import MatcherConfig, PolicyName
-    from rearl_jax.decision.execution import accept, no_orders
-    from rearl_jax.decision.loop import LoopOptions, advance, assess, initial_loop_state
-    from rearl_jax.decision.policies import make_policy
-    from rearl_jax.detection.detector import Thresholds
-
-    state, drivers = start
-    options, policy = LoopOptions(), make_policy(PolicyName.matcher, MatcherConfig(), model)
-    thresholds = Thresholds(*(jnp.full(N_SCENARIOS, value, jnp.float32) for value in (0.2, 0.1)))
-    keys = jax.random.split(jax.random.key(9), N_SCENARIOS)
-
-    @jax.jit
-    def second(traffic, orders):
-        traffic = advance(traffic, orders, drivers, model, options)
-        return assess(traffic, drivers, table, thresholds, model, options)
-
-    traffic, orders = initial_loop_state(state, keys, table, model, options), no_orders(state)
-    for number in range(N_SECONDS):
-        traffic, situation = second(traffic, orders)
-        answers = np.asarray(policy(situation, table, keys))
-        orders = accept(jnp.asarray(answers), situation.is_asked, situation.admissible)
-        np.testing.assert_allclose(situation.frame.x, matched[0].x[number], rtol=1e-6, atol=1e-4)
-        np.testing.assert_array_equal(situation.detection.triggered, matched[1].triggered[number])
-
-
 def test_references_shorter_than_the_rollout_are_refused(start, table, model):
-    from rearl_jax.config.decision import PolicyName
-
     short = jax.tree.map(lambda leaf: leaf[:5], table)
     with pytest.raises(ValueError, match="exceeds the 5 s of the references"):
         run(start, short, model, PolicyName.idle)

@@ -3,16 +3,14 @@
 import jax
 import numpy as np
 import pytest
+from highway_env.envs.common.observation import KinematicObservation
 
+from rearl_jax.decision.observation import highway_env_observation, observe_neighbours
 from tests.highway_env_twins import put_on_road, road_of_four_lanes
 
 
 @pytest.mark.parametrize(("n_rows", "see_behind"), [(5, False), (7, True), (9, False)])
 def test_as_highway_env_sees(wild, n_rows, see_behind):
-    from highway_env.envs.common.observation import KinematicObservation
-
-    from rearl_jax.decision.observation import highway_env_observation, observe_neighbours
-
     env = road_of_four_lanes()
     spec = highway_env_observation(4, n_rows, see_behind=see_behind)
     observation = np.asarray(jax.jit(lambda state: observe_neighbours(state, spec))(wild))
@@ -29,8 +27,6 @@ def test_as_highway_env_sees(wild, n_rows, see_behind):
 
 
 def test_some_observers_see_what_they_see_among_all(wild):
-    from rearl_jax.decision.observation import highway_env_observation, observe_neighbours
-
     spec = highway_env_observation(4)
     everybody, some = observe_neighbours(wild, spec), observe_neighbours(wild, spec, slice(2, 4))
     np.testing.assert_array_equal(some, everybody[:, 2:4])

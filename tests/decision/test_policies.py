@@ -5,6 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.config.decision import MatcherConfig, MatchSpace, PolicyName
+from rearl_jax.core.rollout import Frames
+from rearl_jax.decision.policies import make_policy, random_admissible
+from rearl_jax.decision.situation import Situation
+from rearl_jax.detection.detector import Detection
+
 N, S = 10, 40
 LEFT, KEEP, RIGHT, FASTER, SLOWER = range(5)
 
@@ -12,10 +18,6 @@ LEFT, KEEP, RIGHT, FASTER, SLOWER = range(5)
 @pytest.fixture(scope="module")
 def situation(table):
     """Random traffic with ties in speed, and random permissions."""
-    from rearl_jax.core.rollout import Frames
-    from rearl_jax.decision.situation import Situation
-    from rearl_jax.detection.detector import Detection
-
     rng = np.random.default_rng(1)
     speed = np.round(rng.uniform(4, 33, (N, S)), 0)
     spacing = rng.uniform(20, 250, (N, S))
@@ -54,8 +56,6 @@ def rank(values, i):
 
 def plain(situation, table, options, i, s):
     """One vehicle's action, by the book."""
-    from rearl_jax.config.decision import MatchSpace
-
     k, t = int(situation.detection.reference[s]), int(situation.second)
     v, d = (np.asarray(values)[:, s] for values in (situation.frame.speed, situation.spacing))
     real_v, real_d, real_a = (np.asarray(values)[t, :, k] for values in (table.speed, table.spacing, table.action))
@@ -91,9 +91,6 @@ def plain(situation, table, options, i, s):
     ],
 )
 def test_matcher_is_plain_python(situation, table, model, space, changes):
-    from rearl_jax.config.decision import MatcherConfig, MatchSpace, PolicyName
-    from rearl_jax.decision.policies import make_policy
-
     options = MatcherConfig(space=MatchSpace[space], **changes)
     policy = make_policy(PolicyName.matcher, options, model)
     found = np.asarray(jax.jit(policy)(situation, table, keys()))
@@ -110,9 +107,6 @@ def keys(seed=0):
 
 
 def test_idle_and_random_controls(situation, table, model):
-    from rearl_jax.config.decision import MatcherConfig, PolicyName
-    from rearl_jax.decision.policies import make_policy
-
     policies = {name: jax.jit(make_policy(name, MatcherConfig(), model)) for name in PolicyName if not name.is_outside}
     assert (policies[PolicyName.idle](situation, table, keys()) == KEEP).all()
     admissible = np.asarray(situation.admissible)
@@ -131,8 +125,6 @@ def test_idle_and_random_controls(situation, table, model):
 
 
 def test_random_answers_do_not_depend_on_the_batch(situation, table):
-    from rearl_jax.decision.policies import random_admissible
-
     part = jax.tree.map(lambda leaf: leaf[..., 5:9] if leaf.ndim else leaf, situation)
     whole = random_admissible(situation, table, keys())
     np.testing.assert_array_equal(random_admissible(part, table, keys()[5:9]), whole[:, 5:9])

@@ -9,6 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.config.detection import Cues, ReferenceMode, Scope
+from rearl_jax.config.metrics import HistConfig, MapeDefinition
+from rearl_jax.detection.detector import DetectionOptions, Thresholds, detect, initial_memory
+from rearl_jax.detection.table import draw_references
+from rearl_jax.metrics.histograms import cumulative_speed_counts, window_distances
+
 N_REFS, N_SECONDS, N_SLOTS, N_SCENARIOS = 4, 12, 10, 6
 EDGES = np.linspace(5, 32, 9)
 LOW, HIGH = 0.25, 0.3
@@ -21,7 +27,6 @@ def rollout_keys(n_scenarios):
 @functools.cache
 def program(options):
     """The detection over all frames, compiled once for each choice of options."""
-    from rearl_jax.detection.detector import Thresholds, detect, initial_memory
 
     @jax.jit
     def scan(frames, table, h, m):
@@ -39,8 +44,6 @@ def run(frames, table, options, h=LOW, m=LOW):
 
 
 def make_options(**changes):
-    from rearl_jax.detection.detector import DetectionOptions
-
     return replace(DetectionOptions(), **changes)
 
 
@@ -83,9 +86,6 @@ def loop(frames, raw, definition="A", weights=(1.0, 0.0), drawn=None):
 @pytest.mark.parametrize("definition", ["A", "B", "C"])
 @pytest.mark.parametrize("mode", ["spacing", "spacing_speed"])
 def test_detection_is_that_of_a_loop_over_the_prefix(frames, raw, table, definition, mode):
-    from rearl_jax.config.detection import ReferenceMode
-    from rearl_jax.config.metrics import MapeDefinition
-
     weights = (1.0, 2.0) if mode == "spacing_speed" else (1.0, 0.0)
     options = make_options(mode=ReferenceMode[mode], weights=weights, definition=MapeDefinition[definition])
     found = run(frames, table, options)
@@ -99,10 +99,6 @@ def test_detection_is_that_of_a_loop_over_the_prefix(frames, raw, table, definit
 
 @pytest.mark.parametrize("definition", ["A", "B", "C"])
 def test_a_drawn_reference_is_kept_and_measured_against(frames, raw, table, definition):
-    from rearl_jax.config.detection import ReferenceMode
-    from rearl_jax.config.metrics import MapeDefinition
-    from rearl_jax.detection.table import draw_references
-
     drawn = np.asarray(draw_references(table.share, rollout_keys(N_SCENARIOS)))
     options = make_options(mode=ReferenceMode.drawn, definition=MapeDefinition[definition])
     found = run(frames, table, options)
@@ -119,8 +115,6 @@ def test_a_drawn_reference_is_kept_and_measured_against(frames, raw, table, defi
 @pytest.mark.parametrize("mode", ["spacing", "spacing_speed"])
 def test_the_nearest_reference_does_not_depend_on_shares(frames, table, mode):
     """No share is looked at and nothing is drawn or carried."""
-    from rearl_jax.config.detection import ReferenceMode
-    from rearl_jax.detection.detector import initial_memory
 
     def start(options):
         return jax.make_jaxpr(lambda keys: initial_memory(table, keys, options))(rollout_keys(2))
@@ -135,8 +129,6 @@ def test_the_nearest_reference_does_not_depend_on_shares(frames, table, mode):
 
 
 def test_cues_and_thresholds(frames, table):
-    from rearl_jax.config.detection import Cues
-
     found = {cues: run(frames, table, make_options(cues=cues), LOW, HIGH) for cues in Cues}
     both = found[Cues.both]
     speed, spacing = both.hellinger > LOW, both.mape > HIGH
@@ -157,8 +149,6 @@ def test_cues_and_thresholds(frames, table):
 
 
 def test_interval(frames, table):
-    from rearl_jax.config.detection import Cues
-
     every = run(frames, table, make_options(cues=Cues.always, interval=5))
     assert np.flatnonzero(every.triggered[:, 0]).tolist() == [4, 9]
     each = run(frames, table, make_options(cues=Cues.both))
@@ -169,8 +159,6 @@ def test_interval(frames, table):
 
 
 def test_scope_vehicle_asks_those_who_contribute(frames, raw, table):
-    from rearl_jax.config.detection import Scope
-
     found = run(frames, table, make_options(scope=Scope.vehicle))
     speed, crashed = np.asarray(frames.speed), np.asarray(frames.crashed)
     asked = 0
@@ -204,9 +192,6 @@ def test_thresholds_as_one_batch_axis_are_those_one_by_one(frames, table):
 
 
 def test_figures_are_those_of_the_evaluation(frames, raw, table):
-    from rearl_jax.config.metrics import HistConfig
-    from rearl_jax.metrics.histograms import cumulative_speed_counts, window_distances
-
     found = run(frames, jax.tree.map(lambda leaf: leaf[..., :1], table), make_options())
     counts = cumulative_speed_counts(frames.speed, HistConfig())
     speed = jnp.broadcast_to(jnp.asarray(raw["speed"][0])[..., None], frames.speed.shape)

@@ -1,14 +1,16 @@
 """What is tabulated of the references."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+
+from rearl_jax.detection.table import draw_references, relative_rank, snapshot
 
 N_ROLLOUTS = 20_000
 
 
 def rollout_keys():
     """Keys as the evaluation makes them, folded from numbers of runs and scenes."""
-    import jax
-    import jax.numpy as jnp
 
     def key(run, scene):
         return jax.random.fold_in(jax.random.fold_in(jax.random.key(0), run), scene)
@@ -24,10 +26,6 @@ def agreement(found, share):
 
 
 def test_references_are_drawn_by_their_shares(raw):
-    import jax.numpy as jnp
-
-    from rearl_jax.detection.table import draw_references
-
     keys = rollout_keys()
     for share in (raw["share"], np.array([0.02, 0.0, 0.98, 0.0]), np.full(15, 1 / 15)):
         found = np.asarray(draw_references(jnp.asarray(share), keys))
@@ -38,10 +36,6 @@ def test_references_are_drawn_by_their_shares(raw):
 
 
 def test_draws_are_those_of_any_other_batch_and_precision(raw):
-    import jax.numpy as jnp
-
-    from rearl_jax.detection.table import draw_references
-
     keys, share = rollout_keys(), jnp.asarray(raw["share"])
     found = np.asarray(draw_references(share, keys))
     assert set(np.unique(found)) == {0, 2, 3}
@@ -52,11 +46,6 @@ def test_draws_are_those_of_any_other_batch_and_precision(raw):
 
 def test_draws_know_nothing_of_the_seconds_of_the_same_rollouts():
     """What a policy draws from its key of a second agrees with the reference as often as chance has it."""
-    import jax
-    import jax.numpy as jnp
-
-    from rearl_jax.detection.table import draw_references
-
     keys, n_references = rollout_keys(), 4
     found = draw_references(jnp.full(n_references, 0.25), keys)
     for second in (0, 1, 59):
@@ -69,10 +58,6 @@ def test_draws_know_nothing_of_the_seconds_of_the_same_rollouts():
 
 
 def test_ranks_with_ties():
-    import jax.numpy as jnp
-
-    from rearl_jax.detection.table import relative_rank
-
     values = np.array([[3.0, 1.0, 3.0, 2.0], [1.0, 1.0, 1.0, 1.0]]).T
     ranks = np.asarray(relative_rank(jnp.asarray(values)))
     np.testing.assert_allclose(ranks[:, 0], [0.75, 0.125, 0.75, 0.375])
@@ -80,10 +65,6 @@ def test_ranks_with_ties():
 
 
 def test_snapshot_is_that_second_of_each_scenarios_reference(raw, table):
-    import jax.numpy as jnp
-
-    from rearl_jax.detection.table import snapshot
-
     picked = [2, 0, 1, 2]
     shown = snapshot(table, jnp.int32(7), jnp.asarray(picked, jnp.int32))
     for column, k in enumerate(picked):

@@ -6,6 +6,12 @@ import numpy as np
 import pytest
 from highway_env.envs.highway_env import HighwayEnv
 
+from rearl_jax.core.drivers import highway_env_drivers
+from rearl_jax.environments import highway
+from rearl_jax.validation import reference, simulation
+from rearl_jax.validation.reference import DENSITY
+from rearl_jax.validation.scenarios import Scenario, Source
+
 pytestmark = pytest.mark.thorough
 
 N_OTHERS, SECONDS, SEEDS = 10, 15, (2, 3, 4, 5)
@@ -13,9 +19,6 @@ N_OTHERS, SECONDS, SEEDS = 10, 15, (2, 3, 4, 5)
 
 def start_of(scenario):
     """The vehicles of highway-env after its reset, as the core has them."""
-    from rearl_jax.core.drivers import highway_env_drivers
-    from rearl_jax.validation import reference, simulation
-
     start = reference.simulate(scenario).start
     return start, lambda model: (
         simulation.initial_state(start, model, np.float64),
@@ -26,10 +29,6 @@ def start_of(scenario):
 @pytest.fixture(scope="module")
 def driven():
     """What highway-env and ours return in every second; the scenes last."""
-    from rearl_jax.environments import highway
-    from rearl_jax.validation.reference import DENSITY
-    from rearl_jax.validation.scenarios import Scenario, Source
-
     options = highway.HighwayOptions(n_others=N_OTHERS, duration=SECONDS, dtype="float64")
     config = {"vehicles_count": N_OTHERS, "vehicles_density": DENSITY, "duration": SECONDS}
     actions = np.random.default_rng(7).choice(5, (SECONDS, len(SEEDS)), p=[0.25, 0.25, 0.2, 0.15, 0.15])

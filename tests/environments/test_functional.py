@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax import FunctionalHighway
+
 pytestmark = pytest.mark.thorough
 
 N, SECONDS = 12, 8
@@ -93,8 +95,6 @@ def test_old_keys_are_keys(functional):
 
 @pytest.mark.parametrize("options", [{"n_others": 0, "n_rows": 1}, {"n_others": 30, "n_lanes": 1, "n_rows": 40}])
 def test_traffic_of_any_size(options):
-    from rearl_jax import FunctionalHighway
-
     env = FunctionalHighway(**options)
     observation, state = jax.eval_shape(env.reset, jax.random.key(0))
     result = jax.eval_shape(env.step, jax.random.key(0), state, 1)

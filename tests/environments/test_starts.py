@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax import FunctionalHighway, make_env
+from rearl_jax.core.state import Controller
+from rearl_jax.environments.highway import HighwayOptions
+from rearl_jax.environments.starts import with_scenes
 from rearl_jax.problems import InvalidInputError
 
 
 def test_every_vehicle_of_every_scene_is_once_the_controlled_one(us101):
-    from rearl_jax.core.state import Controller
-    from rearl_jax.environments.highway import HighwayOptions
-    from rearl_jax.environments.starts import with_scenes
-
     options, cases = with_scenes(HighwayOptions(), us101)
     n_slots = us101.n_slots
     assert cases.x.shape == (n_slots, len(us101) * n_slots)
@@ -33,10 +33,6 @@ def test_every_vehicle_of_every_scene_is_once_the_controlled_one(us101):
 
 
 def test_environments_begin_with_them(us101):
-    from rearl_jax import FunctionalHighway, make_env
-    from rearl_jax.environments.highway import HighwayOptions
-    from rearl_jax.environments.starts import with_scenes
-
     _, cases = with_scenes(HighwayOptions(), us101)
     known = {(round(float(v), 3), round(float(y), 3)) for v, y in zip(cases.speed[0], cases.y[0], strict=True)}
     env = make_env(scenes=us101)
@@ -52,16 +48,12 @@ def test_environments_begin_with_them(us101):
 
 
 def test_a_road_with_too_few_lanes_is_refused(us101):
-    from rearl_jax import make_env
-
     with pytest.raises(InvalidInputError) as caught:
         make_env(scenes=us101, n_lanes=2)
     assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "core.n_lanes")
 
 
 def test_unknown_lanes_are_refused(us101):
-    from rearl_jax import make_env
-
     lane = us101.lane.copy()
     lane[0, 0, 0] = -1
     with pytest.raises(InvalidInputError) as caught:

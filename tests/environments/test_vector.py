@@ -5,6 +5,10 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
+from rearl_jax import make_env
+from rearl_jax.environments.single import HighwayEnv
+from rearl_jax.problems import InvalidInputError
+
 pytestmark = pytest.mark.thorough
 
 N = 3
@@ -13,8 +17,6 @@ N = 3
 @pytest.fixture
 def pair(small):
     """Ours, and Gymnasium's of single environments, in a mode."""
-    from rearl_jax import make_env
-    from rearl_jax.environments.single import HighwayEnv
 
     def make(mode):
         ours = make_env(N, **small, autoreset_mode=mode)
@@ -72,7 +74,7 @@ def test_without_automatic_resets(pair):
         assert not ended.any()
     assert ended.any()
     assert_same(found[0], expected[0])
-    with pytest.raises(RuntimeError, match="episodes have ended"):
+    with pytest.raises(RuntimeError):
         ours.step(actions)
     for one, other in zip(
         ours.reset(options={"reset_mask": ended}), theirs.reset(options={"reset_mask": ended}), strict=True
@@ -109,10 +111,8 @@ def test_bad_actions_are_refused(pair, actions):
 
 
 def test_bad_resets_are_refused(pair, small):
-    from rearl_jax import make_env
-
     ours, _ = pair(AutoresetMode.NEXT_STEP)
-    with pytest.raises(RuntimeError, match="call reset"):
+    with pytest.raises(RuntimeError):
         ours.step(np.ones(N, int))
     with pytest.raises(ValueError, match="never begun"):
         ours.reset(options={"reset_mask": np.array([True, False, False])})
@@ -122,8 +122,9 @@ def test_bad_resets_are_refused(pair, small):
     for mask in (np.zeros(N, bool), np.ones(2, bool), np.ones(N, int)):
         with pytest.raises(ValueError, match="reset_mask must be 3 booleans"):
             ours.reset(options={"reset_mask": mask})
-    with pytest.raises(ValueError, match="num_envs = 0"):
+    with pytest.raises(InvalidInputError) as error:
         make_env(0, **small)
+    assert (error.value.code, error.value.problem.key) == ("out-of-range", "num_envs")
 
 
 def test_wrappers_of_gymnasium_work(pair):

@@ -12,6 +12,7 @@ from rearl_jax.config.metrics import (
     SafetyConfig,
     ThwConfig,
 )
+from rearl_jax.metrics import METRICS
 from rearl_jax.problems import InvalidInputError
 
 RECORDS = (HistConfig, ThwConfig, SafetyConfig, FeatureConfig, RealismConfig, MetricsConfig)
@@ -62,8 +63,6 @@ def test_unusable_values_are_refused(record, key):
 
 
 def test_every_spacing_error_is_a_metric_under_its_column():
-    from rearl_jax.metrics import METRICS
-
     columns = [MapeConfig(definition).column for definition in MapeDefinition]
     assert columns == ["mape_a", "mape_b", "mape_c"]
     assert set(columns) < set(METRICS)

@@ -1,4 +1,4 @@
-"""Leaders, time headway, time to collision, deceleration to avoid a crash, collisions."""
+"""Leaders, time headway, time to collision, deceleration to avoid a crash; what `test_scene` does not compare."""
 
 import jax
 import jax.numpy as jnp
@@ -7,13 +7,9 @@ import pytest
 
 from rearl_jax.config.metrics import Gap, SafetyConfig, ThwConfig
 from rearl_jax.metrics.following import find_leaders
-from rearl_jax.metrics.safety import collisions, conflicts, time_headways, time_to_collision
+from rearl_jax.metrics.safety import conflicts, time_headways, time_to_collision
 from tests.metrics import reference
-from tests.metrics.conftest import DEGENERATE, cast, make_scene
-
-KINDS = pytest.mark.parametrize("kind", ["random", *DEGENERATE])
-RECORDED = pytest.mark.parametrize("recorded", [False, True], ids=["simulated", "recorded"])
-
+from tests.metrics.conftest import make_scene
 
 LEADERS = jax.jit(find_leaders)
 HEADWAYS = jax.jit(time_headways, static_argnums=3)
@@ -43,36 +39,21 @@ def scored(scene, thw=None):
     return HEADWAYS(leaders(scene), speed, crashed, thw or ThwConfig())
 
 
-@RECORDED
-@KINDS
-def test_leaders_equal_the_reference(dtype, kind, recorded):
-    scene = cast(make_scene(10, kind, recorded=recorded), dtype)
-    found, rows = leaders(scene), reference.pairs(scene)
-    assert int(found.has_leader.sum()) == len(rows)
-    assert len(rows) == 0 if kind in ("own_lanes", "one_vehicle", "one_place") else len(rows) > 20
+@pytest.mark.parametrize("recorded", [False, True], ids=["simulated", "recorded"])
+@pytest.mark.parametrize("kind", ["random", "one_place"])
+def test_leaders_equal_the_reference(kind, recorded):
+    scene = make_scene(10, kind, recorded=recorded)
+    followers, rows = leaders(scene), reference.pairs(scene)
+    assert int(followers.has_leader.sum()) == len(rows)
+    assert len(rows) == 0 if kind == "one_place" else len(rows) > 20
     for row in rows:
         slot = row["slot"]
-        assert float(found.centre_distance[slot]) == pytest.approx(row["distance"], rel=1e-4)
-        assert float(found.gap[slot]) == pytest.approx(row["gap"], abs=1e-3)
-        assert float(found.dv[slot]) == pytest.approx(row["dv"], abs=1e-4)
-    alone = ~np.asarray(found.has_leader)
-    assert np.isposinf(found.gap)[alone].all()
-    assert (np.asarray(found.dv)[alone] == 0).all()
-
-
-@RECORDED
-@KINDS
-@pytest.mark.parametrize("gap", list(Gap), ids=lambda gap: gap.name)
-def test_headways_equal_the_reference(dtype, rtol, kind, recorded, gap):
-    scene, thw = cast(make_scene(11, kind, recorded=recorded), dtype), ThwConfig(gap=gap)
-    found, (kept, n_pairs) = scored(scene, thw), reference.headways(scene, thw)
-    if kind in ("random", "one_lane"):
-        assert 20 < len(kept) < n_pairs or gap is Gap.centre and recorded
-    assert (int(found.mean.count), int(found.median.count)) == (len(kept), len(kept))
-    assert int(found.excluded.count) == n_pairs
-    np.testing.assert_allclose(found.mean.value, np.mean(kept) if kept else 0, rtol=10 * rtol)
-    np.testing.assert_allclose(found.median.value, np.median(kept) if kept else 0, rtol=1e-4)
-    np.testing.assert_allclose(found.excluded.value, 1 - len(kept) / n_pairs if n_pairs else 0, atol=1e-6)
+        assert float(followers.centre_distance[slot]) == pytest.approx(row["distance"], rel=1e-12)
+        assert float(followers.gap[slot]) == pytest.approx(row["gap"], abs=1e-9)
+        assert float(followers.dv[slot]) == pytest.approx(row["dv"], abs=1e-9)
+    alone = ~np.asarray(followers.has_leader)
+    assert np.isposinf(followers.gap)[alone].all()
+    assert (np.asarray(followers.dv)[alone] == 0).all()
 
 
 def test_headway_has_no_distance_cap_and_needs_a_moving_follower(dtype):
@@ -102,29 +83,6 @@ def test_carriageways_do_not_follow_each_other(dtype):
     assert float(leaders(scene).centre_distance[0, 0]) == 100
 
 
-@RECORDED
-@KINDS
-def test_conflicts_equal_the_reference(dtype, rtol, kind, recorded):
-    scene = cast(make_scene(12, kind, n_steps=30, recorded=recorded), dtype)
-    safety = SafetyConfig(ttc=4.0, drac=0.8)
-    found = CONFLICTS(leaders(scene), jnp.asarray(scene["crashed"]), safety)
-    ttc, short, hard = reference.conflicts(scene, safety)
-    either = [a or b for a, b in zip(short, hard, strict=True)]
-    if kind in ("random", "one_lane"):
-        assert 0 < sum(short) < len(short)
-        assert 0 < sum(hard) < sum(either) < len(either)
-    closing = [value for value in ttc if np.isfinite(value)]
-    assert int(found.ttc_min.count) == len(closing)
-    np.testing.assert_allclose(found.ttc_min.value, min(closing, default=0), rtol=2e-4)
-    for measure, flags in (
-        (found.ttc_share, short),
-        (found.drac_share, hard),
-        (found.critical_share, either),
-    ):
-        assert int(measure.count) == len(ttc)
-        np.testing.assert_allclose(measure.value, np.mean(flags) if flags else 0, rtol=rtol)
-
-
 def test_conflict_hand_values(dtype):
     scene = one_frame(dtype, [0, 25], [30, 20])  # gap 20 m, closing at 10 m/s: 2 s, 2.5 m/s^2
     followers, crashed = leaders(scene), jnp.asarray(scene["crashed"])
@@ -139,16 +97,6 @@ def test_conflict_hand_values(dtype):
     overlapping = leaders(one_frame(dtype, [0, 4], [30, 20]))
     assert time_to_collision(overlapping, cap=5.0).tolist() == [[5, 5]]
     assert int(CONFLICTS(overlapping, crashed, SafetyConfig()).ttc_share.count) == 0
-
-
-def test_collisions_at_the_end_and_ever(dtype):
-    crashed = np.zeros((4, 5), bool)
-    crashed[3, :2] = crashed[1, 4] = True
-    found = collisions(jnp.asarray(crashed), dtype)
-    assert (float(found.share.value), int(found.share.count)) == (pytest.approx(0.4), 5)
-    assert (float(found.any.value), int(found.any.count)) == (1, 1)
-    none = collisions(jnp.zeros((4, 5), bool), dtype)
-    assert (float(none.share.value), float(none.any.value)) == (0, 0)
 
 
 def test_gradients_are_those_of_finite_differences():

@@ -132,19 +132,3 @@ class HighwayEnvIDM(CarFollowing):
         """
         ratio = self.desired_distance(speed=speed, approach_rate=approach_rate) / not_zero(distance)
         return rounded(self.max_accel * (ratio * ratio))
-
-
-def projected_approach_rate(
-    speed_x: Float[Array, "*n"],
-    speed_y: Float[Array, "*n"],
-    leader_speed_x: Float[Array, "*#n"],
-    leader_speed_y: Float[Array, "*#n"],
-    *,
-    cos_heading: Float[Array, "*n"],
-    sin_heading: Float[Array, "*n"],
-) -> Float[Array, "*n"]:
-    """Approach rate dv, own minus leader's velocity along the own heading [m/s]; positive = closing.
-
-    Source: highway-env 1.12.1, `IDMVehicle.desired_gap` (projected).
-    """
-    return rounded((speed_x - leader_speed_x) * cos_heading) + (speed_y - leader_speed_y) * sin_heading

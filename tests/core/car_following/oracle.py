@@ -6,7 +6,7 @@ leader drives at the same speed v below the desired speed v0 and nothing but the
     f_s = df/ds,   f_v = df/dv at constant approach rate,   f_dv = df/d(dv)
 
 A platoon is string stable where f_v^2 + 2 f_v f_dv - 2 f_s >= 0 (Treiber & Kesting, Traffic Flow Dynamics (2013),
-section 15.3). For each model this is written in its own terms, as a number with the same sign.
+section 15.3).
 
 Names: s gap between bumpers [m], v own speed [m/s], dv own minus leader's speed [m/s]; parameters as declared. Where a
 formula has no answer for a vehicle that reverses for a moment, the vehicle counts as standing.
@@ -68,14 +68,19 @@ class Oracle(NamedTuple):
         acceleration: Of s, v, dv and the parameters.
         equilibrium_gap: Of v and the parameters.
         slopes: Of v and the parameters.
-        stability: A number with the sign of the stability margin, of v and the parameters.
     """
 
     free: Callable[[float, Parameters], float]
     acceleration: Callable[[float, float, float, Parameters], float]
     equilibrium_gap: Callable[[float, Parameters], float]
     slopes: Callable[[float, Parameters], Slopes]
-    stability: Callable[[float, Parameters], float]
+
+
+# Every model but IDM, highway-env's and FVDM keeps the gap s0 + v T in equilibrium.
+
+
+def linear_equilibrium_gap(v, p):
+    return p.jam_gap + v * p.time_gap
 
 
 # Intelligent Driver Model: Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805, eqs. 3 to 5.
@@ -83,47 +88,29 @@ class Oracle(NamedTuple):
 
 def idm_desired_gap(v, dv, p):
     """s* = s0 + max(0, v T + v dv / (2 sqrt(a b)))."""
-    return p.jam_gap + max(0.0, v * p.time_gap + v * dv / (2 * math.sqrt(p.max_accel * p.comfort_decel)))
+    return p.jam_gap + max(0.0, highway_env_desired_gap(v, dv, p) - p.jam_gap)
 
 
-def idm_free(v, p):
-    return p.max_accel * (1 - (max(v, 0.0) / p.desired_speed) ** 4)
+def idm_free(v, p, exponent=4.0):
+    return p.max_accel * (1 - (max(v, 0.0) / p.desired_speed) ** exponent)
 
 
 def idm_acceleration(s, v, dv, p):
     return idm_free(v, p) - p.max_accel * (idm_desired_gap(v, dv, p) / max(s, SMALLEST_GAP)) ** 2
 
 
-def idm_equilibrium_gap(v, p):
-    return (p.jam_gap + v * p.time_gap) / math.sqrt(1 - (v / p.desired_speed) ** 4)
+def idm_equilibrium_gap(v, p, exponent=4.0, length=0.0):
+    return (linear_equilibrium_gap(v, p) + length) / math.sqrt(1 - (v / p.desired_speed) ** exponent) - length
 
 
-def idm_slopes(v, p):
-    """With F = 1 - (v / v0)^4 and L = s0 + v T, so that s_e = L / sqrt(F) and (L / s_e)^2 = F."""
-    return _idm_slopes(v, p, wanted=p.jam_gap + v * p.time_gap, exponent=4.0)
-
-
-def _idm_slopes(v, p, *, wanted, exponent):
-    a, free = p.max_accel, 1 - (v / p.desired_speed) ** exponent
+def idm_slopes(v, p, exponent=4.0, length=0.0):
+    """With F = 1 - (v / v0)^delta and L = s0 + v T, so that s_e = L / sqrt(F) and (L / s_e)^2 = F."""
+    a, free, wanted = p.max_accel, 1 - (v / p.desired_speed) ** exponent, linear_equilibrium_gap(v, p) + length
     return Slopes(
         gap=2 * a * free**1.5 / wanted,
         speed=-a * (exponent * v ** (exponent - 1) / p.desired_speed**exponent + 2 * p.time_gap * free / wanted),
         approach_rate=-v * math.sqrt(a / p.comfort_decel) * free / wanted,
     )
-
-
-def idm_stability(v, p):
-    """g (a g L + 2 v sqrt(a / b) F) - 4 F^(3/2) with g = 4 v^3 / v0^4 + 2 T F / L; at standstill 4 (a T^2 / s0 - 1).
-
-    Source of the latter, a >= s0 / T^2: Treiber & Kesting (2013), section 15.4.
-    """
-    return _idm_stability(v, p, wanted=p.jam_gap + v * p.time_gap, exponent=4.0)
-
-
-def _idm_stability(v, p, *, wanted, exponent):
-    a, b, free = p.max_accel, p.comfort_decel, 1 - (v / p.desired_speed) ** exponent
-    g = exponent * v ** (exponent - 1) / p.desired_speed**exponent + 2 * p.time_gap * free / wanted
-    return g * (a * g * wanted + 2 * v * math.sqrt(a / b) * free) - 4 * free**1.5
 
 
 # highway-env 1.12.1, IDMVehicle.acceleration: the same between centres, any exponent, s* not cut at zero.
@@ -135,7 +122,7 @@ def highway_env_desired_gap(v, dv, p):
 
 
 def highway_env_free(v, p):
-    return p.max_accel * (1 - (max(v, 0.0) / p.desired_speed) ** p.accel_exponent)
+    return idm_free(v, p, p.accel_exponent)
 
 
 def highway_env_acceleration(s, v, dv, p):
@@ -145,18 +132,11 @@ def highway_env_acceleration(s, v, dv, p):
 
 
 def highway_env_equilibrium_gap(v, p):
-    wanted = p.jam_gap + HIGHWAY_ENV_LENGTH + v * p.time_gap
-    return wanted / math.sqrt(1 - (v / p.desired_speed) ** p.accel_exponent) - HIGHWAY_ENV_LENGTH
+    return idm_equilibrium_gap(v, p, p.accel_exponent, HIGHWAY_ENV_LENGTH)
 
 
 def highway_env_slopes(v, p):
-    wanted = p.jam_gap + HIGHWAY_ENV_LENGTH + v * p.time_gap
-    return _idm_slopes(v, p, wanted=wanted, exponent=p.accel_exponent)
-
-
-def highway_env_stability(v, p):
-    wanted = p.jam_gap + HIGHWAY_ENV_LENGTH + v * p.time_gap
-    return _idm_stability(v, p, wanted=wanted, exponent=p.accel_exponent)
+    return idm_slopes(v, p, p.accel_exponent, HIGHWAY_ENV_LENGTH)
 
 
 # IDM with an approach gain of its own: the speed control and the relative-speed term of Milanes & Shladover, Transp.
@@ -164,17 +144,13 @@ def highway_env_stability(v, p):
 
 
 def approach_gain_free(v, p):
-    return min(p.max_accel, p.speed_gain * (p.desired_speed - v))
+    return min(p.max_accel, proportional_free(v, p))
 
 
 def approach_gain_acceleration(s, v, dv, p):
     ratio = (p.jam_gap + max(v, 0.0) * p.time_gap) / max(s, SMALLEST_GAP)
     following = p.max_accel * (1 - ratio**p.gap_exponent) - p.approach_gain * dv
-    return min(following, p.speed_gain * (p.desired_speed - v))
-
-
-def approach_gain_equilibrium_gap(v, p):
-    return p.jam_gap + v * p.time_gap
+    return min(following, proportional_free(v, p))
 
 
 def approach_gain_slopes(v, p):
@@ -182,43 +158,23 @@ def approach_gain_slopes(v, p):
     return Slopes(gap=steepness, speed=-steepness * p.time_gap, approach_rate=-p.approach_gain)
 
 
-def approach_gain_stability(v, p):
-    """T (a p T / s_e + 2 k) - 2."""
-    steepness = p.max_accel * p.gap_exponent / (p.jam_gap + v * p.time_gap)
-    return p.time_gap * (steepness * p.time_gap + 2 * p.approach_gain) - 2
+# Constant time headway: Milanes & Shladover (2014), eq. 3.
 
 
-# Constant time headway: Milanes & Shladover (2014), eq. 3; its stability: Rajamani, Vehicle Dynamics and Control
-# (2012), chapter 6.
-
-
-def headway_free(v, p):
+def proportional_free(v, p):
     return p.speed_gain * (p.desired_speed - v)
 
 
 def headway_acceleration(s, v, dv, p):
     error = s - p.jam_gap - v * p.time_gap
-    return min(p.gap_gain * error - p.approach_gain * dv, p.speed_gain * (p.desired_speed - v))
-
-
-def headway_equilibrium_gap(v, p):
-    return p.jam_gap + v * p.time_gap
+    return min(p.gap_gain * error - p.approach_gain * dv, proportional_free(v, p))
 
 
 def headway_slopes(v, p):
     return Slopes(gap=p.gap_gain, speed=-p.gap_gain * p.time_gap, approach_rate=-p.approach_gain)
 
 
-def headway_stability(v, p):
-    """T (k_s T + 2 k) - 2, at any speed."""
-    return p.time_gap * (p.gap_gain * p.time_gap + 2 * p.approach_gain) - 2
-
-
-# Full velocity difference model: Jiang, Wu & Zhu, Phys. Rev. E 64 (2001) 017101, eq. 6 and its stability condition.
-
-
-def fvdm_free(v, p):
-    return p.speed_gain * (p.desired_speed - v)
+# Full velocity difference model: Jiang, Wu & Zhu, Phys. Rev. E 64 (2001) 017101, eq. 6.
 
 
 def fvdm_acceleration(s, v, dv, p):
@@ -239,11 +195,6 @@ def fvdm_slopes(v, p):
     return Slopes(gap=p.speed_gain * steepness, speed=-p.speed_gain, approach_rate=-p.approach_gain)
 
 
-def fvdm_stability(v, p):
-    """k0 / 2 + k - V'(s_e): of Bando et al., Phys. Rev. E 51 (1995) 1035, where k = 0."""
-    return p.speed_gain / 2 + p.approach_gain - (1 - (v / p.desired_speed) ** 2) / p.time_gap
-
-
 # Gipps: Transp. Res. B 15 (1981) 105, eqs. 2 and 5, with a margin of half a reaction time and the leader's braking
 # taken for the own.
 
@@ -260,21 +211,11 @@ def gipps_acceleration(s, v, dv, p):
     return min(gipps_free(v, p), (safe - v) / tau)
 
 
-def gipps_equilibrium_gap(v, p):
-    """s0 + 3/2 v tau, where the root is v + b tau."""
-    return p.jam_gap + v * p.time_gap
-
-
 def gipps_slopes(v, p):
     """With R = v + b tau: d(safe)/ds = b / R, d(safe)/dv = (2 v - b tau) / (2 R), d(safe)/d(dv) = -v / R."""
     tau, b = p.time_gap / 1.5, p.comfort_decel
     root = v + b * tau
     return Slopes(gap=b / (root * tau), speed=-1.5 * b / root, approach_rate=-v / (root * tau))
-
-
-def gipps_stability(v, p):
-    """v + b tau / 4, which is always positive: no platoon of Gipps' drivers is unstable."""
-    return v + p.comfort_decel * p.time_gap / 1.5 / 4
 
 
 # Krauss: Microscopic Modeling of Traffic Flow (1998), eqs. 3.12 to 3.15.
@@ -291,10 +232,6 @@ def krauss_acceleration(s, v, dv, p):
     return min(p.max_accel, (min(p.desired_speed, safe) - v) / p.time_gap)
 
 
-def krauss_equilibrium_gap(v, p):
-    return p.jam_gap + v * p.time_gap
-
-
 def krauss_slopes(v, p):
     """With D = v / b + T: d(safe)/ds = 1 / D, d(safe)/dv = 1 - T / D, d(safe)/d(dv) = -(1 - T / D)."""
     time = v / p.comfort_decel + p.time_gap
@@ -305,33 +242,18 @@ def krauss_slopes(v, p):
     )
 
 
-def krauss_stability(v, p):
-    """-T, whatever the rest: approached in continuous time, the safe speed amplifies slow waves a little."""
-    return -p.time_gap
-
-
 ORACLES: dict[str, Oracle] = {
-    "idm": Oracle(idm_free, idm_acceleration, idm_equilibrium_gap, idm_slopes, idm_stability),
+    "idm": Oracle(idm_free, idm_acceleration, idm_equilibrium_gap, idm_slopes),
     "highway_env_idm": Oracle(
-        highway_env_free,
-        highway_env_acceleration,
-        highway_env_equilibrium_gap,
-        highway_env_slopes,
-        highway_env_stability,
+        highway_env_free, highway_env_acceleration, highway_env_equilibrium_gap, highway_env_slopes
     ),
     "approach_gain_idm": Oracle(
-        approach_gain_free,
-        approach_gain_acceleration,
-        approach_gain_equilibrium_gap,
-        approach_gain_slopes,
-        approach_gain_stability,
+        approach_gain_free, approach_gain_acceleration, linear_equilibrium_gap, approach_gain_slopes
     ),
-    "constant_time_headway": Oracle(
-        headway_free, headway_acceleration, headway_equilibrium_gap, headway_slopes, headway_stability
-    ),
-    "fvdm": Oracle(fvdm_free, fvdm_acceleration, fvdm_equilibrium_gap, fvdm_slopes, fvdm_stability),
-    "gipps": Oracle(gipps_free, gipps_acceleration, gipps_equilibrium_gap, gipps_slopes, gipps_stability),
-    "krauss": Oracle(krauss_free, krauss_acceleration, krauss_equilibrium_gap, krauss_slopes, krauss_stability),
+    "constant_time_headway": Oracle(proportional_free, headway_acceleration, linear_equilibrium_gap, headway_slopes),
+    "fvdm": Oracle(proportional_free, fvdm_acceleration, fvdm_equilibrium_gap, fvdm_slopes),
+    "gipps": Oracle(gipps_free, gipps_acceleration, linear_equilibrium_gap, gipps_slopes),
+    "krauss": Oracle(krauss_free, krauss_acceleration, linear_equilibrium_gap, krauss_slopes),
 }
 """Every model by its name."""
 

@@ -10,6 +10,7 @@ import pytest
 
 from rearl_jax.core.car_following.idm import IDM
 from rearl_jax.core.effects import EFFECTS
+from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.gap_driving import begin_driving
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import make_state
@@ -184,8 +185,6 @@ def test_cooperation_opens_a_gap_for_who_finds_none():
 
 
 def test_recordings_do_not_tell_who_wants_to_change():
-    from rearl_jax.core.effects.stimulus import Stimulus
-
     still = Stimulus(*(jnp.zeros(1) for _ in fields(Stimulus)))
     driver = IDM(*(jnp.ones(1),) * 5)
     cooperation = EFFECTS["cooperation"](jnp.asarray(0.5), jnp.asarray(2.0))
