@@ -44,12 +44,12 @@ def local_model() -> Path:
         raise ImportError(f"decision.server=local needs the package xllamacpp and a model: {remedy}")
     try:
         files = importlib.metadata.files(MODEL_PACKAGE) or []
-    except importlib.metadata.PackageNotFoundError as error:
-        raise ImportError(f"decision.server=local needs the model of the package {MODEL_PACKAGE}: {remedy}") from error
-    found = [Path(str(file.locate())) for file in files if file.suffix == ".gguf"]
-    if not found or not found[0].is_file():
-        raise ImportError(f"the package {MODEL_PACKAGE} holds no model file: {remedy}")
-    return found[0]
+    except importlib.metadata.PackageNotFoundError:
+        files = []
+    weights = [Path(str(file.locate())) for file in files if file.suffix == ".gguf"]
+    if not weights or not weights[0].is_file():
+        raise ImportError(f"decision.server=local needs the model of the package {MODEL_PACKAGE}: {remedy}")
+    return weights[0]
 
 
 @contextmanager
