@@ -31,7 +31,7 @@ def healthy(tmp_path_factory, questions):
 
 @pytest.fixture(scope="module")
 def expected(tmp_path_factory):
-    return healthy(tmp_path_factory, make_questions(6))
+    return healthy(tmp_path_factory, make_questions(3))
 
 
 @pytest.mark.parametrize("fault", Fault, ids=lambda fault: fault.name)
@@ -41,20 +41,20 @@ def test_every_fault(tmp_path, expected, caplog, fault):
     config = make_config(tmp_path, read_timeout=SHORT if fault in TIMED_OUT else 20.0, tries=2)
     with Stub(fault=lambda seen: fault if seen.number <= 4 else None) as stub:
         with Client(config, stub.url) as client:
-            answers = client.submit(make_questions(6)).result()
-            assert client.counts.causes == {cause: 6}
-        assert len(stub.chats) == 12
-        assert [(answer.action, answer.cause) for answer in answers] == [(KEEP_OUT, cause)] * 6
+            answers = client.submit(make_questions(3)).result()
+            assert client.counts.causes == {cause: 3}
+        assert len(stub.chats) == 6
+        assert [(answer.action, answer.cause) for answer in answers] == [(KEEP_OUT, cause)] * 3
         status = None if fault in TIMED_OUT | NO_RESPONSE else STATUS.get(fault, 200)
         replies = [reply for answer in answers for reply in answer.replies]
         assert {(reply.tries, reply.status, reply.text) for reply in replies} == {(2, status, None)}
         assert len([record for record in caplog.records if "remained without an answer" in record.message]) == 1
         with Client(replace(config, tries=3), stub.url) as client:
-            answers = client.submit(make_questions(6)).result()
+            answers = client.submit(make_questions(3)).result()
             assert client.counts.kept == 0
     assert outcomes(answers) == expected
     assert {(reply.tries, reply.status) for answer in answers for reply in answer.replies} == {(3, 200)}
-    assert len(stub.chats) == 12 + 18
+    assert len(stub.chats) == 6 + 9
 
 
 @pytest.mark.parametrize("status", [400, 401, 403, 404, 413, 422, 302])
