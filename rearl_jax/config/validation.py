@@ -61,11 +61,9 @@ class ValidationConfig:
         """Raise InvalidInputError for a value outside its range."""
         if not 0 < self.share <= 1:
             raise out_of_range("share", "must be within 0 (excluded) and 1", self.share)
-        check_least(self, 1, "seconds")
-        check_least(self, 0, "seed")
-        check_least(self, 1, "workers")
+        check_least(self, 1, "seconds", "workers")
         check_within(self, 0, 1, "control_share", "least_agree_share")
         for name in ("tolerance_f64", "tolerance_f32"):
             if not 0 < getattr(self, name) < math.inf:
                 raise out_of_range(name, "must be positive and finite [m]", getattr(self, name))
-        check_least(self, 0, "least_lane_changes", "least_aborts", "least_crashes")
+        check_least(self, 0, "seed", "least_lane_changes", "least_aborts", "least_crashes")
