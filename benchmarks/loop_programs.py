@@ -105,7 +105,6 @@ def rollouts(
     Raises:
         ValueError: There is no such program.
     """
-    scenes = Scenes.of(references, n_vehicles, density)
     with_effects = {FOLLOWING: (), TWO_EFFECTS: TWO, LOOP_WITH_TWO: TWO} | {effect: (effect,) for effect in EFFECTS}
     # Somebody must be named, but where nobody is asked the compiler leaves the policy out.
     loops = {LOOP_WITH_TWO: (LoopPolicy.rank, Cues.always), NEVER: (LoopPolicy.idle, Cues.never)}
@@ -113,6 +112,7 @@ def rollouts(
     loops |= {always(policy): (policy, Cues.always) for policy in LoopPolicy}
     if name not in {BASE, *with_effects, *loops}:
         raise ValueError(f"there is no program {name!r} to measure")
+    scenes = Scenes.of(references, n_vehicles, density)
     following = IDM(*(jnp.full((1, 1), value) for value in DRIVER))
     effects = tuple(usual(effect) for effect in with_effects.get(name, ()))
 

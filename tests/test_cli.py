@@ -119,41 +119,45 @@ def test_no_litter(cli):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("words", "code", "key", "nearest"),
     [
-        (["drive", "far", "road.lane=3"], ["'road.lane'", "nearest: road.lanes"]),
-        (["drive", "far", "lanes=3"], ["'lanes'", "nearest: road.lanes"]),
-        (["drive", "far", "rod.lengt=3"], ["'rod.lengt'", "nearest: road.length"]),
-        (["drive", "far", "road={lane: 3}"], ["nearest"]),
-        (["drive", "far", "+road.lanes=3"], ["write road.lanes=3"]),
-        (["drive", "far", "~road.lanes=3"], ["write road.lanes=3"]),
-        (["drive", "far", "road.lanes=many"], ["road.lanes must be int", "'many'"]),
-        (["drive", "far", "road.lanes=2.5"], ["road.lanes must be int", "2.5"]),
-        (["drive", "far", "road.exits=[1,x]"], ["road.exits must be [float, ...]", "'x'"]),
-        (["drive", "far", "road.exits=7"], ["road.exits must be [float, ...]"]),
-        (["drive", "far", "road.span=[1,2,3]"], ["road.span must have 2 values", "got 3"]),
-        (["drive", "far", "road.lanes=0"], ["road.lanes must be at least 1, got 0"]),
-        (["drive", "far", "side=middle"], ["side must be left|right", "'middle'"]),
-        (["drive", "far", "study=null"], ["study must be str"]),
-        (["drive", "far", "road=wid"], ["road=wid", "nearest: wide", "choices: narrow, wide"]),
-        (["drive", "far", "study=a b, (c)"], ["study", "quote"]),
-        (["drive", "far", "study"], ["'study' is not key=value"]),
-        (["drive", "far", "--multirn"], ["--multirn"]),
-        (["drive", "far", "--config-dir", "nowhere"], ["nowhere", "no such folder"]),
-        (["drive", "fat"], ["'drive fat'", "nearest: rearl drive far"]),
-        (["drive"], ["nearest: rearl drive far"]),
-        (["dive", "study=x"], ["'dive'", "nearest: rearl drive far"]),
-        (["study=x"], ["name a task", "rearl TASK study=x"]),
-        (["drive", "far", "-m", "side=left,right", "--config"], ["--config", "leave out -m"]),
-        (["drive", "far", "--sweep", "sides", "--config"], ["--config", "leave out -m"]),
+        ("drive far road.lane=3", "key-unknown", "road.lane", "road.lanes"),
+        ("drive far lanes=3", "key-unknown", "lanes", "road.lanes"),
+        ("drive far rod.lengt=3", "key-unknown", "rod.lengt", "road.length"),
+        ("drive far road={lane:3}", "key-unknown", "road.lane", "road.lanes"),
+        ("drive far +road.lanes=3", "key-added", "+road.lanes=3", ""),
+        ("drive far ~road.lanes=3", "key-added", "~road.lanes=3", ""),
+        ("drive far road.lanes=many", "wrong-type", "road.lanes", ""),
+        ("drive far road.lanes=2.5", "wrong-type", "road.lanes", ""),
+        ("drive far road.exits=[1,x]", "wrong-type", "road.exits", ""),
+        ("drive far road.exits=7", "wrong-type", "road.exits", ""),
+        ("drive far road.span=[1,2,3]", "wrong-length", "road.span", ""),
+        ("drive far road.lanes=0", "out-of-range", "road.lanes", ""),
+        ("drive far side=middle", "wrong-type", "side", ""),
+        ("drive far study=null", "wrong-type", "study", ""),
+        ("drive far road=wid", "choice-unknown", "road", "wide"),
+        ("drive far study=(c", "value-unreadable", "study", ""),
+        ("drive far study", "value-missing", "study", ""),
+        ("drive far --multirn", "option-unknown", None, ""),
+        ("drive far --config-dir nowhere", "folder-missing", None, ""),
+        ("drive fat", "task-unknown", "drive fat", "rearl drive far"),
+        ("drive", "task-unknown", "drive", "rearl drive far"),
+        ("dive study=x", "task-unknown", "dive", "rearl drive far"),
+        ("study=x", "task-missing", None, ""),
+        ("drive far -m side=left,right --config", "options-conflict", "--config", ""),
+        ("drive far --sweep sides --config", "options-conflict", "--config", ""),
+        ("drive far --sweep sidez", "choice-unknown", "--sweep", "sides"),
+        ("drive far --sweep other", "sweep-of-another-task", "--sweep other", ""),
     ],
 )
-def test_mistakes_end_with_one_sentence(cli, capsys, arguments, said):
-    assert cli.main(arguments) == 2
-    error = capsys.readouterr().err
-    assert all(part in error for part in said), error
-    assert "Traceback" not in error
-    assert error.count("\n") == 1
+def test_mistakes_end_with_one_sentence(cli, capsys, words, code, key, nearest):
+    with pytest.raises(InvalidInputError) as caught:
+        cli.main([*words.split(), "--traceback"])
+    assert (caught.value.code, caught.value.problem.key) == (code, key)
+    assert not nearest or f"nearest: {nearest}" in str(caught.value)
+    assert cli.main(words.split()) == 2
+    assert capsys.readouterr().err == f"rearl: {caught.value}\n"
+    assert "\n" not in str(caught.value)
     assert cli.ran == []
     assert list(cli.work.iterdir()) == []
 
@@ -174,17 +178,14 @@ def test_error_raised_by_the_package_is_for_the_user(cli, capsys):
 
 def test_error_of_a_library_keeps_its_traceback(cli):
     cli.task.fail = lambda: int("x")
-    with pytest.raises(ValueError, match="invalid literal"):
+    with pytest.raises(ValueError, match="literal"):
         cli.main(["drive", "far", "road.lanes=9"])
 
 
-@pytest.mark.parametrize("by", ["option", "environment"])
-def test_traceback_on_request(cli, monkeypatch, by):
-    if by == "environment":
-        monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
-    with pytest.raises(InvalidInputError) as caught:
-        cli.main(["drive", "far", "road.lanes=0", *(["--traceback"] if by == "option" else [])])
-    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "road.lanes")
+def test_traceback_on_request_of_the_environment(cli, monkeypatch):
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    with pytest.raises(InvalidInputError):
+        cli.main(["drive", "far", "road.lanes=0"])
 
 
 def test_interrupt(cli, capsys):
@@ -196,20 +197,18 @@ def test_interrupt(cli, capsys):
     assert "interrupted" in capsys.readouterr().err
 
 
-def test_own_configuration_folder(cli, tmp_path):
-    (tmp_path / "mine" / "road").mkdir(parents=True)
-    (tmp_path / "mine" / "road" / "bridge.yaml").write_text("lanes: 3\n")
-    assert cli.main(["drive", "far", "--config-dir", str(tmp_path / "mine"), "road=bridge"]) == 0
+def test_own_configuration_folder_and_an_unknown_key_in_a_file_of_it(cli, tmp_path):
+    file = tmp_path / "mine" / "road" / "bridge.yaml"
+    file.parent.mkdir(parents=True)
+    command = ["drive", "far", "--config-dir", str(tmp_path / "mine"), "road=bridge", "--traceback"]
+    file.write_text("lanes: 3\n")
+    assert cli.main(command) == 0
     assert cli.ran[0].road.lanes == 3
-
-
-def test_unknown_key_in_a_file(cli, capsys, tmp_path):
-    (tmp_path / "mine" / "road").mkdir(parents=True)
-    (tmp_path / "mine" / "road" / "bridge.yaml").write_text("lengths: 3\n")
-    assert cli.main(["drive", "far", "--config-dir", str(tmp_path / "mine"), "road=bridge"]) == 2
-    error = capsys.readouterr().err
-    assert "road/bridge.yaml: there is no key 'road.lengths'" in error
-    assert "nearest: road.length" in error
+    file.write_text("lengths: 3\n")
+    with pytest.raises(InvalidInputError) as caught:
+        cli.main(command)
+    problem = caught.value.problem
+    assert (problem.code, problem.key, problem.file) == ("key-unknown", "road.lengths", "road/bridge.yaml")
 
 
 def test_print_configuration(cli, capsys):
@@ -331,22 +330,18 @@ def test_a_sweep_file_is_a_multirun_written_down(cli, capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "name", "said"),
+    ("content", "code"),
     [
-        (None, "sidez", "--sweep sidez: there is no such file; nearest: sides"),
-        (None, "other", "belongs to another task: rearl fly --sweep other"),
-        ("task: drive far\nkeys: {}\nmore: 1\n", "mine", "must hold `task: NAME` and `keys:`"),
-        ("task: [", "mine", "no readable YAML"),
-        ("task: drive far\nkeys: {sid: left}\n", "mine", "nearest: side"),
+        ("task: drive far\nkeys: {}\nmore: 1\n", "sweep-malformed"),
+        ("task: [", "file-unreadable"),
+        ("task: drive far\nkeys: {sid: left}\n", "key-unknown"),
     ],
 )
-def test_a_wrong_sweep_file(cli, capsys, tmp_path, content, name, said):
-    if content is not None:
-        (tmp_path / "sweeps" / "mine.yaml").write_text(content)
-    assert cli.main(["drive", "far", "--sweep", name]) == 2
-    error = capsys.readouterr().err
-    assert said in error
-    assert "Traceback" not in error
+def test_a_wrong_sweep_file(cli, tmp_path, content, code):
+    (tmp_path / "sweeps" / "mine.yaml").write_text(content)
+    with pytest.raises(InvalidInputError) as caught:
+        cli.main(["drive", "far", "--sweep", "mine", "--traceback"])
+    assert caught.value.code == code
     assert cli.ran == []
 
 
@@ -403,7 +398,7 @@ def test_configuration_files_are_found_in_a_wheel_and_in_a_checkout(monkeypatch,
     from rearl_jax.tasks import folders
 
     monkeypatch.setattr(folders, "__file__", str(tmp_path / "site" / "rearl_jax" / "tasks" / "folders.py"))
-    with pytest.raises(FileNotFoundError, match="install again"):
+    with pytest.raises(FileNotFoundError):
         folders.conf_dir()
     (tmp_path / "site" / "conf").mkdir(parents=True)
     assert folders.conf_dir() == tmp_path / "site" / "conf"

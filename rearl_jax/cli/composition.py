@@ -18,13 +18,14 @@ from yaml import YAMLError
 from rearl_jax import tasks
 from rearl_jax.config._schema import finished, groups_of, keys_of, nearest
 from rearl_jax.config.driver import MODELS, DriverConfig, record_of
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.tasks import Task
 
 log = logging.getLogger(__name__)
 
 
-class UsageError(ValueError):
-    """The command line cannot be carried out; the message says what to write instead."""
+class UsageError(InvalidInputError):
+    """The command line cannot be carried out; its problem says what to write instead."""
 
 
 def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> Any:
@@ -58,8 +59,9 @@ def _unreadable(overrides: list[str], config_dir: str | None, error: Exception) 
         return error
     for file in sorted(Path(config_dir).rglob("*.yaml")) if config_dir is not None else ():
         if problem := file_problem(file):
-            return UsageError(f"{file}: {problem}")
-    return UsageError(f"{' '.join(overrides)}: cannot be read ({str(error).partition(chr(10))[0]})")
+            return UsageError(Problem("file-unreadable", problem, file=str(file)))
+    said = f"cannot be read ({str(error).partition(chr(10))[0]})"
+    return UsageError(Problem("value-unreadable", said, key=" ".join(overrides)))
 
 
 def file_problem(file: Path) -> str:
@@ -122,7 +124,7 @@ def search_path(config_dir: str) -> str:
     """A folder as Hydra's search path writes it."""
     folder = Path(config_dir).resolve()
     if not folder.is_dir():
-        raise UsageError(f"--config-dir {config_dir}: there is no such folder")
+        raise UsageError(Problem("folder-missing", "there is no such folder for --config-dir", file=config_dir))
     return f"'file://{folder}'"
 
 
@@ -173,27 +175,27 @@ def check_overrides(task: Task, overrides: list[str], config_dir: str | None) ->
     known_groups = choices(task, config_dir)
     for text in overrides:
         if "=" not in text:
-            raise UsageError(f"{text!r} is not key=value; nearest key: {nearest(text, keys)}")
+            raise UsageError(Problem("value-missing", f"is not key=value; nearest: {nearest(text, keys)}", key=text))
         try:
             override = OverridesParser.create().parse_override(text)
         except HydraException as error:
             name, _, value = text.partition("=")
-            raise UsageError(
-                f"{name}: the value {value} cannot be read; quote it twice if it holds blanks, commas or "
-                f"brackets: '{name}=\"{value}\"'"
-            ) from error
+            remedy = f"quote it twice if it holds blanks, commas or brackets: '{name}=\"{value}\"'"
+            problem = Problem("value-unreadable", "has a value that cannot be read", remedy, key=name, value=value)
+            raise UsageError(problem) from error
         name = override.key_or_group
         if name.split(".")[0].split("/")[0] == "hydra":
             continue
         if text[0] in "+~":
-            raise UsageError(f"{text}: keys are neither added nor removed; write {text.lstrip('+~')}")
+            remedy = f"write {text.lstrip('+~')}"
+            raise UsageError(Problem("key-added", "would add or remove a key", remedy, key=text))
         if name not in keys and name not in known_groups and name not in records and not _inside(name, mappings):
             raise UsageError(_no_such_key(task, name, overrides))
 
 
 @contextmanager
 def hydra_errors(task: Task, overrides: list[str]) -> Iterator[None]:
-    """Turn what Hydra and OmegaConf raise into one sentence with the full key and the nearest valid one."""
+    """Turn what Hydra and OmegaConf raise into a problem with the full key and the nearest valid one."""
     from hydra.errors import HydraException, MissingConfigException
     from omegaconf.errors import OmegaConfBaseException
 
@@ -202,33 +204,31 @@ def hydra_errors(task: Task, overrides: list[str]) -> Iterator[None]:
     except MissingConfigException as error:
         group, _, name = (error.missing_cfg_file or "").rpartition("/")
         if not (name and error.options):
-            raise UsageError(str(error)) from error
-        raise UsageError(
-            f"{group}={name}: there is no such choice; nearest: {nearest(name, error.options)}; "
-            f"choices: {', '.join(sorted(error.options))}"
-        ) from error
+            raise UsageError(Problem("configuration-unreadable", str(error))) from error
+        said = f"must be one of {', '.join(sorted(error.options))}; nearest: {nearest(name, error.options)}"
+        raise UsageError(Problem("choice-unknown", said, key=group, value=name)) from error
     except (HydraException, OmegaConfBaseException) as error:
-        raise UsageError(_sentence(task, overrides, error)) from error
+        raise UsageError(_problem(task, overrides, error)) from error
 
 
-def _no_such_key(task: Task, name: str, overrides: list[str]) -> str:
+def _no_such_key(task: Task, name: str, overrides: list[str], file: str | None = None) -> Problem:
     close = nearest(name, keys_of(defaults_with(task, overrides)))
-    return f"there is no key {name!r} in `rearl {task.words}`; nearest: {close}"
+    return Problem("key-unknown", f"is no key of `rearl {task.words}`; nearest: {close}", key=name, file=file)
 
 
-def _sentence(task: Task, overrides: list[str], error: BaseException) -> str:
+def _problem(task: Task, overrides: list[str], error: BaseException) -> Problem:
     cause: BaseException | None = error
     while cause is not None and getattr(cause, "full_key", None) is None:
         cause = cause.__cause__ or cause.__context__
     if cause is None:
-        return str(error)
+        return Problem("configuration-unreadable", str(error))
     keys = keys_of(defaults_with(task, overrides))
     reason = str(cause).split("\n")[0]
     name = str(getattr(cause, "full_key", "")).partition("[")[0]
-    file = re.match(r"In '(.+?)'", str(error))
-    where = f"{file[1]}.yaml: " if file else ""
+    match = re.match(r"In '(.+?)'", str(error))
+    file = f"{match[1]}.yaml" if match else None
     if name in keys:
-        return f"{where}{name} must be {keys[name].type_name}: {reason}"
+        return Problem("wrong-type", f"must be {keys[name].type_name}: {reason}", key=name, file=file)
     if name:
-        return where + _no_such_key(task, name, overrides)
-    return f"{where or ' '.join(overrides) + ': '}{reason}"
+        return _no_such_key(task, name, overrides, file)
+    return Problem("configuration-unreadable", reason, file=file or " ".join(overrides))

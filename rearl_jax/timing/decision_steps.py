@@ -206,6 +206,8 @@ def decision_steps(
     Raises:
         ValueError: There is no such part.
     """
+    if name not in PARTS:
+        raise ValueError(f"there is no part {name!r} of a decision step: {', '.join(PARTS)}")
     scenes = Scenes.of(references, n_vehicles, density)
 
     def prepare(keys: Key[Array, " scenarios"]) -> Batch:
@@ -220,11 +222,9 @@ def decision_steps(
         subject = loop_subject(matcher(MatchSpace.rank), prepare, seconds)
     elif name == PPO:
         subject = _driven_subject(prepare, seconds)
-    elif name in (DETECTION, DECISION):
+    else:
         run = look_for_drift if name == DETECTION else decide_on_shown
         subject = Subject(prepare, run, lambda batch, _: jax.vmap(_observe_base)(batch.recorded), lambda _: None)
-    else:
-        raise ValueError(f"there is no part {name!r} of a decision step: {', '.join(PARTS)}")
     return Batches(subject, batch=batch, n_vehicles=n_vehicles, seconds=seconds)
 
 
