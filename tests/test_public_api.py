@@ -210,8 +210,8 @@ def test_recordings_in_one_table_are_told_apart():
 
 def test_scenes_are_evaluated_as_the_recordings_they_were_cut_from():
     scenes = rearl_jax.cut_scenes()
-    once = {"n_runs": 1}
-    assert rearl_jax.evaluate(scenes, eval=once).runs.equals(rearl_jax.evaluate(eval=once).runs)
+    once = {"eval": {"n_runs": 1, "resamples": 20, "noise_draws": 2}, "core": {"collisions": False}}
+    assert rearl_jax.evaluate(scenes, **once).runs.equals(rearl_jax.evaluate(**once).runs)
     with pytest.raises(InvalidInputError) as caught:
         rearl_jax.evaluate(scenes, method="rearl")
     assert (caught.value.code, caught.value.problem.key) == ("recordings-needed", "method")

@@ -105,12 +105,20 @@ def register(task: Task) -> None:
     """Makes the task's record known to Hydra."""
     from hydra.core.config_store import ConfigStore
 
-    store, defaults = ConfigStore.instance(), task.defaults()
-    for name in MODELS:
-        store.store(group="driver", name=name, node=record_of(name))
+    _register_drivers()
+    defaults = task.defaults()
     # The record of one model takes the place of the base of all of them, not of another model's.
     schema = replace(defaults, driver=DriverConfig()) if hasattr(defaults, "driver") else defaults
-    store.store(name="schema", node=schema)
+    ConfigStore.instance().store(name="schema", node=schema)
+
+
+@functools.cache
+def _register_drivers() -> None:
+    """Makes the records of the driver models known to Hydra, once in a process."""
+    from hydra.core.config_store import ConfigStore
+
+    for name in MODELS:
+        ConfigStore.instance().store(group="driver", name=name, node=record_of(name))
 
 
 def as_record(config: Any) -> Any:
