@@ -34,6 +34,7 @@ from rearl_jax.config.ppo import PpoConfig
 from rearl_jax.core.road import traffic_model
 from rearl_jax.core.spawn import spawn
 from rearl_jax.decision.situation import ACTION_NAMES
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.results import Study, config_hash
 
 log = logging.getLogger(__name__)
@@ -183,7 +184,7 @@ def train(
         progress: Called with the number of updates done and their total.
 
     Raises:
-        ValueError: The weights have become infinite.
+        InvalidInputError: The weights have become infinite.
     """
     n_updates = config.ppo.n_updates(config.core.n_vehicles)
     program, learner, seed = _program(config), first_learner(config), jnp.int32(config.ppo.seed)
@@ -194,10 +195,9 @@ def train(
     for number in range(n_before, n_updates):
         learner, point = program.update(learner, seed, jnp.int32(number))
         if not np.isfinite(point.losses.total):
-            raise ValueError(
-                f"the training has diverged in update {number + 1} of {n_updates}: lower ppo.learning_rate, which is "
-                f"{config.ppo.learning_rate:g}"
-            )
+            said = f"must be lower: the training has diverged in update {number + 1} of {n_updates}"
+            problem = Problem("diverged", said, key="ppo.learning_rate", value=f"{config.ppo.learning_rate:g}")
+            raise InvalidInputError(problem)
         for values, value in zip(jax.tree.leaves(curve), jax.tree.leaves(point), strict=True):
             values[number] = value
         done = number + 1

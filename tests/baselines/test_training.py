@@ -16,6 +16,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.problems import InvalidInputError
+
 
 def at(tiny, tmp_path, **changes):
     from rearl_jax.config import ResultsConfig
@@ -99,8 +101,9 @@ def test_a_training_that_diverges_stops(tiny, tmp_path):
     from rearl_jax.results import Study
 
     config = at(tiny, tmp_path, ppo=replace(tiny.ppo, learning_rate=1e38))
-    with pytest.raises(ValueError, match=r"diverged in update \d of 4: lower ppo.learning_rate"):
+    with pytest.raises(InvalidInputError) as caught:
         train(config, Study(config.results.root, config.study, config, "train ppo"))
+    assert (caught.value.code, caught.value.problem.key) == ("diverged", "ppo.learning_rate")
 
 
 def test_training_never_sees_the_traffic_of_an_evaluation():
@@ -128,16 +131,11 @@ def test_keys_out_of_range_are_refused():
 
     assert PpoConfig().n_updates(10) == 27
     assert PpoConfig().batch(10) == 38_400
-    for changes, said in (
-        ({"scenarios": 0}, "scenarios must be at least 1"),
-        ({"car_steps": float("inf")}, "car_steps must be at least 1 and finite"),
-        ({"seed": -1}, "seed must be within"),
-        ({"gamma": 1.5}, "gamma must be within 0 and 1"),
-        ({"learning_rate": 0.0}, "learning_rate must be > 0"),
-        ({"entropy_weight": -1.0}, "entropy_weight must be >= 0"),
-    ):
-        with pytest.raises(ValueError, match=said):
-            PpoConfig(**changes).check()
+    bad = {"scenarios": 0, "car_steps": float("inf"), "seed": -1, "gamma": 1.5, "learning_rate": 0.0}
+    for key, value in (bad | {"entropy_weight": -1.0}).items():
+        with pytest.raises(InvalidInputError) as caught:
+            PpoConfig(**{key: value}).check()
+        assert (caught.value.code, caught.value.problem.key) == ("out-of-range", key)
 
 
 @pytest.mark.slow

@@ -6,6 +6,8 @@ import jax
 import numpy as np
 import pytest
 
+from rearl_jax.problems import InvalidInputError, MissingInputError
+
 
 @pytest.fixture
 def config(tiny):
@@ -47,30 +49,29 @@ def test_wrong_files_are_named(config, file, tmp_path):
 
     whole = file.read_bytes()
     header, rest = whole.split(b"\n", 1)
-    for content, said in (
-        (b"", "is no file of PPO weights"),
-        (b'{"a": 1}\n' + rest, "is no file of PPO weights"),
-        (np.random.default_rng(0).bytes(300), "is no file of PPO weights"),
-        (header.replace(b'"width": 16', b'"width": 32') + b"\n" + rest, "the file is damaged"),
-        (header.replace(b'"layers": 2', b'"layers": 1') + b"\n" + rest, "the file is damaged"),
-        (whole[:-100], "the file is damaged"),
-        (whole + b"x", "holds more than"),
-        (header.replace(b'"decel_keep"', b'"decel_kept"') + b"\n" + rest, "written by another version"),
+    for content, code in (
+        (b"", "not-weights"),
+        (b'{"a": 1}\n' + rest, "not-weights"),
+        (np.random.default_rng(0).bytes(300), "not-weights"),
+        (header.replace(b'"width": 16', b'"width": 32') + b"\n" + rest, "weights-damaged"),
+        (header.replace(b'"layers": 2', b'"layers": 1') + b"\n" + rest, "weights-damaged"),
+        (whole[:-100], "weights-damaged"),
+        (whole + b"x", "weights-damaged"),
+        (header.replace(b'"decel_keep"', b'"decel_kept"') + b"\n" + rest, "weights-of-another-version"),
     ):
         file.write_bytes(content)
-        with pytest.raises(ValueError, match=said):
+        with pytest.raises(InvalidInputError) as caught:
             load_policy(str(file), config.core)
-    with pytest.raises(FileNotFoundError, match=r"ppo.weights=.*rearl train ppo"):
-        load_policy(str(tmp_path / "nothing.eqx"), config.core)
-    with pytest.raises(ValueError, match="is a folder"):
-        load_policy(str(tmp_path), config.core)
-
-
-def test_weights_of_another_road_are_refused(config, file):
-    from rearl_jax.baselines.weights import load_policy
-
-    with pytest.raises(ValueError, match=r"4 lanes, core.n_lanes is 3: set core.n_lanes=4, or train"):
-        load_policy(str(file), replace(config.core, n_lanes=3))
+        assert (caught.value.code, caught.value.problem.file) == (code, str(file))
+    file.write_bytes(whole)
+    for path, core, code, key in (
+        (tmp_path / "nothing.eqx", config.core, "file-missing", "ppo.weights"),
+        (tmp_path, config.core, "not-a-file", "ppo.weights"),
+        (file, replace(config.core, n_lanes=3), "other-road", "core.n_lanes"),
+    ):
+        with pytest.raises((InvalidInputError, MissingInputError)) as caught:
+            load_policy(str(path), core)
+        assert (caught.value.code, caught.value.problem.key) == (code, key)
 
 
 def test_the_weights_of_the_package_are_those_of_the_defaults():

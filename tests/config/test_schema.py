@@ -17,12 +17,9 @@ class Colour(Enum):
 def test_key_refuses_what_cannot_be_documented_or_shared():
     from rearl_jax.config._key import key
 
-    with pytest.raises(ValueError, match="one non-empty line"):
-        key(1, " ")
-    with pytest.raises(ValueError, match="one non-empty line"):
-        key(1, "two\nlines")
-    with pytest.raises(ValueError, match="mutable"):
-        key([1], "a list")
+    for default, text in ((1, " "), (1, "two\nlines"), ([1], "a list")):
+        with pytest.raises(ValueError, match="key|default"):
+            key(default, text)
 
 
 def test_nested_defaults_are_those_of_the_field():
