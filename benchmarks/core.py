@@ -94,15 +94,7 @@ def compare_scenes(sessions: Mapping[str, Session], n_vehicles: int, bench: Core
 def measure_alone(
     bench: CoreOptions, name: str, values: Sequence[int], setting: Callable[[int], dict[str, int]], report: Report
 ) -> tuple[Series, ...]:
-    """Our core at several values of a setting, in turn; one series per value.
-
-    Args:
-        bench: The rest.
-        name: Name of the setting, as reported.
-        values: Values that are measured.
-        setting: Keywords of `start_ours` for a value.
-        report: Told of every step.
-    """
+    """Our core at several values of a setting, in turn; one series per value."""
     n_vehicles = bench.varied_vehicles
     label = f"{name}, N = {n_vehicles}"
     sessions: dict[str, Session] = {}

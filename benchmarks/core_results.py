@@ -94,11 +94,7 @@ class Change:
 
 
 def read_ratios(file: str, reference: Peer) -> dict[int, Spread]:
-    """Our speed by that of the reference program in an earlier benchmark, by number of vehicles.
-
-    Args:
-        file: Its summary.json, or the folder that holds it.
-        reference: The program.
+    """Our speed by that of the reference program in an earlier benchmark's summary.json, by number of vehicles.
 
     Raises:
         MissingInputError: There is none.

@@ -94,14 +94,6 @@ def rollouts(
 ) -> Batches:
     """Rollouts of a program, ready to be measured.
 
-    Args:
-        name: One of `programs_of` or `effect_programs`.
-        n_vehicles: Vehicles per scenario.
-        density: highway-env's `vehicles_density` [-].
-        seconds: Simulated time of a rollout [s].
-        batch: Scenarios at a time.
-        references: Arguments of `synthetic_references`.
-
     Raises:
         ValueError: There is no such program.
     """

@@ -178,11 +178,6 @@ def train(
 ) -> Training:
     """The trained network and what was seen on the way; goes on from the study's checkpoint where there is one.
 
-    Args:
-        config: The task.
-        study: Keeps the checkpoint.
-        progress: Called with the number of updates done and their total.
-
     Raises:
         InvalidInputError: The weights have become infinite.
     """
@@ -241,10 +236,6 @@ def curve_table(training: Training, batch: int) -> pd.DataFrame:
     """One row per update: `update`, `car_steps` so far, `return`, `crashed`, `speed`, the share of each action in
     `left`, `keep`, `right`, `faster`, `slower`, and `loss`, `policy_loss`, `value_loss`, `entropy`, `divergence`,
     `clipped_share`.
-
-    Args:
-        training: The training.
-        batch: Vehicle-seconds of an update.
     """
     curve, number = training.curve, np.arange(1, len(training.curve.gain) + 1)
     losses = curve.losses

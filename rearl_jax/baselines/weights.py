@@ -68,10 +68,6 @@ def weights_file(network: ActorCritic, config: TrainPpoTask) -> bytes:
 def load_policy(path: str | None, core: CoreConfig) -> TrainedPolicy:
     """The policy in a file, or the one that comes with the package.
 
-    Args:
-        path: The file; None for the package's own.
-        core: Road it is to drive on.
-
     Raises:
         MissingInputError: There is no such file.
         InvalidInputError: It holds no weights, is damaged, or has learnt on another road.

@@ -40,11 +40,6 @@ _OWN_FOLDER = ("study", "results.root", "results.resume")
 def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[Path, list[dict[str, str]]]:
     """Runs all jobs, then puts the finished ones together; their folder, and the values of the swept keys in each.
 
-    Args:
-        task: The task of every job.
-        overrides: Words of the command line, swept values among them.
-        config_dir: Folder with configuration files of the user.
-
     Raises:
         JobError: A job failed; the others have run.
     """
@@ -124,15 +119,7 @@ def cells_of(swept: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
 
 
 def _launch(task: Task, overrides: list[str], said: Mapping[str, Any], n_jobs: int, config_dir: str | None) -> None:
-    """Hands the jobs to Hydra's sweeper and launcher.
-
-    Args:
-        task: The task of every job.
-        overrides: Words of the command line.
-        said: Keys and values among them that are the same in all jobs.
-        n_jobs: Jobs of the multirun.
-        config_dir: Folder with configuration files of the user.
-    """
+    """Hands the jobs to Hydra's sweeper and launcher."""
     import hydra
     from hydra.core.utils import env_override
 

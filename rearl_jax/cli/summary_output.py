@@ -30,13 +30,7 @@ def standard_output_apart() -> Iterator[TextIO]:
 
 
 def summary_object(task: Task, folder: Path | None, returned: Mapping[str, Any]) -> dict[str, Any]:
-    """What a task has found: `task`, `results` (its folder), and the keys of summary.json, a list of them as `rows`.
-
-    Args:
-        task: The task.
-        folder: Folder of its results; None where it has none.
-        returned: What its function has returned, which counts where it writes no summary.
-    """
+    """What a task has found: `task`, `results` (its folder), and the keys of summary.json, a list of them as `rows`."""
     stored = None if folder is None else _stored(folder, task)
     if stored is None:
         content = dict(returned)
@@ -46,13 +40,7 @@ def summary_object(task: Task, folder: Path | None, returned: Mapping[str, Any])
 
 
 def multirun_object(task: Task, folder: Path, cells: Sequence[Mapping[str, str]]) -> dict[str, Any]:
-    """The same of a multirun: the summary of all cells, else that of every finished job.
-
-    Args:
-        task: The task of every job.
-        folder: Folder of the multirun.
-        cells: Values of the swept keys, job by job.
-    """
+    """The same of a multirun: the summary of all cells, else that of every finished job."""
     stored = _read(folder / "summary.json") if task.collect is not None else None
     if stored is None:
         stored = []

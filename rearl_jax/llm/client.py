@@ -134,10 +134,6 @@ class Client:
 
         Equal questions are sent once, and in the order of the questions, so that equal beginnings meet.
 
-        Args:
-            questions: What is asked.
-            second: Second of the simulation, for the table of requests.
-
         Raises:
             RuntimeError: The client is not open.
             ValueError: From the future: the file of answers is damaged.

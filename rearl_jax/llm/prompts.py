@@ -80,10 +80,6 @@ class Prompter:
         `decision.execution.accept` counts it among those (`n_invalid`). There are as many of them as
         `situation.detection.mask` has vehicles more than there are questions.
 
-        Args:
-            situation: The traffic; leaves are NumPy arrays.
-            thresholds: Of every scenario.
-
         Raises:
             ValueError: A second was left out, or the template fails.
         """

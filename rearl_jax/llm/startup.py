@@ -48,12 +48,7 @@ class ServerError(ProblemError, ConnectionError):
 
 @dataclass(frozen=True)
 class Server:
-    """Model and server software that the questions go to.
-
-    Attributes:
-        model: Name of the model, as the server knows it.
-        dialect: What the server understands.
-    """
+    """Model and server software that the questions go to."""
 
     model: str
     dialect: Dialect

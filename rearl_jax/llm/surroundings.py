@@ -37,13 +37,6 @@ def look_around(
     """Who is around some vehicles, as the core sees it (`core.neighbours`).
 
     A vehicle between two lanes is on both; the same position counts as ahead; nobody is seen beyond the road.
-
-    Args:
-        frame: The traffic; leaves are NumPy arrays.
-        length: Lengths [m]; broadcast to `[n_vehicles, n_scenarios]`.
-        vehicle: Rows of the vehicles.
-        scenario: Their columns.
-        model: The road.
     """
     length = np.broadcast_to(np.asarray(length, frame.x.dtype), frame.x.shape)
     own_x, own_lane, own_length = (values[vehicle, scenario] for values in (frame.x, frame.lane, length))

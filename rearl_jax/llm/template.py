@@ -39,11 +39,7 @@ Rendered = Callable[[Context], Iterator[str]]
 
 
 class PromptTemplate:
-    """The blocks of one file.
-
-    Attributes:
-        file: The file, as in messages.
-    """
+    """The blocks of one file."""
 
     def __init__(self, template: Template, file: str) -> None:
         self.file = file
@@ -55,11 +51,6 @@ class PromptTemplate:
 
     def render(self, block: str, variables: Mapping[str, object], ready: Mapping[str, Rendered] | None = None) -> str:
         """Text of a block.
-
-        Args:
-            block: Its name.
-            variables: What it may use.
-            ready: Blocks inside it that need not be rendered again, from `rendered`.
 
         Raises:
             ValueError: Something in the block does not work; the message names file and line.
@@ -94,9 +85,6 @@ def rendered(text: str) -> Rendered:
 
 def load_template(path: str) -> PromptTemplate:
     """The template in a file.
-
-    Args:
-        path: The file; empty for the shipped one.
 
     Raises:
         FileNotFoundError: There is no such file.

@@ -100,13 +100,7 @@ class Batch(eqx.Module):
 
 @dataclasses.dataclass(frozen=True)
 class Scenes:
-    """Recipe of the batches.
-
-    Attributes:
-        n_vehicles: Vehicles per scenario.
-        density: highway-env's `vehicles_density` [-].
-        table: The references.
-    """
+    """Recipe of the batches: vehicles per scenario, highway-env's `vehicles_density` [-], references."""
 
     n_vehicles: int
     density: float
@@ -114,13 +108,7 @@ class Scenes:
 
     @classmethod
     def of(cls, references: Mapping[str, int], n_vehicles: int, density: float) -> "Scenes":
-        """Scenes held against synthetic references.
-
-        Args:
-            references: Arguments of `synthetic_references`.
-            n_vehicles: Vehicles per scenario.
-            density: highway-env's `vehicles_density` [-].
-        """
+        """Scenes held against synthetic references."""
         return cls(n_vehicles, density, tabulate(synthetic_references(**references), DetectionOptions().hist))
 
     def draw(self, keys: Key[Array, " scenarios"]) -> Batch:
@@ -156,14 +144,7 @@ class Scenes:
 
 
 def scene_of(loop: StepsConfig, n_vehicles: int, seconds: int, batch: int) -> dict[str, Any]:
-    """Arguments of a program beside its name.
-
-    Args:
-        loop: Density and references.
-        n_vehicles: Vehicles per scenario.
-        seconds: Simulated time [s].
-        batch: Scenarios at a time.
-    """
+    """Arguments of a program beside its name."""
     references = {
         "seed": loop.seed,
         "n_references": loop.n_references,

@@ -86,12 +86,7 @@ def groups(scenes: pd.DataFrame) -> pd.DataFrame:
 
 
 def summarise(scenes: pd.DataFrame, reference: str) -> dict:
-    """The flat summary, see the head of this module.
-
-    Args:
-        scenes: One row per scene and precision (or `CONTROL`).
-        reference: What the core was compared with.
-    """
+    """The flat summary, see the head of this module."""
     summary: dict = {"reference": reference, **_flat(scenes, "")}
     for size in SIZES:
         if len(part := where(scenes, size=size)):
