@@ -30,6 +30,7 @@ from rearl_jax.timing.decision_steps import (
     loop_subject,
     matcher,
     rollout_subject,
+    synthetic_table,
 )
 
 NEVER = "never"
@@ -104,7 +105,7 @@ def rollouts(
     loops |= {always(policy): (policy, Cues.always) for policy in LoopPolicy}
     if name not in {BASE, *with_effects, *loops}:
         raise ValueError(f"there is no program {name!r} to measure")
-    scenes = Scenes.of(references, n_vehicles, density)
+    scenes = Scenes(n_vehicles, density, synthetic_table(references))
     following = IDM(*(jnp.full((1, 1), value) for value in DRIVER))
     effects = tuple(usual(effect) for effect in with_effects.get(name, ()))
 

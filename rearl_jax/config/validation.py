@@ -29,13 +29,10 @@ class SceneCountsConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError where a number is negative or all are zero."""
-        counts = {field.name: getattr(self, field.name) for field in fields(self)}
-        for name, count in counts.items():
-            if count < 0:
-                raise out_of_range(name, "must be at least 0", count)
-        if not any(counts.values()):
-            said = "must be > 0, or another number of scenes: there is nothing to compare"
-            raise out_of_range(next(iter(counts)), said, 0)
+        names = [field.name for field in fields(self)]
+        check_least(self, 0, *names)
+        if not any(getattr(self, name) for name in names):
+            raise out_of_range(names[0], "must be > 0, or another number of scenes: there is nothing to compare", 0)
 
 
 @dataclass(unsafe_hash=True)

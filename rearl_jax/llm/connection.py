@@ -40,10 +40,10 @@ def server_address(base_url: str) -> str:
     except ValueError:
         is_address = False
     if not is_address:
-        said = "is no address of a server: write it like http://127.0.0.1:8000/v1"
+        said, remedy = "is no address of a server", "write it like http://127.0.0.1:8000/v1"
         # Not repeated where it could hold a password.
         shown = None if "@" in base_url else repr(base_url)
-        raise InvalidInputError(Problem("server-address", said, key="decision.server", value=shown))
+        raise InvalidInputError(Problem("server-address", said, remedy, key="decision.server", value=shown))
     if "@" in parts.netloc:
         said = "holds a user name or password"
         remedy = "leave it out and put the key of the server into the environment variable that llm.api_key_env names"
@@ -63,7 +63,7 @@ def read_key(variable: str) -> str:
     key = os.environ.get(variable, "").strip() if variable else ""
     if not (key.isascii() and key.isprintable()):
         said = f"the environment variable {variable} holds characters that no key of a server has"
-        raise InvalidInputError(Problem("server-key", said))
+        raise InvalidInputError(Problem("server-key", said, "set it to the key of the server"))
     return key
 
 

@@ -25,8 +25,9 @@ class LanguageModelPolicy:
         first: int = 0,
         watch: Callable[[int], None] = lambda second: None,
     ) -> None:
-        """One policy serves one half of a batch, from its scenario `first` on, for a whole rollout; `watch` is told every
-        second whose questions have been asked.
+        """One policy serves one half of a batch for a whole rollout.
+
+        `first` is the number of its first scenario; `watch` is told every second whose questions have been asked.
         """
         self._client, self._prompter, self._thresholds = client, prompter, thresholds
         self._first, self._watch = first, watch

@@ -5,7 +5,7 @@ whether it restricts answers to the choices, which many servers pass over in sil
 """
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from tenacity import RetryCallState, stop_before_delay, wait_fixed
@@ -61,8 +61,7 @@ async def meet(connection: Connection, config: LlmConfig) -> Server:
         ServerError: There is no server, or it does not get ready.
         InvalidInputError: It does not have the model, or refuses what it is sent.
     """
-    response = await _models(connection, config)
-    model = _choose_model([model["id"] for model in _entries(response)], config.model, connection.address)
+    model, response = await find_model(connection, config)
     profile = config.profile
     if profile is Profile.auto:
         profile = await _recognise(connection, response)
@@ -70,6 +69,12 @@ async def meet(connection: Connection, config: LlmConfig) -> Server:
     server = Server(model, DIALECTS[profile])
     await _try_constraint(connection, config, server)
     return server
+
+
+async def find_model(connection: Connection, config: LlmConfig) -> tuple[str, Response]:
+    """Name the server knows the wanted model by, and its list of models; raises as `meet` does."""
+    response = await _models(connection, config)
+    return _choose_model([model["id"] for model in _entries(response)], config.model, connection.address), response
 
 
 def replayed(answers: Answers, config: LlmConfig) -> Server:
@@ -167,7 +172,8 @@ def _choose_model(names: list[str], wanted: str, address: str) -> str:
         if name in names:
             return name
     said = f"must be one of the models of the server at {address} ({listed})"
-    raise InvalidInputError(Problem("choice-unknown", said, key="llm.model", value=repr(wanted)))
+    problem = Problem("choice-unknown", said, "set it to one of them, or load it there", key="llm.model")
+    raise InvalidInputError(replace(problem, value=repr(wanted)))
 
 
 async def _recognise(connection: Connection, response: Response) -> Profile:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from jinja2 import (
-    BaseLoader,
     Environment,
     FileSystemLoader,
     PackageLoader,
@@ -61,7 +60,8 @@ class PromptTemplate:
         try:
             return "".join(self._template.blocks[block](context))
         except Exception as error:  # a template can raise anything; all of it is the fault of that file
-            problem = Problem("template-fails", _fault(error), file=self.file, line=self._line(error))
+            said = str(error) if isinstance(error, UndefinedError) else f"{type(error).__name__}: {error}"
+            problem = Problem("template-fails", said, file=self.file, line=self._line(error))
             raise InvalidInputError(problem) from error
 
     def _line(self, error: BaseException) -> int:
@@ -84,14 +84,18 @@ def rendered(text: str) -> Rendered:
 
 
 def load_template(path: str) -> PromptTemplate:
-    """The template in a file.
+    """The template in a file; the empty path stands for the shipped one.
 
     Raises:
         FileNotFoundError: There is no such file.
         ValueError: It is no template, lacks a block or uses a variable that does not exist; the message names file and
             line.
     """
-    file, loader = (Path(path), FileSystemLoader(Path(path).parent)) if path else (Path(SHIPPED), _shipped())
+    file, loader = (
+        (Path(path), FileSystemLoader(Path(path).parent))
+        if path
+        else (Path(SHIPPED), PackageLoader("rearl_jax.llm", ""))
+    )
     if path and not file.is_file():
         said = (
             "must name a Jinja file with the blocks system and user, or be empty for the shipped one, but there is no "
@@ -114,10 +118,6 @@ def load_template(path: str) -> PromptTemplate:
         raise InvalidInputError(Problem("not-text", said, file=str(file))) from error
     _check(environment, tree, file)
     return PromptTemplate(template, str(file))
-
-
-def _shipped() -> BaseLoader:
-    return PackageLoader("rearl_jax.llm", "")
 
 
 def _written(value: object) -> object:
@@ -143,8 +143,3 @@ def _check(environment: Environment, tree: nodes.Template, file: Path) -> None:
             line = next((used.lineno for used in block.find_all(nodes.Name) if used.name == name), block.lineno)
             said = f"the block {block.name} has no variable {name!r}; it may use {', '.join(sorted(allowed))}"
             raise InvalidInputError(Problem("variable-unknown", said, file=str(file), line=line))
-
-
-def _fault(error: Exception) -> str:
-    """What went wrong, in words."""
-    return str(error) if isinstance(error, UndefinedError) else f"{type(error).__name__}: {error}"

@@ -106,11 +106,6 @@ class Scenes:
     density: float
     table: ReferenceTable
 
-    @classmethod
-    def of(cls, references: Mapping[str, int], n_vehicles: int, density: float) -> "Scenes":
-        """Scenes held against synthetic references."""
-        return cls(n_vehicles, density, tabulate(synthetic_references(**references), DetectionOptions().hist))
-
     def draw(self, keys: Key[Array, " scenarios"]) -> Batch:
         """Traffic as highway-env places it, one scenario per key."""
         state, drivers = spawn(keys, BASE_MODEL, n_vehicles=self.n_vehicles, density=self.density)
@@ -141,6 +136,11 @@ class Scenes:
         start = initial_loop_state(batch.state, batch.keys, batch.table, LOOP_MODEL, ALWAYS)
         recorded, shown = lax.scan(second, start, batch.recorded)[1]
         return dataclasses.replace(batch, recorded=recorded, shown=shown)
+
+
+def synthetic_table(references: Mapping[str, int]) -> ReferenceTable:
+    """The references of `synthetic_references` with these arguments, as the detection reads them."""
+    return tabulate(synthetic_references(**references), DetectionOptions().hist)
 
 
 def scene_of(loop: StepsConfig, n_vehicles: int, seconds: int, batch: int) -> dict[str, Any]:
@@ -189,7 +189,7 @@ def decision_steps(
     """
     if name not in PARTS:
         raise ValueError(f"there is no part {name!r} of a decision step: {', '.join(PARTS)}")
-    scenes = Scenes.of(references, n_vehicles, density)
+    scenes = Scenes(n_vehicles, density, synthetic_table(references))
 
     def prepare(keys: Key[Array, " scenarios"]) -> Batch:
         if name == DECISION:

@@ -177,13 +177,5 @@ def _tracks(frames: list[list[tuple]]) -> Tracks:
     columns = np.moveaxis(np.array(frames, np.float64), -1, 0)
     if not np.isfinite(columns).all():
         raise ValueError("a position, heading or speed is not finite")
-    x, y, heading, speed, lane, target_lane, crashed = columns
-    return Tracks(
-        x=x,
-        y=y,
-        heading=heading,
-        speed=speed,
-        lane=lane.astype(np.int8),
-        target_lane=target_lane.astype(np.int8),
-        crashed=crashed.astype(bool),
-    )
+    *motion, lane, target_lane, crashed = columns
+    return Tracks(*motion, lane.astype(np.int8), target_lane.astype(np.int8), crashed.astype(bool))

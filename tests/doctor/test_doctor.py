@@ -152,15 +152,16 @@ def test_servers(monkeypatch):
     assert statuses(server.server_checks(DecisionConfig(server="nonsense"), llm)) == [Status.fail]
     said: dict[str, Response] = {}
 
-    async def models(address, config, key):
+    async def get(connection, path, read_timeout):
         return said["now"]
 
-    monkeypatch.setattr(server, "_models", models)
+    monkeypatch.setattr(server.Connection, "get", get)
     asked = DecisionConfig(server="http://127.0.0.1:9/v1")
     for response, config, status in (
         (Response(error="refused"), llm, Status.fail),
         (Response(401, b"{}"), llm, Status.fail),
         (Response(200, b"<html>"), llm, Status.fail),
+        (Response(503, b"{}"), llm, Status.fail),
         (Response(200, b'{"data": [{"id": "a"}]}'), llm, Status.ok),
         (Response(200, b'{"data": [{"id": "a"}, {"id": "b"}]}'), llm, Status.fail),
         (Response(200, b'{"data": [{"id": "a"}, {"id": "b"}]}'), replace(llm, model="b"), Status.ok),
@@ -169,6 +170,7 @@ def test_servers(monkeypatch):
         said["now"] = response
         (check,) = server.server_checks(asked, config)
         assert check.status is status, check
+        assert check.remedy or status is Status.ok
 
 
 def test_nothing_that_needs_jax_is_asked_where_jax_does_not_work(monkeypatch, tmp_path, capsys):

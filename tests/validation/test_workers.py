@@ -21,7 +21,7 @@ def test_workers_run_what_highway_env_runs(jobs, recorded):
 def test_a_failure_names_the_scene(jobs):
     job = jobs["stress10"][2]
     broken = Job(dataclasses.replace(job.scenario, injection=None), Variant.nudged)
-    with pytest.raises(RuntimeError, match=r"failed in scene 2 of stress10 \(nudged\): .* no vehicles to inject"):
+    with pytest.raises(RuntimeError, match=r"scene 2 of stress10 \(nudged\)"):
         list(workers.run([broken], 1))
     assert SWITCH not in os.environ
 
@@ -33,7 +33,7 @@ def test_no_jobs_start_no_worker(monkeypatch):
 
 def test_two_arithmetics_do_not_share_a_process(jobs):
     plain = jobs["stress10"][0]
-    with pytest.raises(ValueError, match="cannot share worker processes"):
+    with pytest.raises(ValueError, match="share"):
         list(workers.run([plain, dataclasses.replace(plain, variant=Variant.vectorised)], 1))
 
 
@@ -68,6 +68,8 @@ def test_a_nudged_job_is_run_nudged(jobs):
     scenario = dataclasses.replace(jobs["stress10"][0].scenario, actions=((),))
     plain, nudged = (workers._simulate(Job(scenario, variant)) for variant in (Variant.plain, Variant.nudged))
     np.testing.assert_array_equal(nudged.start.x, np.nextafter(plain.start.x, np.inf))
+    np.testing.assert_array_equal(nudged.start.y, plain.start.y)
+    assert 0 < np.abs(nudged.tracks.x - plain.tracks.x).max() < 1e-9
 
 
 @pytest.mark.parametrize("before", [None, "AVX2, FMA3"])
