@@ -31,16 +31,20 @@ class UsageError(InvalidInputError):
 def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> Any:
     """The finished record of a task: defaults, then conf/, then the command line."""
     from hydra import compose, initialize_config_dir
+    from omegaconf import OmegaConf
 
     overrides = with_implied(task, overrides)
     check_overrides(task, overrides, config_dir)
     overrides = opened(task, overrides)
     if config_dir is not None:
-        overrides = [f"hydra.searchpath=[{search_path(config_dir)}]", *overrides]
+        folder = Path(config_dir).resolve()
+        if not folder.is_dir():
+            raise UsageError(Problem("folder-missing", "there is no such folder for --config-dir", file=config_dir))
+        overrides = [f"hydra.searchpath=['file://{folder}']", *overrides]
     register(task)
     with hydra_errors(task, overrides), initialize_config_dir(str(tasks.conf_dir()), version_base="1.3"):
         try:
-            composed = as_record(compose(task.config_name, overrides))
+            composed = OmegaConf.to_object(compose(task.config_name, overrides))
         except _READING as error:
             raise _unreadable(overrides, config_dir, error) from error
     return finished(composed)
@@ -121,26 +125,12 @@ def _register_drivers() -> None:
         ConfigStore.instance().store(group="driver", name=name, node=record_of(name))
 
 
-def as_record(config: Any) -> Any:
-    """The record of a composed configuration, not yet checked; `finished` checks it."""
-    from omegaconf import OmegaConf
-
-    return OmegaConf.to_object(config)
-
-
-def search_path(config_dir: str) -> str:
-    """A folder as Hydra's search path writes it."""
-    folder = Path(config_dir).resolve()
-    if not folder.is_dir():
-        raise UsageError(Problem("folder-missing", "there is no such folder for --config-dir", file=config_dir))
-    return f"'file://{folder}'"
-
-
 def choices(task: Task, config_dir: str | None = None) -> dict[str, dict[str, str]]:
     """Config groups of a task, e.g. `data`, and what is chosen by `data=NAME`: by name, one line each."""
     roots = [tasks.conf_dir()] if config_dir is None else [tasks.conf_dir(), Path(config_dir)]
     groups = sorted(group.name for group in groups_of(task.defaults()) if group.name)
-    found = {name: {file.stem: first_comment(file) for file in _yaml_files(name, roots)} for name in groups}
+    files = {name: sorted(file for root in roots for file in (root / name).glob("*.yaml")) for name in groups}
+    found = {name: {file.stem: first_comment(file) for file in files[name]} for name in groups}
     if "driver" in found:
         found["driver"] = {name: model.title for name, model in MODELS.items()} | found["driver"]
     return {name: chosen for name, chosen in found.items() if chosen}
@@ -166,10 +156,6 @@ def defaults_with(task: Task, overrides: list[str]) -> Any:
 def _every_driver_key() -> Any:
     """A record with the keys of all driver models, for a choice from a file of which nobody knows yet what it is."""
     return make_dataclass("every_driver", [], bases=tuple(record_of(name) for name in MODELS))()
-
-
-def _yaml_files(group: str, roots: Iterable[Path]) -> list[Path]:
-    return sorted(file for root in roots for file in (root / group).glob("*.yaml"))
 
 
 def check_overrides(task: Task, overrides: list[str], config_dir: str | None) -> None:

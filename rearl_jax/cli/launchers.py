@@ -123,11 +123,11 @@ def _check(launcher: str, said: Mapping[str, Any]) -> None:
         problem = Problem("extra-missing", f"needs the extra {extra}", remedy, key="hydra/launcher", value=launcher)
         raise UsageError(problem) from error
     if launcher == "submitit_slurm" and shutil.which("srun") is None:
-        said, remedy = "needs Slurm, which is not here", "call rearl where `srun` is found"
-        raise UsageError(Problem("slurm-missing", said, remedy, key="hydra/launcher", value=launcher))
+        words, remedy = "needs Slurm, which is not here", "call rearl where `srun` is found"
+        raise UsageError(Problem("slurm-missing", words, remedy, key="hydra/launcher", value=launcher))
     if _is_elsewhere(said) and not Path(str(said.get("results.root", ""))).is_absolute():
-        said = "must be a folder that all machines of the cluster see, results.root=/FOLDER, and data.root likewise"
-        raise UsageError(Problem("folder-not-shared", said, key="results.root"))
+        words = "must be a folder that all machines of the cluster see, results.root=/FOLDER, and data.root likewise"
+        raise UsageError(Problem("folder-not-shared", words, key="results.root"))
 
 
 def _number(said: Mapping[str, Any], key: str, default: int) -> int:

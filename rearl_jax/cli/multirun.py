@@ -16,7 +16,6 @@ from typing import Any
 
 from rearl_jax import tasks
 from rearl_jax.cli.composition import (
-    as_record,
     check_overrides,
     choices,
     compose_task,
@@ -148,12 +147,13 @@ def _launch(task: Task, overrides: list[str], said: Mapping[str, Any], n_jobs: i
 def run_job(composed: Any) -> None:
     """One job of a multirun; a launcher may call it in another process."""
     from hydra.core.hydra_config import HydraConfig
+    from omegaconf import OmegaConf
 
     hydra = HydraConfig.get()
     task = next(task for task in tasks.TASKS if task.config_name == hydra.job.config_name)
     name = hydra.job.override_dirname
     try:
-        config = finished(as_record(composed))
+        config = finished(OmegaConf.to_object(composed))
         config.study = "/".join(part for part in (config.study, name) if part)
         if not any(text.startswith("results.resume=") for text in hydra.overrides.task):
             config.results.resume = True

@@ -66,8 +66,8 @@ def server_at(address: str) -> Iterator[str]:
     model = local_model()
     command = [sys.executable, "-m", "rearl_jax.llm.serve", str(model), str(SLOTS), str(available_cores())]
     # The pipe to its standard input is closed with this process, however it ends, and the server ends with it.
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
-    with subprocess.Popen(command, text=True, **pipes) as process:
+    pipe, nowhere = subprocess.PIPE, subprocess.DEVNULL
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=nowhere, text=True) as process:
         try:
             own = _address(process)
             log.info("language model %s at %s", model.stem, own)

@@ -177,5 +177,6 @@ def _tracks(frames: list[list[tuple]]) -> Tracks:
     columns = np.moveaxis(np.array(frames, np.float64), -1, 0)
     if not np.isfinite(columns).all():
         raise ValueError("a position, heading or speed is not finite")
-    *motion, lane, target_lane, crashed = columns
-    return Tracks(*motion, lane.astype(np.int8), target_lane.astype(np.int8), crashed.astype(bool))
+    x, y, heading, speed, lane, target_lane, crashed = columns
+    lane, target_lane = lane.astype(np.int8), target_lane.astype(np.int8)
+    return Tracks(x, y, heading, speed, lane, target_lane, crashed.astype(bool))
