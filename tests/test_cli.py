@@ -10,8 +10,17 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import pytest
+from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from rearl_jax.problems import InvalidInputError
+from rearl_jax import __version__, tasks
+from rearl_jax.cli import command_line
+from rearl_jax.cli.composition import check_overrides, choices, compose_task
+from rearl_jax.cli.multirun import swept_values
+from rearl_jax.cli.sweep_files import read_sweep, sweeps_of
+from rearl_jax.config._schema import groups_of
+from rearl_jax.problems import InvalidInputError, out_of_range
+from rearl_jax.results import Study, config_hash
+from rearl_jax.tasks import TASKS, Task, conf_dir, sweeps_dir
 
 
 @pytest.fixture
@@ -19,8 +28,6 @@ def cli(monkeypatch, tmp_path):
     """The module under test with the single task `drive far`, its conf/ folder, and what it was run with."""
     from rearl_jax import cli, runtime, tasks
     from rearl_jax.config._key import key
-    from rearl_jax.problems import out_of_range
-    from rearl_jax.tasks import Task
 
     class Side(Enum):
         left = "left"
@@ -171,8 +178,6 @@ def test_error_of_the_file_system_is_for_the_user(cli, capsys):
 
 
 def test_error_raised_by_the_package_is_for_the_user(cli, capsys):
-    from rearl_jax.results import Study
-
     cli.task.fail = lambda: Study("results", "../up", None, "drive far")
     assert cli.main(["drive", "far", "road.lanes=9"]) == 2
     assert "'../up'" in capsys.readouterr().err
@@ -268,10 +273,6 @@ def test_cells_are_put_together_also_after_a_failed_job(cli):
 
 
 def test_a_failed_job_leaves_nothing_of_another_configuration(cli, capsys):
-    from rearl_jax import tasks
-    from rearl_jax.cli.composition import compose_task
-    from rearl_jax.results import config_hash
-
     # The task of these tests writes no summaries, so these stay whatever is run.
     for lanes in (9, 3):
         folder = cli.work / "results" / "s" / f"road.lanes={lanes}"
@@ -368,8 +369,6 @@ def test_help_does_not_wait_for_jax():
 def test_module_is_the_console_script(tmp_path):
     command = [sys.executable, "-m", "rearl_jax", "--version"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=True)
-    from rearl_jax import __version__
-
     assert done.stdout == f"rearl_jax {__version__}\n"
 
 
@@ -386,8 +385,6 @@ def test_configuration_files_are_found_in_a_wheel_and_in_a_checkout(monkeypatch,
 
 
 def test_the_longer_of_two_tasks_with_the_same_first_word_is_meant():
-    from rearl_jax.cli import command_line
-
     assert command_line._task(["discover", "blind", "study=x"]).words == "discover blind"
     assert command_line._task(["discover", "study=blind"]).words == "discover"
 
@@ -409,9 +406,6 @@ def test_wheel_holds_configuration_and_recordings(tmp_path):
 
 
 def test_every_task_composes(monkeypatch, tmp_path):
-    from rearl_jax.cli.composition import compose_task
-    from rearl_jax.tasks import TASKS
-
     monkeypatch.chdir(tmp_path)
     for task in TASKS:
         has_results = hasattr(task.defaults(), "study")
@@ -422,9 +416,6 @@ def test_every_task_composes(monkeypatch, tmp_path):
 
 
 def test_every_key_is_documented():
-    from rearl_jax.config._schema import groups_of
-    from rearl_jax.tasks import TASKS
-
     for task in TASKS:
         groups = list(groups_of(task.defaults()))
         assert groups
@@ -439,13 +430,6 @@ def covering(swept):
 
 
 def test_every_shipped_sweep_is_a_multirun_of_its_task():
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-
-    from rearl_jax.cli.composition import check_overrides, choices, compose_task
-    from rearl_jax.cli.multirun import swept_values
-    from rearl_jax.cli.sweep_files import read_sweep, sweeps_of
-    from rearl_jax.tasks import TASKS
-
     found = 0
     for task in TASKS:
         for name in sweeps_of(task):
@@ -463,8 +447,6 @@ def test_every_shipped_sweep_is_a_multirun_of_its_task():
 
 
 def test_every_yaml_says_what_it_is():
-    from rearl_jax.tasks import conf_dir, sweeps_dir
-
     files = [file for folder in (conf_dir(), sweeps_dir()) for file in sorted(folder.rglob("*.yaml"))]
     assert files
     for file in files:

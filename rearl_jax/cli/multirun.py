@@ -153,7 +153,8 @@ def run_job(composed: Any) -> None:
     task = next(task for task in tasks.TASKS if task.config_name == hydra.job.config_name)
     name = hydra.job.override_dirname
     try:
-        config = finished(OmegaConf.to_object(composed))
+        config: Any = OmegaConf.to_object(composed)
+        config = finished(config)
         config.study = "/".join(part for part in (config.study, name) if part)
         if not any(text.startswith("results.resume=") for text in hydra.overrides.task):
             config.results.resume = True

@@ -79,7 +79,7 @@ class Answers:
         """The kept answers among those of some requests.
 
         Raises:
-            ValueError: The file is damaged.
+            InvalidInputError: The file is damaged.
         """
         wanted = list(digests)
         found: dict[str, Reply] = {}
@@ -134,7 +134,7 @@ class Answers:
         """Models whose answers are kept, each with the dialect they were asked in.
 
         Raises:
-            ValueError: The file is damaged.
+            InvalidInputError: The file is damaged.
         """
         try:
             rows = self._database.execute("SELECT DISTINCT model, profile FROM answers ORDER BY model, profile")

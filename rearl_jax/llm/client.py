@@ -136,7 +136,7 @@ class Client:
 
         Raises:
             RuntimeError: The client is not open.
-            ValueError: From the future: the file of answers is damaged.
+            InvalidInputError: From the future: the file of answers is damaged.
         """
         config, server = self._config, self.server
         bodies: dict[str, str] = {}

@@ -32,7 +32,7 @@ def server_address(base_url: str) -> str:
     where there is no version `/v1` is added.
 
     Raises:
-        ValueError: It is no address of a server, or holds a password.
+        InvalidInputError: It is no address of a server, or holds a password.
     """
     try:
         parts = urlsplit(base_url.strip())
@@ -58,7 +58,7 @@ def read_key(variable: str) -> str:
     """The key of the server from an environment variable; empty where it is not set.
 
     Raises:
-        ValueError: It holds characters that no HTTP header can hold.
+        InvalidInputError: It holds characters that no HTTP header can hold.
     """
     key = os.environ.get(variable, "").strip() if variable else ""
     if not (key.isascii() and key.isprintable()):

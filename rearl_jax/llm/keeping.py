@@ -29,7 +29,7 @@ class Keeper:
         """The kept answers among those of some requests.
 
         Raises:
-            ValueError: The file is damaged.
+            InvalidInputError: The file is damaged.
         """
         return await asyncio.get_running_loop().run_in_executor(self._thread, self._answers.find, digests)
 

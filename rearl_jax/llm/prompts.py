@@ -42,8 +42,8 @@ class Prompter:
         vehicle_length: Length [m], or lengths that broadcast to `[n_vehicles, n_scenarios]`; highway-env's by default.
 
     Raises:
-        FileNotFoundError: There is no template of that name.
-        ValueError: The template cannot be used.
+        MissingInputError: There is no template of that name.
+        InvalidInputError: The template cannot be used.
     """
 
     def __init__(

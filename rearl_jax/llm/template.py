@@ -52,7 +52,7 @@ class PromptTemplate:
         """Text of a block.
 
         Raises:
-            ValueError: Something in the block does not work; the message names file and line.
+            InvalidInputError: Something in the block does not work; the message names file and line.
         """
         context = self._template.new_context(dict(variables))
         for name, text in (ready or {}).items():
@@ -87,8 +87,8 @@ def load_template(path: str) -> PromptTemplate:
     """The template in a file; the empty path stands for the shipped one.
 
     Raises:
-        FileNotFoundError: There is no such file.
-        ValueError: It is no template, lacks a block or uses a variable that does not exist; the message names file and
+        MissingInputError: There is no such file.
+        InvalidInputError: It is no template, lacks a block or uses a variable that does not exist; the message names file and
             line.
     """
     file, loader = (
@@ -128,7 +128,7 @@ def _written(value: object) -> object:
 
 
 def _check(environment: Environment, tree: nodes.Template, file: Path) -> None:
-    """Raise ValueError for a missing block or a variable that no block of that name can have."""
+    """Raise InvalidInputError for a missing block or a variable that no block of that name can have."""
     blocks = list(tree.find_all(nodes.Block))
     missing = [name for name in ("system", "user") if name not in {block.name for block in blocks}]
     if missing:

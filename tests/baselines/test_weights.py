@@ -1,37 +1,35 @@
 """Files of weights: there and back, and every way in which one can be wrong."""
 
+import json
 from dataclasses import replace
 
 import jax
 import numpy as np
 import pytest
 
+from rearl_jax.baselines.driving import DrivingOptions
+from rearl_jax.baselines.weights import DEFAULT, FORMAT, load_policy, weights_file
+from rearl_jax.config import TrainPpoTask
+from rearl_jax.config._schema import as_plain
+from rearl_jax.config.decision import AdmissibleConfig, LaneGate, Longitudinal
+from rearl_jax.config.ppo import PpoConfig
 from rearl_jax.problems import InvalidInputError, MissingInputError
 
 
 @pytest.fixture
 def config(tiny):
-    from rearl_jax.config.decision import AdmissibleConfig, LaneGate, Longitudinal
-    from rearl_jax.config.ppo import PpoConfig
-
     admissible = AdmissibleConfig(lane=LaneGate.mobil_safe, decel_keep=2.5)
     return replace(tiny, ppo=PpoConfig(width=16, longitudinal=Longitudinal.idm_capped), admissible=admissible)
 
 
 @pytest.fixture
 def file(network, config, tmp_path):
-    from rearl_jax.baselines.weights import weights_file
-
     path = tmp_path / "weights.eqx"
     path.write_bytes(weights_file(network, config))
     return path
 
 
 def test_there_and_back(network, config, file):
-    from rearl_jax.baselines.driving import DrivingOptions
-    from rearl_jax.baselines.weights import load_policy, weights_file
-    from rearl_jax.config.decision import Longitudinal
-
     policy = load_policy(str(file), config.core)
     for a, b in zip(*map(jax.tree.leaves, (network, policy.network)), strict=True):
         assert a.dtype == b.dtype == np.float32
@@ -45,8 +43,6 @@ def test_there_and_back(network, config, file):
 
 
 def test_wrong_files_are_named(config, file, tmp_path):
-    from rearl_jax.baselines.weights import load_policy
-
     whole = file.read_bytes()
     header, rest = whole.split(b"\n", 1)
     for content, code in (
@@ -75,12 +71,6 @@ def test_wrong_files_are_named(config, file, tmp_path):
 
 
 def test_the_weights_of_the_package_are_those_of_the_defaults():
-    import json
-
-    from rearl_jax.baselines.weights import DEFAULT, FORMAT, load_policy
-    from rearl_jax.config import TrainPpoTask
-    from rearl_jax.config._schema import as_plain
-
     assert DEFAULT.stat().st_size < 300_000
     defaults = TrainPpoTask()
     policy = load_policy(None, defaults.core)

@@ -1,7 +1,9 @@
 """How a command ends: by a signal, with nobody reading, with a summary in JSON; and what it says then."""
 
+import errno
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -9,6 +11,15 @@ import time
 from pathlib import Path
 
 import pytest
+from rich.progress import Progress
+
+from rearl_jax.cli import main
+from rearl_jax.cli.command_line import _how_to_go_on, _parser, _task
+from rearl_jax.cli.composition import check_overrides
+from rearl_jax.cli.interruption import Ended, ended_by_signals, exit_code, name_of
+from rearl_jax.cli.running import explained
+from rearl_jax.progress import TimeLeftColumn, in_words
+from rearl_jax.tasks import TASKS
 
 TASK = """
 import json, signal, sys, time
@@ -91,8 +102,6 @@ def test_a_signal_ends_in_an_orderly_way_and_says_how_to_go_on(tmp_path, number,
     + [("dine", ""), ("", "")],
 )
 def test_what_is_kept_of_a_task_that_was_ended(words, said):
-    from rearl_jax.cli.command_line import _how_to_go_on
-
     sentence = _how_to_go_on(words.split())
     assert said in sentence
     assert sentence.endswith(f"with: rearl {words}" if said else "")
@@ -111,8 +120,6 @@ def test_who_ignores_a_signal_is_left_alone(tmp_path):
 
 
 def test_handlers_are_put_back():
-    from rearl_jax.cli.interruption import Ended, ended_by_signals, exit_code, name_of
-
     before = signal.getsignal(signal.SIGTERM)
     with pytest.raises(Ended) as caught, ended_by_signals():  # noqa: PT012 - the signal arrives in the block
         os.kill(os.getpid(), signal.SIGTERM)
@@ -158,8 +165,6 @@ def test_a_table_that_nobody_reads_does_not_end_the_work():
 
 
 def test_words_that_begin_several_tasks_list_them(capsys):
-    from rearl_jax.cli import main
-
     assert main(["study", "--help"]) == 0
     said = capsys.readouterr().out
     assert "rearl study table1 table1.rows=" in said
@@ -169,13 +174,6 @@ def test_words_that_begin_several_tasks_list_them(capsys):
 
 
 def test_help_says_exit_codes_and_every_task_has_examples_that_compose(capsys, monkeypatch, tmp_path):
-    import shlex
-
-    from rearl_jax.cli import main
-    from rearl_jax.cli.command_line import _parser, _task
-    from rearl_jax.cli.composition import check_overrides
-    from rearl_jax.tasks import TASKS
-
     assert main(["--help"]) == 0
     said = capsys.readouterr().out
     assert "130 " in said
@@ -191,10 +189,6 @@ def test_help_says_exit_codes_and_every_task_has_examples_that_compose(capsys, m
 
 
 def test_errors_of_the_file_system_come_with_a_remedy():
-    import errno
-
-    from rearl_jax.cli.running import explained
-
     assert "free some space" in explained(OSError(errno.ENOSPC, "No space left on device", "/x"))
     assert "results.root=FOLDER" in explained(PermissionError(errno.EACCES, "Permission denied", "/x"))
     assert explained(FileNotFoundError("say what is missing")) == "say what is missing"
@@ -203,16 +197,10 @@ def test_errors_of_the_file_system_come_with_a_remedy():
 
 @pytest.mark.parametrize(("seconds", "said"), [(0.4, "0 s"), (99, "99 s"), (720, "12 min"), (12_600, "3.5 h")])
 def test_the_time_left_is_said_in_words(seconds, said):
-    from rearl_jax.progress import in_words
-
     assert in_words(seconds) == said
 
 
 def test_a_line_says_how_long_it_will_take():
-    from rich.progress import Progress
-
-    from rearl_jax.progress import TimeLeftColumn
-
     now = 0.0
     bar = Progress(get_time=lambda: now, speed_estimate_period=600)
     line = bar.add_task("x", total=10)

@@ -18,6 +18,7 @@ import yaml
 from rearl_jax.cli import launchers
 from rearl_jax.cli.composition import UsageError
 from rearl_jax.cli.running import JobError
+from rearl_jax.runtime import available_cores
 
 CHEAP = ["study=s", "eval.resamples=50", "eval.noise_draws=10"]
 
@@ -95,8 +96,6 @@ def test_every_launcher_gives_the_same_rows(one_after_another, tmp_path, launche
         assert unmeasured(side / "summary.json") == unmeasured(here / "summary.json")
     assert "2 cells of s" in done.out
     assert "dashboard" not in done.error.lower()
-
-    from rearl_jax.runtime import available_cores
 
     told = yaml.safe_load((done.study / "multirun.yaml").read_text())["hydra"]
     assert told["job"]["env_set"] == dict.fromkeys(launchers._LIMITS, str(max(available_cores() // 2, 1)))

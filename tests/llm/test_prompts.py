@@ -10,9 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.config.detection import Cues
 from rearl_jax.config.llm import PromptConfig
 from rearl_jax.config.metrics import HistConfig, OutOfBounds
 from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.neighbours import derive_state, find_follower, find_leader
+from rearl_jax.core.spawn import spawn
+from rearl_jax.core.state import make_state
+from rearl_jax.decision.loop import LoopOptions, assess, initial_loop_state
 from rearl_jax.detection.detector import DetectionOptions
 from rearl_jax.llm.prompts import Prompter
 from rearl_jax.llm.records import Message
@@ -194,9 +199,6 @@ def test_neighbours_are_the_nearest_at_each_place():
 
 
 def test_neighbours_are_those_the_core_sees():
-    from rearl_jax.core.neighbours import derive_state, find_follower, find_leader
-    from rearl_jax.core.state import make_state
-
     def see(state, side):
         derived = derive_state(state, model)
         lane = derived.lane + side
@@ -273,10 +275,6 @@ def test_seconds_in_which_nobody_is_asked_count_for_the_window():
 @pytest.mark.thorough
 def test_questions_about_what_the_loop_shows():
     """The records that `assess` returns, fetched as they are: their shapes, their window, their permissions."""
-    from rearl_jax.config.detection import Cues
-    from rearl_jax.core.spawn import spawn
-    from rearl_jax.decision.loop import LoopOptions, assess, initial_loop_state
-
     model, options = TrafficModel(meta_follows=True), LoopOptions(DetectionOptions(cues=Cues.always))
     rng = np.random.default_rng(4)
     shape, thresholds = (2, 3, 10), make_thresholds(4)

@@ -6,6 +6,7 @@ import io
 import numpy as np
 import pytest
 
+from rearl_jax.config import ValidateTask
 from rearl_jax.problems import InvalidInputError
 from rearl_jax.results import Study
 from rearl_jax.validation import store as store_module
@@ -15,8 +16,6 @@ from rearl_jax.validation.workers import Variant
 
 @pytest.fixture
 def study(tmp_path):
-    from rearl_jax.config import ValidateTask
-
     return Study(tmp_path, "study", ValidateTask(), "validate")
 
 

@@ -4,10 +4,15 @@ import json
 import re
 import shutil
 
+import jax
+import matplotlib.image
 import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.config import ResultsConfig, ValidateTask
+from rearl_jax.results import read_metadata
+from rearl_jax.validation import simulation, task
 from rearl_jax.validation.workers import Variant, vector_features
 
 PLAIN = "validation.control_share=0"
@@ -70,8 +75,6 @@ def test_errors_hold_every_tick_and_agree_with_the_scenes(done):
 
 
 def test_metadata_say_what_was_compared(done):
-    from rearl_jax.results import read_metadata
-
     for name in ("scenes", "agreement", "errors"):
         stored = read_metadata(done.folder / f"{name}.parquet")
         assert (stored["task"], stored["seed"]) == ("validate", "0")
@@ -80,8 +83,6 @@ def test_metadata_say_what_was_compared(done):
 
 
 def test_figure_is_a_picture(done):
-    import matplotlib.image
-
     picture = matplotlib.image.imread(done.folder / "error_over_time.png")
     assert min(picture.shape[:2]) >= 300
     assert picture[..., :3].std() > 0.05
@@ -98,8 +99,6 @@ def test_terminal_shows_tables_with_units(done):
 
 def test_a_core_that_differs_fails_and_is_described(validate, replayed, recorded, planted, tmp_path, monkeypatch):
     """One micrometre, in scene 1, vehicle 4, from tick 30 on; and too little has happened."""
-    from rearl_jax.validation import simulation
-
     simulate = simulation.simulate
 
     def wrong(scenes, model, dtype):
@@ -163,11 +162,6 @@ def test_a_damaged_record_stops_the_study_with_its_name(validate, replayed, done
 
 
 def test_single_precision_alone_is_refused(tmp_path):
-    import jax
-
-    from rearl_jax.config import ResultsConfig, ValidateTask
-    from rearl_jax.validation import task
-
     with jax.enable_x64(False), pytest.raises(ValueError, match="double precision"):
         task.run(ValidateTask(results=ResultsConfig(root=str(tmp_path))))
     assert list(tmp_path.iterdir()) == []

@@ -4,6 +4,7 @@ from concurrent.futures import Future
 
 import numpy as np
 import pytest
+from numpy._core._multiarray_umath import __cpu_dispatch__
 
 from rearl_jax.validation import reference, workers
 from rearl_jax.validation.workers import SWITCH, Job, Variant, vector_features
@@ -87,7 +88,5 @@ def test_the_switch_is_set_for_new_processes_and_restored(monkeypatch, before):
 
 
 def test_vector_features_are_names_that_numpy_knows():
-    from numpy._core._multiarray_umath import __cpu_dispatch__
-
     assert set(vector_features()) <= set(__cpu_dispatch__)
     assert not set(vector_features()) & {"AVX2", "FMA3", "X86_V3"}

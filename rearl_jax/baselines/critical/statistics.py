@@ -107,7 +107,7 @@ def recorded_mixture(driving: Driving, *, seed: int = 0) -> Mixture:
     active), the last one regular.
 
     Raises:
-        ValueError: There are fewer than three different cars.
+        InvalidInputError: There are fewer than three different cars.
 
     Source: CRITICAL, HIGHD.py (k-prototypes on speed, acceleration and lane changes); the order of the groups is ours.
     """

@@ -2,13 +2,12 @@
 
 import pytest
 
+from rearl_jax.baselines.critical.mixture import ALL_REGULAR, Mixture, grid
+from rearl_jax.config.critical import CriticalConfig, shares_problem
 from rearl_jax.problems import InvalidInputError
 
 
 def test_the_grid_has_56_points_that_are_mixtures():
-    from rearl_jax.baselines.critical.mixture import ALL_REGULAR, Mixture, grid
-    from rearl_jax.config.critical import shares_problem
-
     points = grid()
     assert len(points) == len(set(points)) == 56
     assert not any(shares_problem(point) for point in points)
@@ -17,8 +16,6 @@ def test_the_grid_has_56_points_that_are_mixtures():
 
 
 def test_the_rest_is_regular():
-    from rearl_jax.baselines.critical.mixture import Mixture
-
     mixture = Mixture(0.25, 0.5, 0.05)
     assert mixture.regular == pytest.approx(0.2)
     assert mixture.written() == "aggressive 25 %, defensive 50 %, truck 5 %, regular 20 %"
@@ -36,8 +33,6 @@ def test_the_rest_is_regular():
     ],
 )
 def test_keys_outside_their_range_are_refused(key, value):
-    from rearl_jax.config.critical import CriticalConfig
-
     with pytest.raises(InvalidInputError) as caught:
         CriticalConfig(**{key: value}).check()
     assert (caught.value.code, caught.value.problem.key) == ("out-of-range", key)
