@@ -52,7 +52,7 @@ class PromptTemplate:
         """Text of a block.
 
         Raises:
-            InvalidInputError: Something in the block does not work; the message names file and line.
+            InvalidInputError: Something in the block does not work; the problem names file and line.
         """
         context = self._template.new_context(dict(variables))
         for name, text in (ready or {}).items():
@@ -88,8 +88,8 @@ def load_template(path: str) -> PromptTemplate:
 
     Raises:
         MissingInputError: There is no such file.
-        InvalidInputError: It is no template, lacks a block or uses a variable that does not exist; the message names file and
-            line.
+        InvalidInputError: It is no template, lacks a block or uses a variable that does not exist; the problem names
+            file and line.
     """
     file, loader = (
         (Path(path), FileSystemLoader(Path(path).parent))
