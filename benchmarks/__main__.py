@@ -17,6 +17,7 @@ from rearl_jax import runtime
 from rearl_jax.cli.interruption import ended_by_signals, exit_code, name_of
 from rearl_jax.cli.summary_output import standard_output_apart, write_object
 from rearl_jax.config._schema import finished, from_plain, groups_of, keys_of, nearest
+from rearl_jax.problems import InvalidInputError, Problem
 
 BENCHMARKS = {"core": options.CoreBenchmark, "loop": options.LoopBenchmark, "discover": options.DiscoverBenchmark}
 """Records of their keys by name; the module of that name has the function `run`."""
@@ -55,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         kept = "sizes that were measured are kept, the same command goes on" if said.benchmark == "discover" else ""
         print(f"benchmarks: interrupted by {name_of(stop)}; {kept or 'nothing is kept'}", file=sys.stderr)
         return exit_code(stop)
-    except (options.OptionError, OSError) as error:
+    except (InvalidInputError, OSError) as error:
         print(f"benchmarks: {error}", file=sys.stderr)
         return UNUSABLE
 
@@ -64,26 +65,26 @@ def configured(benchmark: str, words: Sequence[str]) -> Any:
     """The record of a benchmark with the keys that were given.
 
     Raises:
-        OptionError: There is no such benchmark or key, or a value is not of its type or outside its range.
+        InvalidInputError: There is no such benchmark or key, or a value is not of its type or outside its range.
     """
     if benchmark not in BENCHMARKS:
-        raise options.OptionError(f"there is no benchmark {benchmark!r}; choices: {', '.join(BENCHMARKS)}")
+        said = f"is no benchmark; choices: {', '.join(BENCHMARKS)}"
+        raise InvalidInputError(Problem("choice-unknown", said, key=benchmark))
     record, plain = BENCHMARKS[benchmark], {}
     keys = keys_of(record())
     for word in words:
         name, is_given, text = word.partition("=")
         if not is_given or name not in keys:
+            said = f"is no key of `python -m benchmarks {benchmark}` with its =value"
             near = f"nearest: {nearest(name, keys)}; choices: {', '.join(keys)}"
-            raise options.OptionError(f"{word!r} is no key=value of `python -m benchmarks {benchmark}`; {near}")
+            raise InvalidInputError(Problem("key-unknown", f"{said}; {near}", key=name))
         group, _, last = name.rpartition(".")
         try:
             (plain.setdefault(group, {}) if group else plain)[last] = yaml.safe_load(text)
         except yaml.YAMLError as error:
-            raise options.OptionError(f"{word}: the value cannot be read; it must be {keys[name].type_name}") from error
-    try:
-        return finished(from_plain(record, plain))
-    except ValueError as error:
-        raise options.OptionError(str(error)) from error
+            said = f"must be {keys[name].type_name}"
+            raise InvalidInputError(Problem("wrong-type", said, key=name, value=text)) from error
+    return finished(from_plain(record, plain))
 
 
 def keys_help(benchmark: str) -> str:

@@ -10,10 +10,11 @@ from dataclasses import replace
 
 from benchmarks.core_results import Agreement, Change, CoreResults, read_ratios
 from benchmarks.figure import draw_costs
-from benchmarks.options import CoreBenchmark, CoreOptions, OptionError
+from benchmarks.options import CoreBenchmark, CoreOptions
 from benchmarks.programs import GPU, OURS, TITLES, Absent, Session, open_programs, start_ours
 from benchmarks.terminal import print_table
 from rearl_jax import runtime
+from rearl_jax.problems import out_of_range
 from rearl_jax.results import Study
 from rearl_jax.runtime import machine_line
 from rearl_jax.timing.measurement import Measurement, Series
@@ -24,15 +25,13 @@ def run(config: CoreBenchmark) -> dict:
     """The summary of the measurements, after writing table, summary, configuration and figure.
 
     Raises:
-        FileNotFoundError, OptionError: The earlier benchmark cannot be compared with.
+        MissingInputError, InvalidInputError: The earlier benchmark cannot be compared with.
     """
     bench = config.bench
     earlier = {} if bench.against is None else read_ratios(bench.against, bench.reference)
     if earlier and not set(earlier) & set(bench.vehicles):
-        raise OptionError(
-            f"bench.against has been measured with {sorted(earlier)} vehicles, bench.vehicles names none of these:"
-            f" {list(bench.vehicles)}"
-        )
+        said = f"must name one of the numbers of bench.against, {sorted(earlier)}"
+        raise out_of_range("bench.vehicles", said, list(bench.vehicles))
     study = Study(config.results.root, config.study, config, "bench core")
     study.write_config()
     results = measure(bench)
@@ -95,15 +94,7 @@ def compare_scenes(sessions: Mapping[str, Session], n_vehicles: int, bench: Core
 def measure_alone(
     bench: CoreOptions, name: str, values: Sequence[int], setting: Callable[[int], dict[str, int]], report: Report
 ) -> tuple[Series, ...]:
-    """Our core at several values of a setting, in turn; one series per value.
-
-    Args:
-        bench: The rest.
-        name: Of the setting, as reported.
-        values: That are measured.
-        setting: Keywords of `start_ours` for a value.
-        report: Told of every step.
-    """
+    """Our core at several values of a setting, in turn; one series per value."""
     n_vehicles = bench.varied_vehicles
     label = f"{name}, N = {n_vehicles}"
     sessions: dict[str, Session] = {}

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmarks.options import OptionError, Peer
+from benchmarks.options import Peer
 from benchmarks.programs import BY_ELAPSED_TIME, OURS, Absent
+from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
 from rearl_jax.timing.measurement import Measurement, Series, Spread, spread_of
 
-HOW = "make one with `python -m benchmarks core study=NAME` and name its summary.json, bench.against=FILE"
+HOW = "name the summary.json of a finished `python -m benchmarks core study=NAME`"
 
 MEANINGS = {
     "substeps_per_cpu_s_n{N}": "our vehicle steps of 1/15 s per second of CPU time over all threads, median",
@@ -93,28 +94,27 @@ class Change:
 
 
 def read_ratios(file: str, reference: Peer) -> dict[int, Spread]:
-    """Our speed by that of the reference program in an earlier benchmark, by number of vehicles.
-
-    Args:
-        file: Its summary.json, or the folder that holds it.
-        reference: The program.
+    """Our speed by that of the reference program in an earlier benchmark's summary.json, by number of vehicles.
 
     Raises:
-        FileNotFoundError: There is none.
-        OptionError: It is no summary of the core's benchmark, or the reference program was absent.
+        MissingInputError: There is none.
+        InvalidInputError: It is no summary of the core's benchmark, or the reference program was absent.
     """
     path = Path(file) / "summary.json" if Path(file).is_dir() else Path(file)
     if not path.is_file():
-        raise FileNotFoundError(f"bench.against: there is no {path}; {HOW}")
+        raise MissingInputError(Problem("file-missing", "is not there", HOW, file=str(path), key="bench.against"))
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise OptionError(f"bench.against: {path} is no JSON; {HOW}") from error
+    except ValueError:
+        found = None
     if not isinstance(found, dict) or found.get("task") != "bench core":
-        raise OptionError(f"bench.against: {path} was not written by `python -m benchmarks core`; {HOW}")
+        said = "was not written by `python -m benchmarks core`"
+        raise InvalidInputError(Problem("benchmark-unreadable", said, HOW, file=str(path), key="bench.against"))
     numbers = [int(key[1]) for name in found if (key := re.fullmatch(rf"ratio_to_{reference.name}_n(\d+)", name))]
     if not numbers:
-        raise OptionError(f"bench.against: {path} has no ratio to {reference.name}; choose another bench.reference")
+        said = "must be a program that the earlier benchmark has a ratio to"
+        problem = Problem("reference-absent", said, file=str(path), key="bench.reference", value=reference.name)
+        raise InvalidInputError(problem)
     names = {n: f"ratio_to_{reference.name}_n{n}" for n in numbers}
     return {n: Spread(*(float(found[name + end]) for end in ("", "_min", "_max"))) for n, name in names.items()}
 
@@ -157,8 +157,7 @@ class CoreResults:
 
     def find(self, program: str, n_vehicles: int) -> Series | None:
         """The series of a program at a number of vehicles."""
-        wanted = (program, n_vehicles)
-        return next((item for item in self.series if (item.program, item.n_vehicles) == wanted), None)
+        return next((item for item in self.series if (item.program, item.n_vehicles) == (program, n_vehicles)), None)
 
     def ratio(self, peer: str, n_vehicles: int) -> Spread | None:
         """Our speed by the peer's, taken within each repetition; by elapsed time where both use all cores."""

@@ -20,14 +20,7 @@ class HighwayRoads:
     facts: Mapping[str, float | int] = {"unit": 1}
 
     def __init__(self, n_vehicles: int, seconds: int, density: float, cpu_s: float) -> None:
-        """Nothing is simulated yet.
-
-        Args:
-            n_vehicles: Vehicles per scene.
-            seconds: Simulated time [s].
-            density: `vehicles_density` of highway-env [-].
-            cpu_s: CPU time after which a measurement ends with the second it is in [s].
-        """
+        """Nothing is simulated yet; arguments as of `HighJaxRoads`."""
         self._n_vehicles, self._seconds, self._density, self._cpu_s = n_vehicles, seconds, density, cpu_s
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:

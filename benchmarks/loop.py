@@ -56,7 +56,7 @@ def count_steps(loop: LoopOptions) -> int:
     """Steps of the progress bar: every program of every cell is compiled, warmed up and measured.
 
     Raises:
-        OptionError: There is no such effect.
+        InvalidInputError: There is no such effect.
     """
     n_cells = len(loop.vehicles) * len(loop.batches)
     of_rollouts = n_cells * len(programs_of(loop.policies)) * (loop.repetitions + 2)

@@ -10,7 +10,7 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Key
 
-from benchmarks.options import LoopPolicy, OptionError
+from benchmarks.options import LoopPolicy
 from rearl_jax.config.decision import MatcherConfig, MatchSpace, PolicyName
 from rearl_jax.config.detection import Cues
 from rearl_jax.core.car_following.idm import IDM
@@ -19,6 +19,7 @@ from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.gap_driving import begin_driving
 from rearl_jax.decision.policies import make_policy
 from rearl_jax.decision.situation import Policy
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.timing.batches import Batches
 from rearl_jax.timing.decision_steps import (
     BASE,
@@ -29,6 +30,7 @@ from rearl_jax.timing.decision_steps import (
     loop_subject,
     matcher,
     rollout_subject,
+    synthetic_table,
 )
 
 NEVER = "never"
@@ -79,10 +81,11 @@ def effect_programs(chosen: tuple[str, ...] | None) -> tuple[str, ...]:
         chosen: Names of effects; None for all there are, empty for no program at all.
 
     Raises:
-        OptionError: There is no such effect.
+        InvalidInputError: There is no such effect.
     """
     if chosen is not None and (unknown := [name for name in chosen if name not in EFFECTS]):
-        raise OptionError(f"loop.effects: there is no effect {unknown[0]!r}; choices: {', '.join(EFFECTS)}")
+        said = f"must be of {', '.join(EFFECTS)}"
+        raise InvalidInputError(Problem("choice-unknown", said, key="loop.effects", value=unknown[0]))
     names = tuple(EFFECTS) if chosen is None else chosen
     return (FOLLOWING, *names, TWO_EFFECTS, LOOP_WITH_TWO) if names else ()
 
@@ -92,18 +95,9 @@ def rollouts(
 ) -> Batches:
     """Rollouts of a program, ready to be measured.
 
-    Args:
-        name: One of `programs_of` or `effect_programs`.
-        n_vehicles: Vehicles per scenario.
-        density: highway-env's `vehicles_density` [-].
-        seconds: Simulated time of a rollout [s].
-        batch: Scenarios at a time.
-        references: Arguments of `synthetic_references`.
-
     Raises:
         ValueError: There is no such program.
     """
-    scenes = Scenes.of(references, n_vehicles, density)
     with_effects = {FOLLOWING: (), TWO_EFFECTS: TWO, LOOP_WITH_TWO: TWO} | {effect: (effect,) for effect in EFFECTS}
     # Somebody must be named, but where nobody is asked the compiler leaves the policy out.
     loops = {LOOP_WITH_TWO: (LoopPolicy.rank, Cues.always), NEVER: (LoopPolicy.idle, Cues.never)}
@@ -111,6 +105,7 @@ def rollouts(
     loops |= {always(policy): (policy, Cues.always) for policy in LoopPolicy}
     if name not in {BASE, *with_effects, *loops}:
         raise ValueError(f"there is no program {name!r} to measure")
+    scenes = Scenes(n_vehicles, density, synthetic_table(references))
     following = IDM(*(jnp.full((1, 1), value) for value in DRIVER))
     effects = tuple(usual(effect) for effect in with_effects.get(name, ()))
 

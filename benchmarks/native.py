@@ -44,13 +44,7 @@ class NativeProgram:
     """A compiled program; each measurement is one run of it."""
 
     def __init__(self, program: Path, seconds: int, threads: int) -> None:
-        """Nothing runs yet.
-
-        Args:
-            program: From `compile_limit`.
-            seconds: Simulated time [s].
-            threads: Threads it may use.
-        """
+        """Nothing runs yet; the program is that of `compile_limit`, the simulated time in s."""
         self._program, self._seconds, self._threads = program, seconds, threads
         self.facts: Mapping[str, float | int] = {"unit": GROUP * threads}
 

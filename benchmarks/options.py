@@ -10,10 +10,6 @@ from rearl_jax.config.study import StepsConfig
 from rearl_jax.problems import out_of_range
 
 
-class OptionError(ValueError):
-    """A benchmark cannot be carried out as asked; the message says what to write instead."""
-
-
 class Peer(Enum):
     """A program the traffic core is measured against."""
 
@@ -67,7 +63,7 @@ class CoreOptions:
         for name in ("chunks", "threads"):
             if getattr(self, name):
                 check_rising(self, name)
-        check_least(self, 1, "seconds", "repetitions", "memory_vehicles", "varied_vehicles")
+        check_least(self, 1, "seconds", "repetitions", "memory_vehicles", "varied_vehicles", "chunk")
         check_positive(self, "density", "repetition_cpu_s", "peer_cpu_s")
         check_least(self, 0, "seed", "memory_rollouts")
         if not 0 < self.margin < 1:
@@ -75,8 +71,6 @@ class CoreOptions:
         if self.against is not None and self.reference not in self.peers:
             said = "must be one of peers: add it there, or choose another"
             raise out_of_range("reference", said, self.reference.name)
-        if self.chunk is not None and self.chunk < 1:
-            raise out_of_range("chunk", "must be at least 1 or null", self.chunk)
         if self.scenarios is not None and (len(self.scenarios) != len(self.vehicles) or min(self.scenarios) < 1):
             said = f"must hold one positive number for each of the {len(self.vehicles)} entries of vehicles"
             raise out_of_range("scenarios", said, list(self.scenarios))
@@ -125,12 +119,10 @@ class LoopOptions(StepsConfig):
         if not (self.batches or self.steps_batches):
             said = "must name the scenarios at a time, or steps_batches must"
             raise out_of_range("batches", said, list(self.batches))
-        check_least(self, 1, "seconds", "repetitions")
+        check_least(self, 1, "seconds", "repetitions", "rounds")
         check_positive(self, "repetition_cpu_s")
         if self.vehicles[0] < 2:
             raise out_of_range("vehicles", "must be at least 2 each (a spacing needs two)", list(self.vehicles))
-        if self.rounds is not None and self.rounds < 1:
-            raise out_of_range("rounds", "must be at least 1 or null", self.rounds)
         if not self.policies or len(set(self.policies)) != len(self.policies):
             raise out_of_range("policies", "must name each policy once", [policy.name for policy in self.policies])
         if self.reference_seconds < self.seconds:

@@ -70,14 +70,7 @@ class Session(Simulator, Protocol):
 
 
 def start_ours(n_vehicles: int, bench: CoreOptions, *, threads: int | None = None, **others: Any) -> Session:
-    """A fresh process with our core compiled for so many vehicles.
-
-    Args:
-        n_vehicles: Vehicles per scenario.
-        bench: The rest of the scene, and the chunk.
-        threads: Cores; None for all.
-        **others: `chunk`, `on_cpu`, where they are not as usual.
-    """
+    """A fresh process with our core compiled for so many vehicles, on all cores unless `threads` are given."""
     scene = {"n_vehicles": n_vehicles, "seconds": bench.seconds, "density": bench.density, "chunk": bench.chunk}
     return ProcessSession("benchmarks.rollouts:Rollouts", cpu_devices=threads, **(scene | others))
 

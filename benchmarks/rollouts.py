@@ -16,14 +16,7 @@ class Rollouts:
     """Rollouts in chunks on all cores; measured: drawing the scenes, every step, handing over the frames."""
 
     def __init__(self, n_vehicles: int, seconds: int, density: float, chunk: int | None) -> None:
-        """Compiles and warms up.
-
-        Args:
-            n_vehicles: Vehicles per scenario.
-            seconds: Simulated time [s].
-            density: highway-env's `vehicles_density` [-].
-            chunk: Scenarios a core takes at a time; None for `batch.chunk_for`.
-        """
+        """Compiles and warms up; arguments as of `HighJaxRoads`, a chunk by `chunk_for` unless given."""
         self._n_vehicles, self._seconds = n_vehicles, seconds
         self.chunk = chunk_for(n_vehicles) if chunk is None else chunk
         self.unit = self.chunk * len(jax.local_devices())

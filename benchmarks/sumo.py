@@ -42,13 +42,7 @@ class SumoRoads:
     facts: Mapping[str, float | int] = {"unit": 1}
 
     def __init__(self, n_vehicles: int, seconds: int, density: float) -> None:
-        """Loads the library.
-
-        Args:
-            n_vehicles: Vehicles per scene.
-            seconds: Simulated time [s].
-            density: highway-env's `vehicles_density` [-].
-        """
+        """Loads the library; arguments as of `HighJaxRoads`."""
         self._n_vehicles, self._seconds, self._density = n_vehicles, seconds, density
         self._sumo = import_module("libsumo")
 

@@ -10,8 +10,17 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import pytest
+from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from rearl_jax.problems import InvalidInputError
+from rearl_jax import __version__, tasks
+from rearl_jax.cli import command_line
+from rearl_jax.cli.composition import check_overrides, choices, compose_task
+from rearl_jax.cli.multirun import swept_values
+from rearl_jax.cli.sweep_files import read_sweep, sweeps_of
+from rearl_jax.config._schema import groups_of
+from rearl_jax.problems import InvalidInputError, out_of_range
+from rearl_jax.results import Study, config_hash
+from rearl_jax.tasks import TASKS, Task, conf_dir, sweeps_dir
 
 
 @pytest.fixture
@@ -19,8 +28,6 @@ def cli(monkeypatch, tmp_path):
     """The module under test with the single task `drive far`, its conf/ folder, and what it was run with."""
     from rearl_jax import cli, runtime, tasks
     from rearl_jax.config._key import key
-    from rearl_jax.problems import out_of_range
-    from rearl_jax.tasks import Task
 
     class Side(Enum):
         left = "left"
@@ -119,41 +126,47 @@ def test_no_litter(cli):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("words", "code", "key", "nearest"),
     [
-        (["drive", "far", "road.lane=3"], ["'road.lane'", "nearest: road.lanes"]),
-        (["drive", "far", "lanes=3"], ["'lanes'", "nearest: road.lanes"]),
-        (["drive", "far", "rod.lengt=3"], ["'rod.lengt'", "nearest: road.length"]),
-        (["drive", "far", "road={lane: 3}"], ["nearest"]),
-        (["drive", "far", "+road.lanes=3"], ["write road.lanes=3"]),
-        (["drive", "far", "~road.lanes=3"], ["write road.lanes=3"]),
-        (["drive", "far", "road.lanes=many"], ["road.lanes must be int", "'many'"]),
-        (["drive", "far", "road.lanes=2.5"], ["road.lanes must be int", "2.5"]),
-        (["drive", "far", "road.exits=[1,x]"], ["road.exits must be [float, ...]", "'x'"]),
-        (["drive", "far", "road.exits=7"], ["road.exits must be [float, ...]"]),
-        (["drive", "far", "road.span=[1,2,3]"], ["road.span must have 2 values", "got 3"]),
-        (["drive", "far", "road.lanes=0"], ["road.lanes must be at least 1, got 0"]),
-        (["drive", "far", "side=middle"], ["side must be left|right", "'middle'"]),
-        (["drive", "far", "study=null"], ["study must be str"]),
-        (["drive", "far", "road=wid"], ["road=wid", "nearest: wide", "choices: narrow, wide"]),
-        (["drive", "far", "study=a b, (c)"], ["study", "quote"]),
-        (["drive", "far", "study"], ["'study' is not key=value"]),
-        (["drive", "far", "--multirn"], ["--multirn"]),
-        (["drive", "far", "--config-dir", "nowhere"], ["nowhere", "no such folder"]),
-        (["drive", "fat"], ["'drive fat'", "nearest: rearl drive far"]),
-        (["drive"], ["nearest: rearl drive far"]),
-        (["dive", "study=x"], ["'dive'", "nearest: rearl drive far"]),
-        (["study=x"], ["name a task", "rearl TASK study=x"]),
-        (["drive", "far", "-m", "side=left,right", "--config"], ["--config", "leave out -m"]),
-        (["drive", "far", "--sweep", "sides", "--config"], ["--config", "leave out -m"]),
+        ("drive far road.lane=3", "key-unknown", "road.lane", "road.lanes"),
+        ("drive far lanes=3", "key-unknown", "lanes", "road.lanes"),
+        ("drive far rod.lengt=3", "key-unknown", "rod.lengt", "road.length"),
+        ("drive far road={lane:3}", "key-unknown", "road.lane", "road.lanes"),
+        ("drive far +road.lanes=3", "key-added", "+road.lanes=3", ""),
+        ("drive far ~road.lanes=3", "key-added", "~road.lanes=3", ""),
+        ("drive far road.lanes=many", "wrong-type", "road.lanes", ""),
+        ("drive far road.lanes=2.5", "wrong-type", "road.lanes", ""),
+        ("drive far road.exits=[1,x]", "wrong-type", "road.exits", ""),
+        ("drive far road.exits=7", "wrong-type", "road.exits", ""),
+        ("drive far road.span=[1,2,3]", "wrong-length", "road.span", ""),
+        ("drive far road.lanes=0", "out-of-range", "road.lanes", ""),
+        ("drive far side=middle", "wrong-type", "side", ""),
+        ("drive far study=null", "wrong-type", "study", ""),
+        ("drive far road=wid", "choice-unknown", "road", "wide"),
+        ("drive far study=(c", "value-unreadable", "study", ""),
+        ("drive far study", "value-missing", "study", ""),
+        ("drive far --multirn", "option-unknown", None, ""),
+        ("drive far --config-dir nowhere", "folder-missing", None, ""),
+        ("drive fat", "task-unknown", "drive fat", "rearl drive far"),
+        ("drive", "task-unknown", "drive", "rearl drive far"),
+        ("dive study=x", "task-unknown", "dive", "rearl drive far"),
+        ("study=x", "task-missing", None, ""),
+        ("drive far -m side=left,right --config", "options-conflict", "--config", ""),
+        ("drive far --sweep sides --config", "options-conflict", "--config", ""),
+        ("drive far -m road.lanes=interval(1,3)", "configuration-unreadable", None, ""),
+        ("drive far -m road.lanes=1,3 sid=left,right", "key-unknown", "sid", "side"),
+        ("drive far --sweep sidez", "choice-unknown", "--sweep", "sides"),
+        ("drive far --sweep other", "sweep-of-another-task", "--sweep other", ""),
     ],
 )
-def test_mistakes_end_with_one_sentence(cli, capsys, arguments, said):
-    assert cli.main(arguments) == 2
-    error = capsys.readouterr().err
-    assert all(part in error for part in said), error
-    assert "Traceback" not in error
-    assert error.count("\n") == 1
+def test_mistakes_end_with_one_sentence(cli, capsys, words, code, key, nearest):
+    with pytest.raises(InvalidInputError) as caught:
+        cli.main([*words.split(), "--traceback"])
+    assert (caught.value.code, caught.value.problem.key) == (code, key)
+    assert not nearest or f"nearest: {nearest}" in str(caught.value)
+    assert cli.main(words.split()) == 2
+    assert capsys.readouterr().err == f"rearl: {caught.value}\n"
+    assert "\n" not in str(caught.value)
     assert cli.ran == []
     assert list(cli.work.iterdir()) == []
 
@@ -165,8 +178,6 @@ def test_error_of_the_file_system_is_for_the_user(cli, capsys):
 
 
 def test_error_raised_by_the_package_is_for_the_user(cli, capsys):
-    from rearl_jax.results import Study
-
     cli.task.fail = lambda: Study("results", "../up", None, "drive far")
     assert cli.main(["drive", "far", "road.lanes=9"]) == 2
     assert "'../up'" in capsys.readouterr().err
@@ -174,17 +185,14 @@ def test_error_raised_by_the_package_is_for_the_user(cli, capsys):
 
 def test_error_of_a_library_keeps_its_traceback(cli):
     cli.task.fail = lambda: int("x")
-    with pytest.raises(ValueError, match="invalid literal"):
+    with pytest.raises(ValueError, match="literal"):
         cli.main(["drive", "far", "road.lanes=9"])
 
 
-@pytest.mark.parametrize("by", ["option", "environment"])
-def test_traceback_on_request(cli, monkeypatch, by):
-    if by == "environment":
-        monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
-    with pytest.raises(InvalidInputError) as caught:
-        cli.main(["drive", "far", "road.lanes=0", *(["--traceback"] if by == "option" else [])])
-    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "road.lanes")
+def test_traceback_on_request_of_the_environment(cli, monkeypatch):
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    with pytest.raises(InvalidInputError):
+        cli.main(["drive", "far", "road.lanes=0"])
 
 
 def test_interrupt(cli, capsys):
@@ -196,20 +204,18 @@ def test_interrupt(cli, capsys):
     assert "interrupted" in capsys.readouterr().err
 
 
-def test_own_configuration_folder(cli, tmp_path):
-    (tmp_path / "mine" / "road").mkdir(parents=True)
-    (tmp_path / "mine" / "road" / "bridge.yaml").write_text("lanes: 3\n")
-    assert cli.main(["drive", "far", "--config-dir", str(tmp_path / "mine"), "road=bridge"]) == 0
+def test_own_configuration_folder_and_an_unknown_key_in_a_file_of_it(cli, tmp_path):
+    file = tmp_path / "mine" / "road" / "bridge.yaml"
+    file.parent.mkdir(parents=True)
+    command = ["drive", "far", "--config-dir", str(tmp_path / "mine"), "road=bridge", "--traceback"]
+    file.write_text("lanes: 3\n")
+    assert cli.main(command) == 0
     assert cli.ran[0].road.lanes == 3
-
-
-def test_unknown_key_in_a_file(cli, capsys, tmp_path):
-    (tmp_path / "mine" / "road").mkdir(parents=True)
-    (tmp_path / "mine" / "road" / "bridge.yaml").write_text("lengths: 3\n")
-    assert cli.main(["drive", "far", "--config-dir", str(tmp_path / "mine"), "road=bridge"]) == 2
-    error = capsys.readouterr().err
-    assert "road/bridge.yaml: there is no key 'road.lengths'" in error
-    assert "nearest: road.length" in error
+    file.write_text("lengths: 3\n")
+    with pytest.raises(InvalidInputError) as caught:
+        cli.main(command)
+    problem = caught.value.problem
+    assert (problem.code, problem.key, problem.file) == ("key-unknown", "road.lengths", "road/bridge.yaml")
 
 
 def test_print_configuration(cli, capsys):
@@ -223,24 +229,14 @@ def test_multirun_gives_each_job_its_folder(cli):
     command = list(sys.argv)
     assert cli.main(arguments) == 0
     assert sys.argv == command
-    assert [(config.road.lanes, config.side.name) for config in cli.ran] == [
-        (1, "left"),
-        (1, "right"),
-        (3, "left"),
-        (3, "right"),
-    ]
+    jobs = [(1, "left"), (1, "right"), (3, "left"), (3, "right")]
+    assert [(config.road.lanes, config.side.name) for config in cli.ran] == jobs
     studies = [config.study for config in cli.ran]
     assert studies[0] == "sweep/road.lanes=1/side=left"
     assert len(set(studies)) == 4
     assert all((cli.work / "results" / study).is_dir() for study in studies)
     assert [path.name for path in cli.work.iterdir()] == ["results"]
     assert not list(cli.work.rglob(".hydra"))
-
-
-def test_multirun_over_a_config_group(cli):
-    assert cli.main(["drive", "far", "-m", "road=narrow,wide"]) == 0
-    assert [config.road.lanes for config in cli.ran] == [2, 6]
-    assert cli.ran[1].study == "drive/road=wide"
 
 
 @pytest.mark.parametrize(
@@ -250,6 +246,7 @@ def test_multirun_over_a_config_group(cli):
         ("road.lanes=range(1,6,2)", ["1", "3", "5"]),
         ("road.lanes=choice(4,2)", ["4", "2"]),
         ("road=glob(*,exclude=n*)", ["wide"]),
+        ("road=narrow,wide", ["narrow", "wide"]),
     ],
 )
 def test_multirun_runs_one_job_for_every_value(cli, word, values):
@@ -260,26 +257,12 @@ def test_multirun_runs_one_job_for_every_value(cli, word, values):
     assert cells == [{key: value} for value in values]
 
 
-def test_multirun_refuses_values_without_a_list(cli, capsys):
-    assert cli.main(["drive", "far", "-m", "road.lanes=interval(1,3)"]) == 2
-    error = capsys.readouterr().err
-    assert "INTERVAL_SWEEP" in error
-    assert "Traceback" not in error
-    assert cli.ran == []
-
-
 def test_multirun_goes_on_after_a_failed_job(cli, capsys):
     assert cli.main(["drive", "far", "-m", "road.lanes=0,3"]) == 2
     assert [config.road.lanes for config in cli.ran] == [3]
     error = capsys.readouterr().err
     assert "road.lanes=0: road.lanes must be at least 1" in error
     assert "Traceback" not in error
-
-
-def test_multirun_refuses_a_wrong_key_before_the_first_job(cli, capsys):
-    assert cli.main(["drive", "far", "-m", "road.lanes=1,3", "sid=left,right"]) == 2
-    assert "nearest: side" in capsys.readouterr().err
-    assert cli.ran == []
 
 
 def test_cells_are_put_together_also_after_a_failed_job(cli):
@@ -290,10 +273,6 @@ def test_cells_are_put_together_also_after_a_failed_job(cli):
 
 
 def test_a_failed_job_leaves_nothing_of_another_configuration(cli, capsys):
-    from rearl_jax import tasks
-    from rearl_jax.cli.composition import compose_task
-    from rearl_jax.results import config_hash
-
     # The task of these tests writes no summaries, so these stay whatever is run.
     for lanes in (9, 3):
         folder = cli.work / "results" / "s" / f"road.lanes={lanes}"
@@ -331,22 +310,18 @@ def test_a_sweep_file_is_a_multirun_written_down(cli, capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "name", "said"),
+    ("content", "code"),
     [
-        (None, "sidez", "--sweep sidez: there is no such file; nearest: sides"),
-        (None, "other", "belongs to another task: rearl fly --sweep other"),
-        ("task: drive far\nkeys: {}\nmore: 1\n", "mine", "must hold `task: NAME` and `keys:`"),
-        ("task: [", "mine", "no readable YAML"),
-        ("task: drive far\nkeys: {sid: left}\n", "mine", "nearest: side"),
+        ("task: drive far\nkeys: {}\nmore: 1\n", "sweep-malformed"),
+        ("task: [", "file-unreadable"),
+        ("task: drive far\nkeys: {sid: left}\n", "key-unknown"),
     ],
 )
-def test_a_wrong_sweep_file(cli, capsys, tmp_path, content, name, said):
-    if content is not None:
-        (tmp_path / "sweeps" / "mine.yaml").write_text(content)
-    assert cli.main(["drive", "far", "--sweep", name]) == 2
-    error = capsys.readouterr().err
-    assert said in error
-    assert "Traceback" not in error
+def test_a_wrong_sweep_file(cli, tmp_path, content, code):
+    (tmp_path / "sweeps" / "mine.yaml").write_text(content)
+    with pytest.raises(InvalidInputError) as caught:
+        cli.main(["drive", "far", "--sweep", "mine", "--traceback"])
+    assert caught.value.code == code
     assert cli.ran == []
 
 
@@ -394,8 +369,6 @@ def test_help_does_not_wait_for_jax():
 def test_module_is_the_console_script(tmp_path):
     command = [sys.executable, "-m", "rearl_jax", "--version"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=True)
-    from rearl_jax import __version__
-
     assert done.stdout == f"rearl_jax {__version__}\n"
 
 
@@ -403,7 +376,7 @@ def test_configuration_files_are_found_in_a_wheel_and_in_a_checkout(monkeypatch,
     from rearl_jax.tasks import folders
 
     monkeypatch.setattr(folders, "__file__", str(tmp_path / "site" / "rearl_jax" / "tasks" / "folders.py"))
-    with pytest.raises(FileNotFoundError, match="install again"):
+    with pytest.raises(FileNotFoundError):
         folders.conf_dir()
     (tmp_path / "site" / "conf").mkdir(parents=True)
     assert folders.conf_dir() == tmp_path / "site" / "conf"
@@ -412,8 +385,6 @@ def test_configuration_files_are_found_in_a_wheel_and_in_a_checkout(monkeypatch,
 
 
 def test_the_longer_of_two_tasks_with_the_same_first_word_is_meant():
-    from rearl_jax.cli import command_line
-
     assert command_line._task(["discover", "blind", "study=x"]).words == "discover blind"
     assert command_line._task(["discover", "study=blind"]).words == "discover"
 
@@ -435,9 +406,6 @@ def test_wheel_holds_configuration_and_recordings(tmp_path):
 
 
 def test_every_task_composes(monkeypatch, tmp_path):
-    from rearl_jax.cli.composition import compose_task
-    from rearl_jax.tasks import TASKS
-
     monkeypatch.chdir(tmp_path)
     for task in TASKS:
         has_results = hasattr(task.defaults(), "study")
@@ -448,9 +416,6 @@ def test_every_task_composes(monkeypatch, tmp_path):
 
 
 def test_every_key_is_documented():
-    from rearl_jax.config._schema import groups_of
-    from rearl_jax.tasks import TASKS
-
     for task in TASKS:
         groups = list(groups_of(task.defaults()))
         assert groups
@@ -458,25 +423,13 @@ def test_every_key_is_documented():
         assert all(key.help for group in groups for key in group.keys)
 
 
-def covering(cells):
-    """The first cells of a sweep that hold every value of every key."""
-    seen, chosen = set(), []
-    for cell in cells:
-        if not seen.issuperset(cell.items()):
-            chosen.append(cell)
-            seen.update(cell.items())
-    return chosen
+def covering(swept):
+    """As few cells of a sweep as hold every value of every key."""
+    cells = range(max(map(len, swept.values())))
+    return [{key: values[number % len(values)] for key, values in swept.items()} for number in cells]
 
 
-@pytest.mark.parametrize("chosen", [covering, pytest.param(list, marks=pytest.mark.thorough)], ids=["values", "cells"])
-def test_every_shipped_sweep_is_a_multirun_of_its_task(chosen):
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-
-    from rearl_jax.cli.composition import check_overrides, choices, compose_task
-    from rearl_jax.cli.multirun import cells_of, swept_values
-    from rearl_jax.cli.sweep_files import read_sweep, sweeps_of
-    from rearl_jax.tasks import TASKS
-
+def test_every_shipped_sweep_is_a_multirun_of_its_task():
     found = 0
     for task in TASKS:
         for name in sweeps_of(task):
@@ -485,17 +438,15 @@ def test_every_shipped_sweep_is_a_multirun_of_its_task(chosen):
             parsed = OverridesParser.create().parse_overrides(overrides)
             swept = swept_values(parsed, choices(task))
             fixed = [text for text in overrides if text.partition("=")[0] not in swept]
-            cells = cells_of(swept)
+            cells = covering(swept)
             assert len(cells) > 1
-            for cell in chosen(cells):
+            for cell in cells:
                 compose_task(task, [*fixed, *(f"{key}={value}" for key, value in cell.items())], None)
             found += 1
     assert found >= 12
 
 
 def test_every_yaml_says_what_it_is():
-    from rearl_jax.tasks import conf_dir, sweeps_dir
-
     files = [file for folder in (conf_dir(), sweeps_dir()) for file in sorted(folder.rglob("*.yaml"))]
     assert files
     for file in files:

@@ -12,7 +12,17 @@ import pandas as pd
 import pytest
 
 import rearl_jax
+from rearl_jax.blind.traffic import Planted, Scenario
+from rearl_jax.blind.traffic.dataset import write_dataset
+from rearl_jax.config.data import DataConfig
+from rearl_jax.config.evaluation import Method
+from rearl_jax.data.canonical import write_recording
+from rearl_jax.data.in_memory import in_memory
+from rearl_jax.data.problems import BadRecordingError
+from rearl_jax.data.recordings import count_recordings, data_id, iterate_recordings
+from rearl_jax.models.file import read_model
 from rearl_jax.problems import InvalidInputError
+from rearl_jax.workflows import _double_precision, _task_record
 
 HEAVY = ("gymnasium", "highway_env", "hydra", "jax", "matplotlib", "numpy", "pandas", "pyarrow", "scipy", "sklearn")
 LONGEST = 10
@@ -92,8 +102,6 @@ def test_example_metric_table(tmp_path, monkeypatch, capsys):
 @pytest.mark.slow
 @pytest.mark.usefixtures("lenient")
 def test_example_calibration(tmp_path, monkeypatch, capsys):
-    from rearl_jax.models.file import read_model
-
     monkeypatch.chdir(tmp_path)
     found = follow("calibrate", folder=str(planted(tmp_path / "data")))["found"]
     assert "time_gap" in capsys.readouterr().out
@@ -130,9 +138,6 @@ def test_example_environments():
 
 def planted(folder):
     """Generated recordings with a grade in them."""
-    from rearl_jax.blind.traffic import Planted, Scenario
-    from rearl_jax.blind.traffic.dataset import write_dataset
-
     folder.mkdir(exist_ok=True)
     write_dataset(folder, Scenario(11, (Planted("grade", 1.5),), n_vehicles=24, duration=40.0))
     return folder
@@ -159,9 +164,6 @@ def test_wrong_keys_are_named(call, code, key):
 
 
 def test_keys_imply_what_they_do_on_the_command_line():
-    from rearl_jax.config.evaluation import Method
-    from rearl_jax.workflows import _task_record
-
     detection, ppo = {"detection": {"interval": 3}}, {"ppo": {"weights": "some.eqx"}}
     # Where two groups imply a method, the order in which they are given does not matter.
     methods = [
@@ -172,8 +174,6 @@ def test_keys_imply_what_they_do_on_the_command_line():
 
 
 def test_a_table_in_memory_is_read_as_its_file_is(tmp_path):
-    from rearl_jax.data.canonical import write_recording
-
     recording = next(rearl_jax.read_recordings())
     write_recording(recording, tmp_path / "one.csv")
     (tmp_path / "one.csv.info.json").unlink()
@@ -184,8 +184,6 @@ def test_a_table_in_memory_is_read_as_its_file_is(tmp_path):
 
 
 def test_a_table_in_memory_names_what_is_wrong_in_it():
-    from rearl_jax.data.problems import BadRecordingError
-
     table = next(rearl_jax.read_recordings()).table
     with pytest.raises(BadRecordingError) as error:
         rearl_jax.cut_scenes(table.drop(columns="speed"))
@@ -196,10 +194,6 @@ def test_a_table_in_memory_names_what_is_wrong_in_it():
 
 
 def test_recordings_in_one_table_are_told_apart():
-    from rearl_jax.config.data import DataConfig
-    from rearl_jax.data.in_memory import in_memory
-    from rearl_jax.data.recordings import count_recordings, data_id, iterate_recordings
-
     tables = [recording.table.assign(recording=recording.info.id) for recording in rearl_jax.read_recordings()][:2]
     data = in_memory(pd.concat(tables), DataConfig())
     assert [len(recording.table) for recording in iterate_recordings(data)] == [len(table) for table in tables]
@@ -210,16 +204,14 @@ def test_recordings_in_one_table_are_told_apart():
 
 def test_scenes_are_evaluated_as_the_recordings_they_were_cut_from():
     scenes = rearl_jax.cut_scenes()
-    once = {"n_runs": 1}
-    assert rearl_jax.evaluate(scenes, eval=once).runs.equals(rearl_jax.evaluate(eval=once).runs)
+    once = {"eval": {"n_runs": 1, "resamples": 20, "noise_draws": 2}, "core": {"collisions": False}}
+    assert rearl_jax.evaluate(scenes, **once).runs.equals(rearl_jax.evaluate(**once).runs)
     with pytest.raises(InvalidInputError) as caught:
         rearl_jax.evaluate(scenes, method="rearl")
     assert (caught.value.code, caught.value.problem.key) == ("recordings-needed", "method")
 
 
 def test_double_precision_ends_with_the_task():
-    from rearl_jax.workflows import _double_precision
-
     before = jax.config.read("jax_enable_x64")
     jax.config.update("jax_enable_x64", False)
     try:

@@ -88,16 +88,7 @@ def rollout_with_actor(
     *,
     n_seconds: int,
 ) -> tuple[Frames, Int[Array, "seconds vehicles scenarios"]]:
-    """A frame after every second, and the actions followed during it; everybody takes its likeliest action.
-
-    Args:
-        state: Initial state.
-        drivers: Parameters of all vehicles.
-        actor: From observations to logits.
-        model: Road, clock and stages of the same traffic without decisions.
-        options: Admissible actions and execution.
-        n_seconds: Seconds to simulate [s].
-    """
+    """A frame after every second, and the actions followed during it; everybody takes its likeliest action."""
     model = options.model(model)
     # As in `core.rollout.rollout`: nothing that is known of a fresh state may be folded into the loop.
     state, drivers = lax.optimization_barrier((state, drivers))

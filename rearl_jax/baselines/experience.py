@@ -60,17 +60,7 @@ def collect(
     *,
     n_seconds: int,
 ) -> Drive:
-    """Rollouts in which everybody draws its actions.
-
-    Args:
-        state: Initial state.
-        drivers: Parameters of all vehicles.
-        network: Decides and expects.
-        key: Random key of the actions.
-        model: Road, clock and stages of the same traffic without decisions.
-        options: Admissible actions and execution.
-        n_seconds: Seconds to simulate [s].
-    """
+    """Rollouts in which everybody draws its actions."""
     model = options.model(model)
     # As in `core.rollout.rollout`: nothing that is known of a fresh state may be folded into the loop.
     state, drivers = lax.optimization_barrier((state, drivers))

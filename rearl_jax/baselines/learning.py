@@ -143,15 +143,7 @@ def loss(network: ActorCritic, decisions: Decisions, ppo: PpoConfig) -> tuple[Sc
 def improve(
     learner: Learner, decisions: Decisions, key: PRNGKey, ppo: PpoConfig, optimiser: optax.GradientTransformation
 ) -> tuple[Learner, Losses]:
-    """The learner after all epochs over some decisions, and the losses of every gradient step, taken before it.
-
-    Args:
-        learner: Network and state of the optimiser.
-        decisions: Decisions drawn with the probabilities of this network.
-        key: Random key of the order in which they are taken.
-        ppo: Hyper-parameters.
-        optimiser: As from `make_optimiser`.
-    """
+    """The learner after all epochs over some decisions, and the losses of every gradient step, taken before it."""
     n_decisions = decisions.action.shape[0]
     count, size = split(n_decisions, ppo.minibatch)
 

@@ -45,11 +45,6 @@ def make_network(key: PRNGKey, *, width: int, layers: int) -> ActorCritic:
 
     Orthogonal matrices, times sqrt(2) in the hidden layers, 0.01 for the logits and 1 for the value; biases zero.
 
-    Args:
-        key: Random key.
-        width: Neurons of each hidden layer.
-        layers: Hidden layers.
-
     Source: purejaxrl/ppo.py; Andrychowicz et al., What Matters In On-Policy Reinforcement Learning? (2021).
     """
     actor_key, critic_key = jax.random.split(key)

@@ -23,7 +23,7 @@ def run(config: TrainPpoTask) -> dict:
     """The summary: what the last update saw, and how fast the training was.
 
     Raises:
-        ValueError: The weights have become infinite.
+        InvalidInputError: The weights have become infinite.
     """
     set_precision(config.core.dtype)
     study = Study(config.results.root, config.study, config, "train ppo")

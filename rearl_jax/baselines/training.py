@@ -34,6 +34,7 @@ from rearl_jax.config.ppo import PpoConfig
 from rearl_jax.core.road import traffic_model
 from rearl_jax.core.spawn import spawn
 from rearl_jax.decision.situation import ACTION_NAMES
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.results import Study, config_hash
 
 log = logging.getLogger(__name__)
@@ -177,13 +178,8 @@ def train(
 ) -> Training:
     """The trained network and what was seen on the way; goes on from the study's checkpoint where there is one.
 
-    Args:
-        config: The task.
-        study: Keeps the checkpoint.
-        progress: Called with the number of updates done and their total.
-
     Raises:
-        ValueError: The weights have become infinite.
+        InvalidInputError: The weights have become infinite.
     """
     n_updates = config.ppo.n_updates(config.core.n_vehicles)
     program, learner, seed = _program(config), first_learner(config), jnp.int32(config.ppo.seed)
@@ -194,10 +190,9 @@ def train(
     for number in range(n_before, n_updates):
         learner, point = program.update(learner, seed, jnp.int32(number))
         if not np.isfinite(point.losses.total):
-            raise ValueError(
-                f"the training has diverged in update {number + 1} of {n_updates}: lower ppo.learning_rate, which is "
-                f"{config.ppo.learning_rate:g}"
-            )
+            said = f"must be lower: the training has diverged in update {number + 1} of {n_updates}"
+            problem = Problem("diverged", said, key="ppo.learning_rate", value=f"{config.ppo.learning_rate:g}")
+            raise InvalidInputError(problem)
         for values, value in zip(jax.tree.leaves(curve), jax.tree.leaves(point), strict=True):
             values[number] = value
         done = number + 1
@@ -241,10 +236,6 @@ def curve_table(training: Training, batch: int) -> pd.DataFrame:
     """One row per update: `update`, `car_steps` so far, `return`, `crashed`, `speed`, the share of each action in
     `left`, `keep`, `right`, `faster`, `slower`, and `loss`, `policy_loss`, `value_loss`, `entropy`, `divergence`,
     `clipped_share`.
-
-    Args:
-        training: The training.
-        batch: Vehicle-seconds of an update.
     """
     curve, number = training.curve, np.arange(1, len(training.curve.gain) + 1)
     losses = curve.losses

@@ -19,6 +19,7 @@ from rearl_jax.code_version import __version__
 from rearl_jax.config import TrainPpoTask
 from rearl_jax.config.core import CoreConfig
 from rearl_jax.config.decision import AdmissibleConfig, LaneGate, Longitudinal
+from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
 from rearl_jax.results import shared_config
 
 FORMAT = "rearl_jax PPO weights, version 1"
@@ -67,13 +68,9 @@ def weights_file(network: ActorCritic, config: TrainPpoTask) -> bytes:
 def load_policy(path: str | None, core: CoreConfig) -> TrainedPolicy:
     """The policy in a file, or the one that comes with the package.
 
-    Args:
-        path: The file; None for the package's own.
-        core: Road it is to drive on.
-
     Raises:
-        FileNotFoundError: There is no such file.
-        ValueError: It holds no weights, is damaged, or has learnt on another road.
+        MissingInputError: There is no such file.
+        InvalidInputError: It holds no weights, is damaged, or has learnt on another road.
     """
     source = DEFAULT if path is None else Path(path)
     try:
@@ -81,18 +78,20 @@ def load_policy(path: str | None, core: CoreConfig) -> TrainedPolicy:
     except FileNotFoundError as error:
         if path is None:
             raise FileNotFoundError(f"{source} is missing: incomplete installation, install again") from error
-        raise FileNotFoundError(
-            f"ppo.weights={path}: there is no such file; `rearl train ppo` writes results/train_ppo/weights.eqx"
-        ) from error
+        remedy = "`rearl train ppo` writes results/train_ppo/weights.eqx"
+        problem = Problem("file-missing", "names a file that is not there", remedy, file=path, key="ppo.weights")
+        raise MissingInputError(problem) from error
     except IsADirectoryError as error:
-        raise ValueError(f"ppo.weights={path} is a folder: name the file weights.eqx in it") from error
+        remedy = "name the file weights.eqx in it"
+        raise InvalidInputError(Problem("not-a-file", "is a folder", remedy, file=path, key="ppo.weights")) from error
     policy = _read(source, content)
     if policy.n_lanes != core.n_lanes:
-        raise ValueError(
-            f"{source} was trained on a road of {policy.n_lanes} lanes, core.n_lanes is {core.n_lanes}: set "
-            f"core.n_lanes={policy.n_lanes}, or train on this road (rearl train ppo core.n_lanes={core.n_lanes}) and "
-            "name the result with ppo.weights"
+        said = f"must be {policy.n_lanes}, the lanes of the road that these weights have learnt on"
+        remedy = (
+            f"set core.n_lanes={policy.n_lanes}, or train on this road: rearl train ppo core.n_lanes={core.n_lanes}"
         )
+        problem = Problem("other-road", said, remedy, file=str(source), key="core.n_lanes", value=core.n_lanes)
+        raise InvalidInputError(problem)
     return policy
 
 
@@ -106,13 +105,19 @@ def _read(source: Path, content: bytes) -> TrainedPolicy:
         empty = jax.eval_shape(lambda: make_network(jax.random.key(0), width=width, layers=layers))
         network = eqx.tree_deserialise_leaves(file, empty)
     except (KeyError, TypeError) as error:
-        raise ValueError(f"{source} was written by another version of this package: train again") from error
+        said = "was written by another version of this package"
+        raise InvalidInputError(Problem("weights-of-another-version", said, "train again", file=str(source))) from error
     except (RuntimeError, ValueError, EOFError, OSError) as error:
-        raise ValueError(f"{source} does not hold the weights it describes: the file is damaged") from error
+        raise _damaged(source) from error
     if file.read(1):
-        raise ValueError(f"{source} holds more than the weights it describes: the file is damaged")
+        raise _damaged(source)
     digest = hashlib.sha256(content).hexdigest()[:12]
     return TrainedPolicy(network, options, n_lanes, car_steps, source.name, digest)
+
+
+def _damaged(source: Path) -> InvalidInputError:
+    said = "does not hold the weights it describes, and nothing else"
+    return InvalidInputError(Problem("weights-damaged", said, "train again", file=str(source)))
 
 
 def _description(source: Path, line: bytes) -> dict[str, Any]:
@@ -122,7 +127,8 @@ def _description(source: Path, line: bytes) -> dict[str, Any]:
     except ValueError:
         description = None
     if not isinstance(description, dict) or description.get("format") != FORMAT:
-        raise ValueError(f"{source} is no file of PPO weights ({FORMAT}): name one that `rearl train ppo` has written")
+        said, remedy = f"is no file of PPO weights ({FORMAT})", "name one that `rearl train ppo` has written"
+        raise InvalidInputError(Problem("not-weights", said, remedy, file=str(source)))
     return description
 
 

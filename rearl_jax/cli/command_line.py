@@ -26,6 +26,7 @@ from rearl_jax.cli.summary_output import (
 from rearl_jax.cli.sweep_files import read_sweep
 from rearl_jax.code_version import __version__
 from rearl_jax.config._schema import nearest
+from rearl_jax.problems import Problem
 from rearl_jax.tasks import Task
 
 DONE, FAILED, UNUSABLE, BROKEN_PIPE = 0, 1, 2, 141
@@ -77,7 +78,8 @@ def _dispatch(arguments: list[str]) -> int:
         print(task_help(task, overrides))
         return DONE
     if options.config and (options.multirun or options.sweep):
-        raise UsageError("--config prints the configuration of one job: leave out -m and --sweep")
+        said = "prints the configuration of one job: leave out -m and --sweep"
+        raise UsageError(Problem("options-conflict", said, key="--config"))
     if options.sweep:
         overrides = [*read_sweep(options.sweep, task, options.config_dir), *overrides]
     if options.config:
@@ -121,7 +123,7 @@ def _how_to_go_on(arguments: list[str]) -> str:
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        raise UsageError(f"{message}; `rearl --help` lists tasks and options")
+        raise UsageError(Problem("option-unknown", f"{message}; `rearl --help` lists tasks and options"))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -140,7 +142,8 @@ def _parser() -> argparse.ArgumentParser:
 
 def _task(words: list[str]) -> Task:
     if "=" in words[0]:
-        raise UsageError(f"name a task before {words[0]!r}: rearl TASK {words[0]}")
+        said = f"name a task before {words[0]!r}: rearl TASK {words[0]}"
+        raise UsageError(Problem("task-missing", said))
     # `discover blind` before `discover`.
     for task in sorted(tasks.TASKS, key=lambda task: -len(task.words.split())):
         if words[: len(task.words.split())] == task.words.split():
@@ -148,4 +151,5 @@ def _task(words: list[str]) -> Task:
     said = " ".join(word for word in words[:2] if "=" not in word)
     beginning = [task.words for task in tasks.TASKS if task.words.startswith(f"{words[0]} ")]
     close = nearest(said, beginning or [task.words for task in tasks.TASKS])
-    raise UsageError(f"there is no task {said!r}; nearest: rearl {close}; `rearl --help` lists all tasks")
+    listed = f"is no task; nearest: rearl {close}; `rearl --help` lists all tasks"
+    raise UsageError(Problem("task-unknown", listed, key=said))

@@ -18,28 +18,33 @@ from yaml import YAMLError
 from rearl_jax import tasks
 from rearl_jax.config._schema import finished, groups_of, keys_of, nearest
 from rearl_jax.config.driver import MODELS, DriverConfig, record_of
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.tasks import Task
 
 log = logging.getLogger(__name__)
 
 
-class UsageError(ValueError):
-    """The command line cannot be carried out; the message says what to write instead."""
+class UsageError(InvalidInputError):
+    """The command line cannot be carried out; its problem says what to write instead."""
 
 
 def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> Any:
     """The finished record of a task: defaults, then conf/, then the command line."""
     from hydra import compose, initialize_config_dir
+    from omegaconf import OmegaConf
 
     overrides = with_implied(task, overrides)
     check_overrides(task, overrides, config_dir)
     overrides = opened(task, overrides)
     if config_dir is not None:
-        overrides = [f"hydra.searchpath=[{search_path(config_dir)}]", *overrides]
+        folder = Path(config_dir).resolve()
+        if not folder.is_dir():
+            raise UsageError(Problem("folder-missing", "there is no such folder for --config-dir", file=config_dir))
+        overrides = [f"hydra.searchpath=['file://{folder}']", *overrides]
     register(task)
     with hydra_errors(task, overrides), initialize_config_dir(str(tasks.conf_dir()), version_base="1.3"):
         try:
-            composed = as_record(compose(task.config_name, overrides))
+            composed = OmegaConf.to_object(compose(task.config_name, overrides))
         except _READING as error:
             raise _unreadable(overrides, config_dir, error) from error
     return finished(composed)
@@ -58,8 +63,9 @@ def _unreadable(overrides: list[str], config_dir: str | None, error: Exception) 
         return error
     for file in sorted(Path(config_dir).rglob("*.yaml")) if config_dir is not None else ():
         if problem := file_problem(file):
-            return UsageError(f"{file}: {problem}")
-    return UsageError(f"{' '.join(overrides)}: cannot be read ({str(error).partition(chr(10))[0]})")
+            return UsageError(Problem("file-unreadable", problem, file=str(file)))
+    said = f"cannot be read ({str(error).partition(chr(10))[0]})"
+    return UsageError(Problem("value-unreadable", said, key=" ".join(overrides)))
 
 
 def file_problem(file: Path) -> str:
@@ -103,34 +109,28 @@ def register(task: Task) -> None:
     """Makes the task's record known to Hydra."""
     from hydra.core.config_store import ConfigStore
 
-    store, defaults = ConfigStore.instance(), task.defaults()
-    for name in MODELS:
-        store.store(group="driver", name=name, node=record_of(name))
+    _register_drivers()
+    defaults = task.defaults()
     # The record of one model takes the place of the base of all of them, not of another model's.
     schema = replace(defaults, driver=DriverConfig()) if hasattr(defaults, "driver") else defaults
-    store.store(name="schema", node=schema)
+    ConfigStore.instance().store(name="schema", node=schema)
 
 
-def as_record(config: Any) -> Any:
-    """The record of a composed configuration, not yet checked; `finished` checks it."""
-    from omegaconf import OmegaConf
+@functools.cache
+def _register_drivers() -> None:
+    """Makes the records of the driver models known to Hydra, once in a process."""
+    from hydra.core.config_store import ConfigStore
 
-    return OmegaConf.to_object(config)
-
-
-def search_path(config_dir: str) -> str:
-    """A folder as Hydra's search path writes it."""
-    folder = Path(config_dir).resolve()
-    if not folder.is_dir():
-        raise UsageError(f"--config-dir {config_dir}: there is no such folder")
-    return f"'file://{folder}'"
+    for name in MODELS:
+        ConfigStore.instance().store(group="driver", name=name, node=record_of(name))
 
 
 def choices(task: Task, config_dir: str | None = None) -> dict[str, dict[str, str]]:
     """Config groups of a task, e.g. `data`, and what is chosen by `data=NAME`: by name, one line each."""
     roots = [tasks.conf_dir()] if config_dir is None else [tasks.conf_dir(), Path(config_dir)]
     groups = sorted(group.name for group in groups_of(task.defaults()) if group.name)
-    found = {name: {file.stem: first_comment(file) for file in _yaml_files(name, roots)} for name in groups}
+    files = {name: sorted(file for root in roots for file in (root / name).glob("*.yaml")) for name in groups}
+    found = {name: {file.stem: first_comment(file) for file in files[name]} for name in groups}
     if "driver" in found:
         found["driver"] = {name: model.title for name, model in MODELS.items()} | found["driver"]
     return {name: chosen for name, chosen in found.items() if chosen}
@@ -158,10 +158,6 @@ def _every_driver_key() -> Any:
     return make_dataclass("every_driver", [], bases=tuple(record_of(name) for name in MODELS))()
 
 
-def _yaml_files(group: str, roots: Iterable[Path]) -> list[Path]:
-    return sorted(file for root in roots for file in (root / group).glob("*.yaml"))
-
-
 def check_overrides(task: Task, overrides: list[str], config_dir: str | None) -> None:
     """Refuse unreadable words and unknown keys before Hydra sees them, naming the nearest valid key."""
     from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -173,27 +169,27 @@ def check_overrides(task: Task, overrides: list[str], config_dir: str | None) ->
     known_groups = choices(task, config_dir)
     for text in overrides:
         if "=" not in text:
-            raise UsageError(f"{text!r} is not key=value; nearest key: {nearest(text, keys)}")
+            raise UsageError(Problem("value-missing", f"is not key=value; nearest: {nearest(text, keys)}", key=text))
         try:
             override = OverridesParser.create().parse_override(text)
         except HydraException as error:
             name, _, value = text.partition("=")
-            raise UsageError(
-                f"{name}: the value {value} cannot be read; quote it twice if it holds blanks, commas or "
-                f"brackets: '{name}=\"{value}\"'"
-            ) from error
+            remedy = f"quote it twice if it holds blanks, commas or brackets: '{name}=\"{value}\"'"
+            problem = Problem("value-unreadable", "has a value that cannot be read", remedy, key=name, value=value)
+            raise UsageError(problem) from error
         name = override.key_or_group
         if name.split(".")[0].split("/")[0] == "hydra":
             continue
         if text[0] in "+~":
-            raise UsageError(f"{text}: keys are neither added nor removed; write {text.lstrip('+~')}")
+            remedy = f"write {text.lstrip('+~')}"
+            raise UsageError(Problem("key-added", "would add or remove a key", remedy, key=text))
         if name not in keys and name not in known_groups and name not in records and not _inside(name, mappings):
             raise UsageError(_no_such_key(task, name, overrides))
 
 
 @contextmanager
 def hydra_errors(task: Task, overrides: list[str]) -> Iterator[None]:
-    """Turn what Hydra and OmegaConf raise into one sentence with the full key and the nearest valid one."""
+    """Turn what Hydra and OmegaConf raise into a problem with the full key and the nearest valid one."""
     from hydra.errors import HydraException, MissingConfigException
     from omegaconf.errors import OmegaConfBaseException
 
@@ -202,33 +198,31 @@ def hydra_errors(task: Task, overrides: list[str]) -> Iterator[None]:
     except MissingConfigException as error:
         group, _, name = (error.missing_cfg_file or "").rpartition("/")
         if not (name and error.options):
-            raise UsageError(str(error)) from error
-        raise UsageError(
-            f"{group}={name}: there is no such choice; nearest: {nearest(name, error.options)}; "
-            f"choices: {', '.join(sorted(error.options))}"
-        ) from error
+            raise UsageError(Problem("configuration-unreadable", str(error))) from error
+        said = f"must be one of {', '.join(sorted(error.options))}; nearest: {nearest(name, error.options)}"
+        raise UsageError(Problem("choice-unknown", said, key=group, value=name)) from error
     except (HydraException, OmegaConfBaseException) as error:
-        raise UsageError(_sentence(task, overrides, error)) from error
+        raise UsageError(_problem(task, overrides, error)) from error
 
 
-def _no_such_key(task: Task, name: str, overrides: list[str]) -> str:
+def _no_such_key(task: Task, name: str, overrides: list[str], file: str | None = None) -> Problem:
     close = nearest(name, keys_of(defaults_with(task, overrides)))
-    return f"there is no key {name!r} in `rearl {task.words}`; nearest: {close}"
+    return Problem("key-unknown", f"is no key of `rearl {task.words}`; nearest: {close}", key=name, file=file)
 
 
-def _sentence(task: Task, overrides: list[str], error: BaseException) -> str:
+def _problem(task: Task, overrides: list[str], error: BaseException) -> Problem:
     cause: BaseException | None = error
     while cause is not None and getattr(cause, "full_key", None) is None:
         cause = cause.__cause__ or cause.__context__
     if cause is None:
-        return str(error)
+        return Problem("configuration-unreadable", str(error))
     keys = keys_of(defaults_with(task, overrides))
     reason = str(cause).split("\n")[0]
     name = str(getattr(cause, "full_key", "")).partition("[")[0]
-    file = re.match(r"In '(.+?)'", str(error))
-    where = f"{file[1]}.yaml: " if file else ""
+    match = re.match(r"In '(.+?)'", str(error))
+    file = f"{match[1]}.yaml" if match else None
     if name in keys:
-        return f"{where}{name} must be {keys[name].type_name}: {reason}"
+        return Problem("wrong-type", f"must be {keys[name].type_name}: {reason}", key=name, file=file)
     if name:
-        return where + _no_such_key(task, name, overrides)
-    return f"{where or ' '.join(overrides) + ': '}{reason}"
+        return _no_such_key(task, name, overrides, file)
+    return Problem("configuration-unreadable", reason, file=file or " ".join(overrides))

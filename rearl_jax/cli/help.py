@@ -62,12 +62,7 @@ def group_help(group: list[Task]) -> str:
 
 
 def task_help(task: Task, overrides: list[str]) -> str:
-    """One task: what it does, its keys, its sweep files, examples, options.
-
-    Args:
-        task: The task.
-        overrides: Of the command line; driver=NAME lists the keys of that model.
-    """
+    """One task: what it does, its keys, its sweep files, examples, options."""
     columns = min(shutil.get_terminal_size((110, 24)).columns, 120)
     blocks = [
         f"rearl {task.words}: {task.summary}",

@@ -14,6 +14,7 @@ from typing import Any
 
 from rearl_jax.cli.composition import UsageError
 from rearl_jax.cli.running import JobError, complain
+from rearl_jax.problems import Problem
 
 _EXTRAS = {
     "joblib": ("joblib", "hydra-joblib-launcher"),
@@ -118,21 +119,21 @@ def _check(launcher: str, said: Mapping[str, Any]) -> None:
     try:
         distribution(plugin)
     except PackageNotFoundError as error:
-        needed = f"hydra/launcher={launcher} needs the extra `{extra}`: pip install 'rearl_jax[{extra}]'"
-        raise UsageError(needed) from error
+        remedy = f"pip install 'rearl_jax[{extra}]'"
+        problem = Problem("extra-missing", f"needs the extra {extra}", remedy, key="hydra/launcher", value=launcher)
+        raise UsageError(problem) from error
     if launcher == "submitit_slurm" and shutil.which("srun") is None:
-        raise UsageError(f"hydra/launcher={launcher}: there is no Slurm here; call rearl where `srun` is found")
+        words, remedy = "needs Slurm, which is not here", "call rearl where `srun` is found"
+        raise UsageError(Problem("slurm-missing", words, remedy, key="hydra/launcher", value=launcher))
     if _is_elsewhere(said) and not Path(str(said.get("results.root", ""))).is_absolute():
-        raise UsageError(
-            "hydra/launcher=ray: the workers of a running cluster do not know this folder; name one that all machines "
-            "see, results.root=/FOLDER, and data.root likewise"
-        )
+        words = "must be a folder that all machines of the cluster see, results.root=/FOLDER, and data.root likewise"
+        raise UsageError(Problem("folder-not-shared", words, key="results.root"))
 
 
 def _number(said: Mapping[str, Any], key: str, default: int) -> int:
     value = said.get(key)
     if value is not None and not isinstance(value, (int, float)):
-        raise UsageError(f"{key} must be a number, got {value}")
+        raise UsageError(Problem("wrong-type", "must be a number", key=key, value=value))
     return default if value is None else int(value)
 
 

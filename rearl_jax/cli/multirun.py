@@ -16,7 +16,6 @@ from typing import Any
 
 from rearl_jax import tasks
 from rearl_jax.cli.composition import (
-    as_record,
     check_overrides,
     choices,
     compose_task,
@@ -39,11 +38,6 @@ _OWN_FOLDER = ("study", "results.root", "results.resume")
 
 def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[Path, list[dict[str, str]]]:
     """Runs all jobs, then puts the finished ones together; their folder, and the values of the swept keys in each.
-
-    Args:
-        task: The task of every job.
-        overrides: Words of the command line, swept values among them.
-        config_dir: Folder with configuration files of the user.
 
     Raises:
         JobError: A job failed; the others have run.
@@ -124,15 +118,7 @@ def cells_of(swept: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
 
 
 def _launch(task: Task, overrides: list[str], said: Mapping[str, Any], n_jobs: int, config_dir: str | None) -> None:
-    """Hands the jobs to Hydra's sweeper and launcher.
-
-    Args:
-        task: The task of every job.
-        overrides: Words of the command line.
-        said: Keys and values among them that are the same in all jobs.
-        n_jobs: Jobs of the multirun.
-        config_dir: Folder with configuration files of the user.
-    """
+    """Hands the jobs to Hydra's sweeper and launcher."""
     import hydra
     from hydra.core.utils import env_override
 
@@ -161,12 +147,14 @@ def _launch(task: Task, overrides: list[str], said: Mapping[str, Any], n_jobs: i
 def run_job(composed: Any) -> None:
     """One job of a multirun; a launcher may call it in another process."""
     from hydra.core.hydra_config import HydraConfig
+    from omegaconf import OmegaConf
 
     hydra = HydraConfig.get()
     task = next(task for task in tasks.TASKS if task.config_name == hydra.job.config_name)
     name = hydra.job.override_dirname
     try:
-        config = finished(as_record(composed))
+        config: Any = OmegaConf.to_object(composed)
+        config = finished(config)
         config.study = "/".join(part for part in (config.study, name) if part)
         if not any(text.startswith("results.resume=") for text in hydra.overrides.task):
             config.results.resume = True

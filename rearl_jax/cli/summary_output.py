@@ -30,15 +30,10 @@ def standard_output_apart() -> Iterator[TextIO]:
 
 
 def summary_object(task: Task, folder: Path | None, returned: Mapping[str, Any]) -> dict[str, Any]:
-    """What a task has found: `task`, `results` (its folder), and the keys of summary.json, a list of them as `rows`.
-
-    Args:
-        task: The task.
-        folder: Folder of its results; None where it has none.
-        returned: What its function has returned, which counts where it writes no summary.
-    """
-    stored = None if folder is None else _stored(folder, task)
-    if stored is None:
+    """What a task has found: `task`, `results` (its folder), and the keys of summary.json, a list of them as `rows`."""
+    stored = None if folder is None else _read(folder / "summary.json")
+    first = first_part(stored)
+    if not isinstance(first, dict) or first.get("task") != task.words:
         content = dict(returned)
     else:
         content = stored if isinstance(stored, dict) else {"rows": stored}
@@ -46,13 +41,7 @@ def summary_object(task: Task, folder: Path | None, returned: Mapping[str, Any])
 
 
 def multirun_object(task: Task, folder: Path, cells: Sequence[Mapping[str, str]]) -> dict[str, Any]:
-    """The same of a multirun: the summary of all cells, else that of every finished job.
-
-    Args:
-        task: The task of every job.
-        folder: Folder of the multirun.
-        cells: Values of the swept keys, job by job.
-    """
+    """The same of a multirun: the summary of all cells, else that of every finished job."""
     stored = _read(folder / "summary.json") if task.collect is not None else None
     if stored is None:
         stored = []
@@ -67,13 +56,6 @@ def multirun_object(task: Task, folder: Path, cells: Sequence[Mapping[str, str]]
 def write_object(value: Mapping[str, Any], stream: TextIO) -> None:
     """Writes one line of JSON; numbers that JSON does not know become null."""
     print(json.dumps(_plain(value), allow_nan=False), file=stream)
-
-
-def _stored(folder: Path, task: Task) -> Any:
-    """The summary in a folder, if this task has written it."""
-    found = _read(folder / "summary.json")
-    first = first_part(found)
-    return found if isinstance(first, dict) and first.get("task") == task.words else None
 
 
 def _read(path: Path) -> Any:

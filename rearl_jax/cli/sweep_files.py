@@ -7,7 +7,6 @@ keys:
   detection.cues: both,speed,spacing
 """
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ import yaml
 from rearl_jax import tasks
 from rearl_jax.cli.composition import UsageError, file_problem
 from rearl_jax.config._schema import as_written, nearest
+from rearl_jax.problems import Problem
 from rearl_jax.tasks import Task
 
 
@@ -33,10 +33,12 @@ def read_sweep(name: str, task: Task, config_dir: str | None) -> list[str]:
     """
     files = sweep_files(config_dir)
     if name not in files:
-        raise UsageError(f"--sweep {name}: there is no such file; nearest: {nearest(name, files)}; {_listed(files)}")
+        said = f"must be one of {', '.join(sorted(files))}; nearest: {nearest(name, files)}"
+        raise UsageError(Problem("choice-unknown", said, key="--sweep", value=name))
     content = _content(files[name])
     if content["task"] != task.words:
-        raise UsageError(f"--sweep {name} belongs to another task: rearl {content['task']} --sweep {name}")
+        said = f"belongs to another task: rearl {content['task']} --sweep {name}"
+        raise UsageError(Problem("sweep-of-another-task", said, key=f"--sweep {name}"))
     return [f"study={name}", *(f"{key}={as_written(value)}" for key, value in content["keys"].items())]
 
 
@@ -47,12 +49,9 @@ def sweeps_of(task: Task) -> dict[str, Path]:
 
 def _content(file: Path) -> dict[str, Any]:
     if problem := file_problem(file):
-        raise UsageError(f"{file}: {problem}")
+        raise UsageError(Problem("file-unreadable", problem, file=str(file)))
     content = yaml.safe_load(file.read_text(encoding="utf-8"))
     if not (isinstance(content, dict) and set(content) == {"task", "keys"} and isinstance(content["keys"], dict)):
-        raise UsageError(f"{file} must hold `task: NAME` and `keys:` with one `key: values` per line, nothing else")
+        said = "must hold `task: NAME` and `keys:` with one `key: values` per line, nothing else"
+        raise UsageError(Problem("sweep-malformed", said, file=str(file)))
     return content
-
-
-def _listed(names: Iterable[str]) -> str:
-    return f"there are {', '.join(sorted(names))}"

@@ -1,4 +1,4 @@
-"""Ranges of numbers, as several records check them."""
+"""Ranges of numbers, as several records check them; null passes."""
 
 from rearl_jax.problems import out_of_range
 
@@ -11,15 +11,25 @@ def check_rising(record: object, *names: str) -> None:
             raise out_of_range(name, "must be positive, rising numbers", values)
 
 
-def check_least(record: object, least: int, *names: str) -> None:
+def check_least(record: object, least: float, *names: str) -> None:
     """Raise InvalidInputError unless these keys are at least a number."""
     for name in names:
-        if getattr(record, name) < least:
-            raise out_of_range(name, f"must be at least {least}", getattr(record, name))
+        value = getattr(record, name)
+        if value is not None and not value >= least:
+            raise out_of_range(name, f"must be at least {least}", value)
 
 
 def check_positive(record: object, *names: str) -> None:
     """Raise InvalidInputError unless these keys are greater than zero."""
     for name in names:
-        if not getattr(record, name) > 0:
-            raise out_of_range(name, "must be > 0", getattr(record, name))
+        value = getattr(record, name)
+        if value is not None and not value > 0:
+            raise out_of_range(name, "must be > 0", value)
+
+
+def check_within(record: object, least: float, greatest: float, *names: str) -> None:
+    """Raise InvalidInputError unless these keys lie between two numbers, or are one of them."""
+    for name in names:
+        value = getattr(record, name)
+        if value is not None and not least <= value <= greatest:
+            raise out_of_range(name, f"must be within {least} and {greatest}", value)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least
 from rearl_jax.problems import out_of_range
 
 
@@ -37,7 +38,6 @@ class BlindConfig:
         """Raise InvalidInputError for a value outside its range."""
         if self.seed is not None and not 0 <= self.seed < 2**32:
             raise out_of_range("seed", f"must be within 0 and {2**32 - 1} or null", self.seed)
-        if self.first is not None and self.first < 1:
-            raise out_of_range("first", "must be at least 1 or null", self.first)
+        check_least(self, 1, "first")
         if not self.sets:
             raise out_of_range("sets", "must be a shell pattern such as *", repr(self.sets))

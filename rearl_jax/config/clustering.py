@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least, check_within
 from rearl_jax.problems import out_of_range
 
 
@@ -94,9 +95,7 @@ class KlConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        for name in ("k", "iterations", "ball_steps", "members"):
-            if getattr(self, name) < 1:
-                raise out_of_range(name, "must be at least 1", getattr(self, name))
+        check_least(self, 1, "k", "iterations", "ball_steps", "members")
         if self.l < 2:
             raise out_of_range("l", "must be at least 2 (a centre has a start and an end)", self.l)
         if self.centre_points < self.l:
@@ -105,8 +104,7 @@ class KlConfig:
             raise out_of_range("sample", f"must be at least k = {self.k}", self.sample)
         if not all(weight > 0 for weight in self.weights):
             raise out_of_range("weights", "must be > 0", ", ".join(map(str, self.weights)))
-        if self.seed < 0:
-            raise out_of_range("seed", "must be >= 0", self.seed)
+        check_least(self, 0, "seed")
 
 
 @dataclass(unsafe_hash=True)
@@ -126,11 +124,8 @@ class ClusterConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        for name in ("n_clusters", "n_init"):
-            if getattr(self, name) < 1:
-                raise out_of_range(name, "must be at least 1", getattr(self, name))
-        if not 0 <= self.seed < 2**32:
-            raise out_of_range("seed", "must be within 0 and 2^32 - 1", self.seed)
+        check_least(self, 1, "n_clusters", "n_init")
+        check_within(self, 0, 2**32 - 1, "seed")
 
 
 @dataclass(unsafe_hash=True)
@@ -157,12 +152,7 @@ class BoConfig:
             values = getattr(self, name)
             if not values or min(values) < least or len(set(values)) != len(values):
                 raise out_of_range(name, f"must be different values of at least {least}", values)
-        for name in ("n_calls", "n_initial"):
-            if getattr(self, name) < 1:
-                raise out_of_range(name, "must be at least 1", getattr(self, name))
+        check_least(self, 1, "n_calls", "n_initial")
         if not 0 < self.share <= 1:
             raise out_of_range("share", "must be above 0 and at most 1", self.share)
-        if not self.penalty >= 0:
-            raise out_of_range("penalty", "must be >= 0", self.penalty)
-        if self.seed < 0:
-            raise out_of_range("seed", "must be >= 0", self.seed)
+        check_least(self, 0, "penalty", "seed")

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least, check_positive, check_within
 from rearl_jax.problems import out_of_range
 
 
@@ -32,13 +33,9 @@ class CoreConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        if not 1 <= self.n_lanes <= 8:
-            raise out_of_range("n_lanes", "must be within 1..8", self.n_lanes)
-        for name in ("n_vehicles", "ticks_per_second", "chunk"):
-            if getattr(self, name) < 1:
-                raise out_of_range(name, "must be at least 1", getattr(self, name))
-        if self.density <= 0:
-            raise out_of_range("density", "must be > 0", self.density)
+        check_within(self, 1, 8, "n_lanes")
+        check_least(self, 1, "n_vehicles", "ticks_per_second", "chunk")
+        check_positive(self, "density")
         if self.speed_limit is not None and self.speed_limit <= 0:
             raise out_of_range("speed_limit", "must be > 0 m/s or null", self.speed_limit)
 

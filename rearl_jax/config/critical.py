@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least
 from rearl_jax.problems import out_of_range
 
 
@@ -39,11 +40,8 @@ class CriticalConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        for name in ("rounds", "rollouts", "attempts", "max_tokens"):
-            if getattr(self, name) < 1:
-                raise out_of_range(name, "must be at least 1", getattr(self, name))
-        if self.history < 0:
-            raise out_of_range("history", "must be at least 0", self.history)
+        check_least(self, 1, "rounds", "rollouts", "attempts", "max_tokens")
+        check_least(self, 0, "history")
         if self.ratios is not None and (problem := shares_problem(self.ratios)):
             said = f"must be three shares with a sum of at most 1 ({problem})"
             raise out_of_range("ratios", said, list(self.ratios))

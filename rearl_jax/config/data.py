@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_positive, check_within
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 _DATA = Path(__file__).resolve().parents[1] / "data"
@@ -78,7 +79,5 @@ class DataConfig:
             raise InvalidInputError(Problem("root-missing", said, key="root"))
         if not self.recordings:
             raise out_of_range("recordings", "must be a shell pattern such as *", repr(self.recordings))
-        if not self.max_jump > 0.0:
-            raise out_of_range("max_jump", "must be > 0", self.max_jump)
-        if not 1.0 <= self.default_length <= 30.0:
-            raise out_of_range("default_length", "must be within 1 and 30", self.default_length)
+        check_positive(self, "max_jump")
+        check_within(self, 1.0, 30.0, "default_length")

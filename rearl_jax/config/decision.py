@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
-from rearl_jax.problems import out_of_range
+from rearl_jax.config._ranges import check_least
 
 
 class PolicyName(Enum):
@@ -85,8 +85,7 @@ class ExecConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        if self.hold < 1:
-            raise out_of_range("hold", "must be at least 1 s", self.hold)
+        check_least(self, 1, "hold")
 
 
 @dataclass(unsafe_hash=True)
@@ -107,9 +106,7 @@ class AdmissibleConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        for name in ("min_gap", "min_time_gap", "decel_faster", "decel_keep", "decel_slower"):
-            if not getattr(self, name) >= 0:
-                raise out_of_range(name, "must be >= 0", getattr(self, name))
+        check_least(self, 0, "min_gap", "min_time_gap", "decel_faster", "decel_keep", "decel_slower")
 
 
 @dataclass(unsafe_hash=True)
@@ -126,7 +123,4 @@ class MatcherConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        if self.value_weight < 0:
-            raise out_of_range("value_weight", "must be >= 0", self.value_weight)
-        if self.lane_change_pause < 0:
-            raise out_of_range("lane_change_pause", "must be >= 0 s", self.lane_change_pause)
+        check_least(self, 0, "value_weight", "lane_change_pause")

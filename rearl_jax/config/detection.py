@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least, check_within
 from rearl_jax.problems import out_of_range
 
 
@@ -65,15 +66,9 @@ class DetectionConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        for name in ("threshold_h", "threshold_m"):
-            value = getattr(self, name)
-            if value is not None and not value >= 0:
-                raise out_of_range(name, "must be >= 0 or null", value)
-        for name in ("h_pct", "m_pct"):
-            if not 0 <= getattr(self, name) <= 100:
-                raise out_of_range(name, "must be within 0 and 100 %", getattr(self, name))
-        if self.interval < 1:
-            raise out_of_range("interval", "must be at least 1 s", self.interval)
+        check_least(self, 0, "threshold_h", "threshold_m")
+        check_within(self, 0, 100, "h_pct", "m_pct")
+        check_least(self, 1, "interval")
 
 
 @dataclass(unsafe_hash=True)

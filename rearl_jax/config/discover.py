@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least
 from rearl_jax.problems import out_of_range
 
 
@@ -36,11 +37,9 @@ class DiscoverConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        if self.replicates < 2:
-            raise out_of_range("replicates", "must be at least 2", self.replicates)
+        check_least(self, 2, "replicates")
         if self.max_drivers < 9:
             raise out_of_range("max_drivers", "must be at least 9, three for each part of the data", self.max_drivers)
         if not 0.5 <= self.confidence < 1.0:
             raise out_of_range("confidence", "must be within 0.5 and 1", self.confidence)
-        if self.draws < 100:
-            raise out_of_range("draws", "must be at least 100", self.draws)
+        check_least(self, 100, "draws")

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least, check_within
 from rearl_jax.problems import out_of_range
 
 
@@ -76,10 +77,7 @@ class EvaluationConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        for name in ("n_runs", "resamples", "noise_draws"):
-            if getattr(self, name) < 1:
-                raise out_of_range(name, "must be at least 1", getattr(self, name))
-        if not 0 <= self.seed < 2**31:
-            raise out_of_range("seed", "must be within 0 and 2^31 - 1", self.seed)
+        check_least(self, 1, "n_runs", "resamples", "noise_draws")
+        check_within(self, 0, 2**31 - 1, "seed")
         if not 0 < self.confidence < 1:
             raise out_of_range("confidence", "must be between 0 and 1", self.confidence)

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least, check_within
 from rearl_jax.problems import out_of_range
 
 
@@ -80,17 +81,14 @@ class GeneratorConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value out of range."""
-        for name in ("n_recordings", "frames_per_step"):
-            if getattr(self, name) < 1:
-                raise out_of_range(name, "must be >= 1", getattr(self, name))
+        check_least(self, 1, "n_recordings", "frames_per_step")
         for name in ("seed", "workers", "position_noise", "acceleration_noise", "lane_change_rate"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise out_of_range(name, "must be >= 0", getattr(self, name))
         if not (self.first_id >= 1 and self.first_id + self.n_recordings <= 1000):
             said = f"must be >= 1, and the last of {self.n_recordings} recordings below 1000"
             raise out_of_range("first_id", said, self.first_id)
-        if not 0.05 <= self.duration_scale <= 10.0:
-            raise out_of_range("duration_scale", "must be within 0.05 and 10", self.duration_scale)
+        check_within(self, 0.05, 10.0, "duration_scale")
         for stem in ("duration", "in_view", "truck_share"):
             low, mean, high = (getattr(self, f"{stem}_{part}") for part in ("min", "mean", "max"))
             if not 0.0 < low < mean < high:
@@ -102,8 +100,7 @@ class GeneratorConfig:
             raise out_of_range("in_view_max", "must be <= 45, more does not fit the road", self.in_view_max)
         if not 0 < self.vehicles_min < self.vehicles_max:
             raise out_of_range("vehicles_min", "must be > 0 and below vehicles_max", self.vehicles_min)
-        if not 0.0 <= self.congested_share <= 0.5:
-            raise out_of_range("congested_share", "must be within 0 and 0.5", self.congested_share)
+        check_within(self, 0.0, 0.5, "congested_share")
         for name, low, high in _RANGES:
             if not low <= getattr(self, name) <= high:
                 raise out_of_range(name, f"must be within {low} and {high}", getattr(self, name))

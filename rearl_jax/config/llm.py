@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least, check_positive
 from rearl_jax.problems import out_of_range
 
 
@@ -79,15 +80,9 @@ class LlmConfig:
         """Raise InvalidInputError for a value outside its range."""
         if self.votes not in (1, 3):
             raise out_of_range("votes", "must be 1 or 3", self.votes)
-        for name in ("max_tokens", "max_in_flight", "tries", "breaker_failures"):
-            if getattr(self, name) < 1:
-                raise out_of_range(name, "must be at least 1", getattr(self, name))
-        for name in ("connect_timeout", "read_timeout", "deadline"):
-            if not getattr(self, name) > 0:
-                raise out_of_range(name, "must be > 0 s", getattr(self, name))
-        for name in ("temperature", "startup", "backoff", "breaker_pause"):
-            if not getattr(self, name) >= 0:
-                raise out_of_range(name, "must be >= 0", getattr(self, name))
+        check_least(self, 1, "max_tokens", "max_in_flight", "tries", "breaker_failures")
+        check_positive(self, "connect_timeout", "read_timeout", "deadline")
+        check_least(self, 0, "temperature", "startup", "backoff", "breaker_pause")
         if self.thinking is Thinking.on and self.max_tokens < 256:
             said = "must be larger for thinking=on, such as 4096"
             raise out_of_range("max_tokens", said, self.max_tokens)

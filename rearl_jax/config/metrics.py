@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least, check_positive
 from rearl_jax.config.scenes import SpacingConfig
 from rearl_jax.problems import out_of_range
 
@@ -48,13 +49,10 @@ class HistConfig:
     oob: OutOfBounds = key(OutOfBounds.clip, "speeds outside the range: clip (into the outer bins) or drop; own choice")
 
     def check(self) -> None:
-        """Raises ValueError where a value cannot be used."""
+        """Raise InvalidInputError for a value outside its range."""
         if not self.high > self.low:
             raise out_of_range("high", f"must exceed low ({self.low})", self.high)
-        if self.n_bins < 1:
-            raise out_of_range("n_bins", "must be at least 1", self.n_bins)
-        if self.window < 1:
-            raise out_of_range("window", "must be at least 1 frame", self.window)
+        check_least(self, 1, "n_bins", "window")
 
 
 @dataclass(unsafe_hash=True)
@@ -80,7 +78,7 @@ class ThwConfig:
     v_min: float = key(1.0, "smallest speed of a follower [m/s], which keeps the ratio finite; own choice")
 
     def check(self) -> None:
-        """Raises ValueError where a value cannot be used."""
+        """Raise InvalidInputError for a value outside its range."""
         if not self.v_min > 0:
             raise out_of_range("v_min", "must be > 0 m/s (a headway divides by the speed)", self.v_min)
 
@@ -94,10 +92,8 @@ class SafetyConfig:
     jerk: float = key(2.5, "magnitude of a large jerk, mean over 1 s [m/s^3]; ISO 15622:2018, limit above 20 m/s")
 
     def check(self) -> None:
-        """Raises ValueError where a value cannot be used."""
-        for name in ("ttc", "drac", "jerk"):
-            if not getattr(self, name) > 0:
-                raise out_of_range(name, "must be > 0", getattr(self, name))
+        """Raise InvalidInputError for a value outside its range."""
+        check_positive(self, "ttc", "drac", "jerk")
 
 
 @dataclass(unsafe_hash=True)
@@ -110,13 +106,11 @@ class FeatureConfig:
     weight: float = key(0.0, "weight before normalisation over the features used [-]")
 
     def check(self) -> None:
-        """Raises ValueError where a value cannot be used."""
+        """Raise InvalidInputError for a value outside its range."""
         if not self.high > self.low:
             raise out_of_range("high", f"must exceed low ({self.low})", self.high)
-        if self.n_bins < 1:
-            raise out_of_range("n_bins", "must be at least 1", self.n_bins)
-        if self.weight < 0:
-            raise out_of_range("weight", "must be >= 0", self.weight)
+        check_least(self, 1, "n_bins")
+        check_least(self, 0, "weight")
 
 
 @dataclass(unsafe_hash=True)
@@ -145,12 +139,11 @@ class RealismConfig:
     collision_pseudocount: float = key(0.001, "additive smoothing of the collision indicator; same source")
 
     def check(self) -> None:
-        """Raises ValueError where a value cannot be used."""
+        """Raise InvalidInputError for a value outside its range."""
         for name in ("pseudocount", "collision_pseudocount"):
             if not getattr(self, name) > 0:
                 raise out_of_range(name, "must be > 0 (an empty bin needs a probability)", getattr(self, name))
-        if self.collision_weight < 0:
-            raise out_of_range("collision_weight", "must be >= 0", self.collision_weight)
+        check_least(self, 0, "collision_weight")
         features = (self.speed, self.acceleration, self.distance, self.ttc)
         if not self.collision_weight + sum(feature.weight for feature in features) > 0:
             said = "must be > 0 where the weights of the four features are all 0"
@@ -169,6 +162,5 @@ class MetricsConfig:
     frame_interval: float = key(1.0, "time between two frames [s]; REARL")
 
     def check(self) -> None:
-        """Raises ValueError where a value cannot be used."""
-        if not self.frame_interval > 0:
-            raise out_of_range("frame_interval", "must be > 0 s", self.frame_interval)
+        """Raise InvalidInputError for a value outside its range."""
+        check_positive(self, "frame_interval")

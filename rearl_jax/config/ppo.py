@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least, check_positive, check_within
 from rearl_jax.config.decision import Longitudinal
 from rearl_jax.problems import out_of_range
 
@@ -50,22 +51,13 @@ class PpoConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        for name in ("scenarios", "horizon", "epochs", "minibatch", "width", "layers", "checkpoint_every"):
-            if getattr(self, name) < 1:
-                raise out_of_range(name, "must be at least 1", getattr(self, name))
+        check_least(self, 1, "scenarios", "horizon", "epochs", "minibatch", "width", "layers", "checkpoint_every")
         if not 1 <= self.car_steps < math.inf:
             raise out_of_range("car_steps", "must be at least 1 and finite", self.car_steps)
-        if not 0 <= self.seed < 2**31:
-            raise out_of_range("seed", "must be within 0 and 2^31 - 1", self.seed)
-        for name in ("gamma", "gae_lambda"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise out_of_range(name, "must be within 0 and 1", getattr(self, name))
-        for name in ("clip", "learning_rate", "max_grad_norm"):
-            if not getattr(self, name) > 0:
-                raise out_of_range(name, "must be > 0", getattr(self, name))
-        for name in ("entropy_weight", "value_weight"):
-            if not getattr(self, name) >= 0:
-                raise out_of_range(name, "must be >= 0", getattr(self, name))
+        check_within(self, 0, 2**31 - 1, "seed")
+        check_within(self, 0, 1, "gamma", "gae_lambda")
+        check_positive(self, "clip", "learning_rate", "max_grad_norm")
+        check_least(self, 0, "entropy_weight", "value_weight")
 
 
 @dataclass(unsafe_hash=True)

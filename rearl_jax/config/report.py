@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least, check_within
 from rearl_jax.problems import out_of_range
 
 
@@ -29,10 +30,8 @@ class ReportConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        if not 1 <= self.n_scenes <= 20:
-            raise out_of_range("n_scenes", "must be within 1 and 20", self.n_scenes)
-        if self.run < 0:
-            raise out_of_range("run", "must be at least 0", self.run)
+        check_within(self, 1, 20, "n_scenes")
+        check_least(self, 0, "run")
         if self.scenes is not None and (not self.scenes or len(set(self.scenes)) != len(self.scenes)):
             raise out_of_range("scenes", "must name each scene once", list(self.scenes))
         if self.path == "":

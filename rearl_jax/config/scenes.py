@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least, check_positive
 from rearl_jax.problems import out_of_range
 
 
@@ -90,8 +91,7 @@ class ScenesConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        if self.seconds < 2:
-            raise out_of_range("seconds", "must be at least 2", self.seconds)
+        check_least(self, 2, "seconds")
         if self.slots < 2:
             raise out_of_range("slots", "must be at least 2 (a spacing needs two vehicles)", self.slots)
         if self.min_vehicles < self.slots:
@@ -118,10 +118,7 @@ class TracksConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        if self.min_frames < 2:
-            raise out_of_range("min_frames", "must be at least 2", self.min_frames)
-        if self.points < 2:
-            raise out_of_range("points", "must be at least 2", self.points)
+        check_least(self, 2, "min_frames", "points")
 
 
 @dataclass(unsafe_hash=True)
@@ -158,11 +155,6 @@ class SplitConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        if self.seed < 0:
-            raise out_of_range("seed", "must be >= 0", self.seed)
-        if not self.block_seconds > 0:
-            raise out_of_range("block_seconds", "must be > 0", self.block_seconds)
-        for name in ("threshold", "tuning", "evaluation"):
-            size = getattr(self, name)
-            if size is not None and size < 1:
-                raise out_of_range(name, "must be at least 1 or null", size)
+        check_least(self, 0, "seed")
+        check_positive(self, "block_seconds")
+        check_least(self, 1, "threshold", "tuning", "evaluation")

@@ -24,9 +24,7 @@ class Table1Config:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        for name in ("llm_interval", "llm_runs"):
-            if getattr(self, name) < 1:
-                raise out_of_range(name, "must be at least 1", getattr(self, name))
+        check_least(self, 1, "llm_interval", "llm_runs")
         if self.rows is not None and (not self.rows or len(set(self.rows)) != len(self.rows)):
             raise out_of_range("rows", "must name each row once", f"[{', '.join(self.rows)}]")
 
@@ -45,8 +43,7 @@ class Table4Config:
         """Raise InvalidInputError for a value outside its range."""
         if not self.llm_batches or min(self.llm_batches) < 1 or len(set(self.llm_batches)) != len(self.llm_batches):
             raise out_of_range("llm_batches", "must be different positive numbers", list(self.llm_batches))
-        if self.llm_repetitions < 1:
-            raise out_of_range("llm_repetitions", "must be at least 1", self.llm_repetitions)
+        check_least(self, 1, "llm_repetitions")
 
 
 @dataclass(unsafe_hash=True)

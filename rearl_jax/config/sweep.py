@@ -21,9 +21,5 @@ class SweepConfig:
         """Raise InvalidInputError for percentiles that are none, or given twice."""
         for name in ("h_pct", "m_pct"):
             values = getattr(self, name)
-            if not values:
-                raise out_of_range(name, "must hold at least one percentile", values)
-            if not all(0 <= value <= 100 for value in values):
-                raise out_of_range(name, "must be within 0 and 100 %", values)
-            if len(set(values)) != len(values):
-                raise out_of_range(name, "must hold each percentile once", values)
+            if not values or len(set(values)) != len(values) or not all(0 <= value <= 100 for value in values):
+                raise out_of_range(name, "must hold percentiles within 0 and 100 %, each once", values)

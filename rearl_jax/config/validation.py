@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, fields
 
 from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least, check_within
 from rearl_jax.problems import out_of_range
 
 
@@ -27,14 +28,11 @@ class SceneCountsConfig:
     drivers10: int = key(40, "injected: 10 IDM vehicles that differ in every parameter, in size, heading and timer")
 
     def check(self) -> None:
-        """Raises ValueError where a number is negative or all are zero."""
-        counts = {field.name: getattr(self, field.name) for field in fields(self)}
-        for name, count in counts.items():
-            if count < 0:
-                raise out_of_range(name, "must be at least 0", count)
-        if not any(counts.values()):
-            said = "must be > 0, or another number of scenes: there is nothing to compare"
-            raise out_of_range(next(iter(counts)), said, 0)
+        """Raise InvalidInputError where a number is negative or all are zero."""
+        names = [field.name for field in fields(self)]
+        check_least(self, 0, *names)
+        if not any(getattr(self, name) for name in names):
+            raise out_of_range(names[0], "must be > 0, or another number of scenes: there is nothing to compare", 0)
 
 
 @dataclass(unsafe_hash=True)
@@ -57,21 +55,12 @@ class ValidationConfig:
     least_crashes: int = key(500, "smallest number of crashed vehicles")
 
     def check(self) -> None:
-        """Raises ValueError where a value cannot be used."""
+        """Raise InvalidInputError for a value outside its range."""
         if not 0 < self.share <= 1:
             raise out_of_range("share", "must be within 0 (excluded) and 1", self.share)
-        if self.seconds < 1:
-            raise out_of_range("seconds", "must be at least 1", self.seconds)
-        if self.seed < 0:
-            raise out_of_range("seed", "must be at least 0", self.seed)
-        if self.workers is not None and self.workers < 1:
-            raise out_of_range("workers", "must be at least 1 or null", self.workers)
-        for name in ("control_share", "least_agree_share"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise out_of_range(name, "must be within 0 and 1", getattr(self, name))
+        check_least(self, 1, "seconds", "workers")
+        check_within(self, 0, 1, "control_share", "least_agree_share")
         for name in ("tolerance_f64", "tolerance_f32"):
             if not 0 < getattr(self, name) < math.inf:
                 raise out_of_range(name, "must be positive and finite [m]", getattr(self, name))
-        for name in ("least_lane_changes", "least_aborts", "least_crashes"):
-            if getattr(self, name) < 0:
-                raise out_of_range(name, "must be at least 0", getattr(self, name))
+        check_least(self, 0, "seed", "least_lane_changes", "least_aborts", "least_crashes")

@@ -16,14 +16,7 @@ class Status(Enum):
 
 @dataclass(frozen=True)
 class Check:
-    """One line of the report.
-
-    Attributes:
-        name: What was looked at.
-        status: How it is.
-        found: What was found.
-        remedy: What to do about it; empty where nothing is to be done.
-    """
+    """One line of the report."""
 
     name: str
     status: Status

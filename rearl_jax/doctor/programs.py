@@ -2,7 +2,7 @@
 
 import re
 import shutil
-from importlib.metadata import PackageNotFoundError, distribution, requires
+from importlib.metadata import PackageNotFoundError, distributions, requires
 
 from rearl_jax.doctor.check import Check, fail, ok, warn
 
@@ -47,15 +47,7 @@ def _requirements() -> dict[str, list[str]]:
 
 
 def _missing(names: list[str]) -> list[str]:
-    return [name for name in names if not _is_installed(name)]
-
-
-def _is_installed(name: str) -> bool:
-    try:
-        distribution(name)
-    except PackageNotFoundError:
-        return False
-    return True
+    return [name for name in names if not any(distributions(name=name))]
 
 
 def _extra(name: str, packages: list[str]) -> Check:

@@ -47,23 +47,18 @@ class Answers:
     """The open file; used by one thread at a time."""
 
     def __init__(self, path: Path, *, read_only: bool = False) -> None:
-        """Opens the file, or makes it.
-
-        Args:
-            path: The SQLite file.
-            read_only: Whether nothing will be kept: the file must be there.
+        """Opens the SQLite file, or makes it; where nothing will be kept (`read_only`) it must be there.
 
         Raises:
-            FileNotFoundError: There is no file to read.
-            ValueError: The file is damaged, or no file of answers, or cannot be written.
+            MissingInputError: There is no file to read.
+            InvalidInputError: The file is damaged, or no file of answers, or cannot be written.
         """
         self._path = path
         if read_only and not path.is_file():
-            said, remedy = (
-                "there are no answers to replay",
-                "run with decision.policy=llm first, or name the file with llm.cache",
+            remedy = "run with decision.policy=llm first, or name the file with llm.cache"
+            raise MissingInputError(
+                Problem("answers-missing", "there are no answers to replay", remedy, file=str(path))
             )
-            raise MissingInputError(Problem("answers-missing", said, remedy, file=str(path)))
         try:
             if not read_only:
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -84,7 +79,7 @@ class Answers:
         """The kept answers among those of some requests.
 
         Raises:
-            ValueError: The file is damaged.
+            InvalidInputError: The file is damaged.
         """
         wanted = list(digests)
         found: dict[str, Reply] = {}
@@ -104,12 +99,7 @@ class Answers:
         return found
 
     def keep(self, replies: Mapping[str, Reply], model: str, profile: Profile) -> dict[str, Reply]:
-        """What is kept now for each of some requests: the given reply, or an earlier one of another process.
-
-        Args:
-            replies: Replies with a text, by the digest of the request.
-            model: Name of the model.
-            profile: Dialect of the requests.
+        """What is kept now for each request: the given reply, by the digest, or an earlier one of another process.
 
         Raises:
             OSError: The file cannot be written.
@@ -135,7 +125,7 @@ class Answers:
         kept = self.find(replies)
         return {
             digest: reply
-            if _same(reply, kept[digest])
+            if all(getattr(reply, field) == getattr(kept[digest], field) for field in _FIELDS)
             else replace(kept[digest], latency=reply.latency, tries=reply.tries, status=reply.status)
             for digest, reply in replies.items()
         }
@@ -144,7 +134,7 @@ class Answers:
         """Models whose answers are kept, each with the dialect they were asked in.
 
         Raises:
-            ValueError: The file is damaged.
+            InvalidInputError: The file is damaged.
         """
         try:
             rows = self._database.execute("SELECT DISTINCT model, profile FROM answers ORDER BY model, profile")
@@ -214,7 +204,3 @@ def _patiently(database: sqlite3.Connection, statement: str) -> None:
             if "locked" not in str(error) or time.monotonic() > end:
                 raise
             time.sleep(0.01)
-
-
-def _same(one: Reply, other: Reply) -> bool:
-    return all(getattr(one, field) == getattr(other, field) for field in _FIELDS)

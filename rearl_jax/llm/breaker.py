@@ -11,13 +11,7 @@ class Breaker:
     """Circuit breaker; not safe for several threads. Its user sends one probe at a time."""
 
     def __init__(self, failures: int, pause: float, clock: Callable[[], float] = time.monotonic) -> None:
-        """Closed at first.
-
-        Args:
-            failures: Failed requests in a row that open it.
-            pause: Time it stays open before a probe [s].
-            clock: Present time [s].
-        """
+        """Closed at first; so many failed requests in a row open it, and after a pause [s] there is a probe."""
         self._failures = failures
         self._pause = pause
         self._clock = clock
@@ -42,11 +36,7 @@ class Breaker:
         return was_open
 
     def failed(self, is_probe: bool) -> bool:
-        """Whether this failure opens it, or opens it again.
-
-        Args:
-            is_probe: Whether the request was the probe.
-        """
+        """Whether this failure, the probe's or another, opens it, or opens it again."""
         self._in_a_row += 1
         if self._in_a_row < self._failures or (self.is_open and not is_probe):
             return False

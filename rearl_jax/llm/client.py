@@ -10,7 +10,6 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from rearl_jax.config.llm import LlmConfig
@@ -33,12 +32,8 @@ Read: TypeAlias = Callable[[str, tuple[int, ...], str], tuple[int, Cause]]
 """From the text of an answer, the question's choices and why the server stopped to an action and what became of it."""
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """A question and the digests of its requests, one per vote."""
-
-    question: Question
-    digests: tuple[str, ...]
+_Asked: TypeAlias = tuple[Question, tuple[str, ...]]
+"""A question and the digests of its requests, one per vote."""
 
 
 class Client:
@@ -57,7 +52,7 @@ class Client:
             read: What a text means; KEEP_OUT for an answer that is no action.
 
         Raises:
-            ValueError: The address is none, or a key of the configuration is out of range.
+            InvalidInputError: The address is none, or a key of the configuration is out of range.
         """
         config.check()
         self._config = config
@@ -91,9 +86,9 @@ class Client:
         """This client, when the server is ready and the file of answers open.
 
         Raises:
-            ConnectionError: There is no server, or it does not get ready.
-            ValueError: The server does not have the model or refuses us, or the file of answers cannot be used.
-            FileNotFoundError: There is nothing to replay.
+            ServerError: There is no server, or it does not get ready.
+            InvalidInputError: The server does not have the model or refuses us, or the file of answers cannot be used.
+            MissingInputError: There is nothing to replay.
         """
         if self._loop is not None:
             raise RuntimeError("the client is open already")
@@ -139,13 +134,9 @@ class Client:
 
         Equal questions are sent once, and in the order of the questions, so that equal beginnings meet.
 
-        Args:
-            questions: What is asked.
-            second: Second of the simulation, for the table of requests.
-
         Raises:
             RuntimeError: The client is not open.
-            ValueError: From the future: the file of answers is damaged.
+            InvalidInputError: From the future: the file of answers is damaged.
         """
         config, server = self._config, self.server
         bodies: dict[str, str] = {}
@@ -164,24 +155,15 @@ class Client:
                 digest = request_digest(body, server.dialect)
                 bodies.setdefault(digest, body)
                 digests.append(digest)
-            asked.append(_Asked(question, tuple(digests)))
+            asked.append((question, tuple(digests)))
         return self._in_loop(self._answer(asked, bodies, second))
 
     @property
     def counts(self) -> Counts:
         """How far the client is; cheap, from any thread."""
         causes = dict(self._causes)
-        sender = self._sender
-        return Counts(
-            questions=self._questions,
-            answers=sum(causes.values()),
-            causes=causes,
-            kept=self._kept,
-            sent=sender.sent if sender else 0,
-            tries=sender.tries if sender else 0,
-            waiting=sender.waiting if sender else 0,
-            in_flight=sender.in_flight if sender else 0,
-        )
+        of_sender = {name: getattr(self._sender, name, 0) for name in ("sent", "tries", "waiting", "in_flight")}
+        return Counts(self._questions, sum(causes.values()), causes, self._kept, **of_sender)
 
     def requests_frame(self) -> "pandas.DataFrame":
         """A row for every reply to every question so far; columns as in `requests_table.COLUMNS`."""
@@ -304,29 +286,18 @@ class Client:
     ) -> list[Answer]:
         """What the replies mean for every question; a row for each."""
         answers = []
-        for item in asked:
+        for question, digests in asked:
             votes = []
-            for vote, digest in enumerate(item.digests):
+            for vote, digest in enumerate(digests):
                 reply = replies[digest]
                 action, cause = KEEP_OUT, reply.cause
                 if reply.text is not None:
-                    action, cause = self._read(reply.text, item.question.choices, reply.finish)
+                    action, cause = self._read(reply.text, question.choices, reply.finish)
                 votes.append((action, cause))
-                was_sent = digest in sent
+                of_row = {"digest": digest, "second": second, "vote": vote, "was_sent": digest in sent}
+                self._rows.append(request_row(question, reply, **of_row, action=action, cause=cause.name))
                 sent.discard(digest)
-                self._rows.append(
-                    request_row(
-                        item.question,
-                        reply,
-                        digest=digest,
-                        second=second,
-                        vote=vote,
-                        action=action,
-                        cause=cause,
-                        was_sent=was_sent,
-                    )
-                )
             action, cause = votes[0] if len(votes) == 1 else majority(votes)
             self._causes[cause] += 1
-            answers.append(Answer(action, cause, tuple(replies[digest] for digest in item.digests), item.digests[0]))
+            answers.append(Answer(action, cause, tuple(replies[digest] for digest in digests), digests[0]))
         return answers

@@ -13,6 +13,7 @@ import httpx
 
 from rearl_jax.code_version import __version__
 from rearl_jax.config.llm import LlmConfig
+from rearl_jax.problems import InvalidInputError, Problem
 
 LARGEST_BODY = 4 * 2**20
 """A response that is larger is broken [bytes]: the longest reasoning is a hundredth of it."""
@@ -31,7 +32,7 @@ def server_address(base_url: str) -> str:
     where there is no version `/v1` is added.
 
     Raises:
-        ValueError: It is no address of a server, or holds a password.
+        InvalidInputError: It is no address of a server, or holds a password.
     """
     try:
         parts = urlsplit(base_url.strip())
@@ -39,14 +40,14 @@ def server_address(base_url: str) -> str:
     except ValueError:
         is_address = False
     if not is_address:
+        said, remedy = "is no address of a server", "write it like http://127.0.0.1:8000/v1"
         # Not repeated where it could hold a password.
-        shown = "" if "@" in base_url else f" {base_url!r}"
-        raise ValueError(f"decision.server{shown} is no address of a server: write it like http://127.0.0.1:8000/v1")
+        shown = None if "@" in base_url else repr(base_url)
+        raise InvalidInputError(Problem("server-address", said, remedy, key="decision.server", value=shown))
     if "@" in parts.netloc:
-        raise ValueError(
-            "decision.server holds a user name or password: leave it out and put the key of the server into "
-            "the environment variable that llm.api_key_env names"
-        )
+        said = "holds a user name or password"
+        remedy = "leave it out and put the key of the server into the environment variable that llm.api_key_env names"
+        raise InvalidInputError(Problem("password-in-address", said, remedy, key="decision.server"))
     path = parts.path.rstrip("/").removesuffix("/chat/completions").rstrip("/")
     if not re.search(r"/v\d+\w*$", path):
         path += "/v1"
@@ -57,11 +58,12 @@ def read_key(variable: str) -> str:
     """The key of the server from an environment variable; empty where it is not set.
 
     Raises:
-        ValueError: It holds characters that no HTTP header can hold.
+        InvalidInputError: It holds characters that no HTTP header can hold.
     """
     key = os.environ.get(variable, "").strip() if variable else ""
     if not (key.isascii() and key.isprintable()):
-        raise ValueError(f"the environment variable {variable} holds characters that no key of a server has")
+        said = f"the environment variable {variable} holds characters that no key of a server has"
+        raise InvalidInputError(Problem("server-key", said, "set it to the key of the server"))
     return key
 
 
@@ -99,13 +101,7 @@ class Connection:
     """
 
     def __init__(self, address: str, config: LlmConfig, key: str) -> None:
-        """Nothing is sent yet.
-
-        Args:
-            address: As from `server_address`.
-            config: Time-outs.
-            key: Key of the server, or the empty text.
-        """
+        """Nothing is sent yet; the address is that of `server_address`, the key may be empty."""
         self.address = address
         self._key = key
         self._config = config
@@ -118,19 +114,12 @@ class Connection:
         return await self._exchange("POST", path, body, self._config.read_timeout)
 
     async def get(self, path: str, read_timeout: float) -> Response:
-        """The response for a path.
-
-        Args:
-            path: Behind the address; with `..` beside it.
-            read_timeout: Longest time without a byte [s].
-        """
+        """The response for a path behind the address, or with `..` beside it, within a time without a byte [s]."""
         return await self._exchange("GET", path, None, min(read_timeout, self._config.read_timeout))
 
     def without_key(self, text: str) -> str:
         """The text with the key of the server made unreadable, which a server may repeat."""
-        if len(self._key) < _SHORTEST_SECRET:
-            return text
-        return text.replace(self._key, "***")
+        return text if len(self._key) < _SHORTEST_SECRET else text.replace(self._key, "***")
 
     async def close(self) -> None:
         """Closes all connections."""
@@ -184,12 +173,7 @@ async def _read(response: httpx.Response) -> Response:
 
 
 def read_retry_after(value: str | None, now: float) -> float | None:
-    """Seconds to wait that a Retry-After header asks for, in seconds or as a date; None where it does not say.
-
-    Args:
-        value: The header's value.
-        now: Present time [s since 1970].
-    """
+    """Wait [s] that a Retry-After header asks for, in seconds or as a date, `now` in seconds since 1970; else None."""
     if value is None:
         return None
     try:

@@ -16,13 +16,7 @@ class Keeper:
     """The kept answers of one model, for one event loop."""
 
     def __init__(self, answers: Answers, model: str, profile: Profile) -> None:
-        """Nobody else may use the file meanwhile.
-
-        Args:
-            answers: The open file.
-            model: Name of the model.
-            profile: Dialect it is asked in.
-        """
+        """Nobody else may use the open file meanwhile."""
         self._answers = answers
         self._model = model
         self._profile = profile
@@ -35,18 +29,12 @@ class Keeper:
         """The kept answers among those of some requests.
 
         Raises:
-            ValueError: The file is damaged.
+            InvalidInputError: The file is damaged.
         """
         return await asyncio.get_running_loop().run_in_executor(self._thread, self._answers.find, digests)
 
     def keep(self, digest: str, reply: Reply, done: asyncio.Future[Reply]) -> None:
-        """Keeps a reply, then gives out what is kept: it, or another process's that was first.
-
-        Args:
-            digest: Hash of the request.
-            reply: The reply, with a text.
-            done: What it is given to.
-        """
+        """Keeps a reply with a text, then gives out what is kept: it, or another process's that was first."""
         self._waiting[digest] = reply, done
         if self._writer is None or self._writer.done():
             self._writer = asyncio.create_task(self._write())
@@ -66,7 +54,12 @@ class Keeper:
                 kept = await loop.run_in_executor(self._thread, self._answers.keep, replies, self._model, self._profile)
             except OSError as error:
                 kept = replies
-                self._complain(error)
+                if not self._is_failing:
+                    self._is_failing = True
+                    log.error(
+                        "answers cannot be kept any more (%s): they are used, but the next run will ask for them again",
+                        error,
+                    )
             except Exception as error:  # handed on to whoever asked, who would wait for ever
                 for _, done in batch.values():
                     if not done.done():
@@ -75,10 +68,3 @@ class Keeper:
             for digest, (_, done) in batch.items():
                 if not done.done():
                     done.set_result(kept[digest])
-
-    def _complain(self, error: OSError) -> None:
-        if not self._is_failing:
-            self._is_failing = True
-            log.error(
-                "answers cannot be kept any more (%s): they are used, but the next run will ask for them again", error
-            )

@@ -11,7 +11,7 @@ import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
@@ -44,12 +44,12 @@ def local_model() -> Path:
         raise ImportError(f"decision.server=local needs the package xllamacpp and a model: {remedy}")
     try:
         files = importlib.metadata.files(MODEL_PACKAGE) or []
-    except importlib.metadata.PackageNotFoundError as error:
-        raise ImportError(f"decision.server=local needs the model of the package {MODEL_PACKAGE}: {remedy}") from error
-    found = [Path(str(file.locate())) for file in files if file.suffix == ".gguf"]
-    if not found or not found[0].is_file():
-        raise ImportError(f"the package {MODEL_PACKAGE} holds no model file: {remedy}")
-    return found[0]
+    except importlib.metadata.PackageNotFoundError:
+        files = []
+    weights = [Path(str(file.locate())) for file in files if file.suffix == ".gguf"]
+    if not weights or not weights[0].is_file():
+        raise ImportError(f"decision.server=local needs the model of the package {MODEL_PACKAGE}: {remedy}")
+    return weights[0]
 
 
 @contextmanager
@@ -63,52 +63,21 @@ def server_at(address: str) -> Iterator[str]:
     if address != LOCAL:
         yield address
         return
-    with local_server() as started:
-        yield started
-
-
-@contextmanager
-def local_server(slots: int = SLOTS) -> Iterator[str]:
-    """Address of the server, `http://127.0.0.1:PORT/v1`, as long as it is needed.
-
-    Raises:
-        ImportError: The server or the weights are not installed.
-        OSError: It does not start.
-    """
     model = local_model()
-    command = ["rearl_jax.llm.serve", str(model), str(slots), str(available_cores())]
-    with started(command, "the server of the language model") as address:
-        log.info("language model %s at %s", model.stem, address)
-        yield f"{address}/v1"
-
-
-@contextmanager
-def started(command: Sequence[str], name: str) -> Iterator[str]:
-    """Address of a server in a process of its own, which prints `READY <address>` when it takes requests.
-
-    Args:
-        command: Its module, and what that is told; it must end when its standard input does.
-        name: What messages call it.
-
-    Raises:
-        OSError: It does not start.
-    """
+    command = [sys.executable, "-m", "rearl_jax.llm.serve", str(model), str(SLOTS), str(available_cores())]
     # The pipe to its standard input is closed with this process, however it ends, and the server ends with it.
-    with subprocess.Popen(
-        [sys.executable, "-m", *command],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    ) as process:
+    pipe, nowhere = subprocess.PIPE, subprocess.DEVNULL
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=nowhere, text=True) as process:
         try:
-            yield _address(process, name)
+            own = _address(process)
+            log.info("language model %s at %s", model.stem, own)
+            yield f"{own}/v1"
         finally:
             process.kill()
 
 
-def _address(process: "subprocess.Popen[str]", name: str) -> str:
-    """What the server says when it is ready."""
+def _address(process: "subprocess.Popen[str]") -> str:
+    """Address that the server prints as `READY <address>` when it takes requests."""
     assert process.stdout is not None
     lines: queue.Queue[str] = queue.Queue()
     threading.Thread(target=_read, args=(process.stdout, lines), daemon=True).start()
@@ -116,11 +85,11 @@ def _address(process: "subprocess.Popen[str]", name: str) -> str:
         try:
             line = lines.get(timeout=_PATIENCE)
         except queue.Empty:
-            raise TimeoutError(f"{name} was not ready within {_PATIENCE:.0f} s") from None
+            raise TimeoutError(f"the language model's server was not ready within {_PATIENCE:.0f} s") from None
         if line.startswith("READY "):
             return line.split()[1]
         if not line:
-            raise OSError(f"{name} ended with exit code {process.wait()} while starting")
+            raise OSError(f"the language model's server ended with exit code {process.wait()} while starting")
 
 
 def _read(stream: IO[str], lines: "queue.Queue[str]") -> None:

@@ -90,9 +90,6 @@ def majority(answers: Sequence[tuple[int, Cause]]) -> tuple[int, Cause]:
 
     Where no action has that many, KEEP_OUT: with the commonest cause of the invalid votes (of equally common ones the
     first) if more than half are invalid, else `disagreed`.
-
-    Args:
-        answers: Action and cause of each vote, as from `understand`.
     """
     votes = Counter(action for action, cause in answers if cause is Cause.answered)
     causes = Counter(cause for _, cause in answers if cause is not Cause.answered)

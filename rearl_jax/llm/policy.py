@@ -27,12 +27,7 @@ class LanguageModelPolicy:
     ) -> None:
         """One policy serves one half of a batch for a whole rollout.
 
-        Args:
-            client: Asks the server.
-            prompter: Writes the questions of this half.
-            thresholds: Of its scenarios.
-            first: Number of the first of them, for the table of requests.
-            watch: Called with the second whenever questions have been asked.
+        `first` is the number of its first scenario; `watch` is told every second whose questions have been asked.
         """
         self._client, self._prompter, self._thresholds = client, prompter, thresholds
         self._first, self._watch = first, watch

@@ -70,16 +70,7 @@ def is_constrained(config: LlmConfig, dialect: Dialect) -> bool:
 def request_body(
     messages: Sequence[Message], choices: Sequence[int], *, model: str, dialect: Dialect, config: LlmConfig, seed: int
 ) -> str:
-    """Canonical JSON of one request for a chat completion.
-
-    Args:
-        messages: The chat.
-        choices: Identifiers the answer is restricted to, where it is.
-        model: Name of the model as the server knows it.
-        dialect: What the server understands.
-        config: Sampling, length, reasoning, constraint.
-        seed: Seed of the server's sampling.
-    """
+    """Canonical JSON of one request for a chat completion."""
     body: dict[str, Any] = {
         "model": model,
         "messages": [{"role": message.role, "content": message.text} for message in messages],

@@ -14,7 +14,7 @@ import numpy as np
 
 from rearl_jax.config.llm import PromptConfig
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.decision.situation import N_ACTIONS, Situation
+from rearl_jax.decision.situation import Situation
 from rearl_jax.detection.detector import DetectionOptions, Thresholds
 from rearl_jax.detection.table import ReferenceTable
 from rearl_jax.llm.parsing import WORDS
@@ -42,8 +42,8 @@ class Prompter:
         vehicle_length: Length [m], or lengths that broadcast to `[n_vehicles, n_scenarios]`; highway-env's by default.
 
     Raises:
-        FileNotFoundError: There is no template of that name.
-        ValueError: The template cannot be used.
+        MissingInputError: There is no template of that name.
+        InvalidInputError: The template cannot be used.
     """
 
     def __init__(
@@ -80,10 +80,6 @@ class Prompter:
         `decision.execution.accept` counts it among those (`n_invalid`). There are as many of them as
         `situation.detection.mask` has vehicles more than there are questions.
 
-        Args:
-            situation: The traffic; leaves are NumPy arrays.
-            thresholds: Of every scenario.
-
         Raises:
             ValueError: A second was left out, or the template fails.
         """
@@ -102,15 +98,14 @@ class Prompter:
             return []
         shared = self._shared(situation, thresholds, asked)
         around = look_around(situation.frame, self._length, asked.vehicle, asked.scenario, self._model)
-        choices = _choices(situation)
         cars, neighbours = cars_of(situation, asked, self._model), neighbours_of(around)
         questions = []
         for scenario, car, places in zip(asked.scenario.tolist(), cars, neighbours, strict=True):
             variables, ready = shared[scenario]
-            own = choices[car.vehicle][scenario]
-            variables = {**variables, "car": car, "neighbours": places, "choices": own}
+            choices = tuple(np.flatnonzero(situation.admissible[:, car.vehicle, scenario]).tolist())
+            variables = {**variables, "car": car, "neighbours": places, "choices": choices}
             text = self._template.render("user", variables, ready).strip()
-            questions.append(Question(scenario, car.vehicle, (self._system, Message("user", text)), own))
+            questions.append(Question(scenario, car.vehicle, (self._system, Message("user", text)), choices))
         return questions
 
     def _shared(self, situation: Situation, thresholds: Thresholds, asked: Asked) -> dict[int, _Shared]:
@@ -147,11 +142,3 @@ def _asked(situation: Situation) -> Asked:
     vehicle, scenario = np.nonzero(is_asked)
     order = np.lexsort((vehicle, scenario, np.asarray(situation.detection.reference)[scenario]))
     return Asked(vehicle[order], scenario[order])
-
-
-def _choices(situation: Situation) -> list[list[tuple[int, ...]]]:
-    """Identifiers of the admissible actions, by vehicle and scenario."""
-    # There are few different sets: each is looked up by its bits.
-    sets = [tuple(action for action in range(N_ACTIONS) if code >> action & 1) for code in range(2**N_ACTIONS)]
-    code = np.tensordot(2 ** np.arange(N_ACTIONS), np.asarray(situation.admissible, int), axes=1)
-    return [[sets[number] for number in row] for row in code.tolist()]

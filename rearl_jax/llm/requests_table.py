@@ -64,21 +64,9 @@ class Counts:
     in_flight: int
 
 
-def request_row(
-    question: Question,
-    reply: Reply,
-    *,
-    digest: str,
-    second: int | None,
-    vote: int,
-    action: int,
-    cause: Cause,
-    was_sent: bool,
-) -> tuple[Any, ...]:
-    """The row of one reply to one question, in the order of COLUMNS."""
-    values = vars(question) | vars(reply)
-    values |= {"thinking_length": len(reply.thinking), "cause": cause.name}
-    values |= {"digest": digest, "second": second, "vote": vote, "action": action, "was_sent": was_sent}
+def request_row(question: Question, reply: Reply, **others: Any) -> tuple[Any, ...]:
+    """The row of one reply to one question, in the order of COLUMNS; `others` are what neither record holds."""
+    values = vars(question) | vars(reply) | {"thinking_length": len(reply.thinking)} | others
     return tuple(values[name] for name in COLUMNS)
 
 

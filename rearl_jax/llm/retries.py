@@ -13,11 +13,6 @@ def retrying(config: LlmConfig, is_transient: Callable[[Any], bool], **changes: 
 
     The pause after the n-th try is uniform in [0, llm.backoff 2^(n - 1)] s, so that requests that failed together do
     not come back together.
-
-    Args:
-        config: `tries` and `backoff`.
-        is_transient: Whether sending again can help after a result.
-        changes: Arguments of `tenacity.AsyncRetrying` in place of these.
     """
     usual = {
         "retry": retry_if_result(is_transient),

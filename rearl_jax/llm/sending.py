@@ -8,7 +8,7 @@ import contextlib
 import functools
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from tenacity import RetryCallState, wait_random_exponential
 
@@ -22,6 +22,7 @@ from rearl_jax.llm.retries import last_result, retrying
 log = logging.getLogger(__name__)
 
 
+@dataclass(eq=False, slots=True)
 class Job:
     """One request on its way.
 
@@ -30,25 +31,22 @@ class Job:
         body: What is sent.
         done: The reply, when there is one.
         deadline: Time of the event loop after which nobody waits for it.
-        waiting: How many bursts of questions wait for it.
-        started: When it was first sent; None before.
+        waiting: Bursts of questions that wait for it.
+        started: Time at which it was first sent; None before.
         tries: Times it was sent.
         status: Last HTTP status.
         task: What sends it; None before.
     """
 
-    __slots__ = ("body", "deadline", "digest", "done", "started", "status", "task", "tries", "waiting")
-
-    def __init__(self, digest: str, body: str) -> None:
-        self.digest = digest
-        self.body = body
-        self.done: asyncio.Future[Reply] = asyncio.get_running_loop().create_future()
-        self.deadline = 0.0
-        self.waiting = 0
-        self.started: float | None = None
-        self.tries = 0
-        self.status: int | None = None
-        self.task: asyncio.Task[None] | None = None
+    digest: str
+    body: str
+    done: "asyncio.Future[Reply]" = field(default_factory=lambda: asyncio.get_running_loop().create_future())
+    deadline: float = 0.0
+    waiting: int = 0
+    started: float | None = None
+    tries: int = 0
+    status: int | None = None
+    task: "asyncio.Task[None] | None" = None
 
     def reply(self, cause: Cause, completion: Completion | None = None) -> Reply:
         """The reply this job has come to now."""
@@ -76,13 +74,7 @@ class Sender:
     """Sends jobs to one server."""
 
     def __init__(self, connection: Connection, config: LlmConfig, finish: Callable[[Job, Reply], None]) -> None:
-        """Nothing is sent yet.
-
-        Args:
-            connection: To the server.
-            config: How many at a time, how often, how long.
-            finish: Takes every reply.
-        """
+        """Nothing is sent yet; `finish` takes every reply."""
         self._connection = connection
         self._config = config
         self._finish = finish

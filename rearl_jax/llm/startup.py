@@ -1,11 +1,11 @@
-"""The server's address and the configuration -> which model is asked, in which dialect; or one sentence to the user.
+"""The server's address and the configuration -> which model is asked, in which dialect; or a problem for the user.
 
 Before the first question the server must be there, have loaded the model and know it by its name; and it is tried out
 whether it restricts answers to the choices, which many servers pass over in silence.
 """
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from tenacity import RetryCallState, stop_before_delay, wait_fixed
@@ -24,6 +24,7 @@ from rearl_jax.llm.profiles import (
 )
 from rearl_jax.llm.records import Message
 from rearl_jax.llm.retries import retrying
+from rearl_jax.problems import InvalidInputError, Problem, ProblemError
 
 log = logging.getLogger(__name__)
 
@@ -41,14 +42,13 @@ _MAKERS = {"vllm": Profile.vllm, "sglang": Profile.sglang, "llamacpp": Profile.l
 """Servers that name themselves as the owner of their models."""
 
 
+class ServerError(ProblemError, ConnectionError):
+    """There is no server, or it does not get ready."""
+
+
 @dataclass(frozen=True)
 class Server:
-    """Whom the questions go to.
-
-    Attributes:
-        model: Name of the model, as the server knows it.
-        dialect: What the server understands.
-    """
+    """Model and server software that the questions go to."""
 
     model: str
     dialect: Dialect
@@ -58,11 +58,10 @@ async def meet(connection: Connection, config: LlmConfig) -> Server:
     """Waits until the server is there and knows the model; warns where answers are not constrained.
 
     Raises:
-        ConnectionError: There is no server, or it does not get ready.
-        ValueError: It does not have the model, or refuses what it is sent.
+        ServerError: There is no server, or it does not get ready.
+        InvalidInputError: It does not have the model, or refuses what it is sent.
     """
-    response = await _models(connection, config)
-    model = _choose_model(_names(response), config.model, connection.address)
+    model, response = await find_model(connection, config)
     profile = config.profile
     if profile is Profile.auto:
         profile = await _recognise(connection, response)
@@ -72,11 +71,17 @@ async def meet(connection: Connection, config: LlmConfig) -> Server:
     return server
 
 
+async def find_model(connection: Connection, config: LlmConfig) -> tuple[str, Response]:
+    """Name the server knows the wanted model by, and its list of models; raises as `meet` does."""
+    response = await _models(connection, config)
+    return _choose_model([model["id"] for model in _entries(response)], config.model, connection.address), response
+
+
 def replayed(answers: Answers, config: LlmConfig) -> Server:
-    """Whose answers are replayed.
+    """The model whose answers are replayed.
 
     Raises:
-        ValueError: The configuration fits none of the kept models, or several.
+        InvalidInputError: The configuration fits none of the kept models, or several.
     """
     kept = answers.sources()
     fitting = [
@@ -86,10 +91,10 @@ def replayed(answers: Answers, config: LlmConfig) -> Server:
     ]
     if len(fitting) != 1:
         listed = ", ".join(f"llm.model={model} llm.profile={profile.name}" for model, profile in kept) or "nothing"
-        raise ValueError(
-            f"{len(fitting)} of the kept models fit llm.model={config.model} llm.profile={config.profile.name}: set "
-            f"them to one of those in {answers_path(config)} ({listed})"
-        )
+        said = f"fits {len(fitting)} of the kept models, not one, with llm.profile={config.profile.name} ({listed})"
+        remedy = "set llm.model and llm.profile to one of them"
+        file, name = str(answers_path(config)), repr(config.model)
+        raise InvalidInputError(Problem("kept-model", said, remedy, file=file, key="llm.model", value=name))
     ((model, profile),) = fitting
     return Server(model, DIALECTS[profile])
 
@@ -106,10 +111,8 @@ async def _models(connection: Connection, config: LlmConfig) -> Response:
     )
     response = await waited(asked, connection.get, "/models", _PATIENCE)
     if _is_loading(response):
-        raise ConnectionError(
-            f"the server at {connection.address} is still loading after {config.startup:g} s: start rearl "
-            "again when it is ready, or raise llm.startup"
-        )
+        said = f"the server at {connection.address} is still loading after {config.startup:g} s"
+        raise ServerError(Problem("server-loading", said, "start rearl again when it is ready, or raise llm.startup"))
     if not _is_list(response):
         raise _no_server(connection, config, response)
     return response
@@ -124,24 +127,20 @@ def _say_once(state: RetryCallState, connection: Connection, config: LlmConfig) 
         log.info("the server at %s is loading: waiting up to %g s", connection.address, config.startup)
 
 
-def _no_server(connection: Connection, config: LlmConfig, response: Response) -> Exception:
-    """What to say about a response to the question for models that is no list of models."""
-    address, said = connection.address, connection.without_key(read_error(response.content))
-    if response.status is None:
-        return ConnectionError(
-            f"no server answers at {address} ({response.error}): start one there, or set decision.server"
-        )
-    if response.status in (401, 403):
-        return ValueError(
-            f"the server at {address} does not let us in (HTTP {response.status}: {said}): put its key into the "
-            f"environment variable {config.api_key_env or 'that llm.api_key_env names'}"
-        )
-    if response.status >= 500:
-        return ConnectionError(f"the server at {address} is not well (HTTP {response.status}: {said}): restart it")
-    return ValueError(
-        f"what answers at {address} is no OpenAI-compatible server (HTTP {response.status} for /models): "
-        "check decision.server"
-    )
+def _no_server(connection: Connection, config: LlmConfig, response: Response) -> ProblemError:
+    """The problem with a response to the question for models that is no list of models."""
+    address, status = connection.address, response.status
+    http = f"HTTP {status}: {connection.without_key(read_error(response.content))}"
+    if status is None:
+        said = f"no server answers at {address} ({response.error})"
+        return ServerError(Problem("server-absent", said, "start one there, or set decision.server"))
+    if status in (401, 403):
+        remedy = f"put its key into the environment variable {config.api_key_env or 'that llm.api_key_env names'}"
+        return InvalidInputError(Problem("server-key", f"the server at {address} does not let us in ({http})", remedy))
+    if status >= 500:
+        return ServerError(Problem("server-fails", f"the server at {address} is not well ({http})", "restart it"))
+    said = f"what answers at {address} is no OpenAI-compatible server (HTTP {status} for /models)"
+    return InvalidInputError(Problem("server-unknown", said, "check decision.server"))
 
 
 def _entries(response: Response) -> list[dict[str, Any]]:
@@ -164,21 +163,17 @@ def _is_list(response: Response) -> bool:
     return response.status == 200
 
 
-def _names(response: Response) -> list[str]:
-    return [model["id"] for model in _entries(response)]
-
-
 def _choose_model(names: list[str], wanted: str, address: str) -> str:
     """The name the server knows the wanted model by; the empty name stands for its only one."""
     listed = ", ".join(names) or "none"
-    if not wanted:
-        if len(names) == 1:
-            return names[0]
-        raise ValueError(f"the server at {address} has {len(names)} models: set llm.model to one of them ({listed})")
+    if not wanted and len(names) == 1:
+        return names[0]
     for name in (wanted, f"{wanted}:latest"):  # Ollama's name for a model without a tag
         if name in names:
             return name
-    raise ValueError(f"the server at {address} has no model {wanted!r}: set llm.model to one it has ({listed})")
+    said = f"must be one of the models of the server at {address} ({listed})"
+    problem = Problem("choice-unknown", said, "set it to one of them, or load it there", key="llm.model")
+    raise InvalidInputError(replace(problem, value=repr(wanted)))
 
 
 async def _recognise(connection: Connection, response: Response) -> Profile:
@@ -215,10 +210,10 @@ async def _try_constraint(connection: Connection, config: LlmConfig, server: Ser
     response = await tried(connection.post, "/chat/completions", body.encode())
     if response.is_refusal:
         said = connection.without_key(read_error(response.content))
-        raise ValueError(
-            f"the server at {connection.address} refuses what llm.profile={server.dialect.profile.name} sends "
-            f"(HTTP {response.status}: {said}): set llm.profile, llm.thinking=none or llm.constrained=false"
-        )
+        refused = f"is refused by the server at {connection.address} (HTTP {response.status}: {said})"
+        remedy = "set llm.profile, llm.thinking=none or llm.constrained=false"
+        name = server.dialect.profile.name
+        raise InvalidInputError(Problem("dialect-refused", refused, remedy, key="llm.profile", value=name))
     text, problem = _text_of(response)
     if text is None:
         log.warning(

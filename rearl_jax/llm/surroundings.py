@@ -34,16 +34,10 @@ def look_around(
     scenario: Int[np.ndarray, " asked"],
     model: TrafficModel,
 ) -> Surroundings:
-    """Who is around some vehicles, as the core sees it (`core.neighbours`).
+    """The vehicles around some others, as the core sees them (`core.neighbours`).
 
-    A vehicle between two lanes is on both; the same position counts as ahead; nobody is seen beyond the road.
-
-    Args:
-        frame: The traffic; leaves are NumPy arrays.
-        length: Lengths [m]; broadcast to `[n_vehicles, n_scenarios]`.
-        vehicle: Rows of the vehicles.
-        scenario: Their columns.
-        model: The road.
+    A vehicle between two lanes is on both; the same position counts as ahead; nobody is seen beyond the road. Lengths
+    [m] broadcast to `[n_vehicles, n_scenarios]`, `vehicle` and `scenario` are rows and columns.
     """
     length = np.broadcast_to(np.asarray(length, frame.x.dtype), frame.x.shape)
     own_x, own_lane, own_length = (values[vehicle, scenario] for values in (frame.x, frame.lane, length))

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from jinja2 import (
-    BaseLoader,
     Environment,
     FileSystemLoader,
     PackageLoader,
@@ -39,11 +38,7 @@ Rendered = Callable[[Context], Iterator[str]]
 
 
 class PromptTemplate:
-    """The blocks of one file.
-
-    Attributes:
-        file: The file, as in messages.
-    """
+    """The blocks of one file."""
 
     def __init__(self, template: Template, file: str) -> None:
         self.file = file
@@ -56,13 +51,8 @@ class PromptTemplate:
     def render(self, block: str, variables: Mapping[str, object], ready: Mapping[str, Rendered] | None = None) -> str:
         """Text of a block.
 
-        Args:
-            block: Its name.
-            variables: What it may use.
-            ready: Blocks inside it that need not be rendered again, from `rendered`.
-
         Raises:
-            ValueError: Something in the block does not work; the message names file and line.
+            InvalidInputError: Something in the block does not work; the problem names file and line.
         """
         context = self._template.new_context(dict(variables))
         for name, text in (ready or {}).items():
@@ -70,7 +60,8 @@ class PromptTemplate:
         try:
             return "".join(self._template.blocks[block](context))
         except Exception as error:  # a template can raise anything; all of it is the fault of that file
-            problem = Problem("template-fails", _fault(error), file=self.file, line=self._line(error))
+            said = str(error) if isinstance(error, UndefinedError) else f"{type(error).__name__}: {error}"
+            problem = Problem("template-fails", said, file=self.file, line=self._line(error))
             raise InvalidInputError(problem) from error
 
     def _line(self, error: BaseException) -> int:
@@ -93,17 +84,18 @@ def rendered(text: str) -> Rendered:
 
 
 def load_template(path: str) -> PromptTemplate:
-    """The template in a file.
-
-    Args:
-        path: The file; empty for the shipped one.
+    """The template in a file; the empty path stands for the shipped one.
 
     Raises:
-        FileNotFoundError: There is no such file.
-        ValueError: It is no template, lacks a block or uses a variable that does not exist; the message names file and
-            line.
+        MissingInputError: There is no such file.
+        InvalidInputError: It is no template, lacks a block or uses a variable that does not exist; the problem names
+            file and line.
     """
-    file, loader = (Path(path), FileSystemLoader(Path(path).parent)) if path else (Path(SHIPPED), _shipped())
+    file, loader = (
+        (Path(path), FileSystemLoader(Path(path).parent))
+        if path
+        else (Path(SHIPPED), PackageLoader("rearl_jax.llm", ""))
+    )
     if path and not file.is_file():
         said = (
             "must name a Jinja file with the blocks system and user, or be empty for the shipped one, but there is no "
@@ -128,10 +120,6 @@ def load_template(path: str) -> PromptTemplate:
     return PromptTemplate(template, str(file))
 
 
-def _shipped() -> BaseLoader:
-    return PackageLoader("rearl_jax.llm", "")
-
-
 def _written(value: object) -> object:
     """How the value of an expression is written."""
     if isinstance(value, float):
@@ -140,7 +128,7 @@ def _written(value: object) -> object:
 
 
 def _check(environment: Environment, tree: nodes.Template, file: Path) -> None:
-    """Raise ValueError for a missing block or a variable that no block of that name can have."""
+    """Raise InvalidInputError for a missing block or a variable that no block of that name can have."""
     blocks = list(tree.find_all(nodes.Block))
     missing = [name for name in ("system", "user") if name not in {block.name for block in blocks}]
     if missing:
@@ -155,8 +143,3 @@ def _check(environment: Environment, tree: nodes.Template, file: Path) -> None:
             line = next((used.lineno for used in block.find_all(nodes.Name) if used.name == name), block.lineno)
             said = f"the block {block.name} has no variable {name!r}; it may use {', '.join(sorted(allowed))}"
             raise InvalidInputError(Problem("variable-unknown", said, file=str(file), line=line))
-
-
-def _fault(error: Exception) -> str:
-    """What went wrong, in words."""
-    return str(error) if isinstance(error, UndefinedError) else f"{type(error).__name__}: {error}"

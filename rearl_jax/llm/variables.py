@@ -132,15 +132,7 @@ def scene_of(
     recorded: Int[np.ndarray, " bins"],
     scenario: int,
 ) -> Scene:
-    """A scenario as a whole.
-
-    Args:
-        situation: The traffic.
-        thresholds: Of every scenario.
-        simulated: Its speeds per bin in the window.
-        recorded: Those of its reference.
-        scenario: Its column.
-    """
+    """A scenario as a whole."""
     found = situation.detection
     shares = ((100 * counts / max(counts.sum(), 1)).tolist() for counts in (simulated, recorded))
 
@@ -180,12 +172,7 @@ def cars_of(situation: Situation, asked: Asked, model: TrafficModel) -> Iterator
 
 
 def ranks(values: ArrayLike, asked: Asked) -> Int[np.ndarray, " asked"]:
-    """Place of each vehicle that is asked about in its scenario, 1 for the highest.
-
-    Args:
-        values: What is compared, `[n_vehicles, n_scenarios]`.
-        asked: The vehicles.
-    """
+    """Place of each vehicle that is asked about in its scenario, 1 for the highest."""
     values = np.asarray(values)
     own, rank = values[asked], np.ones(len(asked.vehicle), int)
     for other in values:

@@ -35,14 +35,7 @@ class Batches:
     """A subject, batch by batch on one device; measured: from handing over a prepared batch to the end of the call."""
 
     def __init__(self, subject: Subject, *, batch: int, n_vehicles: int, seconds: int) -> None:
-        """Compiles.
-
-        Args:
-            subject: What is measured.
-            batch: Scenarios of a call.
-            n_vehicles: Vehicles per scenario.
-            seconds: Simulated time of a call [s].
-        """
+        """Compiles."""
         self._subject, self._batch, self._n_vehicles, self._seconds = subject, batch, n_vehicles, seconds
         self._prepare = jax.jit(subject.prepare)
         inputs = jax.block_until_ready(self._prepare(jax.random.split(jax.random.key(0), batch)))

@@ -100,28 +100,11 @@ class Batch(eqx.Module):
 
 @dataclasses.dataclass(frozen=True)
 class Scenes:
-    """Recipe of the batches.
-
-    Attributes:
-        n_vehicles: Vehicles per scenario.
-        density: highway-env's `vehicles_density` [-].
-        table: The references.
-    """
+    """Recipe of the batches: vehicles per scenario, highway-env's `vehicles_density` [-], references."""
 
     n_vehicles: int
     density: float
     table: ReferenceTable
-
-    @classmethod
-    def of(cls, references: Mapping[str, int], n_vehicles: int, density: float) -> "Scenes":
-        """Scenes held against synthetic references.
-
-        Args:
-            references: Arguments of `synthetic_references`.
-            n_vehicles: Vehicles per scenario.
-            density: highway-env's `vehicles_density` [-].
-        """
-        return cls(n_vehicles, density, tabulate(synthetic_references(**references), DetectionOptions().hist))
 
     def draw(self, keys: Key[Array, " scenarios"]) -> Batch:
         """Traffic as highway-env places it, one scenario per key."""
@@ -155,15 +138,13 @@ class Scenes:
         return dataclasses.replace(batch, recorded=recorded, shown=shown)
 
 
-def scene_of(loop: StepsConfig, n_vehicles: int, seconds: int, batch: int) -> dict[str, Any]:
-    """Arguments of a program beside its name.
+def synthetic_table(references: Mapping[str, int]) -> ReferenceTable:
+    """The references of `synthetic_references` with these arguments, as the detection reads them."""
+    return tabulate(synthetic_references(**references), DetectionOptions().hist)
 
-    Args:
-        loop: Density and references.
-        n_vehicles: Vehicles per scenario.
-        seconds: Simulated time [s].
-        batch: Scenarios at a time.
-    """
+
+def scene_of(loop: StepsConfig, n_vehicles: int, seconds: int, batch: int) -> dict[str, Any]:
+    """Arguments of a program beside its name."""
     references = {
         "seed": loop.seed,
         "n_references": loop.n_references,
@@ -206,7 +187,9 @@ def decision_steps(
     Raises:
         ValueError: There is no such part.
     """
-    scenes = Scenes.of(references, n_vehicles, density)
+    if name not in PARTS:
+        raise ValueError(f"there is no part {name!r} of a decision step: {', '.join(PARTS)}")
+    scenes = Scenes(n_vehicles, density, synthetic_table(references))
 
     def prepare(keys: Key[Array, " scenarios"]) -> Batch:
         if name == DECISION:
@@ -220,11 +203,9 @@ def decision_steps(
         subject = loop_subject(matcher(MatchSpace.rank), prepare, seconds)
     elif name == PPO:
         subject = _driven_subject(prepare, seconds)
-    elif name in (DETECTION, DECISION):
+    else:
         run = look_for_drift if name == DETECTION else decide_on_shown
         subject = Subject(prepare, run, lambda batch, _: jax.vmap(_observe_base)(batch.recorded), lambda _: None)
-    else:
-        raise ValueError(f"there is no part {name!r} of a decision step: {', '.join(PARTS)}")
     return Batches(subject, batch=batch, n_vehicles=n_vehicles, seconds=seconds)
 
 

@@ -147,15 +147,7 @@ class Stopwatch:
 def measurement_of(
     chunks: "Iterable[Frames]", watch: Stopwatch, *, n_scenarios: int, n_vehicles: int, seconds: int
 ) -> Measurement:
-    """Traffic of the core, chunk by chunk, and the time on the watch when the last chunk is there.
-
-    Args:
-        chunks: Frames as NumPy arrays; the watch runs while one is made.
-        watch: Measures.
-        n_scenarios: Scenarios in all chunks.
-        n_vehicles: Vehicles per scenario.
-        seconds: Simulated time [s].
-    """
+    """Traffic of the core, chunk by chunk, and the time on the watch when the last chunk is there."""
     crashed = lane_changes = 0
     speed_sum = 0.0
     for frames in chunks:

@@ -117,15 +117,7 @@ def fresh_environment(*, on_cpu: bool = True) -> dict[str, str]:
 def open_sessions(
     program: str, names: Sequence[str], scene: Mapping[str, Any], label: str, report: Report
 ) -> Iterator[dict[str, Simulator]]:
-    """Variants of a program by name, each compiled in a process of its own.
-
-    Args:
-        program: Address of the function that makes a simulator of a `name`.
-        names: What is measured.
-        scene: Its other arguments.
-        label: Begins what is reported.
-        report: Told of every step.
-    """
+    """Variants of a program by name, each compiled in a process of its own."""
     sessions: dict[str, Simulator] = {}
     with ExitStack() as stack:
         for name in names:

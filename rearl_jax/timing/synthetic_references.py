@@ -25,14 +25,7 @@ N_LANES = 4
 
 
 def synthetic_references(seed: int, n_references: int, n_seconds: int, n_vehicles: int) -> References:
-    """References whose speeds and spacings wander slowly about levels of their own, all equally frequent.
-
-    Args:
-        seed: Decides all of it.
-        n_references: Number of references.
-        n_seconds: Length of each [s].
-        n_vehicles: Vehicles in each second.
-    """
+    """References whose speeds and spacings wander slowly about levels of their own, all equally frequent."""
     random = np.random.default_rng(seed)
     # One second more, for what vehicles do in the last one.
     shape = (n_references, n_seconds + 1, n_vehicles)

@@ -42,17 +42,7 @@ def take_turns(
     label: str,
     report: Report,
 ) -> dict[str, Series]:
-    """The series of each program; a repetition draws the same scenes for all, and new ones every time.
-
-    Args:
-        sessions: Programs by name.
-        n_vehicles: Vehicles per scenario.
-        n_scenarios: Of one measurement of each.
-        repetitions: Measurements of each.
-        seed: Of the warm-up; repetitions take the ones after it.
-        label: Begins what is reported.
-        report: Told of every step.
-    """
+    """The series of each program; a repetition draws the same scenes for all, and new ones every time."""
     measured: dict[str, list[Measurement]] = {name: [] for name in sessions}
     for repetition in range(repetitions):
         for name in list(sessions) if repetition % 2 == 0 else list(sessions)[::-1]:

@@ -60,15 +60,7 @@ class Facts:
 
 
 def measure(comparison: Comparison, recorded: Recorded, scene: int, tick: int, tolerance: float) -> Facts:
-    """The facts about one scene of a batch.
-
-    Args:
-        comparison: Of the batch.
-        recorded: The reference of the batch.
-        scene: Column of the scene.
-        tick: First tick at which it differs.
-        tolerance: Largest difference of a position that counts as none [m].
-    """
+    """The facts about one scene of a batch that differs by more than a tolerance [m] from a tick on."""
     position = comparison.position[: tick + 1, :, scene]
     flipped = comparison.flipped[: tick + 1, :, scene]
     marked = flipped[tick] | comparison.crash_differs[tick, :, scene]

@@ -103,11 +103,8 @@ class Recorded:
 
 def stack(scenes: Sequence[Recorded]) -> Recorded:
     """Scenes of equal size side by side, the scenario axis last."""
-
-    def joined(name: str) -> np.ndarray:
-        return np.stack([_arrays(scene)[name] for scene in scenes], axis=-1)
-
-    return _recorded({name: joined(name) for name in _arrays(scenes[0])})
+    parts = [_arrays(scene) for scene in scenes]
+    return _recorded({name: np.stack([part[name] for part in parts], axis=-1) for name in parts[0]})
 
 
 def to_bytes(scene: Recorded) -> bytes:

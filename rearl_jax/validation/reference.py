@@ -178,12 +178,5 @@ def _tracks(frames: list[list[tuple]]) -> Tracks:
     if not np.isfinite(columns).all():
         raise ValueError("a position, heading or speed is not finite")
     x, y, heading, speed, lane, target_lane, crashed = columns
-    return Tracks(
-        x=x,
-        y=y,
-        heading=heading,
-        speed=speed,
-        lane=lane.astype(np.int8),
-        target_lane=target_lane.astype(np.int8),
-        crashed=crashed.astype(bool),
-    )
+    lane, target_lane = lane.astype(np.int8), target_lane.astype(np.int8)
+    return Tracks(x, y, heading, speed, lane, target_lane, crashed.astype(bool))

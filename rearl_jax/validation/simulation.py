@@ -92,13 +92,7 @@ def _observe(state: TrafficState, model: TrafficModel) -> tuple[jax.Array, ...]:
 
 
 def initial_state(start: Start, model: TrafficModel, dtype: type) -> TrafficState:
-    """The vehicles of highway-env at the beginning of a scene, as the core has them.
-
-    Args:
-        start: The vehicles.
-        model: The road.
-        dtype: Floating type of the state.
-    """
+    """The vehicles of highway-env at the beginning of a scene, as the core has them."""
     return make_state(
         start.x,
         start.y,

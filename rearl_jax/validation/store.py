@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from importlib.metadata import version
 from pathlib import PurePosixPath
 
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.results import Study
 from rearl_jax.validation import records, workers
 from rearl_jax.validation.records import Recorded
@@ -41,14 +42,15 @@ class ReferenceStore:
         """A collected scene.
 
         Raises:
-            ValueError: If the file cannot be read.
+            InvalidInputError: The file cannot be read.
         """
         path = self._study.path / self._name(job)
         content = path.read_bytes()
         try:
             return records.from_bytes(content)
         except Exception as error:  # zipfile and NumPy have half a dozen for what is not their format
-            raise ValueError(f"{path} is damaged ({error}): delete it and run again") from error
+            problem = Problem("reference-damaged", f"is damaged ({error})", "delete it and run again", file=str(path))
+            raise InvalidInputError(problem) from error
 
     def _name(self, job: Job) -> str:
         key = hashlib.sha256(f"{self._origin} {job.variant.value} {job.scenario.identity()}".encode()).hexdigest()

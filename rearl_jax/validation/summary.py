@@ -23,6 +23,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.validation import ValidationConfig
+from rearl_jax.problems import Problem
 from rearl_jax.validation.causes import Cause
 from rearl_jax.validation.scenarios import SIZES
 
@@ -52,12 +53,11 @@ def figures(scenes: pd.DataFrame) -> dict[str, float | int | None]:
         "scenes": len(scenes),
         **{events: _total(scenes, events) for events in ("lane_changes", "aborts", "crashes")},
         "agree_share": _mean(scenes, "agrees"),
-        "max_dx": _largest(scenes, "max_position"),
-        "max_dspeed": _largest(scenes, "max_speed"),
-        "max_dheading": _largest(scenes, "max_heading"),
-        "max_dx_before_contact": _largest(scenes, "max_position_before_contact"),
-        "max_dspeed_before_contact": _largest(scenes, "max_speed_before_contact"),
-        "max_dheading_before_contact": _largest(scenes, "max_heading_before_contact"),
+        **{
+            f"max_{short}{scope}": _largest(scenes, f"max_{name}{scope}")
+            for scope in ("", "_before_contact")
+            for short, name in (("dx", "position"), ("dspeed", "speed"), ("dheading", "heading"))
+        },
         "lane_change_agreement": _total(scenes, "lane_changes_alike") / either if either else None,
         "crash_agreement": _mean(scenes, "crash_flags_equal"),
         "flips": _total(scenes, "flips"),
@@ -86,12 +86,7 @@ def groups(scenes: pd.DataFrame) -> pd.DataFrame:
 
 
 def summarise(scenes: pd.DataFrame, reference: str) -> dict:
-    """The flat summary, see the head of this module.
-
-    Args:
-        scenes: One row per scene and precision (or `CONTROL`).
-        reference: What the core was compared with.
-    """
+    """The flat summary, see the head of this module."""
     summary: dict = {"reference": reference, **_flat(scenes, "")}
     for size in SIZES:
         if len(part := where(scenes, size=size)):
@@ -113,28 +108,26 @@ def summarise(scenes: pd.DataFrame, reference: str) -> dict:
     return summary
 
 
-def shortfalls(summary: dict, config: ValidationConfig) -> list[str]:
-    """Requirements that the run has not met, one sentence each; empty where all are met."""
+def shortfalls(summary: dict, config: ValidationConfig) -> list[Problem]:
+    """Requirements that the run has not met; empty where all are met."""
     unmet = []
     for events in ("lane_changes", "aborts", "crashes"):
         least = round(getattr(config, f"least_{events}") * config.share)
-        if summary[events] < least:
-            unmet.append(
-                f"only {summary[events]} {events.replace('_', ' ')} happened, too few to prove much (least {least});"
-                f" raise validation.scenes.*, or lower validation.least_{events}"
-            )
-    if summary["agree_share_f64"] < config.least_agree_share:
-        unmet.append(
-            f"{summary['agree_share_f64']:.2%} of the scenes agree in float64 within {config.tolerance_f64:g} m,"
-            f" less than validation.least_agree_share = {config.least_agree_share:.2%}"
-        )
-    if summary["agree_share_f32"] < 1:
-        unmet.append(
-            f"{summary['agree_share_f32']:.2%} of the scenes agree in float32 within {config.tolerance_f32:g} m"
-            " before the first contact, not all"
-        )
-    if summary["unexplained"]:
-        unmet.append(f"{summary['unexplained']} scenes differ without an explanation; see cause in scenes.parquet")
+        if (n_events := summary[events]) < least:
+            said = f"only {n_events} {events.replace('_', ' ')} happened, too few to prove much (least {least})"
+            remedy = f"raise validation.scenes.*, or lower validation.least_{events}"
+            unmet.append(Problem("events-too-few", said, remedy, value=n_events))
+    double, single = summary["agree_share_f64"], summary["agree_share_f32"]
+    if double < config.least_agree_share:
+        said = f"{double:.2%} of the scenes agree in float64 within {config.tolerance_f64:g} m, less than "
+        said += f"validation.least_agree_share = {config.least_agree_share:.2%}"
+        unmet.append(Problem("float64-differs", said, value=f"{double:.2%}"))
+    if single < 1:
+        said = f"{single:.2%} of the scenes agree in float32 within {config.tolerance_f32:g} m before the first contact"
+        unmet.append(Problem("float32-differs", said, value=f"{single:.2%}"))
+    if n_scenes := summary["unexplained"]:
+        said = f"{n_scenes} scenes differ without an explanation; see cause in scenes.parquet"
+        unmet.append(Problem("unexplained", said, value=n_scenes))
     return unmet
 
 

@@ -10,7 +10,6 @@ favours nobody: with NumPy's own, highway-env differs from itself, by how much i
 
 import dataclasses
 import math
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -18,12 +17,13 @@ from importlib.metadata import version
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress
 
 from rearl_jax.config import ValidateTask
 from rearl_jax.config.validation import ValidationConfig
 from rearl_jax.document.terminal import print_document
+from rearl_jax.problems import InvalidInputError, Problem
+from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 from rearl_jax.runtime import available_cores
 from rearl_jax.validation import causes, comparison, simulation, summary
@@ -51,7 +51,7 @@ def run(config: ValidateTask) -> dict:
     """The figures, as written to summary.json; its keys are documented in `rearl_jax.validation.summary`.
 
     Raises:
-        ValueError: After everything is written, if the core does not agree or too little happened.
+        InvalidInputError: After everything is written, if the core does not agree or too little happened.
     """
     if jnp.result_type(float) != jnp.float64:
         raise ValueError("the comparison needs double precision: call rearl_jax.runtime.start(x64=True) first")
@@ -60,7 +60,7 @@ def run(config: ValidateTask) -> dict:
     study.write_config()
     reference = f"highway-env {version('highway-env')}"
     sets = [chosen for chosen in SETS if n_scenes(chosen, options)]
-    with _progress() as progress:
+    with progress_bar() as progress:
         scenes, errors = _Validation(options, ReferenceStore(study), progress).run(sets)
     seeds = {"seed": str(options.seed), "reference": reference}
     groups = summary.groups(scenes)
@@ -73,7 +73,8 @@ def run(config: ValidateTask) -> dict:
     study.write_summary(figures)
     print_document(document_of(groups, scenes, figures, options))
     if shortfalls := summary.shortfalls(figures, options):
-        raise ValueError("; ".join(shortfalls))
+        sentences = "; ".join(problem.said for problem in shortfalls)
+        raise InvalidInputError(Problem("validation-failed", sentences, shortfalls[0].remedy))
     return figures
 
 
@@ -104,14 +105,17 @@ class _Validation:
         work = self.progress.add_task("core", total=sum(n_scenes(chosen, self.options) for chosen in sets))
         rows, errors = [], []
         for chosen in sets:
-            parts = {precision: _Errors() for precision in summary.PRECISIONS}
+            parts: dict[str, list[Comparison]] = {precision: [] for precision in summary.PRECISIONS}
             for jobs in self._batches(chosen):
                 recorded = [self.store.load(job) for job in jobs]
-                for precision, part in parts.items():
-                    rows += self._compare(chosen, jobs, recorded, precision, part)
+                batch, model = stack(recorded), simulation.model_of(chosen)
+                for precision, compared in parts.items():
+                    tracks = simulation.simulate(recorded, model, np.dtype(precision).type)
+                    compared.append(comparison.compare(batch.tracks, tracks))
+                    rows += self._rows(chosen, jobs, batch, compared[-1], precision)
                 rows += self._control(chosen, jobs, recorded)
                 self.progress.advance(work, len(jobs))
-            errors += [part.table(chosen, precision) for precision, part in parts.items()]
+            errors += [_errors(chosen, precision, compared) for precision, compared in parts.items()]
         scenes = pd.DataFrame(rows).astype({"first_contact": "float64", **FACTS})
         return self._with_own_differences(scenes, sets), pd.concat(errors, ignore_index=True)
 
@@ -131,27 +135,10 @@ class _Validation:
 
     def _collect(self, jobs: Sequence[Job], title: str) -> None:
         """Has highway-env run what is not on file; long scenes first, so that no worker is left alone at the end."""
-        # Its cost grows with the number of vehicles to the power of 1.6: 1, 5 and 16 s for 10, 30 and 60.
-        costs = {job: job.scenario.n_seconds * job.scenario.n_vehicles**1.6 for job in jobs}
-        work = self.progress.add_task(title, total=sum(costs.values()), visible=bool(costs))
-        longest_first = sorted(jobs, key=lambda job: -costs[job])
-        for done in self.store.collect(longest_first, self.options.workers or available_cores()):
-            self.progress.advance(work, costs[done])
-
-    def _compare(
-        self,
-        chosen: ScenarioSet,
-        jobs: Sequence[Job],
-        recorded: Sequence[Recorded],
-        precision: str,
-        errors: "_Errors",
-    ) -> list[dict]:
-        """Rows of a batch in one precision; its differences go to `errors`."""
-        tracks = simulation.simulate(recorded, simulation.model_of(chosen), np.dtype(precision).type)
-        batch = stack(recorded)
-        compared = comparison.compare(batch.tracks, tracks)
-        errors.add(compared)
-        return self._rows(chosen, jobs, batch, compared, precision)
+        longest_first = sorted(jobs, key=lambda job: -job.scenario.n_vehicles)
+        work = self.progress.add_task(title, total=len(jobs), visible=bool(jobs))
+        for _ in self.store.collect(longest_first, self.options.workers or available_cores()):
+            self.progress.advance(work)
 
     def _control(self, chosen: ScenarioSet, jobs: Sequence[Job], recorded: Sequence[Recorded]) -> list[dict]:
         """Rows of those scenes of a batch that highway-env has run both ways."""
@@ -231,44 +218,26 @@ def _facts(compared: Comparison, batch: Recorded, number: int, tick: int, tolera
     }
 
 
-class _Errors:
-    """Differences of position at every tick, of all scenes of a set in one precision."""
-
-    def __init__(self) -> None:
-        self._position: list[np.ndarray] = []
-        self._before: list[np.ndarray] = []
-
-    def add(self, compared: Comparison) -> None:
-        """Takes in a batch."""
-        self._position.append(compared.errors["position"])
-        self._before.append(compared.before_contact)
-
-    def table(self, chosen: ScenarioSet, precision: str) -> pd.DataFrame:
-        """Quantiles over scenes at every tick, of all scenes and of those before their first contact."""
-        position, before = np.concatenate(self._position, axis=1), np.concatenate(self._before, axis=1)
-        ticks = np.arange(len(position))
-        tables = []
-        for scope, kept in (("all", np.ones_like(before)), ("before_contact", before)):
-            some = kept.any(1)
-            values = np.ma.masked_array(position, ~kept)[some]
-            quantiles = [np.ma.compressed(row) for row in values]
-            columns = {
-                "set": chosen.name,
-                "size": chosen.size,
-                "precision": precision,
-                "scope": scope,
-                "tick": ticks[some],
-                "time": ticks[some] / TICKS_PER_SECOND,
-                "scenes": kept.sum(1)[some],
-            }
-            for name, level in (("median", 0.5), ("q90", 0.9), ("q99", 0.99), ("largest", 1.0)):
-                columns[name] = np.array([np.quantile(row, level) for row in quantiles])
-            tables.append(pd.DataFrame(columns))
-        return pd.concat(tables, ignore_index=True)
-
-
-def _progress() -> Progress:
-    """A progress bar on standard error; silent where that is no terminal."""
-    share = (BarColumn(), TextColumn("{task.percentage:3.0f} %"))
-    columns = (TextColumn("{task.description}"), *share, TimeElapsedColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True)
+def _errors(chosen: ScenarioSet, precision: str, batches: Sequence[Comparison]) -> pd.DataFrame:
+    """Quantiles over scenes of the difference of position at every tick, of all and of those before their first
+    contact.
+    """
+    position = np.concatenate([compared.errors["position"] for compared in batches], axis=1)
+    before = np.concatenate([compared.before_contact for compared in batches], axis=1)
+    tables = []
+    for scope, kept in (("all", np.ones_like(before)), ("before_contact", before)):
+        ticks = np.flatnonzero(kept.any(1))
+        values = [position[tick, kept[tick]] for tick in ticks]
+        columns = {
+            "set": chosen.name,
+            "size": chosen.size,
+            "precision": precision,
+            "scope": scope,
+            "tick": ticks,
+            "time": ticks / TICKS_PER_SECOND,
+            "scenes": kept.sum(1)[ticks],
+        }
+        for name, level in (("median", 0.5), ("q90", 0.9), ("q99", 0.99), ("largest", 1.0)):
+            columns[name] = np.array([np.quantile(row, level) for row in values])
+        tables.append(pd.DataFrame(columns))
+    return pd.concat(tables, ignore_index=True)

@@ -1,14 +1,23 @@
 """Decisions: the mask, drawn and likeliest actions, and rollouts in which everybody follows them."""
 
+from dataclasses import replace
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.baselines.driving import DrivingOptions, rollout_with_actor
+from rearl_jax.baselines.experience import collect
+from rearl_jax.baselines.network import drawn_actions, greedy_actions, log_shares, make_network
+from rearl_jax.config.decision import Longitudinal
+from rearl_jax.core import rollout as core
+from rearl_jax.core.drivers import highway_env_drivers
+from rearl_jax.core.state import Controller, make_state
+
 
 def test_no_inadmissible_action_is_ever_taken():
-    from rearl_jax.baselines.network import drawn_actions, greedy_actions, log_shares
-
     rng = np.random.default_rng(0)
     n = 4000
     logits = jnp.asarray(rng.normal(0, 100, (5, n)), jnp.float32)
@@ -31,8 +40,6 @@ def test_no_inadmissible_action_is_ever_taken():
 
 
 def test_actions_are_drawn_with_their_probability():
-    from rearl_jax.baselines.network import drawn_actions, log_shares
-
     n = 20_000
     logits = jnp.broadcast_to(jnp.asarray([0.0, 1.0, 5.0, -1.0, 0.5], jnp.float32)[:, None], (5, n))
     admissible = jnp.ones((5, n), bool).at[2].set(False)
@@ -54,8 +61,6 @@ def test_the_network_is_layer_after_layer(network):
 
 
 def rollout(start, network, model, n_seconds=8, **options):
-    from rearl_jax.baselines.driving import DrivingOptions, rollout_with_actor
-
     run = jax.jit(
         lambda state, drivers, actor: rollout_with_actor(
             state, drivers, actor, model, DrivingOptions(**options), n_seconds=n_seconds
@@ -66,11 +71,6 @@ def rollout(start, network, model, n_seconds=8, **options):
 
 def test_a_rollout_is_what_its_actions_do(start, network, model):
     """Replayed by the core alone, with the actions that were recorded."""
-    import equinox as eqx
-
-    from rearl_jax.core import rollout as core
-    from rearl_jax.core.state import Controller
-
     frames, actions = rollout(start, network, model)
     assert set(np.unique(actions)) >= {0, 2, 3, 4}
     state, drivers = start
@@ -82,9 +82,6 @@ def test_a_rollout_is_what_its_actions_do(start, network, model):
 
 
 def test_every_recorded_action_was_admissible(start, network, model):
-    from rearl_jax.baselines.driving import DrivingOptions
-    from rearl_jax.baselines.experience import collect
-
     state, drivers = start
     run = jax.jit(lambda key: collect(state, drivers, network, key, model, DrivingOptions(), n_seconds=8))
     seen = run(jax.random.key(2))
@@ -98,10 +95,6 @@ def test_every_recorded_action_was_admissible(start, network, model):
 
 
 def test_crashed_vehicles_decide_nothing(start, network, model):
-    from dataclasses import replace
-
-    import equinox as eqx
-
     state, drivers = start
     crashed = jnp.zeros_like(state.crashed).at[3, 5].set(True)
     state = eqx.tree_at(lambda s: s.crashed, state, crashed)
@@ -114,13 +107,6 @@ def test_crashed_vehicles_decide_nothing(start, network, model):
 @pytest.mark.parametrize("name", ["mdp", "idm_capped"])
 def test_how_target_speeds_are_followed(name, model):
     """Told to keep 30 m/s behind a vehicle at 10 m/s: blind it drives through, capped it brakes."""
-    import equinox as eqx
-
-    from rearl_jax.baselines.network import make_network
-    from rearl_jax.config.decision import Longitudinal
-    from rearl_jax.core.drivers import highway_env_drivers
-    from rearl_jax.core.state import make_state
-
     network = make_network(jax.random.key(0), width=4, layers=1)
     keep = jnp.asarray([0, 9, 0, 0, 0], jnp.float32)
     network = eqx.tree_at(lambda n: n.actor.layers[-1].bias, network, keep)

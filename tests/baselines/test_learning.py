@@ -7,6 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.baselines.experience import advantages, share_of_action
+from rearl_jax.baselines.learning import Decisions, Learner, improve, loss, make_optimiser, split
+from rearl_jax.baselines.network import drawn_actions, log_shares, make_network
+from rearl_jax.config.ppo import PpoConfig
+
 
 def plain_advantages(reward, value, last_value, ends, gamma, decay):
     found = np.zeros_like(reward)
@@ -23,8 +28,6 @@ def plain_advantages(reward, value, last_value, ends, gamma, decay):
 
 
 def test_advantages_against_a_loop():
-    from rearl_jax.baselines.experience import advantages
-
     rng = np.random.default_rng(0)
     shape = (12, 3, 4)
     reward, value, last = rng.random(shape), rng.normal(size=shape), rng.normal(size=shape[1:])
@@ -38,9 +41,6 @@ def test_advantages_against_a_loop():
 @pytest.fixture
 def toy():
     """Decisions of an untrained network where FASTER pays and everything else does not; some do not count."""
-    from rearl_jax.baselines.experience import share_of_action
-    from rearl_jax.baselines.learning import Decisions
-    from rearl_jax.baselines.network import drawn_actions, log_shares, make_network
 
     @jax.jit
     def draw():
@@ -67,15 +67,10 @@ def toy():
 
 @pytest.fixture
 def ppo():
-    from rearl_jax.config.ppo import PpoConfig
-
     return PpoConfig(epochs=4, minibatch=128, learning_rate=3e-3)
 
 
 def test_loss_on_hand_values(ppo):
-    from rearl_jax.baselines.learning import Decisions, loss
-    from rearl_jax.baselines.network import make_network
-
     # A fresh network whose last layers are zero: all logits 0, value 0.
     shapes = jax.eval_shape(lambda: make_network(jax.random.key(0), width=4, layers=1))
     network = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
@@ -104,9 +99,6 @@ def test_loss_on_hand_values(ppo):
 
 @pytest.mark.usefixtures("lenient")
 def test_two_updates_lower_the_loss_and_make_what_pays_likelier(toy, ppo):
-    from rearl_jax.baselines.learning import Learner, improve, loss, make_optimiser
-    from rearl_jax.baselines.network import log_shares
-
     network, decisions = toy
     optimiser = make_optimiser(ppo, 2, 512)
     learner = Learner(network, optimiser.init(network))
@@ -129,8 +121,6 @@ def test_two_updates_lower_the_loss_and_make_what_pays_likelier(toy, ppo):
 
 
 def test_what_does_not_count_has_no_gradient(toy, ppo):
-    from rearl_jax.baselines.learning import loss
-
     network, decisions = toy
     poisoned = replace(
         decisions,
@@ -146,8 +136,6 @@ def test_what_does_not_count_has_no_gradient(toy, ppo):
 
 @pytest.mark.usefixtures("lenient")
 def test_the_step_size_falls_to_zero(toy, ppo):
-    from rearl_jax.baselines.learning import Learner, improve, make_optimiser
-
     network, decisions = toy
     optimiser = make_optimiser(ppo, 1, 512)
     step = jax.jit(lambda learner, key: improve(learner, decisions, key, ppo, optimiser)[0])
@@ -163,6 +151,4 @@ def test_the_step_size_falls_to_zero(toy, ppo):
     ("n", "largest", "expected"), [(38_400, 4096, (10, 3840)), (96, 100, (1, 96)), (10, 4, (3, 3))]
 )
 def test_minibatches(n, largest, expected):
-    from rearl_jax.baselines.learning import split
-
     assert split(n, largest) == expected

@@ -1,7 +1,10 @@
 """Observations against a plain reading, and against highway-env's own."""
 
 import numpy as np
+from highway_env.envs.common.observation import KinematicObservation
 
+from rearl_jax.baselines.observation import RANGES, observe_neighbours
+from rearl_jax.core.state import make_state
 from tests.highway_env_twins import put_on_road, road_of_four_lanes
 
 
@@ -24,8 +27,6 @@ def plain_observation(state, vehicle, scenario):
 
 
 def test_against_a_plain_reading(wild):
-    from rearl_jax.baselines.observation import observe_neighbours
-
     observation = np.asarray(observe_neighbours(wild))
     assert observation.shape == (25, *wild.x.shape)
     assert observation.dtype == np.float32
@@ -42,10 +43,6 @@ def test_against_a_plain_reading(wild):
 
 def test_against_highway_env(wild):
     """highway-env's Kinematics with our ranges, but for the observer's x, which it gives from the start of the road."""
-    from highway_env.envs.common.observation import KinematicObservation
-
-    from rearl_jax.baselines.observation import RANGES, observe_neighbours
-
     env = road_of_four_lanes()
     observation = np.asarray(observe_neighbours(wild))
     ranges = {name: [-reach, reach] for name, reach in RANGES.items()}
@@ -63,8 +60,5 @@ def test_against_highway_env(wild):
 
 
 def test_nobody_else(model):
-    from rearl_jax.baselines.observation import observe_neighbours
-    from rearl_jax.core.state import make_state
-
     state = make_state(np.array([[50.0]]), np.array([[8.0]]), np.array([[15.0]]), model)
     np.testing.assert_allclose(observe_neighbours(state)[:, 0, 0], [1, 0, 0.5, 0.5, 0, *[0] * 20])

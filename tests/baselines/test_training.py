@@ -16,16 +16,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.baselines import task
+from rearl_jax.baselines.training import CHECKPOINT, train, training_keys
+from rearl_jax.config import ResultsConfig
+from rearl_jax.config.ppo import PpoConfig
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.spawn import spawn
+from rearl_jax.evaluation.simulators import rollout_key
+from rearl_jax.problems import InvalidInputError
+from rearl_jax.results import Study, read_metadata
+
 
 def at(tiny, tmp_path, **changes):
-    from rearl_jax.config import ResultsConfig
-
     return replace(tiny, results=ResultsConfig(root=str(tmp_path)), **changes)
 
 
 def quietly(config):
-    from rearl_jax.baselines import task
-
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         summary = task.run(config)
@@ -35,8 +41,6 @@ def quietly(config):
 @pytest.mark.thorough
 @pytest.mark.usefixtures("lenient")
 def test_what_is_written(tiny, tmp_path):
-    from rearl_jax.results import read_metadata
-
     config = at(tiny, tmp_path)
     summary, printed = quietly(config)
     folder = tmp_path / "train_ppo"
@@ -64,9 +68,6 @@ def test_what_is_written(tiny, tmp_path):
 @pytest.mark.thorough
 @pytest.mark.usefixtures("lenient")
 def test_a_killed_training_goes_on_and_equals_an_uninterrupted_one(tiny, tmp_path):
-    from rearl_jax.baselines.training import CHECKPOINT, train
-    from rearl_jax.results import Study
-
     config = at(tiny, tmp_path)
     study = Study(config.results.root, config.study, config, "train ppo")
 
@@ -95,20 +96,13 @@ def test_a_killed_training_goes_on_and_equals_an_uninterrupted_one(tiny, tmp_pat
 @pytest.mark.usefixtures("lenient")
 @pytest.mark.slow
 def test_a_training_that_diverges_stops(tiny, tmp_path):
-    from rearl_jax.baselines.training import train
-    from rearl_jax.results import Study
-
     config = at(tiny, tmp_path, ppo=replace(tiny.ppo, learning_rate=1e38))
-    with pytest.raises(ValueError, match=r"diverged in update \d of 4: lower ppo.learning_rate"):
+    with pytest.raises(InvalidInputError) as caught:
         train(config, Study(config.results.root, config.study, config, "train ppo"))
+    assert (caught.value.code, caught.value.problem.key) == ("diverged", "ppo.learning_rate")
 
 
 def test_training_never_sees_the_traffic_of_an_evaluation():
-    from rearl_jax.baselines.training import training_keys
-    from rearl_jax.core.model import TrafficModel
-    from rearl_jax.core.spawn import spawn
-    from rearl_jax.evaluation.simulators import rollout_key
-
     seed = jnp.int32(0)
     updates = jnp.arange(30, dtype=jnp.int32)
     trained = jax.vmap(lambda update: training_keys(seed, update, 64)[0])(updates).ravel()
@@ -124,20 +118,13 @@ def test_training_never_sees_the_traffic_of_an_evaluation():
 
 
 def test_keys_out_of_range_are_refused():
-    from rearl_jax.config.ppo import PpoConfig
-
     assert PpoConfig().n_updates(10) == 27
     assert PpoConfig().batch(10) == 38_400
-    for changes, said in (
-        ({"scenarios": 0}, "scenarios must be at least 1"),
-        ({"car_steps": float("inf")}, "car_steps must be at least 1 and finite"),
-        ({"seed": -1}, "seed must be within"),
-        ({"gamma": 1.5}, "gamma must be within 0 and 1"),
-        ({"learning_rate": 0.0}, "learning_rate must be > 0"),
-        ({"entropy_weight": -1.0}, "entropy_weight must be >= 0"),
-    ):
-        with pytest.raises(ValueError, match=said):
-            PpoConfig(**changes).check()
+    bad = {"scenarios": 0, "car_steps": float("inf"), "seed": -1, "gamma": 1.5, "learning_rate": 0.0}
+    for key, value in (bad | {"entropy_weight": -1.0}).items():
+        with pytest.raises(InvalidInputError) as caught:
+            PpoConfig(**{key: value}).check()
+        assert (caught.value.code, caught.value.problem.key) == ("out-of-range", key)
 
 
 @pytest.mark.slow

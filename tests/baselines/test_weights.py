@@ -1,35 +1,35 @@
 """Files of weights: there and back, and every way in which one can be wrong."""
 
+import json
 from dataclasses import replace
 
 import jax
 import numpy as np
 import pytest
 
+from rearl_jax.baselines.driving import DrivingOptions
+from rearl_jax.baselines.weights import DEFAULT, FORMAT, load_policy, weights_file
+from rearl_jax.config import TrainPpoTask
+from rearl_jax.config._schema import as_plain
+from rearl_jax.config.decision import AdmissibleConfig, LaneGate, Longitudinal
+from rearl_jax.config.ppo import PpoConfig
+from rearl_jax.problems import InvalidInputError, MissingInputError
+
 
 @pytest.fixture
 def config(tiny):
-    from rearl_jax.config.decision import AdmissibleConfig, LaneGate, Longitudinal
-    from rearl_jax.config.ppo import PpoConfig
-
     admissible = AdmissibleConfig(lane=LaneGate.mobil_safe, decel_keep=2.5)
     return replace(tiny, ppo=PpoConfig(width=16, longitudinal=Longitudinal.idm_capped), admissible=admissible)
 
 
 @pytest.fixture
 def file(network, config, tmp_path):
-    from rearl_jax.baselines.weights import weights_file
-
     path = tmp_path / "weights.eqx"
     path.write_bytes(weights_file(network, config))
     return path
 
 
 def test_there_and_back(network, config, file):
-    from rearl_jax.baselines.driving import DrivingOptions
-    from rearl_jax.baselines.weights import load_policy, weights_file
-    from rearl_jax.config.decision import Longitudinal
-
     policy = load_policy(str(file), config.core)
     for a, b in zip(*map(jax.tree.leaves, (network, policy.network)), strict=True):
         assert a.dtype == b.dtype == np.float32
@@ -43,43 +43,34 @@ def test_there_and_back(network, config, file):
 
 
 def test_wrong_files_are_named(config, file, tmp_path):
-    from rearl_jax.baselines.weights import load_policy
-
     whole = file.read_bytes()
     header, rest = whole.split(b"\n", 1)
-    for content, said in (
-        (b"", "is no file of PPO weights"),
-        (b'{"a": 1}\n' + rest, "is no file of PPO weights"),
-        (np.random.default_rng(0).bytes(300), "is no file of PPO weights"),
-        (header.replace(b'"width": 16', b'"width": 32') + b"\n" + rest, "the file is damaged"),
-        (header.replace(b'"layers": 2', b'"layers": 1') + b"\n" + rest, "the file is damaged"),
-        (whole[:-100], "the file is damaged"),
-        (whole + b"x", "holds more than"),
-        (header.replace(b'"decel_keep"', b'"decel_kept"') + b"\n" + rest, "written by another version"),
+    for content, code in (
+        (b"", "not-weights"),
+        (b'{"a": 1}\n' + rest, "not-weights"),
+        (np.random.default_rng(0).bytes(300), "not-weights"),
+        (header.replace(b'"width": 16', b'"width": 32') + b"\n" + rest, "weights-damaged"),
+        (header.replace(b'"layers": 2', b'"layers": 1') + b"\n" + rest, "weights-damaged"),
+        (whole[:-100], "weights-damaged"),
+        (whole + b"x", "weights-damaged"),
+        (header.replace(b'"decel_keep"', b'"decel_kept"') + b"\n" + rest, "weights-of-another-version"),
     ):
         file.write_bytes(content)
-        with pytest.raises(ValueError, match=said):
+        with pytest.raises(InvalidInputError) as caught:
             load_policy(str(file), config.core)
-    with pytest.raises(FileNotFoundError, match=r"ppo.weights=.*rearl train ppo"):
-        load_policy(str(tmp_path / "nothing.eqx"), config.core)
-    with pytest.raises(ValueError, match="is a folder"):
-        load_policy(str(tmp_path), config.core)
-
-
-def test_weights_of_another_road_are_refused(config, file):
-    from rearl_jax.baselines.weights import load_policy
-
-    with pytest.raises(ValueError, match=r"4 lanes, core.n_lanes is 3: set core.n_lanes=4, or train"):
-        load_policy(str(file), replace(config.core, n_lanes=3))
+        assert (caught.value.code, caught.value.problem.file) == (code, str(file))
+    file.write_bytes(whole)
+    for path, core, code, key in (
+        (tmp_path / "nothing.eqx", config.core, "file-missing", "ppo.weights"),
+        (tmp_path, config.core, "not-a-file", "ppo.weights"),
+        (file, replace(config.core, n_lanes=3), "other-road", "core.n_lanes"),
+    ):
+        with pytest.raises((InvalidInputError, MissingInputError)) as caught:
+            load_policy(str(path), core)
+        assert (caught.value.code, caught.value.problem.key) == (code, key)
 
 
 def test_the_weights_of_the_package_are_those_of_the_defaults():
-    import json
-
-    from rearl_jax.baselines.weights import DEFAULT, FORMAT, load_policy
-    from rearl_jax.config import TrainPpoTask
-    from rearl_jax.config._schema import as_plain
-
     assert DEFAULT.stat().st_size < 300_000
     defaults = TrainPpoTask()
     policy = load_policy(None, defaults.core)

@@ -8,9 +8,11 @@ from PIL import Image
 from benchmarks.core import show
 from benchmarks.core_results import MEANINGS, Agreement, Change, CoreResults, read_ratios
 from benchmarks.figure import draw_costs
-from benchmarks.options import OptionError, Peer
+from benchmarks.options import Peer
 from benchmarks.programs import C_ALL, GPU, OURS, Absent
+from rearl_jax.problems import InvalidInputError, MissingInputError
 from rearl_jax.timing.measurement import Measurement, Series, Spread
+from tests.benchmarks.documented import check_documented
 
 KEPT = Path(__file__).resolve().parents[2] / "results" / "kept" / "bench_core"
 
@@ -90,14 +92,8 @@ def test_every_figure_of_the_summary_is_documented(results):
     assert (summary["change_n10"], summary["change_n200"], summary["n_slower"]) == (0.5, 1, 1)
     assert summary["absent"] == [{"program": "libsumo", "reason": "not installed", "remedy": "pip install it"}]
     assert "ratio_to_libsumo_n10" not in summary
-    fields = {"N": r"\d+", "A": r"\d+", "B": r"\d+", "R": r"\d+k?", "C": r"\d+", "T": r"\d+"}
-    fields["peer"] = "(c|c_all_threads|highway_env|libsumo|highjax|gpu)"
-    patterns = [re.sub(r"\{(\w+)\}", lambda found: fields[found[1]], name) for name in MEANINGS]
-    for name in summary.keys() - MACHINE.keys():
-        plain = re.sub("_(min|max)$", "", name) if name.startswith(("ratio_to_", "change_")) else name
-        assert any(re.fullmatch(pattern, plain) for pattern in patterns), f"{name} is not documented"
-    for pattern in patterns:
-        assert any(re.fullmatch(pattern, name) for name in summary), f"{pattern} is documented, but not there"
+    peers = ("c", "c_all_threads", "highway_env", "libsumo", "highjax", "gpu")
+    check_documented(summary.keys() - MACHINE.keys(), MEANINGS, peer=peers)
 
 
 def test_table_has_a_row_per_measurement(results):
@@ -160,8 +156,9 @@ def test_ratios_are_read_from_a_file_or_its_folder(tmp_path):
     file.write_text(json.dumps({"task": "bench core", **figures, "ratio_to_c_all_threads_n10": 9}))
     expected = {10: Spread(2.0, 1.0, 3.0), 1000: Spread(2.0, 1.0, 3.0)}
     assert read_ratios(str(file), Peer.c) == read_ratios(str(tmp_path), Peer.c) == expected
-    with pytest.raises(OptionError, match="choose another bench.reference"):
+    with pytest.raises(InvalidInputError) as caught:
         read_ratios(str(file), Peer.libsumo)
+    assert (caught.value.code, caught.value.problem.key) == ("reference-absent", "bench.reference")
 
 
 def test_ratios_are_read_from_the_kept_benchmark():
@@ -172,7 +169,12 @@ def test_ratios_are_read_from_the_kept_benchmark():
 def test_other_files_are_refused(tmp_path, text):
     file = tmp_path / "summary.json"
     file.write_text(text)
-    with pytest.raises(OptionError, match="bench.against"):
+    with pytest.raises(InvalidInputError) as caught:
         read_ratios(str(file), Peer.c)
-    with pytest.raises(FileNotFoundError, match="there is no .*nowhere"):
+    assert (caught.value.code, caught.value.problem.key) == ("benchmark-unreadable", "bench.against")
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(MissingInputError) as caught:
         read_ratios(str(tmp_path / "nowhere"), Peer.c)
+    assert (caught.value.code, caught.value.problem.file) == ("file-missing", str(tmp_path / "nowhere"))

@@ -8,6 +8,7 @@ from benchmarks.loop_results import MEANINGS, Cell, LoopResults
 from benchmarks.options import LoopPolicy
 from rearl_jax.timing.decision_steps import BASE, DECISION, DETECTION, LOOP, PAPER_MS, PARTS, PPO
 from rearl_jax.timing.measurement import Measurement, Series
+from tests.benchmarks.documented import check_documented
 
 MACHINE = {"cpu_model": "a processor", "cpu_cores": 2, "jax_version": "1"}
 POLICIES = tuple(LoopPolicy)
@@ -77,21 +78,8 @@ def test_every_figure_of_the_summary_is_documented(measured):
     assert summary["effect_ratio_grade_n10_b2048_max"] == 3
     assert summary["effect_ns_grade_n10_b2048"] == pytest.approx(1.5e9 / 150)
     assert {key: summary[f"paper_ms_{key}"] for key in PAPER_MS} == PAPER_MS
-    fields = {
-        "N": r"\d+",
-        "B": r"\d+",
-        "program": f"({'|'.join(programs_of(tuple(LoopPolicy)))})",
-        "policy": f"({'|'.join(LoopPolicy.__members__)})",
-        "part": f"({'|'.join(PARTS)})",
-        "method": f"({'|'.join(PAPER_MS)})",
-        "effect": "(following|grade)",
-    }
-    patterns = [re.sub(r"\{(\w+)\}", lambda found: fields[found[1]], name) for name in MEANINGS]
-    for name in summary.keys() - MACHINE.keys():
-        plain = re.sub("_(min|max)$", "", name)
-        assert any(re.fullmatch(pattern, plain) for pattern in patterns), f"{name} is not documented"
-    for pattern in patterns:
-        assert any(re.fullmatch(pattern, name) for name in summary), f"{pattern} is documented, but not there"
+    names = {"policy": LoopPolicy.__members__, "part": PARTS, "method": PAPER_MS, "effect": ("following", "grade")}
+    check_documented(summary.keys() - MACHINE.keys(), MEANINGS, program=programs_of(POLICIES), **names)
 
 
 def test_parts_of_the_benchmark_can_be_left_out(measured, capsys):

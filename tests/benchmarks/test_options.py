@@ -4,77 +4,51 @@ from benchmarks.options import CoreOptions, DiscoverOptions, LoopOptions, LoopPo
 from rearl_jax.problems import InvalidInputError
 
 
-def test_defaults_are_valid():
-    CoreOptions().check()
-    CoreOptions(chunks=(), threads=(), against="there").check()
-    DiscoverOptions().check()
+@pytest.mark.parametrize(
+    "options",
+    [CoreOptions(), CoreOptions(chunks=(), threads=(), against="there"), DiscoverOptions()]
+    + [LoopOptions(), LoopOptions(steps_batches=()), LoopOptions(batches=())],
+)
+def test_sound_options(options):
+    options.check()
+
+
+BAD = {
+    CoreOptions: {
+        "vehicles": [(), (30, 10), (0, 10)],
+        "seconds": [0],
+        "repetitions": [0],
+        "density": [0.0],
+        "repetition_cpu_s": [float("nan")],
+        "memory_rollouts": [-1],
+        "chunk": [0],
+        "scenarios": [(1, 2), (1, 2, 3, 4, 0)],
+        "peers": [(Peer.c, Peer.c)],
+        "chunks": [(16, 16)],
+        "threads": [(2, 1)],
+        "varied_vehicles": [0],
+        "margin": [1.0],
+    },
+    LoopOptions: {
+        "vehicles": [(30, 10), (1, 10)],
+        "batches": [(0, 1)],
+        "steps": [0],
+        "policies": [(), (LoopPolicy.idle, LoopPolicy.idle)],
+        "repetition_cpu_s": [0.0],
+        "rounds": [0],
+        "reference_seconds": [59],
+    },
+    DiscoverOptions: {"drivers": [(8, 20), ()], "seconds": [(60, 60)], "replicates": [1]},
+}
 
 
 @pytest.mark.parametrize(
-    ("changed", "key"),
-    [
-        ({"vehicles": ()}, "vehicles"),
-        ({"vehicles": (30, 10)}, "vehicles"),
-        ({"vehicles": (0, 10)}, "vehicles"),
-        ({"seconds": 0}, "seconds"),
-        ({"repetitions": 0}, "repetitions"),
-        ({"density": 0.0}, "density"),
-        ({"repetition_cpu_s": float("nan")}, "repetition_cpu_s"),
-        ({"memory_rollouts": -1}, "memory_rollouts"),
-        ({"chunk": 0}, "chunk"),
-        ({"scenarios": (1, 2)}, "scenarios"),
-        ({"scenarios": (1, 2, 3, 4, 0)}, "scenarios"),
-        ({"peers": (Peer.c, Peer.c)}, "peers"),
-        ({"chunks": (16, 16)}, "chunks"),
-        ({"threads": (2, 1)}, "threads"),
-        ({"varied_vehicles": 0}, "varied_vehicles"),
-        ({"margin": 1.0}, "margin"),
-        ({"against": "there", "peers": (Peer.libsumo,)}, "reference"),
-    ],
+    ("options", "key"),
+    [(record(**{key: value}), key) for record, keys in BAD.items() for key, values in keys.items() for value in values]
+    + [(CoreOptions(against="there", peers=(Peer.libsumo,)), "reference")]
+    + [(LoopOptions(batches=(), steps_batches=()), "batches")],
 )
-def test_ranges(changed, key):
+def test_ranges(options, key):
     with pytest.raises(InvalidInputError) as caught:
-        CoreOptions(**changed).check()
-    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", key)
-
-
-def test_defaults_of_the_loop_are_valid():
-    LoopOptions().check()
-    LoopOptions(steps_batches=()).check()
-    LoopOptions(batches=()).check()
-
-
-@pytest.mark.parametrize(
-    ("changed", "key"),
-    [
-        ({"vehicles": (30, 10)}, "vehicles"),
-        ({"vehicles": (1, 10)}, "vehicles"),
-        ({"batches": (), "steps_batches": ()}, "batches"),
-        ({"batches": (0, 1)}, "batches"),
-        ({"steps": 0}, "steps"),
-        ({"policies": ()}, "policies"),
-        ({"policies": (LoopPolicy.idle, LoopPolicy.idle)}, "policies"),
-        ({"repetition_cpu_s": 0.0}, "repetition_cpu_s"),
-        ({"rounds": 0}, "rounds"),
-        ({"seconds": 61}, "reference_seconds"),
-    ],
-)
-def test_ranges_of_the_loop(changed, key):
-    with pytest.raises(InvalidInputError) as caught:
-        LoopOptions(**changed).check()
-    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", key)
-
-
-@pytest.mark.parametrize(
-    ("changed", "key"),
-    [
-        ({"drivers": (8, 20)}, "drivers"),
-        ({"drivers": ()}, "drivers"),
-        ({"seconds": (60, 60)}, "seconds"),
-        ({"replicates": 1}, "replicates"),
-    ],
-)
-def test_ranges_of_discover(changed, key):
-    with pytest.raises(InvalidInputError) as caught:
-        DiscoverOptions(**changed).check()
+        options.check()
     assert (caught.value.code, caught.value.problem.key) == ("out-of-range", key)

@@ -1,11 +1,15 @@
 """Names of recordings and studies that hold HTML: every page shows them and carries out none of it."""
 
+import ast
 import json
 import subprocess
 import sys
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
+
+import rearl_jax
 
 HOSTILE = "<img src=x onerror=alert(1)>\"'&</script><script>alert(2)</script>"
 
@@ -82,10 +86,6 @@ def test_pages_show_hostile_names_as_text(tmp_path):
 
 
 def test_only_vetted_texts_go_unescaped_into_a_page():
-    from pathlib import Path
-
-    import rearl_jax
-
     root = Path(rearl_jax.__file__).parent
     templates = sorted(root.rglob("*.html.j2"))
     assert len(templates) >= 2
@@ -105,11 +105,6 @@ def test_only_vetted_texts_go_unescaped_into_a_page():
 
 def test_nothing_that_is_read_can_bring_code():
     """No pickle, and YAML only through the safe loader."""
-    import ast
-    from pathlib import Path
-
-    import rearl_jax
-
     seen = 0
     for file in sorted(Path(rearl_jax.__file__).parent.rglob("*.py")):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):

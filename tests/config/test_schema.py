@@ -6,6 +6,8 @@ from enum import Enum
 
 import pytest
 
+from rearl_jax.config import EvaluateTask
+from rearl_jax.config._schema import as_plain, as_written, finished, from_plain, groups_of, nearest, type_name
 from rearl_jax.problems import InvalidInputError, out_of_range
 
 
@@ -17,18 +19,14 @@ class Colour(Enum):
 def test_key_refuses_what_cannot_be_documented_or_shared():
     from rearl_jax.config._key import key
 
-    with pytest.raises(ValueError, match="one non-empty line"):
-        key(1, " ")
-    with pytest.raises(ValueError, match="one non-empty line"):
-        key(1, "two\nlines")
-    with pytest.raises(ValueError, match="mutable"):
-        key([1], "a list")
+    for default, text in ((1, " "), (1, "two\nlines"), ([1], "a list")):
+        with pytest.raises(ValueError, match="key|default"):
+            key(default, text)
 
 
 def test_nested_defaults_are_those_of_the_field():
     """A record that is used twice shows the values of each place, not those of its class."""
     from rearl_jax.config._key import key
-    from rearl_jax.config._schema import groups_of
 
     @dataclass(unsafe_hash=True)
     class Range:
@@ -56,14 +54,11 @@ def test_nested_defaults_are_those_of_the_field():
     ],
 )
 def test_nearest(name, close):
-    from rearl_jax.config._schema import nearest
-
     assert nearest(name, ["study", "scenes.stride", "scenes.seconds", "mape.definition"]) == close
 
 
 def test_finished_turns_lists_into_tuples_and_checks_inner_records_first():
     from rearl_jax.config._key import key
-    from rearl_jax.config._schema import finished
 
     @dataclass(unsafe_hash=True)
     class Inner:
@@ -105,8 +100,6 @@ def test_finished_turns_lists_into_tuples_and_checks_inner_records_first():
 
 
 def test_values_as_the_user_writes_them():
-    from rearl_jax.config._schema import as_plain, as_written, type_name
-
     assert [as_written(value) for value in (None, True, (1, 2.5), Colour.red, "", "x")] == [
         "null",
         "true",
@@ -123,9 +116,6 @@ def test_values_as_the_user_writes_them():
 
 
 def test_nan_and_a_text_in_the_place_of_a_list_are_refused():
-    from rearl_jax.config import EvaluateTask
-    from rearl_jax.config._schema import finished, from_plain
-
     for group, name, value in (
         ("core", "density", float("nan")),
         ("reference", "weights", (1.0, float("nan"))),

@@ -3,14 +3,22 @@
 import json
 import subprocess
 import sys
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from rearl_jax.config import DoctorTask
 from rearl_jax.config.data import DataConfig, DataFormat
+from rearl_jax.config.decision import DecisionConfig, PolicyName
+from rearl_jax.config.llm import LlmConfig
+from rearl_jax.doctor import folders, machine, programs, server
 from rearl_jax.doctor.check import Status
+from rearl_jax.doctor.programs import _USES
+from rearl_jax.doctor.recordings import recording_checks
+from rearl_jax.llm.connection import Response
 
 
 def statuses(checks):
@@ -31,8 +39,6 @@ def test_the_command_prints_lines_and_json(tmp_path):
 
 
 def test_recordings_that_are_missing_or_broken_fail(tmp_path):
-    from rearl_jax.doctor.recordings import recording_checks
-
     (sound,) = recording_checks(DataConfig())
     assert sound.status is Status.ok
     assert "3 recordings" in sound.found
@@ -44,8 +50,6 @@ def test_recordings_that_are_missing_or_broken_fail(tmp_path):
 
 
 def test_folders_that_cannot_be_used(tmp_path, monkeypatch):
-    from rearl_jax.doctor import folders
-
     file = tmp_path / "file"
     file.touch()
     assert statuses(folders.results_checks(file / "results"))[0] is Status.fail
@@ -64,8 +68,6 @@ def test_folders_that_cannot_be_used(tmp_path, monkeypatch):
 
 
 def test_a_large_cache_may_be_removed(tmp_path, monkeypatch):
-    from rearl_jax.doctor import folders
-
     (tmp_path / "program").write_bytes(b"x" * 1000)
     tmp_path.chmod(0o700)
     assert folders.cache_checks(tmp_path)[0].status is Status.ok
@@ -84,8 +86,6 @@ def test_a_large_cache_may_be_removed(tmp_path, monkeypatch):
     ],
 )
 def test_jax_that_does_not_work_fails_whatever_it_does(monkeypatch, code, said):
-    from rearl_jax.doctor import machine
-
     monkeypatch.setattr(machine, "_PROBE", code)
     monkeypatch.setattr(machine, "_PATIENCE", 3.0)
     (check,) = machine._jax()
@@ -95,8 +95,6 @@ def test_jax_that_does_not_work_fails_whatever_it_does(monkeypatch, code, said):
 
 
 def test_a_gpu_that_jax_does_not_use_is_told(monkeypatch):
-    from rearl_jax.doctor import machine
-
     answer = {"jax": "1", "jaxlib": "1", "platform": "cpu", "n": 1, "kind": "cpu", "sum": 4.0}
     monkeypatch.setattr(machine, "_PROBE", f"print({json.dumps(answer)!r})")
     monkeypatch.setattr(machine, "_has_nvidia", lambda: True)
@@ -107,8 +105,6 @@ def test_a_gpu_that_jax_does_not_use_is_told(monkeypatch):
 
 
 def test_little_memory_and_busy_cores_are_told(monkeypatch):
-    from rearl_jax.doctor import machine
-
     for memory, status in (((2**35, 2**34), Status.ok), ((2**35, 2**30), Status.warn), ((None, None), Status.ok)):
         monkeypatch.setattr(machine, "_memory_bytes", lambda memory=memory: memory)
         assert machine._memory().status is status
@@ -118,8 +114,6 @@ def test_little_memory_and_busy_cores_are_told(monkeypatch):
 
 
 def test_packages_that_are_missing(monkeypatch):
-    from rearl_jax.doctor import programs
-
     wanted = ["jax>=0.9", "no-such-package>=1", 'no-such-extra>=2; extra == "ray"', "pytest; extra == 'test'"]
     monkeypatch.setattr(programs, "requires", lambda name: wanted)
     monkeypatch.setattr(programs.shutil, "which", lambda name: None)
@@ -131,36 +125,27 @@ def test_packages_that_are_missing(monkeypatch):
 
 
 def test_it_is_said_what_every_extra_is_for():
-    import tomllib
-    from pathlib import Path
-
-    from rearl_jax.doctor.programs import _USES
-
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert set(_USES) == set(project["optional-dependencies"])
 
 
 def test_servers(monkeypatch):
-    from rearl_jax.config.decision import DecisionConfig, PolicyName
-    from rearl_jax.config.llm import LlmConfig
-    from rearl_jax.doctor import server
-    from rearl_jax.llm.connection import Response
-
     llm = LlmConfig()
     assert server.server_checks(DecisionConfig(), llm) == []  # nobody has asked for one
     assert len(server.server_checks(DecisionConfig(PolicyName.llm), llm)) == 1
     assert statuses(server.server_checks(DecisionConfig(server="nonsense"), llm)) == [Status.fail]
     said: dict[str, Response] = {}
 
-    async def models(address, config, key):
+    async def get(connection, path, read_timeout):
         return said["now"]
 
-    monkeypatch.setattr(server, "_models", models)
+    monkeypatch.setattr(server.Connection, "get", get)
     asked = DecisionConfig(server="http://127.0.0.1:9/v1")
     for response, config, status in (
         (Response(error="refused"), llm, Status.fail),
         (Response(401, b"{}"), llm, Status.fail),
         (Response(200, b"<html>"), llm, Status.fail),
+        (Response(503, b"{}"), llm, Status.fail),
         (Response(200, b'{"data": [{"id": "a"}]}'), llm, Status.ok),
         (Response(200, b'{"data": [{"id": "a"}, {"id": "b"}]}'), llm, Status.fail),
         (Response(200, b'{"data": [{"id": "a"}, {"id": "b"}]}'), replace(llm, model="b"), Status.ok),
@@ -169,6 +154,7 @@ def test_servers(monkeypatch):
         said["now"] = response
         (check,) = server.server_checks(asked, config)
         assert check.status is status, check
+        assert check.remedy or status is Status.ok
 
 
 def test_nothing_that_needs_jax_is_asked_where_jax_does_not_work(monkeypatch, tmp_path, capsys):

@@ -3,14 +3,12 @@
 Its answers are a function of the chat alone, so runs can be compared. It writes down every request it sees.
 """
 
-import argparse
 import asyncio
 import hashlib
 import json
 import re
 import socket
 import struct
-import sys
 import threading
 import time
 from collections import Counter
@@ -56,6 +54,11 @@ class Fault(Enum):
     """A text of 6 MiB."""
     endless = auto()
     """A body without an end."""
+
+
+STATUS = dict.fromkeys((Fault.too_many, Fault.too_many_wait, Fault.too_many_date), 429)
+STATUS |= {Fault.internal_error: 500, Fault.unavailable: 503}
+"""Status of the faults that are errors of HTTP."""
 
 
 @dataclass(frozen=True)
@@ -115,21 +118,7 @@ class Stub:
         fault: Callable[[Seen], Fault | int | None] = lambda seen: None,
         say: Callable[[dict], dict] | None = None,
     ) -> None:
-        """Nothing runs yet.
-
-        Args:
-            latency: Time per request [s].
-            slots: Requests worked on at a time; the others wait.
-            stall: Time of a late answer [s].
-            retry_after: What the header asks for [s].
-            models: Names of the models.
-            owned_by: Their owner, by which servers can be told.
-            header: How the server calls itself in its headers.
-            constrains: Whether constraints are kept.
-            key: Key without which nothing is answered.
-            fault: What goes wrong with a request, or a status to answer with.
-            say: The whole response to a body, in place of the usual one.
-        """
+        """Nothing runs yet. Times in s; a fault may be a status; `say` gives the whole response to a body."""
         self.latency, self.stall, self.retry_after = latency, stall, retry_after
         self.models, self.owned_by, self.header = models, owned_by, header
         self.constrains, self.key, self.fault, self.say = constrains, key, fault, say
@@ -139,7 +128,6 @@ class Stub:
         self._slots = slots
         self._busy = 0
         self._numbers: Counter[bytes] = Counter()
-        self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._connections: set[asyncio.StreamWriter] = set()
@@ -247,12 +235,11 @@ class Stub:
             self._write(writer, 200, self._completion(seen.body))
         elif isinstance(fault, int):
             self._write(writer, fault, {"error": {"message": f"status {fault} was asked for"}})
-        elif fault is Fault.too_many or fault is Fault.too_many_wait or fault is Fault.too_many_date:
+        elif fault in STATUS:
             date = formatdate(time.time() + self.retry_after, usegmt=True)
-            waits = {Fault.too_many: {}, Fault.too_many_wait: {"retry-after": str(self.retry_after)}}
-            self._write(writer, 429, {"error": "busy"}, waits.get(fault, {"retry-after": date}))
-        elif fault is Fault.internal_error or fault is Fault.unavailable:
-            self._write(writer, 500 if fault is Fault.internal_error else 503, {"error": {"message": "not now"}})
+            waits = {Fault.too_many_wait: str(self.retry_after), Fault.too_many_date: date}
+            headers = {"retry-after": waits[fault]} if fault in waits else {}
+            self._write(writer, STATUS[fault], {"error": {"message": "not now"}}, headers)
         elif fault is Fault.late or fault is Fault.never:
             await asyncio.sleep(self.stall if fault is Fault.late else 3600.0)
             self._write(writer, 200, self._completion(seen.body))
@@ -311,18 +298,3 @@ def _reset(writer: asyncio.StreamWriter) -> None:
     connected = writer.get_extra_info("socket")
     connected.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     writer.transport.abort()
-
-
-def main() -> None:
-    """A stub in a process of its own, for measurements: serves until its input ends, prints its address first."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--latency", type=float, default=0.05)
-    parser.add_argument("--slots", type=int, default=32)
-    arguments = parser.parse_args()
-    with Stub(latency=arguments.latency, slots=arguments.slots) as stub:
-        print(stub.url, flush=True)
-        sys.stdin.read()
-
-
-if __name__ == "__main__":
-    main()

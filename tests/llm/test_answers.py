@@ -1,3 +1,4 @@
+import contextlib
 import os
 import sqlite3
 import subprocess
@@ -77,7 +78,7 @@ def test_sources(tmp_path):
 
 @pytest.mark.parametrize("read_only", [False, True])
 @pytest.mark.parametrize("damage", ["noise", "cut", "text", "other program", "other version"])
-def test_a_file_that_cannot_be_used_is_one_sentence(tmp_path, damage, read_only):
+def test_a_file_that_cannot_be_used_is_refused_and_left_alone(tmp_path, damage, read_only):
     path = tmp_path / "a.sqlite"
     fill(path, 200)
     whole = path.read_bytes()
@@ -89,13 +90,9 @@ def test_a_file_that_cannot_be_used_is_one_sentence(tmp_path, damage, read_only)
         path.write_text("digest,text\n" * 100)
     else:
         path.unlink()
-        database = sqlite3.connect(path)
-        database.execute("CREATE TABLE answers (digest TEXT)")
-        if damage == "other version":
-            database.execute("PRAGMA application_id = 0x5245414C")
-            database.execute("PRAGMA user_version = 99")
-        database.commit()
-        database.close()
+        version = "PRAGMA application_id = 0x5245414C; PRAGMA user_version = 99" if damage == "other version" else ""
+        with contextlib.closing(sqlite3.connect(path)) as database:
+            database.executescript(f"CREATE TABLE answers (digest TEXT); {version}")
     before = path.read_bytes()
     with pytest.raises(InvalidInputError) as caught:
         Answers(path, read_only=read_only)
@@ -132,10 +129,8 @@ def test_damage_that_only_changes_a_type_is_one_sentence(tmp_path, column, value
     """SQLite itself does not mind."""
     path = tmp_path / "a.sqlite"
     fill(path, 1)
-    database = sqlite3.connect(path)
-    database.execute(f"UPDATE answers SET {column} = {value}")
-    database.commit()
-    database.close()
+    with contextlib.closing(sqlite3.connect(path, isolation_level=None)) as database:
+        database.execute(f"UPDATE answers SET {column} = {value}")
     with pytest.raises(InvalidInputError) as caught:
         Answers(path, read_only=True).find([f"{0:064x}"])
     assert (caught.value.code, caught.value.problem.file) == ("answers-unreadable", str(path))
@@ -143,14 +138,12 @@ def test_damage_that_only_changes_a_type_is_one_sentence(tmp_path, column, value
     assert "llm.cache" in caught.value.problem.remedy
 
 
-def test_a_place_that_cannot_be_written_is_one_sentence(tmp_path):
+def test_a_place_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(InvalidInputError) as caught:
-        Answers(tmp_path / "file" / "a.sqlite")
-    assert caught.value.code == "answers-not-kept"
-    with pytest.raises(InvalidInputError) as caught:
-        Answers(tmp_path)
-    assert caught.value.code == "answers-not-kept"
+    for place in (tmp_path / "file" / "a.sqlite", tmp_path):
+        with pytest.raises(InvalidInputError) as caught:
+            Answers(place)
+        assert caught.value.code == "answers-not-kept"
 
 
 def test_an_empty_file_is_nothing_to_replay(tmp_path):

@@ -6,6 +6,7 @@ import hashlib
 import threading
 import time
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 
@@ -14,11 +15,10 @@ from rearl_jax.llm.client import Client
 from rearl_jax.llm.connection import read_retry_after
 from rearl_jax.llm.records import KEEP_OUT, Cause
 from tests.llm.asking import make_config, make_questions, outcomes
-from tests.llm.stub import Fault, Seen, Stub, chat_digest
+from tests.llm.stub import STATUS, Fault, Seen, Stub, chat_digest
 
-STATUS = {Fault.too_many: 429, Fault.too_many_wait: 429, Fault.too_many_date: 429}
-STATUS |= {Fault.internal_error: 500, Fault.unavailable: 503}
 TIMED_OUT = {Fault.late, Fault.never}
+NO_RESPONSE = {Fault.garbage, Fault.half_body, Fault.closed, Fault.reset, Fault.enormous, Fault.endless}
 SHORT = 0.25
 """Read time-out where requests are to time out [s]."""
 
@@ -31,50 +31,30 @@ def healthy(tmp_path_factory, questions):
 
 @pytest.fixture(scope="module")
 def expected(tmp_path_factory):
-    return healthy(tmp_path_factory, make_questions(6))
+    return healthy(tmp_path_factory, make_questions(3))
 
 
 @pytest.mark.parametrize("fault", Fault, ids=lambda fault: fault.name)
-def test_fault_that_passes(tmp_path, expected, fault):
-    """Twice the fault, then the answer."""
-    config = make_config(tmp_path, read_timeout=SHORT if fault in TIMED_OUT else 20.0)
-    with Stub(fault=lambda seen: fault if seen.number <= 2 else None) as stub, Client(config, stub.url) as client:
-        answers = client.submit(make_questions(6)).result()
-    assert outcomes(answers) == expected
-    assert {(reply.tries, reply.status) for answer in answers for reply in answer.replies} == {(3, 200)}
-    assert len(stub.chats) == 18
-
-
-@pytest.mark.parametrize("fault", Fault, ids=lambda fault: fault.name)
-def test_fault_that_stays(tmp_path, expected, caplog, fault):
-    """Counted under its cause, said once, not kept; the next run gets the answers."""
+def test_every_fault(tmp_path, expected, caplog, fault):
+    """Where it stays it is counted under its cause, said once, not kept; where it passes the answers are there."""
     cause = Cause.late if fault in TIMED_OUT else Cause.failed
     config = make_config(tmp_path, read_timeout=SHORT if fault in TIMED_OUT else 20.0, tries=2)
-    with Stub(fault=lambda seen: fault) as stub:
+    with Stub(fault=lambda seen: fault if seen.number <= 4 else None) as stub:
         with Client(config, stub.url) as client:
-            answers = client.submit(make_questions(6)).result()
-            counts = client.counts
-        assert len(stub.chats) == 12
-        assert [(answer.action, answer.cause) for answer in answers] == [(KEEP_OUT, cause)] * 6
-        assert counts.causes == {cause: 6}
-        status = STATUS.get(fault, 200)
-        if fault in TIMED_OUT | {
-            Fault.garbage,
-            Fault.half_body,
-            Fault.closed,
-            Fault.reset,
-            Fault.enormous,
-            Fault.endless,
-        }:
-            status = None
-        assert {(reply.tries, reply.status, reply.text) for answer in answers for reply in answer.replies} == {
-            (2, status, None)
-        }
+            answers = client.submit(make_questions(3)).result()
+            assert client.counts.causes == {cause: 3}
+        assert len(stub.chats) == 6
+        assert [(answer.action, answer.cause) for answer in answers] == [(KEEP_OUT, cause)] * 3
+        status = None if fault in TIMED_OUT | NO_RESPONSE else STATUS.get(fault, 200)
+        replies = [reply for answer in answers for reply in answer.replies]
+        assert {(reply.tries, reply.status, reply.text) for reply in replies} == {(2, status, None)}
         assert len([record for record in caplog.records if "remained without an answer" in record.message]) == 1
-        stub.fault = lambda seen: None
-        with Client(make_config(tmp_path), stub.url) as client:
-            assert outcomes(client.submit(make_questions(6)).result()) == expected
+        with Client(replace(config, tries=3), stub.url) as client:
+            answers = client.submit(make_questions(3)).result()
             assert client.counts.kept == 0
+    assert outcomes(answers) == expected
+    assert {(reply.tries, reply.status) for answer in answers for reply in answer.replies} == {(3, 200)}
+    assert len(stub.chats) == 6 + 9
 
 
 @pytest.mark.parametrize("status", [400, 401, 403, 404, 413, 422, 302])
@@ -143,7 +123,7 @@ def storm(share: float, kinds: list[Fault]):
 
 def test_storm(tmp_path, tmp_path_factory):
     """30 % of all requests fail, in every way the stub knows; the next run asks for the rest."""
-    questions = make_questions(240, "storm")
+    questions = make_questions(160, "storm")
     healthy_outcomes = healthy(tmp_path_factory, questions)
     fault = storm(0.3, list(Fault))
     config = make_config(tmp_path, read_timeout=1.0, max_in_flight=32)
@@ -151,7 +131,7 @@ def test_storm(tmp_path, tmp_path_factory):
         answers = client.submit(questions).result()
         counts, frame = client.counts, client.requests_frame()
         struck = Counter(fault(seen) for seen in stub.chats)
-    assert len(answers) == 240
+    assert len(answers) == 160
     assert min(struck[kind] for kind in Fault) >= 1
     assert 0.2 < 1 - struck[None] / len(stub.chats) < 0.4
     arrived = [(got, wanted) for got, wanted in zip(outcomes(answers), healthy_outcomes, strict=True) if got[0] >= 0]
@@ -161,13 +141,13 @@ def test_storm(tmp_path, tmp_path_factory):
     assert {answer.cause for answer in lost} <= {Cause.failed, Cause.late}
     assert all(answer.replies[0].tries == 3 for answer in lost)
     assert counts.causes == Counter(answer.cause for answer in answers)
-    assert sum(counts.causes.values()) == len(frame) == 240
+    assert sum(counts.causes.values()) == len(frame) == 160
     assert frame["tries"].sum() == counts.tries == len(stub.chats)
     # What was lost is asked for again, what arrived is not.
     sent = len(stub.chats)
     with Stub() as calm, Client(config, calm.url) as client:
         assert outcomes(client.submit(questions).result()) == healthy_outcomes
-        assert client.counts.kept == 240 - len(lost)
+        assert client.counts.kept == 160 - len(lost)
     assert len(calm.chats) == len(lost)
     assert len(stub.chats) == sent
 
@@ -176,7 +156,7 @@ def test_server_is_killed_and_comes_back(tmp_path, tmp_path_factory):
     """Nothing is lost while the tries last."""
     questions = make_questions(80, "killed")
     config = make_config(tmp_path, tries=12, backoff=0.02, max_in_flight=8)
-    stub = Stub(latency=0.15)
+    stub = Stub(latency=0.08)
     with stub, Client(config, stub.url) as client:
         future = client.submit(questions)
         while len(stub.chats) < 27:
@@ -273,15 +253,15 @@ def test_deadline(tmp_path, tmp_path_factory):
     def fault(seen):
         return Fault.never if seen.body["messages"][1]["content"] in stuck else None
 
-    config = make_config(tmp_path, deadline=2.0, max_in_flight=4)
+    config = make_config(tmp_path, deadline=1.0, max_in_flight=4)
     with Stub(fault=fault) as stub, Client(config, stub.url) as client:
         start = time.monotonic()
         answers = client.submit(make_questions(15, "some")).result()
         took = time.monotonic() - start
         again = client.submit(make_questions(15, "other")).result()
-    assert 1.9 < took < 10.0
+    assert 0.9 < took < 10.0
     assert [answer.cause for answer in answers[11:]] == [Cause.late] * 4
-    assert all(reply.latency > 0.5 and reply.tries == 1 for answer in answers[11:] for reply in answer.replies)
+    assert all(reply.latency > 0.3 and reply.tries == 1 for answer in answers[11:] for reply in answer.replies)
     assert outcomes(answers)[:11] == healthy(tmp_path_factory, make_questions(15, "some"))[:11]
     assert outcomes(again) == healthy(tmp_path_factory, make_questions(15, "other"))
 
@@ -319,7 +299,7 @@ def test_a_mistake_of_ours_is_seen(tmp_path, monkeypatch, caplog):
     """Not every exception is the server's doing."""
     monkeypatch.setattr("rearl_jax.llm.sending.read_completion", lambda content: content.no_such_thing)
     with Stub() as stub, Client(make_config(tmp_path), stub.url) as client:
-        with pytest.raises(AttributeError, match="no_such_thing"):
+        with pytest.raises(AttributeError):
             client.submit(make_questions(3)).result(timeout=10)
     gc.collect()
     assert "never retrieved" not in caplog.text

@@ -14,151 +14,56 @@ from rearl_jax.llm.records import KEEP_OUT, Cause
 ALL = (0, 1, 2, 3, 4)
 
 ANSWERS = {
-    # The whole text.
-    "3": 3,
-    " 3\n": 3,
-    "3.": 3,
-    "**3**": 3,
-    "_3_": 3,
-    "`3`": 3,
-    "(3)": 3,
-    "[3]": 3,
-    '"3"': 3,
-    "'3'": 3,
-    "- 3": 3,
-    "+3": 3,
-    "$3$": 3,
-    "3\ufe0f\u20e3": 3,
-    "LANE_LEFT": 0,
-    "lane_left": 0,
-    "Lane left.": 0,
-    "left": 0,
-    "IDLE": 1,
-    "keep": 1,
-    "Keep lane": 1,
-    "**right**": 2,
-    "Faster!": 3,
-    "SLOWER": 4,
-    # Beside a word that says what it is.
-    "Action_id: 3": 3,
-    "ActionID=3": 3,
-    "action 3": 3,
-    "Answer: **2**": 2,
-    "The answer is 4.": 4,
-    "Identifier: 0": 0,
-    "Action: faster": 3,
-    'Action: "LANE_RIGHT"': 2,
-    "Action-3": 3,
-    "Action - 3": 3,
-    "Action 1 is safe, but 40 m are far. Final answer: 3": 3,
-    "LANE_LEFT is not possible. Action: 1": 1,
-    "Action: 3\n1. because the gap is 40 m": 3,
-    "Action 3 because the gap is 20.5 m": 3,
-    "Response to user:#### 3": 3,
-    "####3": 3,
-    "#### 3\n": 3,
-    "#### FASTER": 3,
-    "#### Step 2: decide\nAction: 1": 1,
-    # The only number or name.
-    "I choose 3": 3,
-    "I choose IDLE.": 1,
-    "\\boxed{3}": 3,
-    "3 (FASTER)": 3,
-    "3 = faster": 3,
-    "At 20.5 m/s I choose 4": 4,
-    "avoid 3": 3,
-    # Code, JSON, HTML.
-    "```\n3\n```": 3,
-    "```3```": 3,
-    "```text\n3\n```": 3,
-    "```faster\n```": 3,
-    '```json\n{"action": 3}\n```': 3,
-    "```python3\n2\n```": 2,
-    '{"action": 3}': 3,
-    '{"action": "3"}': 3,
-    '{"Action_ID": "FASTER"}': 3,
-    '{"answer": 2, "id": 7}': 2,
-    '{"id": 0}': 0,
-    '{"reason": "4 cars ahead, 2 behind", "action": 3}': 3,
-    '{"action_reason": "4 cars ahead", "action": 3}': 3,
-    'Here it is: {"action": 3}': 3,
-    '{"action": 3': 3,
-    "<answer>3</answer>": 3,
-    "<h3>2</h3>": 2,
-    "<p>4</p>": 4,
-    # Thoughts left out.
-    "<think>1 or 2? Action: 2</think>3": 3,
-    "so it is 2</think>\n\n3": 3,
-    "<think>a</think>1<think>b</think>3": 3,
-    "<THINKING>2</THINKING >3": 3,
-    "<think>\n\n</think>\n\n3": 3,
+    0: ["LANE_LEFT", "lane_left", "Lane left.", "left", "Identifier: 0", '{"id": 0}'],
+    1: ["IDLE", "keep", "Keep lane", "LANE_LEFT is not possible. Action: 1", "#### Step 2: decide\nAction: 1"]
+    + ["I choose IDLE."],
+    2: ["**right**", "Answer: **2**", 'Action: "LANE_RIGHT"', "```python3\n2\n```", '{"answer": 2, "id": 7}']
+    + ["<h3>2</h3>"],
+    3: ["3", " 3\n", "3.", "**3**", "_3_", "`3`", "(3)", "[3]", '"3"', "'3'", "- 3", "+3", "$3$"]
+    + ["3\ufe0f\u20e3", "Faster!", "Action_id: 3", "ActionID=3", "action 3", "Action: faster", "Action-3"]
+    + ["Action - 3", "Action 1 is safe, but 40 m are far. Final answer: 3"]
+    + ["Action: 3\n1. because the gap is 40 m", "Action 3 because the gap is 20.5 m", "Response to user:#### 3"]
+    + ["####3", "#### 3\n", "#### FASTER", "I choose 3", "\\boxed{3}", "3 (FASTER)", "3 = faster", "avoid 3"]
+    + ["```\n3\n```", "```3```", "```text\n3\n```", "```faster\n```", '```json\n{"action": 3}\n```']
+    + ['{"action": 3}', '{"action": "3"}', '{"Action_ID": "FASTER"}']
+    + ['{"reason": "4 cars ahead, 2 behind", "action": 3}', '{"action_reason": "4 cars ahead", "action": 3}']
+    + ['Here it is: {"action": 3}', '{"action": 3', "<answer>3</answer>", "<think>1 or 2? Action: 2</think>3"]
+    + ["so it is 2</think>\n\n3", "<think>a</think>1<think>b</think>3", "<THINKING>2</THINKING >3"]
+    + ["<think>\n\n</think>\n\n3"],
+    4: ["SLOWER", "The answer is 4.", "At 20.5 m/s I choose 4", "<p>4</p>"],
 }
+"""Texts by the action they choose: alone, beside a word that says so, in prose, code and JSON, behind thoughts."""
 
 NOTHING = {
-    "": Cause.unparsable,
-    " \n": Cause.unparsable,
-    "```": Cause.unparsable,
-    "```json\n```": Cause.unparsable,
-    "####": Cause.unparsable,
-    "I cannot decide.": Cause.unparsable,
-    "1. 1. 1.": Cause.unparsable,
-    "1 or 3": Cause.unparsable,
-    "0 1 3 4": Cause.unparsable,
-    "Action: 1 or 3": Cause.unparsable,
-    "Action: left or right": Cause.unparsable,
-    "ACTIONS 0 1 3 4": Cause.unparsable,
-    "Actions: 0, 1": Cause.unparsable,
-    "3 SLOWER": Cause.unparsable,
-    "LANE_LEFT is not possible, so 1": Cause.unparsable,
-    "FASTER or IDLE": Cause.unparsable,
-    "The car ahead is faster": Cause.unparsable,
-    "You are right, keep the lane": Cause.unparsable,
-    "3.5": Cause.unparsable,
-    "3,5": Cause.unparsable,
-    "v3": Cause.unparsable,
-    "\uff13": Cause.unparsable,
-    "\u0663": Cause.unparsable,
-    "<think>3": Cause.unparsable,
-    "<think>Action: 3 </thin": Cause.unparsable,
-    "3 <think> no, 4": Cause.unparsable,
-    "</think>": Cause.unparsable,
-    "<think>3</think>": Cause.unparsable,
-    '{"action": null, "cars": "3 ahead"}': Cause.unparsable,
-    '{"action": [1, 3]}': Cause.unparsable,
-    '{"action": true}': Cause.unparsable,
-    '{"action": {"id": 3}}': Cause.unparsable,
-    '{"action": 1, "final_action": 3}': Cause.unparsable,
-    "{}": Cause.unparsable,
-    "[1, 3]": Cause.unparsable,
-    "<html><body>Error</body></html>": Cause.unparsable,
-    "5": Cause.out_of_range,
-    "7": Cause.out_of_range,
-    "34": Cause.out_of_range,
-    "03": Cause.out_of_range,
-    "-1": Cause.out_of_range,
-    "\u22123": Cause.out_of_range,
-    "Action: -1": Cause.out_of_range,
-    "Option -3": Cause.out_of_range,
-    "Action: 12": Cause.out_of_range,
-    "9" * 5000: Cause.out_of_range,
-    '{"action": 9}': Cause.out_of_range,
-    '{"action": -1}': Cause.out_of_range,
-    "<h1>502 Bad Gateway</h1>": Cause.out_of_range,
+    Cause.unparsable: ["", " \n", "```", "```json\n```", "####", "I cannot decide.", "1. 1. 1.", "1 or 3", "0 1 3 4"]
+    + ["Action: 1 or 3", "Action: left or right", "ACTIONS 0 1 3 4", "Actions: 0, 1", "3 SLOWER"]
+    + ["LANE_LEFT is not possible, so 1", "FASTER or IDLE", "The car ahead is faster"]
+    + ["You are right, keep the lane", "3.5", "3,5", "v3", "\uff13", "\u0663", "<think>3"]
+    + ["<think>Action: 3 </thin", "3 <think> no, 4", "</think>", "<think>3</think>"]
+    + ['{"action": null, "cars": "3 ahead"}', '{"action": [1, 3]}', '{"action": true}', '{"action": {"id": 3}}']
+    + ['{"action": 1, "final_action": 3}', "{}", "[1, 3]", "<html><body>Error</body></html>"],
+    Cause.out_of_range: ["5", "7", "34", "03", "-1", "\u22123", "Action: -1", "Option -3", "Action: 12", "9" * 5000]
+    + ['{"action": 9}', '{"action": -1}', "<h1>502 Bad Gateway</h1>"],
 }
+"""Texts without an action, by cause."""
 
 
-@pytest.mark.parametrize("text", ANSWERS)
-def test_answers(text):
-    assert understand(text, ALL) == (ANSWERS[text], Cause.answered)
-    without = tuple(action for action in ALL if action != ANSWERS[text])
-    assert understand(text, without) == (KEEP_OUT, Cause.inadmissible)
-    assert understand(text, ALL, "length") == (ANSWERS[text], Cause.answered)
+def by_text(texts):
+    """(text, what it means) of a table."""
+    return [(text, meaning) for meaning, several in texts.items() for text in several]
 
 
-@pytest.mark.parametrize("text", NOTHING, ids=lambda text: text[:40])
-def test_texts_without_an_answer(text):
-    assert understand(text, ALL, "stop") == (KEEP_OUT, NOTHING[text])
-    cut = Cause.truncated if NOTHING[text] is Cause.unparsable else NOTHING[text]
+@pytest.mark.parametrize(("text", "action"), by_text(ANSWERS))
+def test_answers(text, action):
+    assert understand(text, ALL) == (action, Cause.answered)
+    assert understand(text, tuple(other for other in ALL if other != action)) == (KEEP_OUT, Cause.inadmissible)
+    assert understand(text, ALL, "length") == (action, Cause.answered)
+
+
+@pytest.mark.parametrize(("text", "cause"), by_text(NOTHING), ids=lambda value: str(value)[:40])
+def test_texts_without_an_answer(text, cause):
+    assert understand(text, ALL, "stop") == (KEEP_OUT, cause)
+    cut = Cause.truncated if cause is Cause.unparsable else cause
     assert understand(text, ALL, "length") == (KEEP_OUT, cut)
 
 

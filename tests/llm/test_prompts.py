@@ -10,9 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.config.detection import Cues
 from rearl_jax.config.llm import PromptConfig
 from rearl_jax.config.metrics import HistConfig, OutOfBounds
 from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.neighbours import derive_state, find_follower, find_leader
+from rearl_jax.core.spawn import spawn
+from rearl_jax.core.state import make_state
+from rearl_jax.decision.loop import LoopOptions, assess, initial_loop_state
 from rearl_jax.detection.detector import DetectionOptions
 from rearl_jax.llm.prompts import Prompter
 from rearl_jax.llm.records import Message
@@ -194,9 +199,6 @@ def test_neighbours_are_the_nearest_at_each_place():
 
 
 def test_neighbours_are_those_the_core_sees():
-    from rearl_jax.core.neighbours import derive_state, find_follower, find_leader
-    from rearl_jax.core.state import make_state
-
     def see(state, side):
         derived = derive_state(state, model)
         lane = derived.lane + side
@@ -254,7 +256,7 @@ def test_every_second_must_be_shown():
     prompter = Prompter(small_table(), TrafficModel(), PromptConfig(), DetectionOptions())
     prompter.questions(small_situation(0), make_thresholds(3))
     for wrong in (0, 2):
-        with pytest.raises(ValueError, match=f"for second {wrong} instead of 1"):
+        with pytest.raises(ValueError, match="second"):
             prompter.questions(small_situation(wrong), make_thresholds(3))
 
 
@@ -270,12 +272,9 @@ def test_seconds_in_which_nobody_is_asked_count_for_the_window():
     assert silent.questions(last, make_thresholds(3)) == asked.questions(last, make_thresholds(3))
 
 
+@pytest.mark.thorough
 def test_questions_about_what_the_loop_shows():
     """The records that `assess` returns, fetched as they are: their shapes, their window, their permissions."""
-    from rearl_jax.config.detection import Cues
-    from rearl_jax.core.spawn import spawn
-    from rearl_jax.decision.loop import LoopOptions, assess, initial_loop_state
-
     model, options = TrafficModel(meta_follows=True), LoopOptions(DetectionOptions(cues=Cues.always))
     rng = np.random.default_rng(4)
     shape, thresholds = (2, 3, 10), make_thresholds(4)
@@ -334,19 +333,9 @@ BROKEN = {
     "unknown field": (BOTH.format("", "{{ car.sped }}"), "template-fails", 4, "'sped'"),
     "undefined item": (BOTH.format("{{ actions[7] }}", ""), "template-fails", 2, "element 7"),
     "wrong sum": (BOTH.format("{{ 1 / (levels[0] - levels[0]) }}", ""), "template-fails", 2, "ZeroDivisionError"),
-    "no text but code": (
-        BOTH.format("{{ actions.__class__.__base__.__subclasses__() }}", ""),
-        "template-fails",
-        2,
-        "'__class__'",
-    ),
+    "code": (BOTH.format("{{ actions.__class__.__base__ }}", ""), "template-fails", 2, "'__class__'"),
     "missing include": (BOTH.format("", "{% include 'b' %}"), "template-fails", 4, "'b'"),
-    "shared too early": (
-        BOTH.format("", "{% block scene %}\n{{ car.speed }}{% endblock %}"),
-        "variable-unknown",
-        5,
-        "'car'",
-    ),
+    "shared early": (BOTH.format("", "{% block scene %}\n{{ car }}{% endblock %}"), "variable-unknown", 5, "'car'"),
 }
 
 

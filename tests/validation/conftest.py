@@ -4,7 +4,7 @@ import contextlib
 import dataclasses
 import io
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 import numpy as np
@@ -39,28 +39,28 @@ def recorded(jobs):
     return dict(workers.run([job for part in jobs.values() for job in part], 1))
 
 
+@dataclass
+class Replay:
+    """Takes the place of the worker processes; holds the jobs asked for, fails once `broken_after` jobs are done."""
+
+    recorded: dict
+    asked: list = field(default_factory=list)
+    broken_after: int | None = None
+
+    def run(self, asked, n_workers):
+        asked = list(asked)
+        self.asked += asked
+        for number, job in enumerate(asked):
+            if number == self.broken_after:
+                raise KeyboardInterrupt
+            yield job, self.recorded[job]
+
+
 @pytest.fixture
 def replayed(recorded, monkeypatch):
-    """Replaces the worker processes by what they have returned before; holds the jobs that were asked for.
-
-    Fails if `broken_after` is set, once so many jobs are done.
-    """
     from rearl_jax.validation import workers
 
-    @dataclass
-    class Replay:
-        asked: list
-        broken_after: int | None = None
-
-        def run(self, asked, n_workers):
-            asked = list(asked)
-            self.asked += asked
-            for number, job in enumerate(asked):
-                if number == self.broken_after:
-                    raise KeyboardInterrupt
-                yield job, recorded[job]
-
-    replay = Replay([])
+    replay = Replay(recorded)
     monkeypatch.setattr(workers, "run", replay.run)
     return replay
 
@@ -112,9 +112,16 @@ def validate():
 
 
 @pytest.fixture(scope="session")
-def done(validate, tmp_path_factory):
-    """A study of three scenes with real worker processes, two scenes run both ways."""
-    return validate(tmp_path_factory.mktemp("results"), "validation.control_share=0.5", stress10=3)
+def done(validate, recorded, jobs, tmp_path_factory):
+    """A study of three scenes; where NumPy has vector functions, two of them really run both ways."""
+    from rearl_jax.validation import workers
+    from rearl_jax.validation.workers import Variant, vector_features
+
+    both = [dataclasses.replace(job, variant=Variant.vectorised) for job in jobs["stress10"][:2]]
+    replay = Replay(recorded | dict(workers.run(both if vector_features() else [], 1)))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(workers, "run", replay.run)
+        return validate(tmp_path_factory.mktemp("results"), "validation.control_share=0.5", stress10=3)
 
 
 @pytest.fixture
@@ -140,13 +147,13 @@ def drive():
     )
 
 
+def plant(tracks, name, where, value):
+    """The tracks with one array added to (or, of booleans, set) somewhere."""
+    array = getattr(tracks, name).copy()
+    array[where] = value if array.dtype == bool else array[where] + value
+    return dataclasses.replace(tracks, **{name: array})
+
+
 @pytest.fixture
 def planted():
-    """`planted(tracks, name, where, change)`: the tracks with one array added to (or, of booleans, set) somewhere."""
-
-    def change(tracks, name, where, value):
-        array = getattr(tracks, name).copy()
-        array[where] = value if array.dtype == bool else array[where] + value
-        return dataclasses.replace(tracks, **{name: array})
-
-    return change
+    return plant

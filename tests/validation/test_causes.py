@@ -5,6 +5,7 @@ import pytest
 
 from rearl_jax.validation.causes import Cause, Facts, measure, name_cause, unstable_below
 from rearl_jax.validation.comparison import compare
+from rearl_jax.validation.records import stack
 
 FACTS = Facts(
     tick=40,
@@ -48,8 +49,6 @@ def test_below_the_unstable_speed_a_lateral_offset_changes_sign_and_grows():
 @pytest.fixture
 def stressed(recorded, jobs):
     """The first scene of stress10, whose vehicles crash, and its motion."""
-    from rearl_jax.validation.records import stack
-
     return stack([recorded[jobs["stress10"][0]]])
 
 

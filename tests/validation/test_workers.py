@@ -4,6 +4,7 @@ from concurrent.futures import Future
 
 import numpy as np
 import pytest
+from numpy._core._multiarray_umath import __cpu_dispatch__
 
 from rearl_jax.validation import reference, workers
 from rearl_jax.validation.workers import SWITCH, Job, Variant, vector_features
@@ -21,7 +22,7 @@ def test_workers_run_what_highway_env_runs(jobs, recorded):
 def test_a_failure_names_the_scene(jobs):
     job = jobs["stress10"][2]
     broken = Job(dataclasses.replace(job.scenario, injection=None), Variant.nudged)
-    with pytest.raises(RuntimeError, match=r"failed in scene 2 of stress10 \(nudged\): .* no vehicles to inject"):
+    with pytest.raises(RuntimeError, match=r"scene 2 of stress10 \(nudged\)"):
         list(workers.run([broken], 1))
     assert SWITCH not in os.environ
 
@@ -33,7 +34,7 @@ def test_no_jobs_start_no_worker(monkeypatch):
 
 def test_two_arithmetics_do_not_share_a_process(jobs):
     plain = jobs["stress10"][0]
-    with pytest.raises(ValueError, match="cannot share worker processes"):
+    with pytest.raises(ValueError, match="share"):
         list(workers.run([plain, dataclasses.replace(plain, variant=Variant.vectorised)], 1))
 
 
@@ -68,6 +69,8 @@ def test_a_nudged_job_is_run_nudged(jobs):
     scenario = dataclasses.replace(jobs["stress10"][0].scenario, actions=((),))
     plain, nudged = (workers._simulate(Job(scenario, variant)) for variant in (Variant.plain, Variant.nudged))
     np.testing.assert_array_equal(nudged.start.x, np.nextafter(plain.start.x, np.inf))
+    np.testing.assert_array_equal(nudged.start.y, plain.start.y)
+    assert 0 < np.abs(nudged.tracks.x - plain.tracks.x).max() < 1e-9
 
 
 @pytest.mark.parametrize("before", [None, "AVX2, FMA3"])
@@ -85,7 +88,5 @@ def test_the_switch_is_set_for_new_processes_and_restored(monkeypatch, before):
 
 
 def test_vector_features_are_names_that_numpy_knows():
-    from numpy._core._multiarray_umath import __cpu_dispatch__
-
     assert set(vector_features()) <= set(__cpu_dispatch__)
     assert not set(vector_features()) & {"AVX2", "FMA3", "X86_V3"}

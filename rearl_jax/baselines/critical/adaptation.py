@@ -131,14 +131,6 @@ def adapt_by_rounds(
 
     The start is tried out, then every round proposes and tries out; so the mixture that is kept has figures too.
 
-    Args:
-        propose: Proposes.
-        assess: Tries out.
-        n_rounds: Proposals.
-        proposer: Its name.
-        start: Shares before the first proposal.
-        progress: Called with the number of rounds done and their total.
-
     Source: CRITICAL, main.py: the configuration that was accepted last applies.
     """
     trials = [Trial(0, start, assess([start])[0], 0, START)]

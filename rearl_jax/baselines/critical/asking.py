@@ -36,14 +36,7 @@ class LanguageModelProposer:
     """Proposes what a language model answers; see `adaptation.Propose`."""
 
     def __init__(self, ask: Ask, recorded: Mixture, *, attempts: int, history: int) -> None:
-        """Nothing is asked yet.
-
-        Args:
-            ask: Asks the language model.
-            recorded: The shares of the recordings.
-            attempts: Answers a round may take.
-            history: Past trials that are shown.
-        """
+        """Nothing is asked yet."""
         self._ask, self._recorded = ask, recorded
         self._attempts, self._history = attempts, history
 

@@ -19,13 +19,7 @@ _MAP = "viridis_r"
 
 
 def draw_adaptation(adaptation: Adaptation, error: str, *, generated: bool) -> bytes:
-    """PNG of all trials.
-
-    Args:
-        adaptation: With at least one trial.
-        error: What people call the error of the spacing.
-        generated: Whether the data are no measurements.
-    """
+    """PNG of all trials."""
     is_grid = len({trial.number for trial in adaptation.trials}) < len(adaptation.trials)
     draw = _draw_grid if is_grid else _draw_rounds
     return draw(adaptation, error, generated)

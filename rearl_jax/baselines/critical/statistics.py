@@ -106,12 +106,8 @@ def recorded_mixture(driving: Driving, *, seed: int = 0) -> Mixture:
     slowest group is defensive; of the other two the one whose centre has the larger sum is aggressive (fast and
     active), the last one regular.
 
-    Args:
-        driving: Statistics of driving.
-        seed: Of k-means.
-
     Raises:
-        ValueError: There are fewer than three different cars.
+        InvalidInputError: There are fewer than three different cars.
 
     Source: CRITICAL, HIGHD.py (k-prototypes on speed, acceleration and lane changes); the order of the groups is ours.
     """

@@ -4,10 +4,13 @@ import json
 
 import pytest
 
+from rearl_jax.baselines.critical.adaptation import Assessment, Proposal, Trial, adapt_by_rounds, best_of
+from rearl_jax.baselines.critical.asking import LanguageModelProposer, Said
+from rearl_jax.baselines.critical.mixture import ALL_REGULAR, Mixture, grid
+
 
 def assessing(calls):
     """The more trucks, the better; every call is noted."""
-    from rearl_jax.baselines.critical.adaptation import Assessment
 
     def assess(candidates):
         calls.append(list(candidates))
@@ -17,9 +20,6 @@ def assessing(calls):
 
 
 def test_the_best_point_of_a_grid_is_kept_in_one_call():
-    from rearl_jax.baselines.critical.adaptation import best_of
-    from rearl_jax.baselines.critical.mixture import Mixture, grid
-
     calls = []
     found = best_of(grid(), assessing(calls), "search")
     assert [len(call) for call in calls] == [56]
@@ -29,9 +29,6 @@ def test_the_best_point_of_a_grid_is_kept_in_one_call():
 
 
 def test_the_last_valid_proposal_is_kept_whatever_it_came_to():
-    from rearl_jax.baselines.critical.adaptation import Proposal, adapt_by_rounds
-    from rearl_jax.baselines.critical.mixture import ALL_REGULAR, Mixture
-
     good, worse = Mixture(0.0, 0.0, 0.8), Mixture(0.3, 0.0, 0.1)
     proposals = {
         1: Proposal(None, 5, "unparsable"),
@@ -62,18 +59,12 @@ class Model:
         self.answers, self.asked = list(answers), []
 
     def __call__(self, system, user, number, attempt):
-        from rearl_jax.baselines.critical.asking import Said
-
         self.asked.append((system, user, number, attempt))
         answer = self.answers.pop(0)
         return answer if isinstance(answer, Said) else Said(answer, "answered")
 
 
 def proposing(model, n_trials=1, **keys):
-    from rearl_jax.baselines.critical.adaptation import Assessment, Trial
-    from rearl_jax.baselines.critical.asking import LanguageModelProposer
-    from rearl_jax.baselines.critical.mixture import Mixture
-
     propose = LanguageModelProposer(model, Mixture(0.125, 0.25, 0.19), **({"attempts": 5, "history": 5} | keys))
     trials = [
         Trial(number, Mixture(number / 100, 0.0, 0.0), Assessment(0.4321, 0.9, number, 77, 160), 1, "answered")
@@ -120,8 +111,6 @@ def test_a_refused_answer_is_asked_for_again_with_a_reminder():
 
 
 def test_after_so_many_attempts_the_shares_stay():
-    from rearl_jax.baselines.critical.asking import Said
-
     model = Model(*[Said("x" * 1000, "unparsable")] * 9)
     proposal = proposing(model, attempts=5)
     assert (proposal.mixture, proposal.attempts, proposal.cause) == (None, 5, "unparsable")
@@ -130,8 +119,6 @@ def test_after_so_many_attempts_the_shares_stay():
 
 
 def test_where_nothing_came_back_nothing_is_asked_again():
-    from rearl_jax.baselines.critical.asking import Said
-
     model = Model("garbage", Said(None, "late"), GOOD)
     proposal = proposing(model)
     assert (proposal.mixture, proposal.attempts, proposal.cause) == (None, 2, "late")

@@ -2,6 +2,9 @@
 
 import pytest
 
+from rearl_jax.baselines.critical.answers import BadAnswerError, read_mixture
+from rearl_jax.baselines.critical.mixture import Mixture
+
 GOOD = '{"aggressive": 0.1, "defensive": 0.25, "truck": 0.15}'
 
 
@@ -15,15 +18,10 @@ GOOD = '{"aggressive": 0.1, "defensive": 0.25, "truck": 0.15}'
     ],
 )
 def test_the_object_between_the_outer_braces_is_read(text):
-    from rearl_jax.baselines.critical.answers import read_mixture
-    from rearl_jax.baselines.critical.mixture import Mixture
-
     assert read_mixture(text) == Mixture(0.1, 0.25, 0.15)
 
 
 def test_the_ends_of_the_ranges_are_good():
-    from rearl_jax.baselines.critical.answers import read_mixture
-
     for shares in ((0, 0, 0), (1, 0, 0), (0.7, 0.2, 0.1), (0.1, 0.2, 0.7)):
         text = '{{"aggressive": {}, "defensive": {}, "truck": {}}}'.format(*shares)
         assert read_mixture(text) == shares
@@ -50,8 +48,6 @@ def test_the_ends_of_the_ranges_are_good():
     ],
 )
 def test_everything_else_is_refused_with_a_reason(text, fault, said):
-    from rearl_jax.baselines.critical.answers import BadAnswerError, read_mixture
-
     with pytest.raises(BadAnswerError, match=said) as caught:
         read_mixture(text)
     assert caught.value.fault.name == fault

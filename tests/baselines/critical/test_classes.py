@@ -2,27 +2,30 @@
 
 from functools import cache
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
+
+from rearl_jax.baselines.critical.classes import CLASSES, populate
+from rearl_jax.baselines.critical.mixture import Mixture
+from rearl_jax.core.drivers import highway_env_drivers
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.rollout import rollout
+from rearl_jax.core.spawn import spawn, ticks_to_first_decision
+from rearl_jax.core.timer import decision_period, ticks_until_decision
 
 N_VEHICLES, N_SCENARIOS = 10, 300
 
 
 @pytest.fixture(scope="module")
 def model():
-    from rearl_jax.core.model import TrafficModel
-
     return TrafficModel(cooperative=True, collisions=False)
 
 
 @pytest.fixture(scope="module")
 def drawn(model):
     """Keys, and the traffic and drivers of the method base drawn from them."""
-    import jax
-    import jax.numpy as jnp
-
-    from rearl_jax.core.spawn import spawn
-
     keys = jax.random.split(jax.random.key(3), N_SCENARIOS)
     draw = jax.jit(lambda keys: spawn(keys, model, n_vehicles=N_VEHICLES, density=2.0, dtype=jnp.dtype("float32")))
     return keys, *draw(keys)
@@ -30,16 +33,10 @@ def drawn(model):
 
 @cache
 def compiled(model):
-    import jax
-
-    from rearl_jax.baselines.critical.classes import populate
-
     return jax.jit(lambda state, drivers, keys, shares: populate(state, drivers, keys, shares, model))
 
 
 def populated(drawn, model, *mixture):
-    import jax.numpy as jnp
-
     keys, state, drivers = drawn
     shares = jnp.broadcast_to(jnp.asarray(mixture, jnp.float32)[:, None], (3, N_SCENARIOS))
     return compiled(model)(state, drivers, keys, shares)
@@ -47,8 +44,6 @@ def populated(drawn, model, *mixture):
 
 def some(leaves):
     """The first scenarios."""
-    import jax
-
     return jax.tree.map(lambda leaf: leaf[..., :40] if leaf.shape[-1] == N_SCENARIOS else leaf, leaves)
 
 
@@ -62,9 +57,6 @@ ALONE = {
 
 @pytest.mark.parametrize("name", ALONE)
 def test_parameters_of_a_class_reach_every_driver(drawn, model, name):
-    from rearl_jax.baselines.critical.classes import CLASSES
-    from rearl_jax.core.timer import decision_period
-
     state, drivers = populated(drawn, model, *ALONE[name])
     kind = CLASSES[name]
     for values, wanted in (
@@ -87,10 +79,6 @@ def test_parameters_of_a_class_reach_every_driver(drawn, model, name):
 
 
 def test_the_values_are_those_of_critical_and_trucks_keep_the_constants_of_highway_env():
-    from rearl_jax.baselines.critical.classes import CLASSES
-    from rearl_jax.baselines.critical.mixture import Mixture
-    from rearl_jax.core.drivers import highway_env_drivers
-
     assert [*CLASSES] == [*Mixture._fields, "regular"]
     aggressive = CLASSES["aggressive"]
     assert (aggressive.delay, aggressive.politeness, aggressive.mean_speed) == (0.3, 0.05, 33.5)
@@ -134,9 +122,6 @@ def test_a_vehicle_of_the_same_class_is_the_same_in_another_mixture(drawn, model
 @pytest.mark.parametrize("delay", [0.3, 1.0, 3.0])
 def test_the_first_decision_is_when_highway_envs_timer_says(drawn, model, delay):
     """Counted with the same additions on the host, in float64; rounding may shift one by a tick."""
-    from rearl_jax.core.spawn import ticks_to_first_decision
-    from rearl_jax.core.timer import decision_period, ticks_until_decision
-
     state = drawn[1]
     ticks = np.asarray(ticks_to_first_decision(state.x, state.y, delay, decision_period(delay, 15), 15))
     place = np.asarray(state.x, np.float64) + np.asarray(state.y, np.float64)
@@ -148,10 +133,6 @@ def test_the_first_decision_is_when_highway_envs_timer_says(drawn, model, delay)
 
 def test_classes_drive_as_they_are_called(drawn, model):
     """Aggressive drivers are faster than defensive ones, and their lanes are others."""
-    import jax
-
-    from rearl_jax.core.rollout import rollout
-
     simulate = jax.jit(lambda state, drivers: rollout(state, drivers, model, n_seconds=12)[1])
     aggressive, defensive = (simulate(*some(populated(drawn, model, *ALONE[n]))) for n in ("aggressive", "defensive"))
     assert np.asarray(aggressive.speed)[-1].mean() > np.asarray(defensive.speed)[-1].mean() + 3.0

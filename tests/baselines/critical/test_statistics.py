@@ -6,6 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.baselines.critical.statistics import Stretch, driving_of, recorded_mixture
+from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.problems import InvalidInputError
 
 RATE = 5
@@ -30,8 +32,6 @@ def track(number, speed, *, wave=0.0, lanes=(1,), kind="car", first=0, seconds=2
 
 
 def recording(*tracks, name="a"):
-    from rearl_jax.data.records import Recording, RecordingInfo
-
     info = RecordingInfo(name, float(RATE), {1: 3}, 400.0, "a set", "CC0", "somebody")
     return Recording(info, pd.concat(tracks, ignore_index=True))
 
@@ -48,22 +48,16 @@ def road():
 
 
 def whole():
-    from rearl_jax.baselines.critical.statistics import Stretch
-
     return {"a": [Stretch(0, 1000)]}
 
 
 def test_groups_are_fast_and_active_slow_and_the_rest(road):
-    from rearl_jax.baselines.critical.statistics import driving_of, recorded_mixture
-
     mixture = recorded_mixture(driving_of([road], whole()))
     assert mixture == pytest.approx((4 / 20, 6 / 20, 2 / 20))
     assert mixture.regular == pytest.approx(8 / 20)
 
 
 def test_a_vehicle_is_described_by_speed_change_of_speed_and_lane_changes():
-    from rearl_jax.baselines.critical.statistics import driving_of
-
     driving = driving_of([recording(track(1, 30.0, wave=1.0, lanes=(2, 1, 2)), track(2, 20.0))], whole())
     assert driving.speed == pytest.approx([30.0, 20.0])
     # Half of all pairs a second apart lie on both sides of a jump by 2 m/s.
@@ -73,8 +67,6 @@ def test_a_vehicle_is_described_by_speed_change_of_speed_and_lane_changes():
 
 
 def test_only_what_is_driven_in_the_stretches_counts(road):
-    from rearl_jax.baselines.critical.statistics import Stretch, driving_of
-
     late = track(50, 40.0, first=500)
     other_side = track(51, 40.0, direction=2)
     short = track(52, 40.0, seconds=1)
@@ -89,8 +81,6 @@ def test_only_what_is_driven_in_the_stretches_counts(road):
 
 
 def test_unknown_lanes_are_no_lane_changes(road):
-    from rearl_jax.baselines.critical.statistics import driving_of, recorded_mixture
-
     blind = replace(road, table=road.table.assign(lane=pd.array([pd.NA] * len(road.table), "Int8")))
     driving = driving_of([blind], whole())
     assert driving.lane_changes.sum() == 0
@@ -98,8 +88,6 @@ def test_unknown_lanes_are_no_lane_changes(road):
 
 
 def test_too_few_cars_say_what_to_do():
-    from rearl_jax.baselines.critical.statistics import driving_of, recorded_mixture
-
     alike = recording(*(track(i, 30.0) for i in range(9)), track(10, 20.0))
     with pytest.raises(InvalidInputError) as caught:
         recorded_mixture(driving_of([alike], whole()))
