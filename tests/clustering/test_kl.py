@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.config.clustering import CurveDistance, KlConfig, KlInit, KlUpdate
-from rearl_jax.problems import InvalidInputError
+from tests.refusal import refused
 
 SMALL = KlConfig(l=5, sample=60, centre_points=16)
 
@@ -88,6 +88,5 @@ def test_enclosing_ball_of_known_points():
 def test_too_few_curves_are_refused(groups):
     from rearl_jax.clustering.kl import Curves
 
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("out-of-range", key="kl.k"):
         Curves(groups(2)[0], SMALL)
-    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "kl.k")

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from rearl_jax.config.clustering import BoConfig
-from rearl_jax.problems import InvalidInputError
+from tests.refusal import refused
 
 FILES = ["bo_trace.parquet", "centres.parquet", "config.json", "references.parquet", "scene_clusters.parquet"]
 FILES += ["scenes.png", "search.png", "summary.json", "tracks.parquet", "tracks.png"]
@@ -117,6 +117,5 @@ def test_configuration_out_of_range(record, key, value):
     from rearl_jax.config import clustering
 
     getattr(clustering, record)().check()
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("out-of-range", key=key):
         replace(getattr(clustering, record)(), **{key: value}).check()
-    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", key)
