@@ -17,9 +17,8 @@ from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.delimited import read_csv, read_header
 from rearl_jax.data.highd_meta import read_recording_meta, read_tracks_meta
 from rearl_jax.data.losses import Losses, reject
-from rearl_jax.data.problems import DROP_HINT, BadRecordingError, Finding, file_missing, recordings_missing
+from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, file_missing, recordings_missing
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
-from rearl_jax.problems import Problem
 
 LICENCE = "highD licence: non-commercial research on request, no redistribution"
 ATTRIBUTION = "Krajewski, Bock, Kloeker and Eckstein, The highD Dataset, IEEE ITSC 2018; levelxdata.com"
@@ -118,7 +117,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
     if "xCenter" in read_header(tracks_file):
         text = "this is the format of inD, rounD and exiD, whose lanes need a lanelet map"
         remedy = "convert it to the canonical table and read it with data=table"
-        raise BadRecordingError(Problem("format-unsupported", text, remedy, file=str(tracks_file), column="xCenter"))
+        raise bad_recording("format-unsupported", text, remedy, tracks_file, column="xCenter")
     _, meta_file, recording_file = recording_files(tracks_file)
     recording = read_recording_meta(recording_file)
     meta = read_tracks_meta(meta_file, policy, losses)
@@ -162,9 +161,7 @@ def _read_tracks(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame
     if n_broken:
         losses.counts["broken_line"] += n_broken
     if not rows.num_rows:
-        raise BadRecordingError(
-            Problem("no-rows", "the recording has no rows", "remove the file or complete it", file=str(path))
-        )
+        raise bad_recording("no-rows", "the recording has no rows", "remove the file or complete it", path)
     # One column after the other, so that Arrow's copy of the text and NumPy's of the numbers do not add up.
     source = pd.DataFrame({name: rows.column(name).to_numpy() for name in _TRACKS}, copy=False)
     return source.rename(columns={"id": "track_id"})
@@ -200,14 +197,8 @@ def _in_meta(
     absent = np.setdiff1d(meta.index.to_numpy(), track)
     if absent.size and policy.on_bad is OnBad.stop:
         text = f"{absent.size} tracks of the meta file have no row, the first is {absent[0]}"
-        raise BadRecordingError(
-            Problem(
-                "tracks-without-rows",
-                text,
-                f"the file is cut off: copy it again{DROP_HINT}",
-                file=info.file,
-                column="id",
-            )
+        raise bad_recording(
+            "tracks-without-rows", text, f"the file is cut off: copy it again{DROP_HINT}", info.file, column="id"
         )
     if absent.size:
         losses.counts["tracks_without_rows"] += int(absent.size)

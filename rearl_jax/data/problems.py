@@ -20,6 +20,20 @@ class BadRecordingError(InvalidInputError):
     """A recording breaks the schema."""
 
 
+def bad_recording(
+    code: str,
+    said: str,
+    remedy: str,
+    file: Path | str,
+    *,
+    column: str | None = None,
+    row: int | None = None,
+    line: int | None = None,
+) -> BadRecordingError:
+    """The error for a problem of a recording; fields as in `Problem`."""
+    return BadRecordingError(Problem(code, said, remedy, file=str(file), column=column, row=row, line=line))
+
+
 @dataclass(frozen=True)
 class Finding:
     """Rows of a table that share one problem.
@@ -51,29 +65,22 @@ class Finding:
         said = self.said if n_rows == 1 else f"{self.said} (and {n_rows - 1} more rows)"
         row = int(table.index[int(np.argmax(self.rows))]) + 1
         column = info.columns.get(self.column, self.column)
-        file, remedy = info.file or info.id, f"{self.remedy}{hint}"
-        return BadRecordingError(Problem(self.code, said, remedy, file=file, column=column, row=row))
+        return bad_recording(self.code, said, f"{self.remedy}{hint}", info.file or info.id, column=column, row=row)
 
 
 def recording_unnamed(file: str, row: int | None = None) -> BadRecordingError:
     """The error for a row that belongs to no recording; the row, from 1, where it is known."""
-    said, remedy = "a row has no recording", "complete it"
-    return BadRecordingError(Problem("recording-unnamed", said, remedy, file=file, column="recording", row=row))
+    return bad_recording(
+        "recording-unnamed", "a row has no recording", "complete it", file, column="recording", row=row
+    )
 
 
 def require_columns(found: list[str], required: tuple[str, ...], file: str) -> None:
     """Raise BadRecordingError if one of the required columns is missing."""
     for name in required:
         if name not in found:
-            raise BadRecordingError(
-                Problem(
-                    "column-missing",
-                    "the column is missing",
-                    f"add it; found: {', '.join(found)}",
-                    file=file,
-                    column=name,
-                )
-            )
+            remedy = f"add it; found: {', '.join(found)}"
+            raise bad_recording("column-missing", "the column is missing", remedy, file, column=name)
 
 
 def recordings_missing(found: str, root: Path, wanted: str) -> MissingInputError:
