@@ -16,7 +16,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.columnar import column_names, read_columns
 from rearl_jax.data.losses import Losses, reject, split_tracks
 from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE
-from rearl_jax.data.problems import Finding, bad_recording, recordings_missing, require_columns
+from rearl_jax.data.problems import Finding, bad_recording, only_parquet, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.unit_checks import MEDIAN_SIZE, require_period
 
@@ -29,16 +29,10 @@ _SAME = 0.01  # m; rows that share a vehicle must agree on where it is and how l
 
 
 def find_pairs(root: Path) -> Path:
-    """The Parquet file of pairs in the folder.
-
-    Raises:
-        FileNotFoundError: There is none, or more than one.
-    """
-    found = sorted(root.glob("*.parquet"))
-    if len(found) != 1:
-        wanted = f"the folder with the one file of leader-follower pairs, columns run, {', '.join(_NUMBERS)}"
-        raise recordings_missing(f"{len(found)} Parquet files", root, wanted)
-    return found[0]
+    """The Parquet file of pairs in the folder; MissingInputError where there is none, or more than one."""
+    return only_parquet(
+        root, f"the folder with the one file of leader-follower pairs, columns run, {', '.join(_NUMBERS)}"
+    )
 
 
 def pairs_recordings(path: Path) -> dict[str, str]:

@@ -18,7 +18,7 @@ from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data import checks
 from rearl_jax.data.columnar import read_columns
 from rearl_jax.data.losses import Losses
-from rearl_jax.data.problems import Finding, bad_recording, recordings_missing
+from rearl_jax.data.problems import Finding, bad_recording, only_parquet
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.unit_checks import is_other_unit, require_period, scale_of
 
@@ -51,16 +51,8 @@ class Platoon:
 
 
 def find_platoons(root: Path) -> Path:
-    """The Parquet file of platoons in the folder.
-
-    Raises:
-        FileNotFoundError: There is none, or more than one.
-    """
-    found = sorted(root.glob("*.parquet"))
-    if len(found) != 1:
-        wanted = f"the folder with the one file of OpenACC platoons, columns file, {', '.join(_NUMBERS)}"
-        raise recordings_missing(f"{len(found)} Parquet files", root, wanted)
-    return found[0]
+    """The Parquet file of platoons in the folder; MissingInputError where there is none, or more than one."""
+    return only_parquet(root, f"the folder with the one file of OpenACC platoons, columns file, {', '.join(_NUMBERS)}")
 
 
 def platoon_recordings(path: Path) -> dict[str, Platoon]:

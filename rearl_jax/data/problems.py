@@ -83,14 +83,20 @@ def require_columns(found: list[str], required: tuple[str, ...], file: str) -> N
             raise bad_recording("column-missing", "the column is missing", remedy, file, column=name)
 
 
-def recordings_missing(found: str, root: Path, wanted: str) -> MissingInputError:
-    """The error for a folder without the recordings that are looked for there.
+def only_parquet(root: Path, wanted: str) -> Path:
+    """The one Parquet file in the folder.
 
-    Args:
-        found: What there is, such as `no .csv`.
-        root: The folder.
-        wanted: What `data.root` must name.
+    Raises:
+        MissingInputError: There is none, or more than one; `wanted` says what `data.root` must name.
     """
+    files = sorted(root.glob("*.parquet"))
+    if len(files) != 1:
+        raise recordings_missing(f"{len(files)} Parquet files", root, wanted)
+    return files[0]
+
+
+def recordings_missing(found: str, root: Path, wanted: str) -> MissingInputError:
+    """The error for a folder that holds `found`, such as `no .csv`, where `data.root` must name what is wanted."""
     return MissingInputError(Problem("recordings-missing", f"{found}: data.root must name {wanted}", file=str(root)))
 
 
