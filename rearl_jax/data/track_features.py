@@ -7,24 +7,28 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float32, Int, Int8
+from jaxtyping import Float32, Int, Int8, Shaped
 
 from rearl_jax.config.scenes import FeaturesConfig, ScenesConfig, SpacingConfig, TracksConfig
 from rearl_jax.data.distances import feature_distance
 from rearl_jax.data.records import Recording
+from rearl_jax.data.scene_set import SceneSet, scale_speed
 from rearl_jax.data.scene_windows import Cells, Tracks, vehicles_of
+
+FEATURES = ("speed", "position", "distance")
+"""The feature vector of a track's point. Source: Bi et al., F(P_i(t)) = (v, x, d)."""
 
 
 @dataclass(frozen=True)
-class TrackFeatures:
-    """Feature curves of the long tracks of one recording.
+class TrackSet:
+    """Feature curves of the long tracks of one recording or several, in the order of the recordings.
 
     Axes: tracks, points (evenly spaced in time from the track's first to its last frame).
 
     Attributes:
-        recording: Recording of the tracks.
-        track_id: Vehicle, rising.
-        n_frames: Length of the track in frames of the recording.
+        recording: Recording of the track.
+        track_id: Vehicle, unique and rising in its recording.
+        n_frames: Length of the track in frames of its recording.
         direction: Carriageway, 1 or 2.
         speed: Recorded speed [m/s].
         position: Centre along the own driving direction [m].
@@ -33,7 +37,7 @@ class TrackFeatures:
         n_alone: Tracks left out because no other vehicle is ever recorded with them.
     """
 
-    recording: str
+    recording: Shaped[np.ndarray, " tracks"]
     track_id: Int[np.ndarray, " tracks"]
     n_frames: Int[np.ndarray, " tracks"]
     direction: Int8[np.ndarray, " tracks"]
@@ -43,21 +47,16 @@ class TrackFeatures:
     n_short: int
     n_alone: int
 
-    def table(self) -> pd.DataFrame:
-        """Long form: recording, track_id, n_frames, direction, `point`, speed, position, distance."""
-        n_tracks, n_points = self.speed.shape
-        return pd.DataFrame(
-            {
-                "recording": pd.Categorical([self.recording] * (n_tracks * n_points)),
-                "track_id": np.repeat(self.track_id, n_points),
-                "n_frames": np.repeat(self.n_frames, n_points),
-                "direction": np.repeat(self.direction, n_points),
-                "point": np.tile(np.arange(n_points, dtype=np.int16), n_tracks),
-                "speed": self.speed.reshape(-1),
-                "position": self.position.reshape(-1),
-                "distance": self.distance.reshape(-1),
-            }
-        )
+    def __len__(self) -> int:
+        return len(self.track_id)
+
+    def features(self, scenes: SceneSet) -> Float32[np.ndarray, "features points tracks"]:
+        """Scaled speed [m/s], position [m] and distance [m] of every track, the tracks contiguous."""
+        curves = np.empty((len(FEATURES), self.speed.shape[1], len(self)), dtype=np.float32)
+        scaled = scale_speed(self.speed, scenes.speed_min, scenes.speed_max, scenes.speed_norm)
+        for feature, values in enumerate((scaled, self.position, self.distance)):
+            curves[feature] = values.T
+        return curves
 
 
 def track_features(
@@ -66,7 +65,7 @@ def track_features(
     tracks: TracksConfig,
     features: FeaturesConfig,
     spacing: SpacingConfig,
-) -> TrackFeatures:
+) -> TrackSet:
     """Feature curves of all tracks with at least `tracks.min_frames` frames.
 
     d is taken at every frame over all vehicles recorded there (of the same carriageway with
@@ -94,8 +93,8 @@ def track_features(
     speed, position, distance = (
         np.interp(at, index.key, values).astype(np.float32) for values in (vehicles.speed, vehicles.position, distance)
     )
-    return TrackFeatures(
-        recording=recording.info.id,
+    return TrackSet(
+        recording=np.full(len(kept), recording.info.id),
         track_id=index.track_id[index.starts[kept]],
         n_frames=index.lengths[kept],
         direction=vehicles.direction[index.starts[kept]],

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.config.clustering import CurveDistance, KlConfig, KlInit, KlUpdate
+from tests.clustering.curves import grouped_curves
 from tests.refusal import refused
 
 SMALL = KlConfig(l=5, sample=60, centre_points=16)
@@ -13,12 +14,12 @@ SMALL = KlConfig(l=5, sample=60, centre_points=16)
 
 @pytest.mark.parametrize("init", KlInit)
 @pytest.mark.parametrize("update", KlUpdate)
-def test_three_groups_are_found(groups, init, update):
+def test_three_groups_are_found(init, update):
     from sklearn.metrics import adjusted_rand_score
 
     from rearl_jax.clustering.kl import Curves, cluster_curves
 
-    curves, group = groups()
+    curves, group = grouped_curves()
     kl = replace(SMALL, init=init, update=update)
     best, costs = cluster_curves(Curves(curves, kl), kl)
     assert best.vertices.shape == (3, 3, 5)
@@ -28,12 +29,12 @@ def test_three_groups_are_found(groups, init, update):
 
 
 @pytest.mark.parametrize("distance", [CurveDistance.discrete_raw, CurveDistance.continuous])
-def test_other_distances_find_them_too(groups, distance):
+def test_other_distances_find_them_too(distance):
     from sklearn.metrics import adjusted_rand_score
 
     from rearl_jax.clustering.kl import Curves, cluster_curves
 
-    curves, group = groups(60)
+    curves, group = grouped_curves(60)
     curves = np.ascontiguousarray(curves[:, ::2])
     kl = replace(SMALL, distance=distance, sample=12, iterations=1)
     best, _ = cluster_curves(Curves(curves, kl), kl)
@@ -41,10 +42,10 @@ def test_other_distances_find_them_too(groups, distance):
 
 
 @pytest.mark.parametrize("init", KlInit)
-def test_updates_end_once_the_cost_stops_falling_and_the_best_is_kept(groups, init):
+def test_updates_end_once_the_cost_stops_falling_and_the_best_is_kept(init):
     from rearl_jax.clustering.kl import Curves, cluster_curves
 
-    curves, _ = groups()
+    curves, _ = grouped_curves()
     kl = replace(SMALL, init=init, update=KlUpdate.mean, iterations=12)
     best, costs = cluster_curves(Curves(curves, kl), kl)
     assert 2 <= len(costs) < 13
@@ -53,19 +54,19 @@ def test_updates_end_once_the_cost_stops_falling_and_the_best_is_kept(groups, in
     assert best.cost == costs[-2]
 
 
-def test_equal_seeds_equal_centres(groups):
+def test_equal_seeds_equal_centres():
     from rearl_jax.clustering.kl import Curves, cluster_curves
 
-    curves, _ = groups()
+    curves, _ = grouped_curves()
     runs = [cluster_curves(Curves(curves, kl), kl)[0].vertices for kl in (SMALL, SMALL, replace(SMALL, seed=1))]
     np.testing.assert_array_equal(runs[0], runs[1])
     assert not np.array_equal(runs[0], runs[2])
 
 
-def test_centre_without_members_stays(groups):
+def test_centre_without_members_stays():
     from rearl_jax.clustering.kl import Centres, Curves, moved
 
-    curves, _ = groups(30)
+    curves, _ = grouped_curves(30)
     vertices = np.stack([curves[:, ::4, 0].astype(np.float64), np.full((3, 5), 9.0)])
     searched = Curves(curves, SMALL)
     centres = Centres(vertices, searched.distances(vertices))
@@ -85,8 +86,8 @@ def test_enclosing_ball_of_known_points():
     assert radius < np.linalg.norm(corners - corners.mean(axis=1)[:, None], axis=0).max()
 
 
-def test_too_few_curves_are_refused(groups):
+def test_too_few_curves_are_refused():
     from rearl_jax.clustering.kl import Curves
 
     with refused("out-of-range", key="kl.k"):
-        Curves(groups(2)[0], SMALL)
+        Curves(grouped_curves(2)[0], SMALL)

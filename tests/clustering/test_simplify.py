@@ -5,12 +5,14 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from tests.clustering.curves import random_curves
 
-def test_shortcut_errors_are_frechet_distances(walks):
+
+def test_shortcut_errors_are_frechet_distances():
     from rearl_jax.clustering.continuous import continuous_distances
     from rearl_jax.clustering.simplify import shortcut_errors
 
-    curves = walks(3, 8)
+    curves = random_curves(3, 8)
     errors = shortcut_errors(curves)
     for curve in range(3):
         for i, j in combinations(range(8), 2):
@@ -28,10 +30,10 @@ def test_shortcut_over_a_step_back_needs_more_than_the_distance_to_the_segment()
 
 
 @pytest.mark.parametrize("n_vertices", [2, 3, 4, 5])
-def test_simplification_is_the_best_of_all_choices(walks, n_vertices):
+def test_simplification_is_the_best_of_all_choices(n_vertices):
     from rearl_jax.clustering.simplify import shortcut_errors, simplified, simplify
 
-    curves = walks(12, 8, seed=6)
+    curves = random_curves(12, 8, seed=6)
     errors = shortcut_errors(curves)
     found = simplify(errors, n_vertices)
     for curve in range(12):
@@ -46,10 +48,10 @@ def test_simplification_is_the_best_of_all_choices(walks, n_vertices):
     np.testing.assert_array_equal(simplified(curves, errors, n_vertices)[3], curves[:, found[3], 3])
 
 
-def test_more_vertices_than_points_repeat_some(walks):
+def test_more_vertices_than_points_repeat_some():
     from rearl_jax.clustering.simplify import shortcut_errors, simplified
 
-    curves = walks(2, 4)
+    curves = random_curves(2, 4)
     found = simplified(curves, shortcut_errors(curves), 7)
     assert found.shape == (2, 3, 7)
     np.testing.assert_array_equal(np.unique(found[0], axis=1), np.unique(curves[:, :, 0], axis=1))

@@ -74,21 +74,17 @@ def test_folder_tables_and_summary(done, traffic, monkeypatch):
     pd.testing.assert_frame_equal(pd.read_parquet(folder / "bo_trace.parquet"), tables["bo_trace"])
 
 
-def test_figures_are_pictures_and_generated_data_are_marked(done, traffic):
+def test_figures_are_pictures_and_generated_data_are_marked(done, clustered):
     import matplotlib.image
 
     from rearl_jax.clustering.figures import track_figure
-    from rearl_jax.clustering.references import cluster
 
     folder = done[1]
     for path in folder.glob("*.png"):
         picture = matplotlib.image.imread(path)
         assert min(picture.shape[:2]) >= 500
         assert picture[..., :3].std() > 0.05  # not empty
-    scenes, tracks, splits = traffic
-    config = replace(done[0], bo=BoConfig())
-    clusters = cluster(config, scenes, tracks, splits, None, scenes.data_id, lambda *stage: None)
-    assert track_figure(clusters.tracks, generated=True) != track_figure(clusters.tracks, generated=False)
+    assert track_figure(clustered.tracks, generated=True) != track_figure(clustered.tracks, generated=False)
 
 
 def test_few_scenes_need_no_map():

@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 
 from rearl_jax.config.data import DataConfig, OnBad
-from rearl_jax.data.problems import BadRecordingError
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.schema import COLUMNS, validate
 from rearl_jax.data.units import SI_FACTOR, to_si
@@ -216,16 +215,15 @@ def test_noise_of_video_tracking_is_no_fault(vehicle_rows):
 def test_a_missing_column_and_an_empty_table_stop(vehicle_rows):
     with refused("column-missing", column="speed"):
         validate(vehicle_rows.drop(columns="speed"), INFO, DROP_ROW)
-    with pytest.raises(BadRecordingError, match="no rows"):
+    with refused("no-rows"):
         validate(vehicle_rows.iloc[:0], INFO, DROP_ROW)
 
 
 def test_text_and_fractions_where_numbers_belong_stop(vehicle_rows):
     with refused("not-a-number", column="v_Vel", row=6):
         validate(_at(vehicle_rows, 5, speed="fast"), INFO, DROP_ROW)
-    with pytest.raises(BadRecordingError, match="7.5 is not a whole number") as caught:
+    with refused("not-a-number", column="frame", row=1):
         validate(_at(vehicle_rows, 0, frame=7.5), INFO, DROP_ROW)
-    assert (caught.value.problem.column, caught.value.problem.row) == ("frame", 1)
 
 
 def test_numbers_written_as_text_are_read(vehicle_rows):

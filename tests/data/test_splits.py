@@ -138,7 +138,7 @@ def test_no_two_splits_share_a_second_of_traffic():
     """Random sets of windows: recordings, strides, blocks, gaps left by rejected windows, all units."""
     rng = np.random.default_rng(0)
     n_split, n_dropped, n_refused = (dict.fromkeys(SplitUnit, 0) for _ in range(3))
-    for seed in range(300):
+    for seed in range(120):
         unit = list(SplitUnit)[seed % 3]
         stride = float(rng.choice([1, 7, 20, 45, 60, 90]))
         config = SplitConfig(unit, seed, block_seconds=float(rng.choice([60, 75, 300])))
@@ -158,9 +158,9 @@ def test_no_two_splits_share_a_second_of_traffic():
         assert sizes["evaluation"] >= 5
         n_split[unit] += 1
         n_dropped[unit] += splits.n_crossing
-    assert min(n_split.values()) >= 20
-    assert n_dropped[SplitUnit.block] > 500
-    assert n_refused[SplitUnit.scenario] >= 20, "overlapping scenarios must have occurred"
+    assert min(n_split.values()) >= 8
+    assert n_dropped[SplitUnit.block] > 200
+    assert n_refused[SplitUnit.scenario] >= 8, "overlapping scenarios must have occurred"
 
 
 def test_the_property_sees_a_leak():

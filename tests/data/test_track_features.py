@@ -87,11 +87,3 @@ def test_a_lonely_track_is_left_out_and_counted():
     # Alone at first: the first value in company holds back to the entry.
     assert (built.distance[0, :8] == built.distance[0, 0]).all()
     assert np.isfinite(built.distance).all()
-
-
-def test_table_has_one_row_per_track_and_point():
-    table = curves(traffic({1: (0, 40), 2: (20, 60)})).table()
-    assert len(table) == 2 * 16
-    assert table["point"].tolist() == [*range(16), *range(16)]
-    assert table["track_id"].is_monotonic_increasing
-    assert table.groupby("track_id")["position"].is_monotonic_increasing.all()

@@ -1,7 +1,6 @@
 """Fuzzed replies of language models, configurations and stored files, each through the code that reads it."""
 
 import json
-import shutil
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -29,56 +28,11 @@ from tests.fuzz.outcome import Outcome, Result, judged
 from tests.models.drivers import CURVE, GAIN, NOISE, model
 
 _PIECES = (
-    *(
-        "3",
-        "0",
-        "-1",
-        "7",
-        "2.5",
-        "IDLE",
-        "LANE_LEFT",
-        "faster",
-        "keep lane",
-        "left",
-        "####",
-        "```json",
-        "```",
-        "{",
-        "}",
-    ),
-    *(
-        '{"action": 3}',
-        '{"id": "left"}',
-        "<think>",
-        "</think>",
-        "<thinking>",
-        "answer",
-        "Action:",
-        "action_id",
-        "**3**",
-    ),
-    *(
-        "NaN",
-        "Infinity",
-        "1e400",
-        "\u0663",
-        "\uff13",
-        "\ud800",
-        "\x00",
-        "\n",
-        " ",
-        "not",
-        "or",
-        "_3_",
-        ":",
-        '"',
-        "1" * 5000,
-    ),
-    *(
-        '{"aggressive": 0.2, "defensive": 0.3, "truck": 0.1}',
-        '{"aggressive": NaN, "defensive": 0, "truck": 0}',
-        "[" * 900,
-    ),
+    *"3 0 -1 7 2.5 IDLE LANE_LEFT faster left #### ```json ``` { } <think> </think> <thinking> answer Action:".split(),
+    *"action_id **3** NaN Infinity 1e400 \u0663 \uff13 \ud800 \x00 not or _3_ :".split(),
+    *("keep lane", "\n", " ", '"', "1" * 5000, "[" * 900, '{"action": 3}', '{"id": "left"}'),
+    '{"aggressive": 0.2, "defensive": 0.3, "truck": 0.1}',
+    '{"aggressive": NaN, "defensive": 0, "truck": 0}',
 )
 _CHOICES = (0, 1, 2, 3, 4)
 
@@ -319,10 +273,3 @@ PARSERS: dict[str, Callable[[Path], Callable[[Random], Result]]] = {
     "finished": finished,
 }
 """By name: a folder to write in -> a function that tries one input."""
-
-
-def emptied(folder: Path) -> Path:
-    """The folder with nothing in it."""
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    return folder
