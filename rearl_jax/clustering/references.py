@@ -25,17 +25,11 @@ from rearl_jax.clustering.tracks import FeatureScale, TrackCollector, TrackSet, 
 from rearl_jax.config._schema import as_plain
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, FitOn, KlConfig
 from rearl_jax.config.data import DataConfig
-from rearl_jax.config.scenes import (
-    FeaturesConfig,
-    ScenesConfig,
-    SpacingConfig,
-    SpeedConfig,
-    SplitConfig,
-    TracksConfig,
-)
+from rearl_jax.config.scenes import SplitConfig
 from rearl_jax.data.recordings import data_id, file_stamps
 from rearl_jax.data.records import Recording
 from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scene_windows import SceneKeys
 from rearl_jax.data.splits import Splits
 from rearl_jax.detection.references import References
 from rearl_jax.problems import InvalidInputError, Problem
@@ -48,15 +42,10 @@ DRAWN = 600
 
 
 @runtime_checkable
-class ReferenceKeys(Protocol):
+class ReferenceKeys(SceneKeys, Protocol):
     """The groups of a task's configuration that decide its references."""
 
     data: DataConfig
-    tracks: TracksConfig
-    scenes: ScenesConfig
-    speed: SpeedConfig
-    features: FeaturesConfig
-    spacing: SpacingConfig
     split: SplitConfig
     kl: KlConfig
     cluster: ClusterConfig
@@ -144,7 +133,7 @@ class ReferenceBuilder:
         stamps = [list(stamp) for stamp in file_stamps(config.data)]
         self._path = kept_path("clusters", {**keys, "data": self.data_id, "files": stamps}, _SOURCES, ".npz")
         self._found = _stored(self._path)
-        self._collector = TrackCollector(config.scenes, config.tracks, config.features, config.spacing)
+        self._collector = TrackCollector(config)
 
     @property
     def needs_recordings(self) -> bool:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Bool, Float32, Int, Shaped
 
-from rearl_jax.config.scenes import FeaturesConfig, ScenesConfig, SpacingConfig, TracksConfig
 from rearl_jax.data.records import Recording
 from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scene_windows import SceneKeys
 from rearl_jax.data.track_features import FEATURES, TrackSet, track_features
 from rearl_jax.problems import InvalidInputError, Problem
 
@@ -20,16 +20,13 @@ class TrackCollector:
     `build_scenes(collector.passing(recordings), ...)` reads every recording once for scenes and tracks.
     """
 
-    scenes: ScenesConfig
-    tracks: TracksConfig
-    features: FeaturesConfig
-    spacing: SpacingConfig
+    keys: SceneKeys
     parts: list[TrackSet] = field(default_factory=list)
 
     def passing(self, recordings: Iterable[Recording]) -> Iterator[Recording]:
         """The recordings, unchanged and one at a time."""
         for recording in recordings:
-            self.parts.append(track_features(recording, self.scenes, self.tracks, self.features, self.spacing))
+            self.parts.append(track_features(recording, self.keys))
             yield recording
             # Not to be held while the next one is read.
             del recording
@@ -43,9 +40,10 @@ class TrackCollector:
         parts, self.parts = self.parts, []
         n_short, n_alone = (sum(getattr(part, name) for part in parts) for name in ("n_short", "n_alone"))
         if not any(map(len, parts)):
+            least = self.keys.tracks.min_frames
             said = (
-                f"no track can be clustered: {n_short} are shorter than tracks.min_frames = {self.tracks.min_frames} "
-                f"frames and {n_alone} are never in company"
+                f"no track can be clustered: {n_short} are shorter than tracks.min_frames = {least} frames and {n_alone} "
+                "are never in company"
             )
             remedy = "lower tracks.min_frames or read more recordings"
             raise InvalidInputError(Problem("tracks-too-few", said, remedy))

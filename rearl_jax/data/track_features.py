@@ -9,11 +9,10 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float32, Int, Int8, Shaped
 
-from rearl_jax.config.scenes import FeaturesConfig, ScenesConfig, SpacingConfig, TracksConfig
 from rearl_jax.data.distances import feature_distance
 from rearl_jax.data.records import Recording
 from rearl_jax.data.scene_set import SceneSet, scale_speed
-from rearl_jax.data.scene_windows import Cells, Tracks, vehicles_of
+from rearl_jax.data.scene_windows import Cells, SceneKeys, Tracks, vehicles_of
 
 FEATURES = ("speed", "position", "distance")
 """The feature vector of a track's point. Source: Bi et al., F(P_i(t)) = (v, x, d)."""
@@ -59,13 +58,7 @@ class TrackSet:
         return curves
 
 
-def track_features(
-    recording: Recording,
-    scenes: ScenesConfig,
-    tracks: TracksConfig,
-    features: FeaturesConfig,
-    spacing: SpacingConfig,
-) -> TrackSet:
+def track_features(recording: Recording, keys: SceneKeys) -> TrackSet:
     """Feature curves of all tracks with at least `tracks.min_frames` frames.
 
     d is taken at every frame over all vehicles recorded there (of the same carriageway with
@@ -75,21 +68,21 @@ def track_features(
     Source: Bi et al., features F(P_i(t)) = (v, x, d) and the filter L >= 100.
     """
     index, vehicles = Tracks(recording), vehicles_of(recording)
-    cells = Cells(index, vehicles.direction, np.unique(index.frame), scenes)
+    cells = Cells(index, vehicles.direction, np.unique(index.frame), keys.scenes)
     rows, present = cells.rows(np.flatnonzero(cells.counts.reshape(-1)))
-    by_place = feature_distance(vehicles, rows, present, rows.shape[1], features.d, spacing.metric)
+    by_place = feature_distance(vehicles, rows, present, rows.shape[1], keys.features.d, keys.spacing.metric)
     distance = np.empty(len(index.frame))
     distance[rows[present]] = by_place[present]
     if np.isnan(distance).any():
         by_track = pd.Series(distance).groupby(index.ordinal)
         distance = by_track.ffill().fillna(by_track.bfill()).to_numpy()
 
-    is_long = index.lengths >= tracks.min_frames
+    is_long = index.lengths >= keys.tracks.min_frames
     is_alone = np.isnan(distance[index.starts])
     kept = np.flatnonzero(is_long & ~is_alone)
     first, last = index.key[index.starts[kept]], index.key[index.starts[kept] + index.lengths[kept] - 1]
     # Keys rise over the whole table and every query lies inside its own track, so tracks never mix.
-    at = np.linspace(first, last, tracks.points, axis=1)
+    at = np.linspace(first, last, keys.tracks.points, axis=1)
     speed, position, distance = (
         np.interp(at, index.key, values).astype(np.float32) for values in (vehicles.speed, vehicles.position, distance)
     )

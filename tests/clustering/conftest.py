@@ -36,17 +36,9 @@ def traffic(task_config):
     from rearl_jax.data.scenes import build_scenes
     from rearl_jax.data.splits import split_scenes
 
-    config = task_config
-    collector = TrackCollector(config.scenes, config.tracks, config.features, config.spacing)
-    scenes = build_scenes(
-        collector.passing(iterate_recordings(config.data)),
-        config.scenes,
-        config.speed,
-        config.tracks,
-        config.features,
-        config.spacing,
-    )
-    return scenes, collector.collected(), split_scenes(scenes, config.split)
+    collector = TrackCollector(task_config)
+    scenes = build_scenes(collector.passing(iterate_recordings(task_config.data)), task_config)
+    return scenes, collector.collected(), split_scenes(scenes, task_config.split)
 
 
 @pytest.fixture(scope="session")

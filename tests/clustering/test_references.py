@@ -79,8 +79,7 @@ def through_builder(config):
 
     builder = ReferenceBuilder(config)
     was_finished = not builder.needs_recordings
-    groups = (config.scenes, config.speed, config.tracks, config.features, config.spacing)
-    scenes = build_scenes(builder.passing(iterate_recordings(config.data)), *groups)
+    scenes = build_scenes(builder.passing(iterate_recordings(config.data)), config)
     return was_finished, *builder.build(scenes, split_scenes(scenes, config.split))
 
 
@@ -163,6 +162,6 @@ def test_leaks_are_said(task_config, traffic, caplog):
 def test_nothing_collected_is_an_error_with_a_remedy(task_config):
     from rearl_jax.clustering.tracks import TrackCollector
 
-    collector = TrackCollector(task_config.scenes, task_config.tracks, task_config.features, task_config.spacing)
+    collector = TrackCollector(task_config)
     with refused("tracks-too-few"):
         collector.collected()

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.config import PrepareTask
 from rearl_jax.config.scenes import (
     Direction,
     FeatureDistance,
@@ -20,7 +21,6 @@ from rearl_jax.config.scenes import (
     SpacingMetric,
     SpeedConfig,
     SpeedNorm,
-    TracksConfig,
 )
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.scene_set import real_lane_change_rate, scale_speed
@@ -39,15 +39,10 @@ def build(
     metric=SpacingMetric.euclid2d,
     progress=None,
 ):
-    return build_scenes(
-        recordings,
-        scenes,
-        SpeedConfig(norm),
-        TracksConfig(),
-        FeaturesConfig(d),
-        SpacingConfig(metric),
-        progress,
+    keys = PrepareTask(
+        scenes=scenes, speed=SpeedConfig(norm), features=FeaturesConfig(d), spacing=SpacingConfig(metric)
     )
+    return build_scenes(recordings, keys, progress)
 
 
 def recording(*tracks, name="a", rate=10.0) -> Recording:

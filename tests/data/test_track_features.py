@@ -4,12 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.config import PrepareTask
 from rearl_jax.config.scenes import (
     Direction,
     FeatureDistance,
     FeaturesConfig,
     ScenesConfig,
-    SpacingConfig,
     TracksConfig,
 )
 from rearl_jax.data.records import Recording, RecordingInfo
@@ -38,12 +38,9 @@ def traffic(spans: dict[int, tuple[int, int]], seed: int = 0) -> Recording:
 
 
 def curves(recording, points=16, d=FeatureDistance.mean_all, direction=Direction.pooled, min_frames=20):
+    tracks = TracksConfig(min_frames, points)
     return track_features(
-        recording,
-        ScenesConfig(direction),
-        TracksConfig(min_frames, points),
-        FeaturesConfig(d),
-        SpacingConfig(),
+        recording, PrepareTask(scenes=ScenesConfig(direction), tracks=tracks, features=FeaturesConfig(d))
     )
 
 
