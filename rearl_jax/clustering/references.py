@@ -184,17 +184,7 @@ def cluster(
     identity: str,
     progress: Callable[[str, int, int], None],
 ) -> Clusters:
-    """Both clusterings, of tracks and then of scenes.
-
-    Args:
-        config: A task's configuration.
-        scenes: All scenes.
-        tracks: All long tracks.
-        splits: Which scenes are for evaluation and tuning.
-        study: Keeps the trace of a search.
-        identity: Identity of the data.
-        progress: Called with a stage, the steps done and their total.
-    """
+    """Both clusterings, of tracks and then of scenes; arguments as in `ReferenceBuilder.build`."""
     allowed = may_be_fitted(splits, config.cluster.fit_on)
     # Vehicles of scenes that may not be seen teach the centres nothing.
     training = ~seen_in(tracks, scenes, np.flatnonzero(~allowed))

@@ -42,8 +42,8 @@ class TrackCollector:
         if not any(map(len, parts)):
             least = self.keys.tracks.min_frames
             said = (
-                f"no track can be clustered: {n_short} are shorter than tracks.min_frames = {least} frames and {n_alone} "
-                "are never in company"
+                f"no track can be clustered: {n_short} are shorter than tracks.min_frames = {least} frames and "
+                f"{n_alone} are never in company"
             )
             remedy = "lower tracks.min_frames or read more recordings"
             raise InvalidInputError(Problem("tracks-too-few", said, remedy))

@@ -98,7 +98,8 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     returns = np.zeros(len(members), dtype=bool)
     returns[1:] = (track[1:] == track[:-1]) & (np.diff(frame) > 1)
     if returns.any():
-        info = info.with_notes(f"{int(returns.sum())} vehicles left the pairs and came back under a new id")
+        note = f"{int(returns.sum())} vehicles left the pairs and came back under a new id"
+        info = replace(info, notes=(*info.notes, note))
     table, dropped = validate(split_tracks(members, returns), info, policy, losses)
     front = table["position"].to_numpy() + 0.5 * table["length"].to_numpy()
     return Recording(replace(info, road_length=float(front.max())), table, dropped)

@@ -54,18 +54,13 @@ class Finding:
     remedy: str
     is_step: bool = False
 
-    @property
-    def code(self) -> str:
-        """Code of the problem these rows share."""
-        return self.name.replace("_", "-")
-
     def error(self, table: pd.DataFrame, info: RecordingInfo, hint: str = DROP_HINT) -> BadRecordingError:
         """The error this finding becomes; the index of the table holds the rows of the source, from 0."""
         n_rows = int(self.rows.sum())
         said = self.said if n_rows == 1 else f"{self.said} (and {n_rows - 1} more rows)"
         row = int(table.index[int(np.argmax(self.rows))]) + 1
-        column = info.columns.get(self.column, self.column)
-        return bad_recording(self.code, said, f"{self.remedy}{hint}", info.file or info.id, column=column, row=row)
+        code, column = self.name.replace("_", "-"), info.columns.get(self.column, self.column)
+        return bad_recording(code, said, f"{self.remedy}{hint}", info.file or info.id, column=column, row=row)
 
 
 def recording_unnamed(file: str, row: int | None = None) -> BadRecordingError:

@@ -71,11 +71,6 @@ class Splits:
         """Indices of the evaluation scenes, rising."""
         return self.indices(Split.EVALUATION)
 
-    @property
-    def rest(self) -> np.ndarray:
-        """Indices of the scenes in no subset, rising."""
-        return self.indices(Split.REST)
-
     def indices(self, split: Split) -> np.ndarray:
         """Indices of the scenes of one split, rising."""
         return np.flatnonzero(self.label == split)

@@ -5,6 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
+from rearl_jax.clustering import frechet
+from rearl_jax.clustering.continuous import continuous_distances
+from rearl_jax.clustering.frechet import aligned, discrete_distances, subdivided
 from tests.clustering.curves import random_bridges, random_curves
 
 
@@ -35,8 +38,6 @@ def by_definition(curve, centre):
 
 @pytest.mark.parametrize(("n", "m"), [(1, 1), (1, 4), (5, 1), (5, 4), (4, 6)])
 def test_discrete_distance_is_the_best_of_all_couplings(n, m):
-    from rearl_jax.clustering.frechet import discrete_distances
-
     curves, centres = random_curves(7, n), random_curves(3, m, seed=1).transpose(2, 0, 1)
     found = discrete_distances(curves, centres)
     expected = [[by_definition(curves[:, :, i], centre) for i in range(7)] for centre in centres]
@@ -46,8 +47,6 @@ def test_discrete_distance_is_the_best_of_all_couplings(n, m):
 
 
 def test_chunks_change_nothing(monkeypatch):
-    from rearl_jax.clustering import frechet
-
     curves, centres = random_curves(50, 12), random_curves(2, 6, seed=1).transpose(2, 0, 1)
     whole = frechet.discrete_distances(curves, centres)
     monkeypatch.setattr(frechet, "_CHUNK", 7)
@@ -59,8 +58,6 @@ def test_chunks_change_nothing(monkeypatch):
 
 
 def test_alignment_is_a_coupling_that_reaches_the_distance():
-    from rearl_jax.clustering.frechet import aligned, discrete_distances
-
     curves, vertices = random_curves(30, 9), random_curves(1, 4, seed=2)[:, :, 0]
     coupled = aligned(curves, vertices)
     assert coupled.shape == (4, 9, 30)
@@ -77,8 +74,6 @@ def test_alignment_is_a_coupling_that_reaches_the_distance():
 
 
 def test_subdivision_keeps_the_polyline_and_halves_the_longest_edges():
-    from rearl_jax.clustering.frechet import subdivided
-
     centres = random_curves(4, 5, seed=3).transpose(2, 0, 1).astype(np.float64)
     finer = subdivided(centres, 17)
     assert finer.shape == (4, 3, 17)
@@ -93,8 +88,6 @@ def test_subdivision_keeps_the_polyline_and_halves_the_longest_edges():
 
 
 def test_continuous_distance_of_curves_with_known_distance():
-    from rearl_jax.clustering.continuous import continuous_distances
-
     def distance(curve, other):
         return continuous_distances(np.array(curve).T[:, :, None], np.array(other).T[None])[0, 0]
 
@@ -107,9 +100,6 @@ def test_continuous_distance_of_curves_with_known_distance():
 
 
 def test_continuous_distance_is_the_limit_of_discrete_ones():
-    from rearl_jax.clustering.continuous import continuous_distances
-    from rearl_jax.clustering.frechet import discrete_distances, subdivided
-
     curves, centres = random_bridges(10, 6), random_bridges(2, 4, seed=4).transpose(2, 0, 1)
     found = continuous_distances(curves.astype(np.float64), centres)
     coarse = discrete_distances(curves, centres)
@@ -122,9 +112,6 @@ def test_continuous_distance_is_the_limit_of_discrete_ones():
 @pytest.mark.parametrize("m", [4, 24])
 def test_discrete_distance_exceeds_the_continuous_one_by_at_most_the_longest_edge(m):
     """Eiter & Mannila, Computing discrete Frechet distance, TU Wien report CD-TR 94/64 (1994), lemma 5."""
-    from rearl_jax.clustering.continuous import continuous_distances
-    from rearl_jax.clustering.frechet import discrete_distances, subdivided
-
     curves, vertices = random_bridges(60, 10), random_bridges(3, 4, seed=5).transpose(2, 0, 1).astype(np.float64)
     centres = subdivided(vertices, m)
     discrete, continuous = discrete_distances(curves, centres), continuous_distances(curves.astype(float), vertices)

@@ -8,13 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rearl_jax.cache import kept_folder
+from rearl_jax.clustering import references as module
+from rearl_jax.clustering.kl import Curves
+from rearl_jax.clustering.references import ReferenceBuilder, _arrays
+from rearl_jax.clustering.scenes import references_of
+from rearl_jax.clustering.tracks import FeatureScale, TrackCollector, seen_in
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, FitOn, KlConfig
+from rearl_jax.data.recordings import data_id, iterate_recordings
+from rearl_jax.data.scenes import build_scenes
+from rearl_jax.data.splits import split_scenes
 from tests.refusal import refused
 
 
 def test_no_reference_is_an_evaluation_or_tuning_scene(clustered, task_config, traffic):
-    from rearl_jax.clustering.scenes import references_of
-
     scenes, _, splits = traffic
     held_out = np.concatenate([splits.evaluation, splits.tuning])
     references = references_of(scenes, clustered.scenes, task_config.cluster)
@@ -26,8 +33,6 @@ def test_no_reference_is_an_evaluation_or_tuning_scene(clustered, task_config, t
 
 
 def test_tracks_of_held_out_scenes_are_labelled_but_not_fitted_on(clustered, traffic):
-    from rearl_jax.clustering.tracks import seen_in
-
     scenes, tracks, splits = traffic
     found = clustered.tracks
     held_out = np.concatenate([splits.evaluation, splits.tuning])
@@ -54,9 +59,6 @@ def test_labels_are_ordered_by_speed_and_shares_sum_to_one(clustered, traffic):
 
 
 def test_labels_are_those_of_the_nearest_centre(clustered, traffic, task_config):
-    from rearl_jax.clustering.kl import Curves
-    from rearl_jax.clustering.tracks import FeatureScale, seen_in
-
     scenes, tracks, splits = traffic
     training = ~seen_in(tracks, scenes, np.concatenate([splits.evaluation, splits.tuning]))
     features = tracks.features(scenes)
@@ -72,11 +74,6 @@ def test_labels_are_those_of_the_nearest_centre(clustered, traffic, task_config)
 
 
 def through_builder(config):
-    from rearl_jax.clustering.references import ReferenceBuilder
-    from rearl_jax.data.recordings import iterate_recordings
-    from rearl_jax.data.scenes import build_scenes
-    from rearl_jax.data.splits import split_scenes
-
     builder = ReferenceBuilder(config)
     was_finished = not builder.needs_recordings
     scenes = build_scenes(builder.passing(iterate_recordings(config.data)), config)
@@ -84,8 +81,6 @@ def through_builder(config):
 
 
 def equal(one, other):
-    from rearl_jax.clustering.references import _arrays
-
     first, second = _arrays(one), _arrays(other)
     return first.keys() == second.keys() and all(np.array_equal(first[name], second[name]) for name in first)
 
@@ -93,9 +88,6 @@ def equal(one, other):
 def test_finished_clustering_is_found_again_and_a_damaged_one_made_anew(
     task_config, clustered, traffic, monkeypatch, caplog
 ):
-    from rearl_jax.cache import kept_folder
-    from rearl_jax.clustering import references as module
-
     was_finished, first, clusters = through_builder(task_config)
     assert not was_finished
     assert equal(clusters, clustered)  # the same as from tracks collected apart
@@ -124,16 +116,11 @@ def test_finished_clustering_is_found_again_and_a_damaged_one_made_anew(
     ids=["kl", "cluster", "bo"],
 )
 def test_other_configuration_other_cache_file(task_config, change):
-    from rearl_jax.clustering.references import ReferenceBuilder
-
     assert ReferenceBuilder(task_config)._path != ReferenceBuilder(replace(task_config, **change))._path
     assert ReferenceBuilder(task_config)._path == ReferenceBuilder(replace(task_config, study="other"))._path
 
 
 def test_a_touched_recording_has_another_cache_file(task_config):
-    from rearl_jax.clustering.references import ReferenceBuilder
-    from rearl_jax.data.recordings import data_id
-
     before, identity = ReferenceBuilder(task_config)._path, data_id(task_config.data)
     file = next(Path(task_config.data.root).glob("*_tracks.csv"))
     stat = file.stat()
@@ -146,8 +133,6 @@ def test_a_touched_recording_has_another_cache_file(task_config):
 
 
 def test_leaks_are_said(task_config, traffic, caplog):
-    from rearl_jax.clustering.references import ReferenceBuilder
-
     scenes, tracks, splits = traffic
     config = replace(task_config, cluster=ClusterConfig(fit_on=FitOn.all))
     builder = ReferenceBuilder(config)
@@ -160,8 +145,6 @@ def test_leaks_are_said(task_config, traffic, caplog):
 
 
 def test_nothing_collected_is_an_error_with_a_remedy(task_config):
-    from rearl_jax.clustering.tracks import TrackCollector
-
     collector = TrackCollector(task_config)
     with refused("tracks-too-few"):
         collector.collected()

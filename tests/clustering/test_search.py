@@ -7,7 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.clustering import search as module
+from rearl_jax.clustering.search import TRACE, Objective, _posterior, search, simplified_silhouette
 from rearl_jax.config.clustering import BoConfig, KlConfig
+from rearl_jax.results import Study
 from tests.clustering.curves import grouped_curves
 
 KL = KlConfig(l=4, sample=40, centre_points=12)
@@ -15,15 +18,11 @@ BO = BoConfig(n_calls=10, n_initial=5, share=0.5, k=(2, 3, 4), l=(3, 5), iterati
 
 
 def study(root, name="search"):
-    from rearl_jax.results import Study
-
     return Study(root, name, BO, "cluster", "data")
 
 
 @pytest.mark.thorough
 def test_search_taken_up_equals_an_uninterrupted_one(tmp_path):
-    from rearl_jax.clustering.search import TRACE, search
-
     curves, _ = grouped_curves(120)
     best, whole = search(curves, KL, BO, study(tmp_path, "whole"), "data")
     for stop in (3, 7):  # among the random rounds and after them
@@ -40,8 +39,6 @@ def test_search_taken_up_equals_an_uninterrupted_one(tmp_path):
 
 
 def test_nothing_is_evaluated_again(tmp_path, monkeypatch):
-    from rearl_jax.clustering import search as module
-
     curves, _ = grouped_curves(120)
     bo = replace(BO, n_calls=6)
     first = module.search(curves, KL, bo, study(tmp_path), "data")
@@ -51,8 +48,6 @@ def test_nothing_is_evaluated_again(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("change", ["data", "damage"])
 def test_trace_of_another_search_or_a_damaged_one_is_not_taken_up(tmp_path, caplog, change):
-    from rearl_jax.clustering.search import TRACE, search
-
     curves, _ = grouped_curves(120)
     bo = replace(BO, n_calls=3)
     _, first = search(curves, KL, bo, study(tmp_path), "data")
@@ -66,8 +61,6 @@ def test_trace_of_another_search_or_a_damaged_one_is_not_taken_up(tmp_path, capl
 
 
 def test_search_ends_with_the_grid_and_finds_its_best():
-    from rearl_jax.clustering.search import Objective, search
-
     curves, _ = grouped_curves(120)
     steps = []
     best, trace = search(curves, KL, replace(BO, n_calls=500), progress=lambda *step: steps.append(step))
@@ -80,8 +73,6 @@ def test_search_ends_with_the_grid_and_finds_its_best():
 
 
 def test_hedge_proposes_what_its_model_thinks_best():
-    from rearl_jax.clustering.search import _posterior
-
     grid = np.array([(k, l, 1) for k in range(2, 9) for l in range(4, 25, 2)])  # noqa: E741
     truth = -((grid[:, 0] - 5.0) ** 2) / 9.0 + 0.01 * grid[:, 1]
     seen = np.random.default_rng(0).choice(len(grid), 25, replace=False)
@@ -93,7 +84,5 @@ def test_hedge_proposes_what_its_model_thinks_best():
 
 
 def test_silhouette_of_known_distances():
-    from rearl_jax.clustering.search import simplified_silhouette
-
     assert simplified_silhouette(np.array([[1.0, 2.0], [4.0, 2.0], [5.0, 8.0]], np.float32)) == pytest.approx(0.375)
     assert simplified_silhouette(np.zeros((2, 3), np.float32)) == 0.0

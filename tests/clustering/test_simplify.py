@@ -5,13 +5,12 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from rearl_jax.clustering.continuous import continuous_distances
+from rearl_jax.clustering.simplify import shortcut_errors, simplified, simplify
 from tests.clustering.curves import random_curves
 
 
 def test_shortcut_errors_are_frechet_distances():
-    from rearl_jax.clustering.continuous import continuous_distances
-    from rearl_jax.clustering.simplify import shortcut_errors
-
     curves = random_curves(3, 8)
     errors = shortcut_errors(curves)
     for curve in range(3):
@@ -23,16 +22,12 @@ def test_shortcut_errors_are_frechet_distances():
 
 
 def test_shortcut_over_a_step_back_needs_more_than_the_distance_to_the_segment():
-    from rearl_jax.clustering.simplify import shortcut_errors
-
     back = np.array([[0.0, 3.0, 1.0, 4.0], [0.0] * 4, [0.0] * 4])[:, :, None]
     assert shortcut_errors(back)[0, 0, 3] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("n_vertices", [2, 3, 4, 5])
 def test_simplification_is_the_best_of_all_choices(n_vertices):
-    from rearl_jax.clustering.simplify import shortcut_errors, simplified, simplify
-
     curves = random_curves(12, 8, seed=6)
     errors = shortcut_errors(curves)
     found = simplify(errors, n_vertices)
@@ -49,8 +44,6 @@ def test_simplification_is_the_best_of_all_choices(n_vertices):
 
 
 def test_more_vertices_than_points_repeat_some():
-    from rearl_jax.clustering.simplify import shortcut_errors, simplified
-
     curves = random_curves(2, 4)
     found = simplified(curves, shortcut_errors(curves), 7)
     assert found.shape == (2, 3, 7)

@@ -9,7 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.clustering.figures import track_figure
+from rearl_jax.clustering.tables import embedding
+from rearl_jax.clustering.task import run
+from rearl_jax.config import clustering
 from rearl_jax.config.clustering import BoConfig
+from rearl_jax.results import read_metadata
 from tests.refusal import refused
 
 FILES = ["bo_trace.parquet", "centres.parquet", "config.json", "references.parquet", "scene_clusters.parquet"]
@@ -19,8 +24,6 @@ FILES += ["scenes.png", "search.png", "summary.json", "tracks.parquet", "tracks.
 @pytest.fixture(scope="module")
 def done(task_config, tmp_path_factory):
     """Configuration, folder, summary and printed text of `rearl cluster bo.enabled=true`, and its cache."""
-    from rearl_jax.clustering.task import run
-
     root, cache = tmp_path_factory.mktemp("results"), tmp_path_factory.mktemp("cache")
     bo = BoConfig(enabled=True, n_calls=4, n_initial=3, share=0.3, k=(3, 4), l=(5, 8), iterations=(1, 2))
     config = replace(task_config, bo=bo, results=replace(task_config.results, root=str(root)))
@@ -32,9 +35,6 @@ def done(task_config, tmp_path_factory):
 
 
 def test_folder_tables_and_summary(done, traffic, monkeypatch):
-    from rearl_jax.clustering.task import run
-    from rearl_jax.results import read_metadata
-
     config, folder, summary, printed, cache = done
     scenes, tracks, splits = traffic
     assert sorted(path.name for path in folder.iterdir()) == sorted(FILES)
@@ -77,8 +77,6 @@ def test_folder_tables_and_summary(done, traffic, monkeypatch):
 def test_figures_are_pictures_and_generated_data_are_marked(done, clustered):
     import matplotlib.image
 
-    from rearl_jax.clustering.figures import track_figure
-
     folder = done[1]
     for path in folder.glob("*.png"):
         picture = matplotlib.image.imread(path)
@@ -88,8 +86,6 @@ def test_figures_are_pictures_and_generated_data_are_marked(done, clustered):
 
 
 def test_few_scenes_need_no_map():
-    from rearl_jax.clustering.tables import embedding
-
     assert (embedding(np.tile(np.eye(3), (4, 1)), 0) == 0).all()
 
 
@@ -110,8 +106,6 @@ def test_few_scenes_need_no_map():
     ],
 )
 def test_configuration_out_of_range(record, key, value):
-    from rearl_jax.config import clustering
-
     getattr(clustering, record)().check()
     with refused("out-of-range", key=key):
         replace(getattr(clustering, record)(), **{key: value}).check()

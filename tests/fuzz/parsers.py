@@ -90,9 +90,7 @@ def completion(folder: Path) -> Callable[[Random], Result]:
         value: Any = sound
         for _ in range(rng.randint(0, 4)):
             value = other_json(value, rng)
-        content = json.dumps(value).encode()
-        for _ in range(rng.choice((0, 0, 1, 3))):
-            content = other_bytes(content, rng)
+        content = other_bytes(json.dumps(value).encode(), rng, rng.choice((0, 0, 1, 3)))
         try:
             read_error(content).encode()  # whatever it is, there is something to show
             found = read_completion(content)
@@ -126,10 +124,7 @@ def model_file(folder: Path) -> Callable[[Random], Result]:
                 value = other_json(value, rng)
             path.write_text(json.dumps(value).replace("NaN", ".nan").replace("Infinity", ".inf"))
         else:
-            spoiled = content
-            for _ in range(rng.randint(1, 3)):
-                spoiled = other_bytes(spoiled, rng)
-            path.write_bytes(spoiled)
+            path.write_bytes(other_bytes(content, rng, rng.randint(1, 3)))
         try:
             found = read_model(path)
         except Exception as error:
@@ -187,13 +182,11 @@ def config_file(folder: Path) -> Callable[[Random], Result]:
     sound = {"format": "highd", "root": "/data", "on_bad": "stop", "max_jump": 2.0, "default_length": 4.5}
 
     def try_one(rng: Random) -> Result:
-        content = yaml.safe_dump(sound).encode()
         if rng.random() < 0.5:
             value = other_json(sound, rng)
             content = json.dumps(value).replace("NaN", ".nan").replace("Infinity", ".inf").encode()
         else:
-            for _ in range(rng.randint(1, 3)):
-                content = other_bytes(content, rng)
+            content = other_bytes(yaml.safe_dump(sound).encode(), rng, rng.randint(1, 3))
         path.write_bytes(content)
         return _composed(task, ["data=mine"], str(folder))
 
@@ -210,12 +203,9 @@ def answers(folder: Path) -> Callable[[Random], Result]:
     content = path.read_bytes()
 
     def try_one(rng: Random) -> Result:
-        spoiled = content
-        for _ in range(rng.randint(1, 4)):
-            spoiled = other_bytes(spoiled, rng)
         for file in folder.glob("answers.sqlite*"):
             file.unlink()
-        path.write_bytes(spoiled)
+        path.write_bytes(other_bytes(content, rng, rng.randint(1, 4)))
         try:
             opened = Answers(path, read_only=rng.random() < 0.5)
             try:
