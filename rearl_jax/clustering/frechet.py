@@ -93,7 +93,7 @@ def coupled_distances(distance: np.ndarray) -> np.ndarray:
 def aligned(
     curves: Float[np.ndarray, "features points curves"], vertices: Float[np.ndarray, "features vertices"]
 ) -> Bool[np.ndarray, "vertices points curves"]:
-    """Which points of every curve are coupled with which vertex in an optimal discrete coupling.
+    """Points of every curve that are coupled with each vertex in an optimal discrete coupling.
 
     Of several optimal couplings the one that steps back along both sequences first, then along the curve.
     """

@@ -137,7 +137,7 @@ class ReferenceBuilder:
 
     @property
     def needs_recordings(self) -> bool:
-        """Whether the recordings must be passed through: no finished clustering and no tracks are at hand."""
+        """True where the recordings must be passed through: no finished clustering and no tracks are at hand."""
         return self._found is None and self.tracks is None
 
     def passing(self, recordings: Iterable[Recording]) -> Iterator[Recording]:

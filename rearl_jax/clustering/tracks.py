@@ -89,7 +89,7 @@ class FeatureScale:
 
 
 def seen_in(tracks: TrackSet, scenes: SceneSet, indices: Int[np.ndarray, " scenes"]) -> Bool[np.ndarray, " tracks"]:
-    """Which tracks are picked in any snapshot of some scenes."""
+    """Mask of tracks that are picked in any snapshot of some scenes."""
     at = track_index(tracks, scenes, indices)
     found = np.zeros(len(tracks), dtype=bool)
     found[at[at >= 0]] = True

@@ -113,7 +113,7 @@ class TableFile:
         return rows.set_axis(np.flatnonzero(names == recording), axis=0)
 
     def stated(self) -> dict[str, RecordingInfo]:
-        """What the file states about its recordings, by id."""
+        """Metadata of the recordings that the file states, by id."""
         if self._is_csv:
             file = sidecar(self.path)
             stored = file.read_bytes() if file.is_file() else None

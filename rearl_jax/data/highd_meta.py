@@ -28,7 +28,7 @@ _TRACKS_META = {
 
 @dataclass(frozen=True)
 class RecordingMeta:
-    """What NN_recordingMeta.csv says.
+    """Content of NN_recordingMeta.csv.
 
     Attributes:
         frame_rate: Frames per second [1/s].

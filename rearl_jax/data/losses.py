@@ -13,7 +13,7 @@ from rearl_jax.data.records import RecordingInfo
 
 @dataclass
 class Losses:
-    """What is left out while one recording is read.
+    """Rows and tracks left out while one recording is read.
 
     Attributes:
         counts: Rows by cause, cuts by cause under `<cause>_cuts`, vehicles left without any row under

@@ -60,7 +60,7 @@ def run(config: PrepareTask) -> dict:
 
 @dataclass
 class _Seen:
-    """What has been read so far."""
+    """Counts and losses of the recordings read so far."""
 
     study: Study
     keep_tables: bool

@@ -1,4 +1,4 @@
-"""What can be wrong with a recording: one finding, and the error that stops the reading.
+"""Faults of a recording: one finding, and the error that stops the reading.
 
 A finding marks rows. `data.on_bad` decides whether it becomes an error or a counted loss; what concerns the
 table as a whole (a missing column, a wrong unit) is always an error.

@@ -1,4 +1,4 @@
-"""What a format of recordings is: how its recordings are listed and read, and which files they come from."""
+"""Format of recordings: how they are listed and read, and which files they come from."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -17,7 +17,7 @@ _MOST = 1e6
 
 @dataclass(frozen=True)
 class RecordingInfo:
-    """What is known about a recording besides its rows.
+    """Metadata of a recording.
 
     Attributes:
         id: Name of the recording, unique in its data set.

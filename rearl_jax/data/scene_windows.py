@@ -52,7 +52,7 @@ SCENE_GROUPS = ("scenes", "speed", "tracks", "features", "spacing")
 
 @dataclass(frozen=True)
 class WindowCount:
-    """What was seen in one recording.
+    """Counts of the windows of one recording.
 
     Attributes:
         windows: Windows looked at (per carriageway where those are scenes of their own).
@@ -195,7 +195,7 @@ def vehicles_of(recording: Recording) -> Vehicles:
 
 
 def actions(lane: np.ndarray, next_lane: np.ndarray, speed: np.ndarray, next_speed: np.ndarray) -> np.ndarray:
-    """What a vehicle did within one second: LEFT, RIGHT, else FASTER, SLOWER, else KEEP.
+    """Action of a vehicle within one second: LEFT, RIGHT, else FASTER, SLOWER, else KEEP.
 
     A lane change outranks a change of speed. Lanes count from the left; an unknown lane is no change. A
     vehicle that is gone after the second is passed with its own lane and speed and so gets KEEP.

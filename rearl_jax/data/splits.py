@@ -26,7 +26,7 @@ _TIME_TOLERANCE = 1e-6
 
 
 class Split(IntEnum):
-    """What a scene is used for."""
+    """Use of a scene."""
 
     REST = 0
     """In no subset: free to fit references on."""

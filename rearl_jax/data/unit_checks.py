@@ -88,7 +88,7 @@ def require_period(time: np.ndarray, track: np.ndarray, period: float, file: str
 
 
 def is_other_unit(scale: tuple[float, float] | None) -> bool:
-    """Whether a scale as from `scale_of` can only be that of another unit."""
+    """True for a scale as from `scale_of` that can only be that of another unit."""
     return scale is not None and (scale[0] > SAME_UNIT or scale[1] < 1.0 / SAME_UNIT)
 
 
