@@ -1,4 +1,4 @@
-"""What is expensive to make, kept on disk: made once per machine for the same data, configuration and code."""
+"""Expensive results kept on disk: made once per machine for the same data, configuration and code."""
 
 import hashlib
 import json

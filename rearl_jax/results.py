@@ -31,7 +31,7 @@ SAME = ("task", "config_hash", "code_hash", "data_id")
 """Provenance that must agree for results to be taken for those of the same study."""
 
 PROVENANCE = ("task", "study", "config_hash", "code_version", "code_hash", "git_sha", "data_id", "generated")
-"""What every file of results says about where it comes from."""
+"""Keys of the provenance in every file of results."""
 
 PREFIX = "rearl_jax."
 """Begins every key this package writes into the schema metadata of a Parquet file."""
@@ -118,7 +118,7 @@ class Study:
         return self._write(f"{name}.parquet", lambda path: parquet.write_table(table, path))
 
     def owns(self, name: str) -> bool:
-        """Whether the table `name` is there, whole, and of the same task, configuration, data and code."""
+        """True where the table `name` is there, whole, and of the same task, configuration, data and code."""
         path = _inside(self.path, f"{name}.parquet", "file")
         try:
             found = read_metadata(path)
@@ -231,7 +231,7 @@ def read_metadata(path: str | Path) -> dict[str, str]:
 
 
 def shared_config(config: object) -> Any:
-    """What of a task's configuration changes its results, as plain values."""
+    """The part of a task's configuration that changes its results, as plain values."""
     plain = as_plain(config)
     return {key: value for key, value in plain.items() if key not in UNHASHED} if isinstance(plain, dict) else plain
 

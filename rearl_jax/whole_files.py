@@ -55,7 +55,7 @@ def private_folder(path: Path) -> None:
 
 
 def is_private(path: Path) -> bool:
-    """Whether nobody else but root can write to an existing folder; True on systems that do not tell."""
+    """True where nobody else but root can write to an existing folder; True on systems that do not tell."""
     if not hasattr(os, "getuid"):
         return True
     found = path.stat()

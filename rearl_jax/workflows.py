@@ -162,8 +162,7 @@ def cut_scenes(measured: pd.DataFrame | None = None, **keys: Any) -> SceneSet:
         FileNotFoundError, ValueError: A key is unknown, there are no recordings, one is bad, or no scene can be cut.
     """
     config = _with_table(_configured(PrepareTask, keys), measured)
-    groups = (config.scenes, config.speed, config.tracks, config.features, config.spacing)
-    return build_scenes(iterate_recordings(config.data), *groups)
+    return build_scenes(iterate_recordings(config.data), config)
 
 
 def evaluate(measured: Measured = None, **keys: Any) -> Evaluated:

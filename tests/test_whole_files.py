@@ -6,7 +6,12 @@ import os
 import subprocess
 import sys
 
+import pandas as pd
 import pytest
+
+from rearl_jax import whole_files
+from rearl_jax.results import Study
+from rearl_jax.whole_files import FolderInUseError, is_private, private_folder
 
 WRITER = """
 import sys, time
@@ -45,9 +50,6 @@ def other(tmp_path):
 
 
 def test_a_second_process_is_refused_before_it_changes_anything(tmp_path, other):
-    from rearl_jax.results import Study
-    from rearl_jax.whole_files import FolderInUseError
-
     study = Study(tmp_path, "mine", {"key": "b"}, "a task")
     with pytest.raises(FolderInUseError, match="another process is writing to .*mine.*study=NAME"):
         study.begin(resume=False)
@@ -59,23 +61,15 @@ def test_a_second_process_is_refused_before_it_changes_anything(tmp_path, other)
     assert json.loads((tmp_path / "mine" / "config.json").read_text()) == {"key": "b"}
 
 
-def test_one_process_may_open_its_study_again_and_gives_it_back(tmp_path):
-    from rearl_jax.results import Study
-
+def test_one_process_may_open_its_study_again_and_gives_it_back(tmp_path, request):
     first = Study(tmp_path, "mine", {"key": 1}, "a task")
     first.begin(resume=False)
     Study(tmp_path, "mine", {"key": 1}, "a task").begin(resume=False)
     del first
-    other = subprocess.Popen([sys.executable, "-c", WRITER, str(tmp_path), "a"], stdout=subprocess.PIPE, text=True)
-    assert other.stdout is not None
-    with other:
-        assert other.stdout.readline() == "begun\n"
-        other.kill()
+    request.getfixturevalue("other")  # begins
 
 
 def test_a_file_system_without_locks_is_said_and_used(tmp_path, monkeypatch, caplog):
-    from rearl_jax import whole_files
-
     def refuse(lock):
         raise NotImplementedError("no locks here")
 
@@ -87,8 +81,6 @@ def test_a_file_system_without_locks_is_said_and_used(tmp_path, monkeypatch, cap
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="limits of the size of files are those of POSIX")
 def test_a_full_disk_leaves_the_old_table_and_says_what_to_do(tmp_path):
-    import pandas as pd
-
     done = subprocess.run([sys.executable, "-c", FULL, str(tmp_path)], capture_output=True, text=True, check=True)
     assert "free some space, or write elsewhere with results.root=FOLDER" in done.stdout
     assert sorted(path.name for path in (tmp_path / "mine").iterdir()) == ["config.json", "rows.parquet"]
@@ -97,8 +89,6 @@ def test_a_full_disk_leaves_the_old_table_and_says_what_to_do(tmp_path):
 
 @pytest.mark.parametrize("mode", [0o777, 0o702, 0o700, 0o775])
 def test_folders_that_everybody_can_write_to_are_not_private(tmp_path, mode):
-    from rearl_jax.whole_files import is_private, private_folder
-
     private_folder(tmp_path / "new" / "cache")
     assert (tmp_path / "new" / "cache").stat().st_mode & 0o777 == 0o700
     assert is_private(tmp_path / "new" / "cache")

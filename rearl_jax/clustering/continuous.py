@@ -3,6 +3,8 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
+from rearl_jax.clustering.frechet import coupled_distances
+
 _STEPS = 45
 """Halvings of the bracket; leaves 3e-14 of it."""
 
@@ -27,7 +29,7 @@ def _to_centre(
     ends = [np.sqrt(((curves[:, at] - centre[:, at]) ** 2).sum(axis=0)) for at in (0, -1)]
     low = np.maximum(*ends)
     # Any monotone coupling of vertices is a path in the free space: the discrete distance is an upper bound.
-    high = _discrete(curves, centre)
+    high = coupled_distances(np.sqrt(((curves[:, :, None] - centre[:, None]) ** 2).sum(axis=0)))[-1, -1]
     easy = _is_within(curves, centre, low)
     high = np.where(easy, low, high)
     for _ in range(_STEPS):
@@ -37,21 +39,10 @@ def _to_centre(
     return high
 
 
-def _discrete(curves: np.ndarray, centre: np.ndarray) -> Float[np.ndarray, " curves"]:
-    distance = np.sqrt(((curves[:, :, None] - centre[:, None]) ** 2).sum(axis=0))
-    reached = np.full((distance.shape[0] + 1, distance.shape[1] + 1, distance.shape[2]), np.inf)
-    reached[0, 0] = 0.0
-    for i, row in enumerate(distance):
-        for j, d in enumerate(row):
-            best = np.minimum(np.minimum(reached[i, j], reached[i, j + 1]), reached[i + 1, j])
-            reached[i + 1, j + 1] = np.maximum(d, best)
-    return reached[-1, -1]
-
-
 def _is_within(
     curves: np.ndarray, centre: np.ndarray, radius: Float[np.ndarray, " curves"]
 ) -> Bool[np.ndarray, " curves"]:
-    """Whether the distance is at most the radius.
+    """True where the distance is at most the radius.
 
     `bottom[j]` is the reachable part of the side between cells (i-1, j) and (i, j), as shares of edge j of the centre;
     `left` the same between (i, j-1) and (i, j), as shares of edge i of the curve. Empty parts have low > high.

@@ -75,36 +75,38 @@ def _to_centre(
     return jnp.sqrt(final[-1])
 
 
+def coupled_distances(distance: np.ndarray) -> np.ndarray:
+    """Discrete Frechet distance of all beginnings of two sequences, from the distances of their points.
+
+    Shapes [n, m, curves] -> [n + 1, m + 1, curves]; inf in the first row and column, 0 in their corner.
+    """
+    n, m, n_curves = distance.shape
+    reached = np.full((n + 1, m + 1, n_curves), np.inf)
+    reached[0, 0] = 0.0
+    for i in range(n):
+        for j in range(m):
+            best = np.minimum(np.minimum(reached[i, j], reached[i, j + 1]), reached[i + 1, j])
+            reached[i + 1, j + 1] = np.maximum(distance[i, j], best)
+    return reached
+
+
 def aligned(
     curves: Float[np.ndarray, "features points curves"], vertices: Float[np.ndarray, "features vertices"]
 ) -> Bool[np.ndarray, "vertices points curves"]:
-    """Which points of every curve are coupled with which vertex in an optimal discrete coupling.
+    """Points of every curve that are coupled with each vertex in an optimal discrete coupling.
 
     Of several optimal couplings the one that steps back along both sequences first, then along the curve.
     """
     squared = ((curves[:, None] - vertices[:, :, None, None]) ** 2).sum(axis=0)
     n_vertices, n_points, n_curves = squared.shape
-    reached = np.full((n_vertices + 1, n_points + 1, n_curves), np.inf)
-    reached[0, 0] = 0.0
-    for vertex in range(n_vertices):
-        for point in range(n_points):
-            best = np.minimum(
-                reached[vertex, point], np.minimum(reached[vertex, point + 1], reached[vertex + 1, point])
-            )
-            reached[vertex + 1, point + 1] = np.maximum(squared[vertex, point], best)
+    reached = coupled_distances(squared)
     coupled = np.zeros(squared.shape, dtype=bool)
     curve = np.arange(n_curves)
     vertex, point = np.full(n_curves, n_vertices), np.full(n_curves, n_points)
     for _ in range(n_vertices + n_points - 1):
         coupled[vertex - 1, point - 1, curve] = True
-        steps = np.stack(
-            [
-                reached[vertex - 1, point - 1, curve],
-                reached[vertex, point - 1, curve],
-                reached[vertex - 1, point, curve],
-            ]
-        )
-        choice = steps.argmin(axis=0)
+        before = ((vertex - 1, point - 1), (vertex, point - 1), (vertex - 1, point))
+        choice = np.stack([reached[*cell, curve] for cell in before]).argmin(axis=0)
         back_vertex, back_point = choice != 1, choice != 2
         # At the start, the first cell is the only one left; curves that are there stay.
         started = (vertex == 1) & (point == 1)

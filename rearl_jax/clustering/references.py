@@ -25,17 +25,11 @@ from rearl_jax.clustering.tracks import FeatureScale, TrackCollector, TrackSet, 
 from rearl_jax.config._schema import as_plain
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, FitOn, KlConfig
 from rearl_jax.config.data import DataConfig
-from rearl_jax.config.scenes import (
-    FeaturesConfig,
-    ScenesConfig,
-    SpacingConfig,
-    SpeedConfig,
-    SplitConfig,
-    TracksConfig,
-)
+from rearl_jax.config.scenes import SplitConfig
 from rearl_jax.data.recordings import data_id, file_stamps
 from rearl_jax.data.records import Recording
 from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scene_windows import SceneKeys
 from rearl_jax.data.splits import Splits
 from rearl_jax.detection.references import References
 from rearl_jax.problems import InvalidInputError, Problem
@@ -48,15 +42,10 @@ DRAWN = 600
 
 
 @runtime_checkable
-class ReferenceKeys(Protocol):
+class ReferenceKeys(SceneKeys, Protocol):
     """The groups of a task's configuration that decide its references."""
 
     data: DataConfig
-    tracks: TracksConfig
-    scenes: ScenesConfig
-    speed: SpeedConfig
-    features: FeaturesConfig
-    spacing: SpacingConfig
     split: SplitConfig
     kl: KlConfig
     cluster: ClusterConfig
@@ -144,11 +133,11 @@ class ReferenceBuilder:
         stamps = [list(stamp) for stamp in file_stamps(config.data)]
         self._path = kept_path("clusters", {**keys, "data": self.data_id, "files": stamps}, _SOURCES, ".npz")
         self._found = _stored(self._path)
-        self._collector = TrackCollector(config.scenes, config.tracks, config.features, config.spacing)
+        self._collector = TrackCollector(config)
 
     @property
     def needs_recordings(self) -> bool:
-        """Whether the recordings must be passed through: no finished clustering and no tracks are at hand."""
+        """True where the recordings must be passed through: no finished clustering and no tracks are at hand."""
         return self._found is None and self.tracks is None
 
     def passing(self, recordings: Iterable[Recording]) -> Iterator[Recording]:
@@ -195,17 +184,7 @@ def cluster(
     identity: str,
     progress: Callable[[str, int, int], None],
 ) -> Clusters:
-    """Both clusterings, of tracks and then of scenes.
-
-    Args:
-        config: A task's configuration.
-        scenes: All scenes.
-        tracks: All long tracks.
-        splits: Which scenes are for evaluation and tuning.
-        study: Keeps the trace of a search.
-        identity: Identity of the data.
-        progress: Called with a stage, the steps done and their total.
-    """
+    """Both clusterings, of tracks and then of scenes; arguments as in `ReferenceBuilder.build`."""
     allowed = may_be_fitted(splits, config.cluster.fit_on)
     # Vehicles of scenes that may not be seen teach the centres nothing.
     training = ~seen_in(tracks, scenes, np.flatnonzero(~allowed))

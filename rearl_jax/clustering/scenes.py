@@ -145,7 +145,7 @@ def cluster_scenes(
 
 
 def references_of(scenes: SceneSet, clusters: SceneClusters, config: ClusterConfig) -> References:
-    """What simulated traffic is held against: the representatives' snapshots.
+    """Snapshots of the representatives, which simulated traffic is compared with.
 
     `slot_mean` takes the mean of each slot over the members of the cluster and their most frequent action, the lowest
     of equally frequent ones. Each reference stands for the fitted scenes of its cluster.

@@ -49,11 +49,7 @@ def run(config: ClusterTask, *, show: bool = True) -> dict:
         reading = bar.add_task("recordings", total=count_recordings(config.data))
         scenes = build_scenes(
             builder.passing(iterate_recordings(config.data)),
-            config.scenes,
-            config.speed,
-            config.tracks,
-            config.features,
-            config.spacing,
+            config,
             progress=lambda name, n_scenes: bar.advance(reading),
         )
         splits = split_scenes(scenes, config.split)

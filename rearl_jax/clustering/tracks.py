@@ -4,54 +4,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Float32, Int, Int8, Shaped
+from jaxtyping import Bool, Float32, Int, Shaped
 
-from rearl_jax.config.scenes import FeaturesConfig, ScenesConfig, SpacingConfig, TracksConfig
 from rearl_jax.data.records import Recording
-from rearl_jax.data.scene_set import SceneSet, scale_speed
-from rearl_jax.data.track_features import TrackFeatures, track_features
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scene_windows import SceneKeys
+from rearl_jax.data.track_features import FEATURES, TrackSet, track_features
 from rearl_jax.problems import InvalidInputError, Problem
-
-FEATURES = ("speed", "position", "distance")
-"""The feature vector of a track's point. Source: Bi et al., F(P_i(t)) = (v, x, d)."""
-
-
-@dataclass(frozen=True)
-class TrackSet:
-    """Long tracks of all recordings, in the order of the recordings.
-
-    Attributes:
-        recording: Recording of the track.
-        track_id: Vehicle, unique in its recording.
-        n_frames: Length of the track in frames of its recording.
-        direction: Carriageway, 1 or 2.
-        speed: Recorded speed [m/s].
-        position: Centre along the own driving direction [m].
-        distance: Distance d of the feature vector [m].
-        n_short: Tracks left out because they are shorter than `tracks.min_frames`.
-        n_alone: Tracks left out because no other vehicle is ever recorded with them.
-    """
-
-    recording: Shaped[np.ndarray, " tracks"]
-    track_id: Int[np.ndarray, " tracks"]
-    n_frames: Int[np.ndarray, " tracks"]
-    direction: Int8[np.ndarray, " tracks"]
-    speed: Float32[np.ndarray, "tracks points"]
-    position: Float32[np.ndarray, "tracks points"]
-    distance: Float32[np.ndarray, "tracks points"]
-    n_short: int
-    n_alone: int
-
-    def __len__(self) -> int:
-        return len(self.track_id)
-
-    def features(self, scenes: SceneSet) -> Float32[np.ndarray, "features points tracks"]:
-        """Scaled speed [m/s], position [m] and distance [m] of every track, the tracks contiguous."""
-        curves = np.empty((len(FEATURES), self.speed.shape[1], len(self)), dtype=np.float32)
-        scaled = scale_speed(self.speed, scenes.speed_min, scenes.speed_max, scenes.speed_norm)
-        for feature, values in enumerate((scaled, self.position, self.distance)):
-            curves[feature] = values.T
-        return curves
 
 
 @dataclass
@@ -61,16 +20,13 @@ class TrackCollector:
     `build_scenes(collector.passing(recordings), ...)` reads every recording once for scenes and tracks.
     """
 
-    scenes: ScenesConfig
-    tracks: TracksConfig
-    features: FeaturesConfig
-    spacing: SpacingConfig
-    parts: list[TrackFeatures] = field(default_factory=list)
+    keys: SceneKeys
+    parts: list[TrackSet] = field(default_factory=list)
 
     def passing(self, recordings: Iterable[Recording]) -> Iterator[Recording]:
         """The recordings, unchanged and one at a time."""
         for recording in recordings:
-            self.parts.append(track_features(recording, self.scenes, self.tracks, self.features, self.spacing))
+            self.parts.append(track_features(recording, self.keys))
             yield recording
             # Not to be held while the next one is read.
             del recording
@@ -83,19 +39,17 @@ class TrackCollector:
         """
         parts, self.parts = self.parts, []
         n_short, n_alone = (sum(getattr(part, name) for part in parts) for name in ("n_short", "n_alone"))
-        counts = [len(part.track_id) for part in parts]
-        if not sum(counts):
+        if not any(map(len, parts)):
+            least = self.keys.tracks.min_frames
             said = (
-                f"no track can be clustered: {n_short} are shorter than tracks.min_frames = {self.tracks.min_frames} "
-                f"frames and {n_alone} are never in company"
+                f"no track can be clustered: {n_short} are shorter than tracks.min_frames = {least} frames and "
+                f"{n_alone} are never in company"
             )
             remedy = "lower tracks.min_frames or read more recordings"
             raise InvalidInputError(Problem("tracks-too-few", said, remedy))
-        joined = {}
-        for name in ("track_id", "n_frames", "direction", *FEATURES):
-            joined[name] = np.concatenate([getattr(part, name) for part in parts])
-        recording = np.repeat(np.array([part.recording for part in parts]), counts)
-        return TrackSet(recording=recording, **joined, n_short=n_short, n_alone=n_alone)
+        names = ("recording", "track_id", "n_frames", "direction", *FEATURES)
+        joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        return TrackSet(**joined, n_short=n_short, n_alone=n_alone)
 
 
 @dataclass(frozen=True)
@@ -135,7 +89,7 @@ class FeatureScale:
 
 
 def seen_in(tracks: TrackSet, scenes: SceneSet, indices: Int[np.ndarray, " scenes"]) -> Bool[np.ndarray, " tracks"]:
-    """Which tracks are picked in any snapshot of some scenes."""
+    """Mask of tracks that are picked in any snapshot of some scenes."""
     at = track_index(tracks, scenes, indices)
     found = np.zeros(len(tracks), dtype=bool)
     found[at[at >= 0]] = True

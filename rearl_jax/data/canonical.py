@@ -19,7 +19,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.columnar import column_names, read_columns, stored_text
 from rearl_jax.data.delimited import read_csv, read_header
 from rearl_jax.data.losses import Losses
-from rearl_jax.data.problems import BadRecordingError, recording_unnamed, recordings_missing, require_columns
+from rearl_jax.data.problems import bad_recording, recording_unnamed, recordings_missing, require_columns
 from rearl_jax.data.schema import COLUMNS, REQUIRED, Recording, RecordingInfo, validate
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.whole_files import replacing
@@ -113,7 +113,7 @@ class TableFile:
         return rows.set_axis(np.flatnonzero(names == recording), axis=0)
 
     def stated(self) -> dict[str, RecordingInfo]:
-        """What the file states about its recordings, by id."""
+        """Metadata of the recordings that the file states, by id."""
         if self._is_csv:
             file = sidecar(self.path)
             stored = file.read_bytes() if file.is_file() else None
@@ -124,8 +124,8 @@ class TableFile:
             infos = [RecordingInfo.from_json(info, file=str(self.path)) for info in json.loads(stored or "[]")]
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError) as error:
             text = f"what it states about the recordings cannot be used: {type(error).__name__}: {error}"
-            raise BadRecordingError(
-                Problem("metadata-unusable", text, "correct it, or remove it to have it worked out", file=str(file))
+            raise bad_recording(
+                "metadata-unusable", text, "correct it, or remove it to have it worked out", file
             ) from None
         return {info.id: info for info in infos}
 
@@ -176,9 +176,7 @@ def info_of_rows(recording: str, rows: pd.DataFrame, file: str, source: str) -> 
     """
     if "time" not in rows:
         text = "without metadata of the recording the frame rate follows from time"
-        raise BadRecordingError(
-            Problem("frame-rate-unknown", text, "add the column time [s]", file=file, column="time")
-        )
+        raise bad_recording("frame-rate-unknown", text, "add the column time [s]", file, column="time")
     values = {
         name: pd.Series(pd.to_numeric(rows[name], errors="coerce")).to_numpy(np.float64, na_value=np.nan)
         for name in ("track_id", "frame", "time", "direction", "position", "length", "lane")
@@ -193,9 +191,7 @@ def info_of_rows(recording: str, rows: pd.DataFrame, file: str, source: str) -> 
     period = float(np.median(seconds[np.isfinite(seconds)])) if np.isfinite(seconds).any() else 0.0
     if period <= 0.0:
         text = "the frame rate cannot be told: no track has two rows with rising frame and time"
-        raise BadRecordingError(
-            Problem("frame-rate-unknown", text, "correct frame and time [s]", file=file, column="time")
-        )
+        raise bad_recording("frame-rate-unknown", text, "correct frame and time [s]", file, column="time")
     lanes = {}
     for direction in (1, 2):
         here = values["direction"] == direction

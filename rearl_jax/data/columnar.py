@@ -9,8 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from rearl_jax.data.problems import BadRecordingError, file_missing, require_columns
-from rearl_jax.problems import Problem
+from rearl_jax.data.problems import bad_recording, file_missing, require_columns
 
 
 def column_names(path: Path) -> list[str]:
@@ -53,9 +52,7 @@ def read_columns(
     require_columns(found, names, str(path))
     for name in names:
         if found.count(name) > 1:
-            raise BadRecordingError(
-                Problem("column-twice", "the column is there twice", "remove one of them", file=str(path), column=name)
-            )
+            raise bad_recording("column-twice", "the column is there twice", "remove one of them", path, column=name)
     with _readable(path):
         table = _table(path, names, only)
         columns = {name: _cast(table[name], name, path, is_text=name in texts) for name in names}
@@ -94,13 +91,11 @@ def _cast(column: pa.ChunkedArray, name: str, path: Path, *, is_text: bool) -> p
         try:
             return column.cast(kind).cast(pa.float64())
         except pa.ArrowInvalid as error:
-            raise BadRecordingError(
-                Problem("wrong-type", str(error).partition("\n")[0], "write numbers there", file=str(path), column=name)
+            raise bad_recording(
+                "wrong-type", str(error).partition("\n")[0], "write numbers there", path, column=name
             ) from None
     wanted = "text" if is_text else "numbers"
-    raise BadRecordingError(
-        Problem("wrong-type", f"the column holds {kind}", f"write {wanted} there", file=str(path), column=name)
-    )
+    raise bad_recording("wrong-type", f"the column holds {kind}", f"write {wanted} there", path, column=name)
 
 
 @contextmanager
@@ -112,4 +107,4 @@ def _readable(path: Path) -> Iterator[None]:
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         said = str(error).partition("\n")[0]
         text = f"not a readable Parquet file ({said})"
-        raise BadRecordingError(Problem("not-parquet", text, "copy or write it again", file=str(path))) from None
+        raise bad_recording("not-parquet", text, "copy or write it again", path) from None

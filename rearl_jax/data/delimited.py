@@ -11,8 +11,7 @@ import pyarrow as pa
 from pyarrow import csv
 
 from rearl_jax.config.data import OnBad
-from rearl_jax.data.problems import DROP_HINT, BadRecordingError, file_missing, require_columns
-from rearl_jax.problems import Problem
+from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, file_missing, require_columns
 
 
 def read_header(path: Path) -> list[str]:
@@ -29,13 +28,9 @@ def read_header(path: Path) -> list[str]:
             line = file.readline().strip()
         names = next(header_csv.reader([line], skipinitialspace=True), [])
     except (UnicodeDecodeError, header_csv.Error) as error:
-        raise BadRecordingError(
-            Problem("not-text", f"not a text file ({error})", "give a CSV file in UTF-8", file=str(path))
-        ) from None
+        raise bad_recording("not-text", f"not a text file ({error})", "give a CSV file in UTF-8", path) from None
     if not line:
-        raise BadRecordingError(
-            Problem("file-empty", "the file is empty", "remove the file or complete it", file=str(path))
-        )
+        raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
     return [name.strip() for name in names]
 
 
@@ -57,9 +52,7 @@ def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tupl
     require_columns(present, tuple(columns), str(path))
     twice = [name for name, n in Counter(present).items() if n > 1 and name in columns]
     if twice:
-        raise BadRecordingError(
-            Problem("column-twice", "the column is there twice", "remove one of them", file=str(path), column=twice[0])
-        )
+        raise bad_recording("column-twice", "the column is there twice", "remove one of them", path, column=twice[0])
     return _Lines(path, present).table(columns, on_bad)
 
 
@@ -140,10 +133,8 @@ class _Lines:
                     line.decode()
                 except UnicodeDecodeError as error:
                     text = f"the line is not text in UTF-8 ({error.reason})"
-                    raise BadRecordingError(
-                        Problem(
-                            "not-text", text, "the file is damaged: copy it again", file=str(self.path), line=number
-                        )
+                    raise bad_recording(
+                        "not-text", text, "the file is damaged: copy it again", self.path, line=number
                     ) from None
 
     def _broken_line(self, row: csv.InvalidRow, n_rows: int) -> BadRecordingError:
@@ -152,9 +143,7 @@ class _Lines:
             text += f" (and {n_rows - 1} more lines)"
         remedy = f"the file is cut off or damaged: copy it again{DROP_HINT}"
         # Arrow counts lines from 1, the header among them.
-        return BadRecordingError(
-            Problem("line-broken", text, remedy, file=str(self.path), row=row.number - self._header_lines)
-        )
+        return bad_recording("line-broken", text, remedy, self.path, row=row.number - self._header_lines)
 
     def _bad_value(self, message: str) -> BadRecordingError:
         """The error for a message such as `In CSV column #2: Row #5: CSV conversion error to double: ...`."""
@@ -166,6 +155,4 @@ class _Lines:
             elif part.startswith("Row #"):
                 row = int(part.removeprefix("Row #")) - self._header_lines
         remedy = "the file is damaged: copy it again" if column is None else "write a number there"
-        return BadRecordingError(
-            Problem("value-unreadable", message.splitlines()[0], remedy, file=str(self.path), column=column, row=row)
-        )
+        return bad_recording("value-unreadable", message.splitlines()[0], remedy, self.path, column=column, row=row)

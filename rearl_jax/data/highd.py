@@ -17,9 +17,8 @@ from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.delimited import read_csv, read_header
 from rearl_jax.data.highd_meta import read_recording_meta, read_tracks_meta
 from rearl_jax.data.losses import Losses, reject
-from rearl_jax.data.problems import DROP_HINT, BadRecordingError, Finding, file_missing, recordings_missing
+from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, file_missing, recordings_missing
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
-from rearl_jax.problems import Problem
 
 LICENCE = "highD licence: non-commercial research on request, no redistribution"
 ATTRIBUTION = "Krajewski, Bock, Kloeker and Eckstein, The highD Dataset, IEEE ITSC 2018; levelxdata.com"
@@ -118,7 +117,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
     if "xCenter" in read_header(tracks_file):
         text = "this is the format of inD, rounD and exiD, whose lanes need a lanelet map"
         remedy = "convert it to the canonical table and read it with data=table"
-        raise BadRecordingError(Problem("format-unsupported", text, remedy, file=str(tracks_file), column="xCenter"))
+        raise bad_recording("format-unsupported", text, remedy, tracks_file, column="xCenter")
     _, meta_file, recording_file = recording_files(tracks_file)
     recording = read_recording_meta(recording_file)
     meta = read_tracks_meta(meta_file, policy, losses)
@@ -140,9 +139,17 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
         file=str(tracks_file),
         columns=_SOURCE_COLUMNS,
     )
-    # Completeness before any loss of single rows, which would make a track look cut off.
-    for check in (_identified, _in_meta, _complete, _placed, _moving_as_stated):
-        source = check(source, meta, info, policy, losses)
+
+    def sound(source: pd.DataFrame, finding: Finding | None) -> pd.DataFrame:
+        return source if finding is None else reject(source, finding, info, policy, losses)
+
+    source = sound(source, _without_value(source, "track_id")).astype({"track_id": np.int64})
+    # Completeness before any other loss of single rows, which would make a track look cut off.
+    _require_rows(source, meta, info.file, policy, losses)
+    source = sound(source, _not_in_meta(source, meta))
+    source = sound(source, _truncated(source, meta))
+    source = sound(source, _without_value(source, "laneId")).astype({"laneId": np.int64})
+    source = sound(source, _moving_otherwise(source, meta))
     lanes, notes = _lane_ids(source, meta, recording.markings)
     lane_count = {side: high - low + 1 for side, (low, high) in lanes.items()}
     info = replace(info, lane_count=lane_count, notes=notes)
@@ -162,93 +169,64 @@ def _read_tracks(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame
     if n_broken:
         losses.counts["broken_line"] += n_broken
     if not rows.num_rows:
-        raise BadRecordingError(
-            Problem("no-rows", "the recording has no rows", "remove the file or complete it", file=str(path))
-        )
+        raise bad_recording("no-rows", "the recording has no rows", "remove the file or complete it", path)
     # One column after the other, so that Arrow's copy of the text and NumPy's of the numbers do not add up.
     source = pd.DataFrame({name: rows.column(name).to_numpy() for name in _TRACKS}, copy=False)
     return source.rename(columns={"id": "track_id"})
 
 
-def _identified(
-    source: pd.DataFrame, meta: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses
-) -> pd.DataFrame:
-    """The rows that say whose they are."""
-    return _stated(source, "track_id", info, policy, losses)
-
-
-def _placed(
-    source: pd.DataFrame, meta: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses
-) -> pd.DataFrame:
-    """The rows that say their lane."""
-    return _stated(source, "laneId", info, policy, losses)
-
-
-def _stated(source: pd.DataFrame, name: str, info: RecordingInfo, policy: DataConfig, losses: Losses) -> pd.DataFrame:
+def _without_value(source: pd.DataFrame, name: str) -> Finding | None:
+    """Rows that do not say whose they are, or in which lane."""
     missing = source[name].isna().to_numpy()
-    if missing.any():
-        finding = Finding("not_finite", name, missing, "the value is missing", "complete the row")
-        source = reject(source, finding, info, policy, losses)
-    return source.astype({name: np.int64})
+    return Finding("not_finite", name, missing, "the value is missing", "complete the row") if missing.any() else None
 
 
-def _in_meta(
-    source: pd.DataFrame, meta: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses
-) -> pd.DataFrame:
-    """The rows whose track is listed in NN_tracksMeta.csv; tracks that are only listed there are counted."""
-    track = source["track_id"].to_numpy()
-    absent = np.setdiff1d(meta.index.to_numpy(), track)
+def _require_rows(source: pd.DataFrame, meta: pd.DataFrame, file: str, policy: DataConfig, losses: Losses) -> None:
+    """Counts tracks that are only listed in NN_tracksMeta.csv, or stops at the first."""
+    absent = np.setdiff1d(meta.index.to_numpy(), source["track_id"].to_numpy())
     if absent.size and policy.on_bad is OnBad.stop:
         text = f"{absent.size} tracks of the meta file have no row, the first is {absent[0]}"
-        raise BadRecordingError(
-            Problem(
-                "tracks-without-rows",
-                text,
-                f"the file is cut off: copy it again{DROP_HINT}",
-                file=info.file,
-                column="id",
-            )
-        )
+        remedy = f"the file is cut off: copy it again{DROP_HINT}"
+        raise bad_recording("tracks-without-rows", text, remedy, file, column="id")
     if absent.size:
         losses.counts["tracks_without_rows"] += int(absent.size)
+
+
+def _not_in_meta(source: pd.DataFrame, meta: pd.DataFrame) -> Finding | None:
+    """Rows whose track is not listed in NN_tracksMeta.csv."""
+    track = source["track_id"].to_numpy()
     unknown = ~np.isin(track, meta.index.to_numpy())
     if not unknown.any():
-        return source
+        return None
     text = f"track {track[np.argmax(unknown)]} is not in the meta file"
-    finding = Finding("track_without_meta", "track_id", unknown, text, "complete the meta file")
-    return reject(source, finding, info, policy, losses)
+    return Finding("track_without_meta", "track_id", unknown, text, "complete the meta file")
 
 
-def _complete(
-    source: pd.DataFrame, meta: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses
-) -> pd.DataFrame:
-    """The rows of tracks that have as many frames as NN_tracksMeta.csv states, or more."""
+def _truncated(source: pd.DataFrame, meta: pd.DataFrame) -> Finding | None:
+    """Rows of tracks that have fewer frames than NN_tracksMeta.csv states."""
     ids, which, counts = np.unique(source["track_id"].to_numpy(), return_inverse=True, return_counts=True)
     stated = meta["numFrames"].reindex(ids).to_numpy()
     short = counts < stated
     if not short.any():
-        return source
+        return None
     first = which[np.argmax(short[which])]
     text = f"track {ids[first]} has {counts[first]} of the {stated[first]} frames that the meta file states"
-    finding = Finding("truncated", "track_id", short[which], text, "the file is cut off: copy it again")
-    return reject(source, finding, info, policy, losses)
+    return Finding("truncated", "track_id", short[which], text, "the file is cut off: copy it again")
 
 
-def _moving_as_stated(
-    source: pd.DataFrame, meta: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses
-) -> pd.DataFrame:
-    """The rows of tracks whose mean velocity has the sign of their driving direction."""
+def _moving_otherwise(source: pd.DataFrame, meta: pd.DataFrame) -> Finding | None:
+    """Rows of tracks whose mean velocity has not the sign of their driving direction."""
     ids, which, counts = np.unique(source["track_id"].to_numpy(), return_inverse=True, return_counts=True)
     velocity = np.nan_to_num(source["xVelocity"].to_numpy(), posinf=0.0, neginf=0.0)
     mean = np.bincount(which, weights=velocity) / counts
     direction = meta["drivingDirection"].reindex(ids).to_numpy()
     wrong = (np.abs(mean) > _STANDING) & (np.sign(mean) != np.where(direction == 2, 1.0, -1.0))
     if not wrong.any():
-        return source
+        return None
     track = int(np.argmax(wrong))
     text = f"track {ids[track]} has mean xVelocity {mean[track]:.1f} m/s but drivingDirection {direction[track]}"
     remedy = "direction 1 drives to the left (negative), 2 to the right (positive): correct one of them"
-    return reject(source, Finding("wrong_direction", "speed", wrong[which], text, remedy), info, policy, losses)
+    return Finding("wrong_direction", "speed", wrong[which], text, remedy)
 
 
 def _driver_frame(

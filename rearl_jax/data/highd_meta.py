@@ -11,10 +11,9 @@ from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.checks import CLASSES
 from rearl_jax.data.delimited import read_csv, read_header
 from rearl_jax.data.losses import Losses
-from rearl_jax.data.problems import DROP_HINT, BadRecordingError, require_columns
+from rearl_jax.data.problems import DROP_HINT, bad_recording, require_columns
 from rearl_jax.data.records import SPEED_LIMITS
 from rearl_jax.data.unit_checks import LANE_WIDTH
-from rearl_jax.problems import Problem
 
 _NEEDED = ("frameRate", "upperLaneMarkings", "lowerLaneMarkings")
 _SLOWEST, _FASTEST = 0.1, 1000.0  # frames per second, beyond every camera that watches roads
@@ -29,7 +28,7 @@ _TRACKS_META = {
 
 @dataclass(frozen=True)
 class RecordingMeta:
-    """What NN_recordingMeta.csv says.
+    """Content of NN_recordingMeta.csv.
 
     Attributes:
         frame_rate: Frames per second [1/s].
@@ -53,7 +52,7 @@ def read_recording_meta(path: Path) -> RecordingMeta:
     columns = {name: pa.string() for name in (*_NEEDED, *({"speedLimit"} & set(present)))}
     rows, _ = read_csv(path, columns, OnBad.stop)
     if not rows.num_rows:
-        raise BadRecordingError(Problem("no-rows", "the recording has no row", "complete the file", file=str(path)))
+        raise bad_recording("no-rows", "the recording has no row", "complete the file", path)
 
     def numbers(name: str, at_least: int) -> tuple[float, ...]:
         written = rows[name][0].as_py() or ""
@@ -63,7 +62,7 @@ def read_recording_meta(path: Path) -> RecordingMeta:
             values = []
         if len(values) < at_least or not np.all(np.isfinite(values)):
             text = f"{written!r} is not {at_least} number{'s separated by ; or more' if at_least > 1 else ''}"
-            raise BadRecordingError(Problem("not-a-number", text, "correct it", file=str(path), column=name, row=1))
+            raise bad_recording("not-a-number", text, "correct it", path, column=name, row=1)
         return tuple(values)
 
     def markings(name: str) -> tuple[float, ...]:
@@ -71,19 +70,17 @@ def read_recording_meta(path: Path) -> RecordingMeta:
         width = float(np.median(np.diff(lines)))
         if not LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
             text = f"the lane markings are {width:.2f} m apart, outside {LANE_WIDTH[0]} to {LANE_WIDTH[1]} m"
-            raise BadRecordingError(Problem("wrong-units", text, "give them in m", file=str(path), column=name, row=1))
+            raise bad_recording("wrong-units", text, "give them in m", path, column=name, row=1)
         return lines
 
     frame_rate = numbers("frameRate", 1)[0]
     if not _SLOWEST <= frame_rate <= _FASTEST:
         text = f"{frame_rate:g} is no number of frames per second"
-        raise BadRecordingError(Problem("frame-rate", text, "correct it", file=str(path), column="frameRate", row=1))
+        raise bad_recording("frame-rate", text, "correct it", path, column="frameRate", row=1)
     limit = numbers("speedLimit", 1)[0] if "speedLimit" in columns and rows["speedLimit"][0].as_py() else -1.0
     if limit > 0.0 and not SPEED_LIMITS[0] <= limit <= SPEED_LIMITS[1]:
         text = f"{limit:g} m/s is no speed limit of a highway"
-        raise BadRecordingError(
-            Problem("speed-limit", text, "give it in m/s, -1 for none", file=str(path), column="speedLimit", row=1)
-        )
+        raise bad_recording("speed-limit", text, "give it in m/s, -1 for none", path, column="speedLimit", row=1)
     return RecordingMeta(
         frame_rate=frame_rate,
         # highD writes -1 where there is no speed limit.
@@ -126,5 +123,5 @@ def read_tracks_meta(path: Path, policy: DataConfig, losses: Losses) -> pd.DataF
         if bad.any():
             row = int(np.argmax(bad))
             text = f"track {meta['id'].iloc[row]} {said} ({meta[column].astype(object).iloc[row]!r})"
-            raise BadRecordingError(Problem(code, text, remedy, file=str(path), column=column, row=row + 1))
+            raise bad_recording(code, text, remedy, path, column=column, row=row + 1)
     return meta.set_index("id")

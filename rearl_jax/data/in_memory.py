@@ -31,12 +31,6 @@ class TableInMemory(DataConfig):
 
     table: pd.DataFrame = field(default_factory=pd.DataFrame, compare=False, repr=False)
 
-    @property
-    def id(self) -> str:
-        """Identity of the rows."""
-        assert self.root is not None
-        return self.root
-
 
 def in_memory(table: pd.DataFrame, data: DataConfig) -> TableInMemory:
     """The data set of a table, with what `data` says about bad rows, jumps and lengths.

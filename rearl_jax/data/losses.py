@@ -7,14 +7,13 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.data import DataConfig, OnBad
-from rearl_jax.data.problems import BadRecordingError, Finding
+from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.records import RecordingInfo
-from rearl_jax.problems import Problem
 
 
 @dataclass
 class Losses:
-    """What is left out while one recording is read.
+    """Rows and tracks left out while one recording is read.
 
     Attributes:
         counts: Rows by cause, cuts by cause under `<cause>_cuts`, vehicles left without any row under
@@ -68,9 +67,7 @@ def reject(
     table = losses.remove(table, rows, finding.name)
     if table.empty:
         text = f"no row is left after dropping, the last cause was {finding.name}: {finding.said}"
-        raise BadRecordingError(
-            Problem("no-row-left", text, finding.remedy, file=info.file or info.id, column=finding.column)
-        )
+        raise bad_recording("no-row-left", text, finding.remedy, info.file or info.id, column=finding.column)
     return table
 
 
@@ -87,9 +84,7 @@ def remove_fragments(table: pd.DataFrame, info: RecordingInfo, losses: Losses) -
     short = np.isin(track, list(losses.cut)) & (n_rows[which] < info.frame_rate)
     if short.all():
         text = "no row is left: all pieces of tracks that were cut are shorter than 1 s"
-        raise BadRecordingError(
-            Problem("no-row-left", text, "correct the faults at which they were cut", file=info.file or info.id)
-        )
+        raise bad_recording("no-row-left", text, "correct the faults at which they were cut", info.file or info.id)
     return losses.remove(table, short, "fragment") if short.any() else table
 
 

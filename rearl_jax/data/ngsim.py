@@ -15,9 +15,8 @@ from scipy.ndimage import median_filter
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.columnar import column_names, read_columns
 from rearl_jax.data.losses import Losses, reject
-from rearl_jax.data.problems import BadRecordingError, Finding, require_columns
+from rearl_jax.data.problems import Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
-from rearl_jax.problems import Problem
 
 FRAME_RATE = 10.0
 LICENCE = "CC BY-SA 4.0"
@@ -50,14 +49,8 @@ def us101_recordings(path: Path) -> dict[str, int]:
     unknown = [period for period in periods if period not in _US101_PERIODS]
     if unknown or not periods:
         text = f"the period is {unknown[0]}" if unknown else "the table has no rows"
-        raise BadRecordingError(
-            Problem(
-                "period-unknown",
-                text,
-                f"write one of {', '.join(map(str, _US101_PERIODS))}",
-                file=str(path),
-                column="period",
-            )
+        raise bad_recording(
+            "period-unknown", text, f"write one of {', '.join(map(str, _US101_PERIODS))}", path, column="period"
         )
     return {_US101_PERIODS[period]: period for period in sorted(periods)}
 

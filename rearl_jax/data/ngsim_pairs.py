@@ -16,10 +16,9 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.columnar import column_names, read_columns
 from rearl_jax.data.losses import Losses, reject, split_tracks
 from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE
-from rearl_jax.data.problems import BadRecordingError, Finding, recordings_missing, require_columns
+from rearl_jax.data.problems import Finding, bad_recording, only_parquet, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.unit_checks import MEDIAN_SIZE, require_period
-from rearl_jax.problems import Problem
 
 TRUCK_LENGTH = 7.0  # m; the lengths of I-80 leaders have a gap between 6.8 m (cars) and 7.7 m
 LANES = 7  # six lanes and the on-ramp, NGSIM I-80 data description
@@ -30,16 +29,10 @@ _SAME = 0.01  # m; rows that share a vehicle must agree on where it is and how l
 
 
 def find_pairs(root: Path) -> Path:
-    """The Parquet file of pairs in the folder.
-
-    Raises:
-        FileNotFoundError: There is none, or more than one.
-    """
-    found = sorted(root.glob("*.parquet"))
-    if len(found) != 1:
-        wanted = f"the folder with the one file of leader-follower pairs, columns run, {', '.join(_NUMBERS)}"
-        raise recordings_missing(f"{len(found)} Parquet files", root, wanted)
-    return found[0]
+    """The Parquet file of pairs in the folder; MissingInputError where there is none, or more than one."""
+    return only_parquet(
+        root, f"the folder with the one file of leader-follower pairs, columns run, {', '.join(_NUMBERS)}"
+    )
 
 
 def pairs_recordings(path: Path) -> dict[str, str]:
@@ -48,15 +41,13 @@ def pairs_recordings(path: Path) -> dict[str, str]:
     runs = read_columns(path, (), ("run",))["run"].unique().tolist()
     if not runs or None in runs:
         text = "a row has no run" if runs else "the table has no rows"
-        raise BadRecordingError(Problem("run-unnamed", text, "complete the file", file=str(path), column="run"))
+        raise bad_recording("run-unnamed", text, "complete the file", path, column="run")
     recordings: dict[str, str] = {}
     for run in sorted(runs):
         name = f"i80_{run[:4]}"
         if name in recordings:
             text = f"the runs {recordings[name]} and {run} would both be {name}"
-            raise BadRecordingError(
-                Problem("run-twice", text, "give each run another start time", file=str(path), column="run")
-            )
+            raise bad_recording("run-twice", text, "give each run another start time", path, column="run")
         recordings[name] = run
     return recordings
 
@@ -95,10 +86,8 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     if (span > _SAME).any():
         row = int(np.argmax(span > _SAME))
         text = f"vehicle {pairs['leader'].iloc[row]} has several lengths"
-        raise BadRecordingError(
-            Problem(
-                "lengths-contradict", text, "correct the lengths", file=info.file, column="leader_length_m", row=row + 1
-            )
+        raise bad_recording(
+            "lengths-contradict", text, "correct the lengths", info.file, column="leader_length_m", row=row + 1
         )
     losses = Losses()
     members = _members(pairs, policy.default_length)
@@ -109,7 +98,8 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     returns = np.zeros(len(members), dtype=bool)
     returns[1:] = (track[1:] == track[:-1]) & (np.diff(frame) > 1)
     if returns.any():
-        info = info.with_notes(f"{int(returns.sum())} vehicles left the pairs and came back under a new id")
+        note = f"{int(returns.sum())} vehicles left the pairs and came back under a new id"
+        info = replace(info, notes=(*info.notes, note))
     table, dropped = validate(split_tracks(members, returns), info, policy, losses)
     front = table["position"].to_numpy() + 0.5 * table["length"].to_numpy()
     return Recording(replace(info, road_length=float(front.max())), table, dropped)
@@ -123,9 +113,7 @@ def _require_ids(pairs: pd.DataFrame, info: RecordingInfo) -> None:
         if bad.any():
             row = int(np.argmax(bad))
             text = f"{values[row]:g} is no number of a vehicle"
-            raise BadRecordingError(
-                Problem("not-a-number", text, "write a whole number", file=info.file, column=name, row=row + 1)
-            )
+            raise bad_recording("not-a-number", text, "write a whole number", info.file, column=name, row=row + 1)
 
 
 def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
@@ -134,10 +122,8 @@ def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
     order = np.argsort(pair, kind="stable")
     time = pairs["t_s"].to_numpy(np.float64)[order]
     if (np.abs(time) > _MOST_TIME).any():
-        raise BadRecordingError(
-            Problem(
-                "wrong-units", f"a time is beyond {_MOST_TIME:g} s", "give the time in s", file=info.file, column="t_s"
-            )
+        raise bad_recording(
+            "wrong-units", f"a time is beyond {_MOST_TIME:g} s", "give the time in s", info.file, column="t_s"
         )
     require_period(time, pair[order], 1.0 / FRAME_RATE, info.file, "t_s")
     lengths = pairs["leader_length_m"].to_numpy(np.float64)
@@ -149,9 +135,7 @@ def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
     middle = np.quantile(lengths, 0.5, method="lower")  # of two middle ones no mean, which huge ones overflow
     if not (lengths.min() <= high and low <= middle < np.inf):
         text = f"lengths from {lengths.min():.2f} m on, {middle:.2f} m in the median, are not those of cars"
-        raise BadRecordingError(
-            Problem("wrong-units", text, "convert the lengths to m", file=info.file, column="leader_length_m")
-        )
+        raise bad_recording("wrong-units", text, "convert the lengths to m", info.file, column="leader_length_m")
 
 
 def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:

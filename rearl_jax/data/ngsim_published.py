@@ -20,10 +20,9 @@ from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.delimited import read_blank_separated, read_csv, read_header
 from rearl_jax.data.losses import Losses
 from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE, US101_LENGTH
-from rearl_jax.data.problems import DROP_HINT, BadRecordingError, Finding, recordings_missing, require_columns
+from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, recordings_missing, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.units import to_si
-from rearl_jax.problems import Problem
 
 # Lanes with the ramps, NGSIM data descriptions: US-101 has five lanes, the auxiliary lane 6, on-ramp 7 and
 # off-ramp 8; I-80 has six lanes and the on-ramp 7. Lane 1 is the leftmost.
@@ -140,9 +139,7 @@ class PublishedFile:
             losses.counts["broken_line"] = n_broken
         rows = table.to_pandas(split_blocks=True, self_destruct=True)
         if rows.empty:
-            raise BadRecordingError(
-                Problem("no-rows", "the table has no rows", "remove the file or complete it", file=str(self.path))
-            )
+            raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", self.path)
         renamed = {names[_PUBLISHED[c][0]]: c for c in wanted if _PUBLISHED[c][0] in names}
         rows = rows.reindex(columns=list(renamed)).rename(columns=renamed)
         for name in _KEYS:
@@ -150,9 +147,7 @@ class PublishedFile:
             if missing.any() and self._policy.on_bad is OnBad.stop:
                 row, column = int(np.argmax(missing)) + 1, names[_PUBLISHED[name][0]]
                 remedy = f"complete it{DROP_HINT}"
-                raise BadRecordingError(
-                    Problem("not-finite", "the value is missing", remedy, file=str(self.path), column=column, row=row)
-                )
+                raise bad_recording("not-finite", "the value is missing", remedy, self.path, column=column, row=row)
             if missing.any():
                 rows = losses.remove(rows, missing, "not_finite")
         return rows, dict(losses.counts)
@@ -185,9 +180,7 @@ def _recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
         row = int(np.argmax(~((start >= 0.0) & (start <= _LATEST))))
         text = "the time is before 1970 or after 2100"
         remedy = "give milliseconds since 1970, and 10 frames per second"
-        raise BadRecordingError(
-            Problem("time-impossible", text, remedy, file=str(path), column="Global_Time", row=int(rows.index[row]) + 1)
-        )
+        raise bad_recording("time-impossible", text, remedy, path, column="Global_Time", row=int(rows.index[row]) + 1)
     place = np.zeros(len(rows), dtype=np.int8)
     names = [""]
     if "location" in rows:
@@ -204,15 +197,8 @@ def _recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
             if others is not own:
                 text = f"Global_Time and Frame_ID of {recording} do not go together as in its other rows"
                 row = int(rows.index[min(own, others, key=len)[0]]) + 1
-                raise BadRecordingError(
-                    Problem(
-                        "time-contradicts-frame",
-                        text,
-                        "correct or remove the row",
-                        file=str(path),
-                        column="Global_Time",
-                        row=row,
-                    )
+                raise bad_recording(
+                    "time-contradicts-frame", text, "correct or remove the row", path, column="Global_Time", row=row
                 )
     return recordings
 

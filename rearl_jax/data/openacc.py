@@ -18,10 +18,9 @@ from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data import checks
 from rearl_jax.data.columnar import read_columns
 from rearl_jax.data.losses import Losses
-from rearl_jax.data.problems import BadRecordingError, Finding, recordings_missing
+from rearl_jax.data.problems import Finding, bad_recording, only_parquet
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.unit_checks import is_other_unit, require_period, scale_of
-from rearl_jax.problems import Problem
 
 FRAME_RATE = 10.0
 LICENCE = "CC BY 4.0"
@@ -52,16 +51,8 @@ class Platoon:
 
 
 def find_platoons(root: Path) -> Path:
-    """The Parquet file of platoons in the folder.
-
-    Raises:
-        FileNotFoundError: There is none, or more than one.
-    """
-    found = sorted(root.glob("*.parquet"))
-    if len(found) != 1:
-        wanted = f"the folder with the one file of OpenACC platoons, columns file, {', '.join(_NUMBERS)}"
-        raise recordings_missing(f"{len(found)} Parquet files", root, wanted)
-    return found[0]
+    """The Parquet file of platoons in the folder; MissingInputError where there is none, or more than one."""
+    return only_parquet(root, f"the folder with the one file of OpenACC platoons, columns file, {', '.join(_NUMBERS)}")
 
 
 def platoon_recordings(path: Path) -> dict[str, Platoon]:
@@ -71,7 +62,7 @@ def platoon_recordings(path: Path) -> dict[str, Platoon]:
     wrong = rows["file"].isna().to_numpy() | ~((place >= 1.0) & (place < _MOST_PLACES) & (place == np.rint(place)))
     if wrong.any():
         text, row = "a row does not say which vehicle of which file it is", int(np.argmax(wrong)) + 1
-        raise BadRecordingError(Problem("vehicle-unnamed", text, "complete it", file=str(path), column="pos", row=row))
+        raise bad_recording("vehicle-unnamed", text, "complete it", path, column="pos", row=row)
     has_gap = rows.groupby(["file", "pos"], observed=True)["gap_to_follower_m"].count() > 0
     recordings = {}
     for file in has_gap.index.unique("file"):
@@ -129,14 +120,8 @@ def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfi
     _leave_out(~placed, table, "no_gap", "position", text, info, policy, losses)
     table = table.iloc[np.flatnonzero(placed)]
     if table.empty:
-        raise BadRecordingError(
-            Problem(
-                "place-unknown",
-                "no vehicle has a known place",
-                "complete speeds and gaps",
-                file=info.file,
-                column="pos",
-            )
+        raise bad_recording(
+            "place-unknown", "no vehicle has a known place", "complete speeds and gaps", info.file, column="pos"
         )
     backward = table["speed"].to_numpy() < 0.0
     note = f"{n_filled} speeds and gaps in holes of 1 s or less interpolated, "
@@ -180,10 +165,8 @@ def _plausible(
     _leave_out(lost, rows, "bad_time", "frame", "the time is unknown or a day off", info, policy, losses)
     rows = rows.iloc[np.flatnonzero(inside & ~lost)]
     if rows.empty:
-        raise BadRecordingError(
-            Problem(
-                "time-unknown", "no row says when it was measured", "complete the times", file=info.file, column="t_s"
-            )
+        raise bad_recording(
+            "time-unknown", "no row says when it was measured", "complete the times", info.file, column="t_s"
         )
     frame = np.rint(rows["t_s"].to_numpy(dtype=np.float64) * FRAME_RATE).astype(np.int64)
     rows = rows.assign(frame=frame)
@@ -262,9 +245,7 @@ def _require_units(gaps: np.ndarray, speed: np.ndarray, file: str) -> None:
     scale = scale_of((gaps[n:] - gaps[:-n]).ravel(), expected.ravel())
     if scale is not None and is_other_unit(scale):
         text = f"gaps change {scale[0]:.2f} to {scale[1]:.2f} times as fast as the speeds say"
-        raise BadRecordingError(
-            Problem("wrong-units", text, "give speeds in m/s and gaps in m", file=file, column="gap_to_follower_m")
-        )
+        raise bad_recording("wrong-units", text, "give speeds in m/s and gaps in m", file, column="gap_to_follower_m")
 
 
 def _leave_out(

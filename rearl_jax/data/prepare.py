@@ -49,15 +49,7 @@ def run(config: PrepareTask) -> dict:
         study.write_config()
         task = progress.add_task("recordings", total=count_recordings(config.data))
         seen = _Seen(study, keep_tables=not generated)
-        scenes = build_scenes(
-            seen.passing(config.data),
-            config.scenes,
-            config.speed,
-            config.tracks,
-            config.features,
-            config.spacing,
-            progress=lambda _, __: progress.advance(task),
-        )
+        scenes = build_scenes(seen.passing(config.data), config, progress=lambda _, __: progress.advance(task))
     study.write_table("recordings", pd.DataFrame(seen.rows))
     save_scenes(scenes, study)
     summary = {**_totals(seen), "windows": scenes.counts.windows, "n_scenes": len(scenes)}
@@ -68,7 +60,7 @@ def run(config: PrepareTask) -> dict:
 
 @dataclass
 class _Seen:
-    """What has been read so far."""
+    """Counts and losses of the recordings read so far."""
 
     study: Study
     keep_tables: bool

@@ -1,4 +1,4 @@
-"""What can be wrong with a recording: one finding, and the error that stops the reading.
+"""Faults of a recording: one finding, and the error that stops the reading.
 
 A finding marks rows. `data.on_bad` decides whether it becomes an error or a counted loss; what concerns the
 table as a whole (a missing column, a wrong unit) is always an error.
@@ -18,6 +18,20 @@ DROP_HINT = ", or leave it out and have it counted with data.on_bad=drop_row or 
 
 class BadRecordingError(InvalidInputError):
     """A recording breaks the schema."""
+
+
+def bad_recording(
+    code: str,
+    said: str,
+    remedy: str,
+    file: Path | str,
+    *,
+    column: str | None = None,
+    row: int | None = None,
+    line: int | None = None,
+) -> BadRecordingError:
+    """The error for a problem of a recording; fields as in `Problem`."""
+    return BadRecordingError(Problem(code, said, remedy, file=str(file), column=column, row=row, line=line))
 
 
 @dataclass(frozen=True)
@@ -40,50 +54,44 @@ class Finding:
     remedy: str
     is_step: bool = False
 
-    @property
-    def code(self) -> str:
-        """Code of the problem these rows share."""
-        return self.name.replace("_", "-")
-
     def error(self, table: pd.DataFrame, info: RecordingInfo, hint: str = DROP_HINT) -> BadRecordingError:
         """The error this finding becomes; the index of the table holds the rows of the source, from 0."""
         n_rows = int(self.rows.sum())
         said = self.said if n_rows == 1 else f"{self.said} (and {n_rows - 1} more rows)"
         row = int(table.index[int(np.argmax(self.rows))]) + 1
-        column = info.columns.get(self.column, self.column)
-        file, remedy = info.file or info.id, f"{self.remedy}{hint}"
-        return BadRecordingError(Problem(self.code, said, remedy, file=file, column=column, row=row))
+        code, column = self.name.replace("_", "-"), info.columns.get(self.column, self.column)
+        return bad_recording(code, said, f"{self.remedy}{hint}", info.file or info.id, column=column, row=row)
 
 
 def recording_unnamed(file: str, row: int | None = None) -> BadRecordingError:
     """The error for a row that belongs to no recording; the row, from 1, where it is known."""
-    said, remedy = "a row has no recording", "complete it"
-    return BadRecordingError(Problem("recording-unnamed", said, remedy, file=file, column="recording", row=row))
+    return bad_recording(
+        "recording-unnamed", "a row has no recording", "complete it", file, column="recording", row=row
+    )
 
 
 def require_columns(found: list[str], required: tuple[str, ...], file: str) -> None:
     """Raise BadRecordingError if one of the required columns is missing."""
     for name in required:
         if name not in found:
-            raise BadRecordingError(
-                Problem(
-                    "column-missing",
-                    "the column is missing",
-                    f"add it; found: {', '.join(found)}",
-                    file=file,
-                    column=name,
-                )
-            )
+            remedy = f"add it; found: {', '.join(found)}"
+            raise bad_recording("column-missing", "the column is missing", remedy, file, column=name)
+
+
+def only_parquet(root: Path, wanted: str) -> Path:
+    """The one Parquet file in the folder.
+
+    Raises:
+        MissingInputError: There is none, or more than one; `wanted` says what `data.root` must name.
+    """
+    files = sorted(root.glob("*.parquet"))
+    if len(files) != 1:
+        raise recordings_missing(f"{len(files)} Parquet files", root, wanted)
+    return files[0]
 
 
 def recordings_missing(found: str, root: Path, wanted: str) -> MissingInputError:
-    """The error for a folder without the recordings that are looked for there.
-
-    Args:
-        found: What there is, such as `no .csv`.
-        root: The folder.
-        wanted: What `data.root` must name.
-    """
+    """The error for a folder that holds `found`, such as `no .csv`, where `data.root` must name what is wanted."""
     return MissingInputError(Problem("recordings-missing", f"{found}: data.root must name {wanted}", file=str(root)))
 
 

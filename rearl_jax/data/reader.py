@@ -1,8 +1,10 @@
-"""What a format of recordings is: how its recordings are listed and read, and which files they come from."""
+"""Format of recordings: how they are listed and read, and which files they come from."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.records import Recording
@@ -36,3 +38,24 @@ class Reader:
     entries: Callable[[DataConfig, Path], Iterator[Entry]]
     files: Callable[[Path], list[Path]]
     generated: Callable[[DataConfig, Path], bool] | None = None
+
+
+def parts_of(
+    find: Callable[[Path], Path],
+    parts: Callable[[Path], dict[str, Any]],
+    read: Callable[[Path, str, Any, DataConfig], Recording],
+) -> Callable[[DataConfig, Path], Iterator[Entry]]:
+    """Entries of a format whose recordings are parts of one file.
+
+    Args:
+        find: The file.
+        parts: Recording id -> what tells its rows from others.
+        read: One recording of the file by its id and part.
+    """
+
+    def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
+        path = find(root)
+        for name, part in parts(path).items():
+            yield Entry(name, partial(read, path, name, part, data))
+
+    return entries

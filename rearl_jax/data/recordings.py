@@ -45,7 +45,7 @@ def count_recordings(data: DataConfig) -> int:
 
 
 def is_generated(data: DataConfig) -> bool:
-    """Whether any of the recordings was made by the generator, whatever they are read as."""
+    """True where any of the recordings was made by the generator, whatever they are read as."""
     if isinstance(data, TableInMemory):
         return False
     made = reader_of(data.format).generated
@@ -60,7 +60,7 @@ def data_id(data: DataConfig) -> str:
     policy = (data.recordings, data.on_bad.name, data.max_jump, data.default_length)
     digest = hashlib.sha256(repr(policy).encode())
     if isinstance(data, TableInMemory):
-        digest.update(data.id.encode())
+        digest.update(str(data.root).encode())
         return f"{data.format.name}-{digest.hexdigest()[:12]}"
     for file in sorted(_files(data), key=lambda path: path.name):
         with file.open("rb") as content:
@@ -78,7 +78,7 @@ def file_stamps(data: DataConfig) -> list[tuple[str, int, int]]:
     Changes whenever a file is touched, also where `data_id` cannot see it, and on every machine.
     """
     if isinstance(data, TableInMemory):
-        return [(data.id, len(data.table), 0)]
+        return [(str(data.root), len(data.table), 0)]
     stats = sorted((path.name, path.stat()) for path in _files(data))
     return [(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]
 

@@ -1,7 +1,7 @@
 """Records of one recording: its metadata and its table."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import pandas as pd
@@ -17,7 +17,7 @@ _MOST = 1e6
 
 @dataclass(frozen=True)
 class RecordingInfo:
-    """What is known about a recording besides its rows.
+    """Metadata of a recording.
 
     Attributes:
         id: Name of the recording, unique in its data set.
@@ -90,10 +90,6 @@ class RecordingInfo:
         if not isinstance(self.generated, bool) or not all(isinstance(note, str) for note in self.notes):
             said = "must be true or false, and notes texts"
             raise out_of_range("generated", said, self.generated)
-
-    def with_notes(self, *notes: str) -> "RecordingInfo":
-        """A copy with further notes."""
-        return replace(self, notes=(*self.notes, *notes))
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ import logging
 from rearl_jax.cache import kept_path
 from rearl_jax.config._schema import as_plain
 from rearl_jax.config.data import DataConfig
-from rearl_jax.config.scenes import FeaturesConfig, ScenesConfig, SpacingConfig, SpeedConfig, TracksConfig
 from rearl_jax.data.recordings import data_id, file_stamps, is_generated
 from rearl_jax.data.scene_files import load_scenes, save_scenes
 from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scene_windows import SCENE_GROUPS, SceneKeys
 from rearl_jax.results import Study
 
 log = logging.getLogger(__name__)
@@ -20,31 +20,13 @@ _SOURCES = ("config", "data")
 class SceneCache:
     """The place of the scenes of one data set under one configuration."""
 
-    def __init__(
-        self,
-        data: DataConfig,
-        scenes: ScenesConfig,
-        speed: SpeedConfig,
-        tracks: TracksConfig,
-        features: FeaturesConfig,
-        spacing: SpacingConfig,
-    ) -> None:
-        """Finds the place; files that were touched since, or other code, have another one.
-
-        Args:
-            data: The data set.
-            scenes: Windows, and which vehicles are picked.
-            speed: Rescaling of speeds.
-            tracks: Which tracks count as long.
-            features: Distance of the feature vector.
-            spacing: How the distance of two vehicles is measured.
-        """
-        groups = {"scenes": scenes, "speed": speed, "tracks": tracks, "features": features, "spacing": spacing}
+    def __init__(self, data: DataConfig, keys: SceneKeys) -> None:
+        """Finds the place; files that were touched since, or other code, have another one."""
         self._data_id, self._generated = data_id(data), is_generated(data)
-        self._keys = {name: as_plain(record) for name, record in groups.items()}
+        self._keys = {name: as_plain(getattr(keys, name)) for name in SCENE_GROUPS}
         stamps = [list(stamp) for stamp in file_stamps(data)]
-        keys = {**self._keys, "data": self._data_id, "files": stamps}
-        self.path = kept_path("scenes", keys, _SOURCES, ".parquet")
+        decisive = {**self._keys, "data": self._data_id, "files": stamps}
+        self.path = kept_path("scenes", decisive, _SOURCES, ".parquet")
 
     def read(self) -> SceneSet | None:
         """The scenes; None where they were never kept or, with a warning, where the file is damaged."""

@@ -26,7 +26,7 @@ Slots = "scenes frames slots"
 
 @dataclass(frozen=True)
 class SceneCounts:
-    """What was seen on the way to the scenes.
+    """Counts of recordings and windows behind the scenes.
 
     Attributes:
         recordings: Recordings read.
@@ -121,7 +121,7 @@ class SceneSet:
 
     @property
     def generated(self) -> bool:
-        """Whether any recording was made by the generator, not measured."""
+        """True where any recording was made by the generator, not measured."""
         return any(info.generated for info in self.infos)
 
     @property

@@ -6,10 +6,19 @@ group of vehicles (both carriageways pooled, or one of them) is called a cell.
 """
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from rearl_jax.config.scenes import Direction, FeaturesConfig, Pick, ScenesConfig, SpacingConfig, TracksConfig
+from rearl_jax.config.scenes import (
+    Direction,
+    FeaturesConfig,
+    Pick,
+    ScenesConfig,
+    SpacingConfig,
+    SpeedConfig,
+    TracksConfig,
+)
 from rearl_jax.data.distances import Vehicles, feature_distance, mean_distance
 from rearl_jax.data.records import Recording
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
@@ -26,9 +35,24 @@ UNKNOWN_LANE = -1
 _READ_CHECKED = "read the recording with rearl_jax.data.recordings, which checks it"
 
 
+@runtime_checkable
+class SceneKeys(Protocol):
+    """Groups of a task's configuration that decide its scenes."""
+
+    scenes: ScenesConfig
+    speed: SpeedConfig
+    tracks: TracksConfig
+    features: FeaturesConfig
+    spacing: SpacingConfig
+
+
+SCENE_GROUPS = ("scenes", "speed", "tracks", "features", "spacing")
+"""Names of these groups."""
+
+
 @dataclass(frozen=True)
 class WindowCount:
-    """What was seen in one recording.
+    """Counts of the windows of one recording.
 
     Attributes:
         windows: Windows looked at (per carriageway where those are scenes of their own).
@@ -98,13 +122,7 @@ def frame_offsets(seconds: np.ndarray, frame_rate: float) -> np.ndarray:
     return np.rint(seconds * frame_rate).astype(np.int64)
 
 
-def windows_of(
-    recording: Recording,
-    scenes: ScenesConfig,
-    tracks: TracksConfig,
-    features: FeaturesConfig,
-    spacing: SpacingConfig,
-) -> tuple[dict[str, np.ndarray], WindowCount]:
+def windows_of(recording: Recording, keys: SceneKeys) -> tuple[dict[str, np.ndarray], WindowCount]:
     """Arrays of the accepted windows of a recording, and what was seen.
 
     Window w starts w * stride after the recording's first frame, wherever the windows before it ended up; it
@@ -116,6 +134,7 @@ def windows_of(
     Source: Bi et al., Eq. 1 and the paragraph on preprocessing; the grid, the pooling and the reading of
     "longest recorded" are own choices, see `ScenesConfig`.
     """
+    scenes = keys.scenes
     index = Tracks(recording)
     vehicles = vehicles_of(recording)
     rate = recording.info.frame_rate
@@ -140,8 +159,8 @@ def windows_of(
     # Only cells of accepted windows are worth the distances.
     used, cell_of = np.unique(snapshot_of[window] * cells.n_groups + group[:, None], return_inverse=True)
     cell_of = cell_of.reshape(len(window), scenes.seconds)
-    by_cell = _slots(index, vehicles, *cells.rows(used), rate, scenes, features, spacing)
-    by_cell["is_long_track"] = index.lengths[index.ordinal[by_cell.pop("row")]] >= tracks.min_frames
+    by_cell = _slots(index, vehicles, *cells.rows(used), rate, keys)
+    by_cell["is_long_track"] = index.lengths[index.ordinal[by_cell.pop("row")]] >= keys.tracks.min_frames
     arrays = {name: values[cell_of] for name, values in by_cell.items()}
     bad = ~np.isfinite(arrays["speed"] + arrays["x"] + arrays["y"] + arrays["position"] + arrays["length"])
     if bad.any():
@@ -176,7 +195,7 @@ def vehicles_of(recording: Recording) -> Vehicles:
 
 
 def actions(lane: np.ndarray, next_lane: np.ndarray, speed: np.ndarray, next_speed: np.ndarray) -> np.ndarray:
-    """What a vehicle did within one second: LEFT, RIGHT, else FASTER, SLOWER, else KEEP.
+    """Action of a vehicle within one second: LEFT, RIGHT, else FASTER, SLOWER, else KEEP.
 
     A lane change outranks a change of speed. Lanes count from the left; an unknown lane is no change. A
     vehicle that is gone after the second is passed with its own lane and speed and so gets KEEP.
@@ -235,17 +254,11 @@ def _window_offsets(recording: Recording, span: int, scenes: ScenesConfig) -> np
 
 
 def _slots(
-    index: Tracks,
-    vehicles: Vehicles,
-    rows: np.ndarray,
-    present: np.ndarray,
-    rate: float,
-    scenes: ScenesConfig,
-    features: FeaturesConfig,
-    spacing: SpacingConfig,
+    index: Tracks, vehicles: Vehicles, rows: np.ndarray, present: np.ndarray, rate: float, keys: SceneKeys
 ) -> dict[str, np.ndarray]:
     """Quantities of the picked vehicles, the first `slots` columns of `rows`; arrays (cells, slots)."""
-    picked = rows[:, : scenes.slots]
+    n_slots, metric = keys.scenes.slots, keys.spacing.metric
+    picked = rows[:, :n_slots]
     x, y = vehicles.x[picked], vehicles.y[picked]
     all_present = np.ones(picked.shape, dtype=bool)
     later, has_next = index.later(picked, round(rate))
@@ -264,6 +277,6 @@ def _slots(
         "action": actions(lane, next_lane, speed, vehicles.speed[later]),
         "next_lane": np.where(has_next, next_lane, UNKNOWN_LANE).astype(np.int8),
         "has_next": has_next,
-        "spacing": mean_distance(vehicles.x[picked], vehicles.y[picked], all_present, scenes.slots, spacing.metric),
-        "feature_distance": feature_distance(vehicles, rows, present, scenes.slots, features.d, spacing.metric),
+        "spacing": mean_distance(x, y, all_present, n_slots, metric),
+        "feature_distance": feature_distance(vehicles, rows, present, n_slots, keys.features.d, metric),
     }

@@ -11,17 +11,10 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from rearl_jax.config._schema import as_plain
-from rearl_jax.config.scenes import (
-    Direction,
-    FeaturesConfig,
-    ScenesConfig,
-    SpacingConfig,
-    SpeedConfig,
-    TracksConfig,
-)
+from rearl_jax.config.scenes import Direction, ScenesConfig
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.scene_set import SceneCounts, SceneSet, speed_extremes
-from rearl_jax.data.scene_windows import WindowCount, windows_of
+from rearl_jax.data.scene_windows import SCENE_GROUPS, SceneKeys, WindowCount, windows_of
 from rearl_jax.problems import InvalidInputError, Problem
 
 log = logging.getLogger(__name__)
@@ -31,23 +24,13 @@ PAPER_SCENES = 741
 
 
 def build_scenes(
-    recordings: Iterable[Recording],
-    scenes: ScenesConfig,
-    speed: SpeedConfig,
-    tracks: TracksConfig,
-    features: FeaturesConfig,
-    spacing: SpacingConfig,
-    progress: Callable[[str, int], None] | None = None,
+    recordings: Iterable[Recording], keys: SceneKeys, progress: Callable[[str, int], None] | None = None
 ) -> SceneSet:
     """All scenes of the recordings.
 
     Args:
         recordings: Read once, one at a time; none is kept.
-        scenes: Windows, and which vehicles are picked.
-        speed: Rescaling of speeds.
-        tracks: Which tracks count as long.
-        features: Distance of the feature vector.
-        spacing: How the distance of two vehicles is measured.
+        keys: A task's configuration.
         progress: Called after each recording with its id and the number of scenes so far.
 
     Raises:
@@ -55,7 +38,7 @@ def build_scenes(
 
     Source: Bi et al., preprocessing of highD; what the paper leaves open is a key of the records above.
     """
-    scenes.check()
+    keys.scenes.check()
     parts: dict[str, list[np.ndarray]] = defaultdict(list)
     infos: list[RecordingInfo] = []
     seen: dict[str, WindowCount] = {}
@@ -65,7 +48,7 @@ def build_scenes(
         if info.id in seen:
             said = "two recordings are called so: give every recording its own id"
             raise InvalidInputError(Problem("recording-twice", said, file=f"recording {info.id}"))
-        arrays, seen[info.id] = windows_of(recording, scenes, tracks, features, spacing)
+        arrays, seen[info.id] = windows_of(recording, keys)
         if arrays:
             infos.append(info)
         for name, values in arrays.items():
@@ -77,22 +60,22 @@ def build_scenes(
         if progress is not None:
             progress(info.id, n_scenes)
     if n_scenes == 0:
-        raise InvalidInputError(_no_scene(seen, scenes))
+        raise InvalidInputError(_no_scene(seen, keys.scenes))
     counts = _counts(seen)
     log.info("%d scenes of %d windows; REARL reports %d from highD", n_scenes, counts.windows, PAPER_SCENES)
     # Field by field, so that the parts of a field are freed before the next one is joined.
     joined = {name: np.concatenate(parts.pop(name)) for name in tuple(parts)}
-    low, high = speed_extremes(joined["speed"], speed.norm)
-    groups = {"scenes": scenes, "speed": speed, "tracks": tracks, "features": features, "spacing": spacing}
+    low, high = speed_extremes(joined["speed"], keys.speed.norm)
+    groups = {group: as_plain(getattr(keys, group)) for group in SCENE_GROUPS}
     return SceneSet(
         scene_id=np.arange(n_scenes),
         **joined,
         speed_min=low,
         speed_max=high,
-        speed_norm=speed.norm,
+        speed_norm=keys.speed.norm,
         infos=tuple(infos),
         counts=counts,
-        settings={f"{group}.{k}": v for group, record in groups.items() for k, v in as_plain(record).items()},
+        settings={f"{group}.{name}": value for group, plain in groups.items() for name, value in plain.items()},
     )
 
 

@@ -14,9 +14,8 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data import checks, unit_checks
 from rearl_jax.data.checks import CLASSES
 from rearl_jax.data.losses import Losses, reject, remove_fragments
-from rearl_jax.data.problems import BadRecordingError, require_columns
+from rearl_jax.data.problems import BadRecordingError, bad_recording, require_columns
 from rearl_jax.data.records import Recording, RecordingInfo
-from rearl_jax.problems import Problem
 
 __all__ = [
     "CLASSES",
@@ -99,8 +98,8 @@ def validate(
     losses = Losses() if losses is None else losses
     require_columns(list(table.columns), REQUIRED, info.file or info.id)
     if table.empty:
-        raise BadRecordingError(
-            Problem("no-rows", "the recording has no rows", "remove the file or complete it", file=info.file or info.id)
+        raise bad_recording(
+            "no-rows", "the recording has no rows", "remove the file or complete it", info.file or info.id
         )
 
     def checked(table: pd.DataFrame, questions: tuple[Callable, ...]) -> pd.DataFrame:
@@ -158,8 +157,8 @@ def _stop_at(bad: np.ndarray, values: pd.Series, expected: str, info: RecordingI
         text = f"{value!r} is not {expected}" if isinstance(value, str) else f"{value:g} is not {expected}"
         column = info.columns.get(str(values.name), str(values.name))
         source_row = int(values.index[row]) + 1
-        raise BadRecordingError(
-            Problem("not-a-number", text, f"write {expected}", file=info.file or info.id, column=column, row=source_row)
+        raise bad_recording(
+            "not-a-number", text, f"write {expected}", info.file or info.id, column=column, row=source_row
         )
 
 

@@ -26,7 +26,7 @@ _TIME_TOLERANCE = 1e-6
 
 
 class Split(IntEnum):
-    """What a scene is used for."""
+    """Use of a scene."""
 
     REST = 0
     """In no subset: free to fit references on."""
@@ -70,11 +70,6 @@ class Splits:
     def evaluation(self) -> np.ndarray:
         """Indices of the evaluation scenes, rising."""
         return self.indices(Split.EVALUATION)
-
-    @property
-    def rest(self) -> np.ndarray:
-        """Indices of the scenes in no subset, rising."""
-        return self.indices(Split.REST)
 
     def indices(self, split: Split) -> np.ndarray:
         """Indices of the scenes of one split, rising."""

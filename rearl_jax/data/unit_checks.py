@@ -9,10 +9,9 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.data.checks import CLASSES, follows_row_before, times_beside_frames
-from rearl_jax.data.problems import BadRecordingError, Finding
+from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.units import SI_FACTOR
-from rearl_jax.problems import Problem
 
 MOVING = 3.0  # m/s; below it rounding of positions hides the ratio of step and speed
 MIN_STEPS = 20  # fewer moving steps do not tell a unit
@@ -83,19 +82,13 @@ def require_period(time: np.ndarray, track: np.ndarray, period: float, file: str
     median = float(np.median(steps)) if steps.size else period
     if not 0.5 * period < median < 1.5 * period:
         text = f"rows are {median:.3g} s apart, not {period:g} s"
-        raise BadRecordingError(
-            Problem(
-                "wrong-units",
-                text,
-                "give the time in s, sorted, with every frame of a vehicle",
-                file=file,
-                column=column,
-            )
+        raise bad_recording(
+            "wrong-units", text, "give the time in s, sorted, with every frame of a vehicle", file, column=column
         )
 
 
 def is_other_unit(scale: tuple[float, float] | None) -> bool:
-    """Whether a scale as from `scale_of` can only be that of another unit."""
+    """True for a scale as from `scale_of` that can only be that of another unit."""
     return scale is not None and (scale[0] > SAME_UNIT or scale[1] < 1.0 / SAME_UNIT)
 
 

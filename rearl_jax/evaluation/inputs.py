@@ -118,8 +118,7 @@ def _key(config: EvaluateTask | ClusterTask) -> tuple:
 
 def _read(config: EvaluateTask | ClusterTask, builder: "ReferenceBuilder | None", bar: Progress) -> SceneSet:
     """Scenes from disk or, where they or the tracks are missing there, from the recordings."""
-    groups = (config.scenes, config.speed, config.tracks, config.features, config.spacing)
-    cache = SceneCache(config.data, *groups)
+    cache = SceneCache(config.data, config)
     needs_recordings = builder is not None and builder.needs_recordings
     scenes = None if needs_recordings else cache.read()
     if scenes is not None:
@@ -129,6 +128,6 @@ def _read(config: EvaluateTask | ClusterTask, builder: "ReferenceBuilder | None"
     recordings = iterate_recordings(config.data)
     if builder is not None:
         recordings = builder.passing(recordings)
-    scenes = build_scenes(recordings, *groups, progress=lambda name, n_scenes: bar.advance(reading))
+    scenes = build_scenes(recordings, config, progress=lambda name, n_scenes: bar.advance(reading))
     cache.write(scenes)
     return scenes

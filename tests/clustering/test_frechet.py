@@ -5,6 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
+from rearl_jax.clustering import frechet
+from rearl_jax.clustering.continuous import continuous_distances
+from rearl_jax.clustering.frechet import aligned, discrete_distances, subdivided
+from tests.clustering.curves import random_bridges, random_curves
+
 
 def couplings(n, m):
     """All monotone couplings of n and m points."""
@@ -32,10 +37,8 @@ def by_definition(curve, centre):
 
 
 @pytest.mark.parametrize(("n", "m"), [(1, 1), (1, 4), (5, 1), (5, 4), (4, 6)])
-def test_discrete_distance_is_the_best_of_all_couplings(walks, n, m):
-    from rearl_jax.clustering.frechet import discrete_distances
-
-    curves, centres = walks(7, n), walks(3, m, seed=1).transpose(2, 0, 1)
+def test_discrete_distance_is_the_best_of_all_couplings(n, m):
+    curves, centres = random_curves(7, n), random_curves(3, m, seed=1).transpose(2, 0, 1)
     found = discrete_distances(curves, centres)
     expected = [[by_definition(curves[:, :, i], centre) for i in range(7)] for centre in centres]
     assert found.shape == (3, 7)
@@ -43,10 +46,8 @@ def test_discrete_distance_is_the_best_of_all_couplings(walks, n, m):
     np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
-def test_chunks_change_nothing(walks, monkeypatch):
-    from rearl_jax.clustering import frechet
-
-    curves, centres = walks(50, 12), walks(2, 6, seed=1).transpose(2, 0, 1)
+def test_chunks_change_nothing(monkeypatch):
+    curves, centres = random_curves(50, 12), random_curves(2, 6, seed=1).transpose(2, 0, 1)
     whole = frechet.discrete_distances(curves, centres)
     monkeypatch.setattr(frechet, "_CHUNK", 7)
     frechet._map.cache_clear()
@@ -56,10 +57,8 @@ def test_chunks_change_nothing(walks, monkeypatch):
         frechet._map.cache_clear()
 
 
-def test_alignment_is_a_coupling_that_reaches_the_distance(walks):
-    from rearl_jax.clustering.frechet import aligned, discrete_distances
-
-    curves, vertices = walks(30, 9), walks(1, 4, seed=2)[:, :, 0]
+def test_alignment_is_a_coupling_that_reaches_the_distance():
+    curves, vertices = random_curves(30, 9), random_curves(1, 4, seed=2)[:, :, 0]
     coupled = aligned(curves, vertices)
     assert coupled.shape == (4, 9, 30)
     assert coupled[0, 0].all()
@@ -74,10 +73,8 @@ def test_alignment_is_a_coupling_that_reaches_the_distance(walks):
     np.testing.assert_allclose(reached, discrete_distances(curves, vertices[None])[0], rtol=1e-5)
 
 
-def test_subdivision_keeps_the_polyline_and_halves_the_longest_edges(walks):
-    from rearl_jax.clustering.frechet import subdivided
-
-    centres = walks(4, 5, seed=3).transpose(2, 0, 1).astype(np.float64)
+def test_subdivision_keeps_the_polyline_and_halves_the_longest_edges():
+    centres = random_curves(4, 5, seed=3).transpose(2, 0, 1).astype(np.float64)
     finer = subdivided(centres, 17)
     assert finer.shape == (4, 3, 17)
     for centre, points in zip(centres, finer, strict=True):
@@ -91,8 +88,6 @@ def test_subdivision_keeps_the_polyline_and_halves_the_longest_edges(walks):
 
 
 def test_continuous_distance_of_curves_with_known_distance():
-    from rearl_jax.clustering.continuous import continuous_distances
-
     def distance(curve, other):
         return continuous_distances(np.array(curve).T[:, :, None], np.array(other).T[None])[0, 0]
 
@@ -104,11 +99,8 @@ def test_continuous_distance_of_curves_with_known_distance():
     assert distance(line, [(0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (1.0, 0.0, 0.0), (4.0, 0.0, 0.0)]) == pytest.approx(1.0)
 
 
-def test_continuous_distance_is_the_limit_of_discrete_ones(bridges):
-    from rearl_jax.clustering.continuous import continuous_distances
-    from rearl_jax.clustering.frechet import discrete_distances, subdivided
-
-    curves, centres = bridges(10, 6), bridges(2, 4, seed=4).transpose(2, 0, 1)
+def test_continuous_distance_is_the_limit_of_discrete_ones():
+    curves, centres = random_bridges(10, 6), random_bridges(2, 4, seed=4).transpose(2, 0, 1)
     found = continuous_distances(curves.astype(np.float64), centres)
     coarse = discrete_distances(curves, centres)
     fine = subdivided(curves.transpose(2, 0, 1).astype(np.float64), 800).transpose(1, 2, 0)
@@ -118,12 +110,9 @@ def test_continuous_distance_is_the_limit_of_discrete_ones(bridges):
 
 
 @pytest.mark.parametrize("m", [4, 24])
-def test_discrete_distance_exceeds_the_continuous_one_by_at_most_the_longest_edge(bridges, m):
+def test_discrete_distance_exceeds_the_continuous_one_by_at_most_the_longest_edge(m):
     """Eiter & Mannila, Computing discrete Frechet distance, TU Wien report CD-TR 94/64 (1994), lemma 5."""
-    from rearl_jax.clustering.continuous import continuous_distances
-    from rearl_jax.clustering.frechet import discrete_distances, subdivided
-
-    curves, vertices = bridges(60, 10), bridges(3, 4, seed=5).transpose(2, 0, 1).astype(np.float64)
+    curves, vertices = random_bridges(60, 10), random_bridges(3, 4, seed=5).transpose(2, 0, 1).astype(np.float64)
     centres = subdivided(vertices, m)
     discrete, continuous = discrete_distances(curves, centres), continuous_distances(curves.astype(float), vertices)
     edge = np.maximum(longest_edge(curves.transpose(2, 0, 1))[None], longest_edge(centres)[:, None])

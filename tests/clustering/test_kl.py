@@ -4,21 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sklearn.metrics import adjusted_rand_score
 
+from rearl_jax.clustering.kl import Centres, Curves, cluster_curves, enclosing_ball, moved
 from rearl_jax.config.clustering import CurveDistance, KlConfig, KlInit, KlUpdate
-from rearl_jax.problems import InvalidInputError
+from tests.clustering.curves import grouped_curves
+from tests.refusal import refused
 
 SMALL = KlConfig(l=5, sample=60, centre_points=16)
 
 
 @pytest.mark.parametrize("init", KlInit)
 @pytest.mark.parametrize("update", KlUpdate)
-def test_three_groups_are_found(groups, init, update):
-    from sklearn.metrics import adjusted_rand_score
-
-    from rearl_jax.clustering.kl import Curves, cluster_curves
-
-    curves, group = groups()
+def test_three_groups_are_found(init, update):
+    curves, group = grouped_curves()
     kl = replace(SMALL, init=init, update=update)
     best, costs = cluster_curves(Curves(curves, kl), kl)
     assert best.vertices.shape == (3, 3, 5)
@@ -28,12 +27,8 @@ def test_three_groups_are_found(groups, init, update):
 
 
 @pytest.mark.parametrize("distance", [CurveDistance.discrete_raw, CurveDistance.continuous])
-def test_other_distances_find_them_too(groups, distance):
-    from sklearn.metrics import adjusted_rand_score
-
-    from rearl_jax.clustering.kl import Curves, cluster_curves
-
-    curves, group = groups(60)
+def test_other_distances_find_them_too(distance):
+    curves, group = grouped_curves(60)
     curves = np.ascontiguousarray(curves[:, ::2])
     kl = replace(SMALL, distance=distance, sample=12, iterations=1)
     best, _ = cluster_curves(Curves(curves, kl), kl)
@@ -41,10 +36,8 @@ def test_other_distances_find_them_too(groups, distance):
 
 
 @pytest.mark.parametrize("init", KlInit)
-def test_updates_end_once_the_cost_stops_falling_and_the_best_is_kept(groups, init):
-    from rearl_jax.clustering.kl import Curves, cluster_curves
-
-    curves, _ = groups()
+def test_updates_end_once_the_cost_stops_falling_and_the_best_is_kept(init):
+    curves, _ = grouped_curves()
     kl = replace(SMALL, init=init, update=KlUpdate.mean, iterations=12)
     best, costs = cluster_curves(Curves(curves, kl), kl)
     assert 2 <= len(costs) < 13
@@ -53,19 +46,15 @@ def test_updates_end_once_the_cost_stops_falling_and_the_best_is_kept(groups, in
     assert best.cost == costs[-2]
 
 
-def test_equal_seeds_equal_centres(groups):
-    from rearl_jax.clustering.kl import Curves, cluster_curves
-
-    curves, _ = groups()
+def test_equal_seeds_equal_centres():
+    curves, _ = grouped_curves()
     runs = [cluster_curves(Curves(curves, kl), kl)[0].vertices for kl in (SMALL, SMALL, replace(SMALL, seed=1))]
     np.testing.assert_array_equal(runs[0], runs[1])
     assert not np.array_equal(runs[0], runs[2])
 
 
-def test_centre_without_members_stays(groups):
-    from rearl_jax.clustering.kl import Centres, Curves, moved
-
-    curves, _ = groups(30)
+def test_centre_without_members_stays():
+    curves, _ = grouped_curves(30)
     vertices = np.stack([curves[:, ::4, 0].astype(np.float64), np.full((3, 5), 9.0)])
     searched = Curves(curves, SMALL)
     centres = Centres(vertices, searched.distances(vertices))
@@ -76,8 +65,6 @@ def test_centre_without_members_stays(groups):
 
 
 def test_enclosing_ball_of_known_points():
-    from rearl_jax.clustering.kl import enclosing_ball
-
     corners = np.array([[0.0, 4.0, 0.0, 4.0, 1.0], [0.0, 0.0, 2.0, 2.0, 1.0], [0.0] * 5])
     centre = enclosing_ball(corners, 60)
     radius = np.linalg.norm(corners - centre[:, None], axis=0).max()
@@ -85,9 +72,6 @@ def test_enclosing_ball_of_known_points():
     assert radius < np.linalg.norm(corners - corners.mean(axis=1)[:, None], axis=0).max()
 
 
-def test_too_few_curves_are_refused(groups):
-    from rearl_jax.clustering.kl import Curves
-
-    with pytest.raises(InvalidInputError) as caught:
-        Curves(groups(2)[0], SMALL)
-    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "kl.k")
+def test_too_few_curves_are_refused():
+    with refused("out-of-range", key="kl.k"):
+        Curves(grouped_curves(2)[0], SMALL)

@@ -5,6 +5,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from rearl_jax.clustering import medoids
+from rearl_jax.clustering.medoids import build, farthest_first, swap
+
 
 def distances(n, seed=0):
     points = np.random.default_rng(seed).normal(size=(n, 2))
@@ -14,8 +17,6 @@ def distances(n, seed=0):
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("start", ["build", "farthest_first"])
 def test_swapped_medoids_are_near_the_best_and_no_swap_helps(seed, start):
-    from rearl_jax.clustering import medoids
-
     table = distances(18, seed)
     first = getattr(medoids, start)(table, 3)
     found = medoids.swap(table, first)
@@ -31,14 +32,10 @@ def test_swapped_medoids_are_near_the_best_and_no_swap_helps(seed, start):
 
 
 def test_farthest_first_takes_the_farthest():
-    from rearl_jax.clustering.medoids import farthest_first
-
     points = np.array([0.0, 1.0, 10.0, 6.0])
     assert farthest_first(abs(points[:, None] - points[None]), 3).tolist() == [0, 2, 3]
 
 
 def test_one_medoid_has_the_least_sum():
-    from rearl_jax.clustering.medoids import build, swap
-
     table = distances(12)
     assert swap(table, build(table, 1)).tolist() == [int(table.sum(axis=1).argmin())]

@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.clustering.scenes import SceneClusters, cluster_scenes, label_shares, may_be_fitted, references_of
 from rearl_jax.config.clustering import ClusterConfig, FitOn, Representative, SceneVector
-from rearl_jax.problems import InvalidInputError
+from rearl_jax.data.splits import Split
+from tests.refusal import refused
 
 
 def vectors(n=60, seed=0):
@@ -15,8 +17,6 @@ def vectors(n=60, seed=0):
 
 
 def test_shares_by_hand():
-    from rearl_jax.clustering.scenes import label_shares
-
     # One scene: track 5 (label 0) in three slots, track 7 (label 2) in one, one slot without label; one empty scene.
     track = np.array([[[5, 5, 5], [7, 9, 9]], [[-1] * 3, [-1] * 3]])
     labels = np.array([[[0, 0, 0], [2, -1, -1]], [[-1] * 3, [-1] * 3]])
@@ -27,8 +27,6 @@ def test_shares_by_hand():
 
 
 def test_clusters_are_ordered_and_representatives_are_their_nearest_members():
-    from rearl_jax.clustering.scenes import cluster_scenes
-
     points = vectors()
     allowed = np.arange(60) % 3 != 0
     found = cluster_scenes(points, allowed, ClusterConfig())
@@ -47,8 +45,6 @@ def test_clusters_are_ordered_and_representatives_are_their_nearest_members():
 
 
 def test_fewer_different_scenes_than_clusters(caplog):
-    from rearl_jax.clustering.scenes import cluster_scenes
-
     different = vectors(4)
     points = different[[2, 1, 1, 0, 2, 3, 3, 3]]
     with caplog.at_level(logging.WARNING):
@@ -59,8 +55,6 @@ def test_fewer_different_scenes_than_clusters(caplog):
 
 
 def test_scene_without_labelled_tracks_has_no_cluster():
-    from rearl_jax.clustering.scenes import cluster_scenes
-
     points = vectors(20)
     points[4] = 0.0
     found = cluster_scenes(points, np.ones(20, bool), ClusterConfig(n_clusters=3))
@@ -70,16 +64,11 @@ def test_scene_without_labelled_tracks_has_no_cluster():
 
 
 def test_no_scene_left_to_fit_on():
-    from rearl_jax.clustering.scenes import cluster_scenes
-
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("scenes-too-few"):
         cluster_scenes(vectors(5), np.zeros(5, bool), ClusterConfig())
-    assert caught.value.code == "scenes-too-few"
 
 
 def test_references_are_the_recorded_scenes_or_their_means(traffic):
-    from rearl_jax.clustering.scenes import cluster_scenes, references_of
-
     scenes, _, _ = traffic
     found = cluster_scenes(vectors(len(scenes)), np.ones(len(scenes), bool), ClusterConfig(n_clusters=4))
     medoids = references_of(scenes, found, ClusterConfig())
@@ -96,8 +85,6 @@ def test_references_are_the_recorded_scenes_or_their_means(traffic):
 
 @pytest.mark.parametrize("representative", list(Representative))
 def test_references_stand_for_the_fitted_scenes_of_their_clusters(traffic, representative):
-    from rearl_jax.clustering.scenes import SceneClusters, references_of
-
     scenes = traffic[0]
     labels, fitted = np.full(len(scenes), -1), np.zeros(len(scenes), bool)
     labels[:10] = [0, 0, 0, 0, 1, 1, 2, 2, 2, 2]
@@ -110,9 +97,6 @@ def test_references_stand_for_the_fitted_scenes_of_their_clusters(traffic, repre
 
 
 def test_scenes_that_may_be_fitted(traffic):
-    from rearl_jax.clustering.scenes import may_be_fitted
-    from rearl_jax.data.splits import Split
-
     splits = traffic[2]
     allowed = may_be_fitted(splits, FitOn.not_eval)
     assert len(splits.evaluation) >= 5

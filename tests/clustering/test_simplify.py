@@ -5,15 +5,16 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from rearl_jax.clustering.continuous import continuous_distances
+from rearl_jax.clustering.simplify import shortcut_errors, simplified, simplify
+from tests.clustering.curves import random_curves
 
-def test_shortcut_errors_are_frechet_distances(walks):
-    from rearl_jax.clustering.continuous import continuous_distances
-    from rearl_jax.clustering.simplify import shortcut_errors
 
-    curves = walks(3, 8)
+def test_shortcut_errors_are_frechet_distances():
+    curves = random_curves(2, 7)
     errors = shortcut_errors(curves)
-    for curve in range(3):
-        for i, j in combinations(range(8), 2):
+    for curve in range(2):
+        for i, j in combinations(range(7), 2):
             piece = curves[:, i : j + 1, curve : curve + 1].astype(np.float64)
             segment = piece[:, [0, -1], 0][None]
             assert errors[curve, i, j] == pytest.approx(continuous_distances(piece, segment)[0, 0], abs=1e-7)
@@ -21,17 +22,13 @@ def test_shortcut_errors_are_frechet_distances(walks):
 
 
 def test_shortcut_over_a_step_back_needs_more_than_the_distance_to_the_segment():
-    from rearl_jax.clustering.simplify import shortcut_errors
-
     back = np.array([[0.0, 3.0, 1.0, 4.0], [0.0] * 4, [0.0] * 4])[:, :, None]
     assert shortcut_errors(back)[0, 0, 3] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("n_vertices", [2, 3, 4, 5])
-def test_simplification_is_the_best_of_all_choices(walks, n_vertices):
-    from rearl_jax.clustering.simplify import shortcut_errors, simplified, simplify
-
-    curves = walks(12, 8, seed=6)
+def test_simplification_is_the_best_of_all_choices(n_vertices):
+    curves = random_curves(12, 8, seed=6)
     errors = shortcut_errors(curves)
     found = simplify(errors, n_vertices)
     for curve in range(12):
@@ -46,10 +43,8 @@ def test_simplification_is_the_best_of_all_choices(walks, n_vertices):
     np.testing.assert_array_equal(simplified(curves, errors, n_vertices)[3], curves[:, found[3], 3])
 
 
-def test_more_vertices_than_points_repeat_some(walks):
-    from rearl_jax.clustering.simplify import shortcut_errors, simplified
-
-    curves = walks(2, 4)
+def test_more_vertices_than_points_repeat_some():
+    curves = random_curves(2, 4)
     found = simplified(curves, shortcut_errors(curves), 7)
     assert found.shape == (2, 3, 7)
     np.testing.assert_array_equal(np.unique(found[0], axis=1), np.unique(curves[:, :, 0], axis=1))

@@ -9,8 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.clustering.figures import track_figure
+from rearl_jax.clustering.tables import embedding
+from rearl_jax.clustering.task import run
+from rearl_jax.config import clustering
 from rearl_jax.config.clustering import BoConfig
-from rearl_jax.problems import InvalidInputError
+from rearl_jax.results import read_metadata
+from tests.refusal import refused
 
 FILES = ["bo_trace.parquet", "centres.parquet", "config.json", "page.html", "references.parquet"]
 FILES += ["scene_clusters.parquet", "scenes.png", "search.png", "summary.json", "tracks.parquet", "tracks.png"]
@@ -19,8 +24,6 @@ FILES += ["scene_clusters.parquet", "scenes.png", "search.png", "summary.json", 
 @pytest.fixture(scope="module")
 def done(task_config, tmp_path_factory):
     """Configuration, folder, summary and printed text of `rearl cluster bo.enabled=true`, and its cache."""
-    from rearl_jax.clustering.task import run
-
     root, cache = tmp_path_factory.mktemp("results"), tmp_path_factory.mktemp("cache")
     bo = BoConfig(enabled=True, n_calls=4, n_initial=3, share=0.3, k=(3, 4), l=(5, 8), iterations=(1, 2))
     config = replace(task_config, bo=bo, results=replace(task_config.results, root=str(root)))
@@ -32,9 +35,6 @@ def done(task_config, tmp_path_factory):
 
 
 def test_folder_tables_and_summary(done, traffic, monkeypatch):
-    from rearl_jax.clustering.task import run
-    from rearl_jax.results import read_metadata
-
     config, folder, summary, printed, cache = done
     scenes, tracks, splits = traffic
     assert sorted(path.name for path in folder.iterdir()) == sorted(FILES)
@@ -74,26 +74,18 @@ def test_folder_tables_and_summary(done, traffic, monkeypatch):
     pd.testing.assert_frame_equal(pd.read_parquet(folder / "bo_trace.parquet"), tables["bo_trace"])
 
 
-def test_figures_are_pictures_and_generated_data_are_marked(done, traffic):
+def test_figures_are_pictures_and_generated_data_are_marked(done, clustered):
     import matplotlib.image
-
-    from rearl_jax.clustering.figures import track_figure
-    from rearl_jax.clustering.references import cluster
 
     folder = done[1]
     for path in folder.glob("*.png"):
         picture = matplotlib.image.imread(path)
         assert min(picture.shape[:2]) >= 500
         assert picture[..., :3].std() > 0.05  # not empty
-    scenes, tracks, splits = traffic
-    config = replace(done[0], bo=BoConfig())
-    clusters = cluster(config, scenes, tracks, splits, None, scenes.data_id, lambda *stage: None)
-    assert track_figure(clusters.tracks, generated=True) != track_figure(clusters.tracks, generated=False)
+    assert track_figure(clustered.tracks, generated=True) != track_figure(clustered.tracks, generated=False)
 
 
 def test_few_scenes_need_no_map():
-    from rearl_jax.clustering.tables import embedding
-
     assert (embedding(np.tile(np.eye(3), (4, 1)), 0) == 0).all()
 
 
@@ -114,9 +106,6 @@ def test_few_scenes_need_no_map():
     ],
 )
 def test_configuration_out_of_range(record, key, value):
-    from rearl_jax.config import clustering
-
     getattr(clustering, record)().check()
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("out-of-range", key=key):
         replace(getattr(clustering, record)(), **{key: value}).check()
-    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", key)

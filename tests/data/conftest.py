@@ -44,14 +44,8 @@ def make_highd_files(
                     "width": length,
                     "height": width,
                     "xVelocity": round(speed, 2) * (1 if direction == 2 else -1),
-                    "yVelocity": 0.0,
                     "xAcceleration": 0.1 if direction == 2 else -0.1,
-                    "yAcceleration": 0.0,
-                    "dhw": 0.0,
-                    "thw": 0.0,
-                    "ttc": 0.0,
                     "precedingId": i - 2 if i > 2 else 0,
-                    "followingId": 0,
                     "laneId": 3 - lane if direction == 1 else 5 + lane,
                 }
             )
@@ -59,10 +53,6 @@ def make_highd_files(
         meta.append(
             {
                 "id": i,
-                "width": length,
-                "height": width,
-                "initialFrame": frames[0],
-                "finalFrame": frames[-1],
                 "numFrames": n_frames,
                 "class": "Truck" if truck else "Car",
                 "drivingDirection": direction,

@@ -9,9 +9,9 @@ import pytest
 
 from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.data.openacc import fill_holes, find_platoons, platoon_recordings, read_platoon
-from rearl_jax.data.problems import BadRecordingError
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.problems import MissingInputError
+from tests.refusal import refused
 
 STOP = DataConfig()
 DROP_ROW = DataConfig(on_bad=OnBad.drop_row)
@@ -76,10 +76,8 @@ def test_positions_hold_the_gaps_and_the_leaders_integrated_speed(tmp_path):
 def test_negative_gaps_stop_or_are_left_out_and_counted(tmp_path):
     rows = _platoon()
     rows.loc[(rows["pos"] == 2) & rows.index.isin(range(250, 300)), "gap_to_follower_m"] = -1.0
-    with pytest.raises(BadRecordingError) as caught:
+    with refused("negative-gap", column="gap_to_follower_m", row=251) as caught:
         _read(tmp_path, rows)
-    assert caught.value.code == "negative-gap"
-    assert (caught.value.problem.column, caught.value.problem.row) == ("gap_to_follower_m", 251)
     assert "run_1" in caught.value.problem.file
     (recording,) = _read(tmp_path, rows, DROP_ROW)
     # 5 s without a gap: the two vehicles behind have no place, and go on under new ids.
@@ -101,13 +99,8 @@ def test_a_hole_of_a_second_is_filled_a_longer_one_is_not(tmp_path):
     assert "10 speeds and gaps in holes" in recording.info.notes[-1]
     np.testing.assert_allclose(_gaps(recording.table, 3, 4), whole, atol=0.05)
     rows.loc[third[60], "gap_to_follower_m"] = np.nan
-    with pytest.raises(BadRecordingError) as caught:
+    with refused("no-gap", column="gap_to_follower_m", row=651):
         _read(tmp_path, rows)
-    assert (caught.value.code, caught.value.problem.column, caught.value.problem.row) == (
-        "no-gap",
-        "gap_to_follower_m",
-        651,
-    )
     (recording,) = _read(tmp_path, rows, DROP_ROW)
     assert recording.dropped == {"no_gap": 11, "gap_cuts": 1}
 
@@ -132,9 +125,8 @@ def test_a_missing_vehicle_parts_the_platoon_and_a_lone_one_is_counted(tmp_path)
     assert [r.info.id for r in (first, second)] == ["openacc_run_1_1to2", "openacc_run_1_4to7"]
     assert [sorted(set(r.table["track_id"])) for r in (first, second)] == [[1, 2], [4, 5, 6, 7]]
     rows = rows[rows["pos"] != 1]
-    with pytest.raises(BadRecordingError) as caught:
+    with refused("unlinked", column="pos", row=1):
         _read(tmp_path, rows)
-    assert (caught.value.code, caught.value.problem.column, caught.value.problem.row) == ("unlinked", "pos", 1)
     (only,) = _read(tmp_path, rows, DROP_ROW)
     assert only.dropped == {"unlinked": 200}
     assert only.info.id == "openacc_run_1"
@@ -143,13 +135,8 @@ def test_a_missing_vehicle_parts_the_platoon_and_a_lone_one_is_counted(tmp_path)
 def test_a_jumping_gap_is_found(tmp_path):
     rows = _platoon()
     rows.loc[(rows["pos"] == 1) & (rows["t_s"] > 40.0), "gap_to_follower_m"] += 5.0
-    with pytest.raises(BadRecordingError) as caught:
+    with refused("jump", column="gap_to_follower_m", row=302):
         _read(tmp_path, rows)
-    assert (caught.value.code, caught.value.problem.column, caught.value.problem.row) == (
-        "jump",
-        "gap_to_follower_m",
-        302,
-    )
     (recording,) = _read(tmp_path, rows, DROP_ROW)
     assert recording.dropped == {"jump_cuts": 3}
 
@@ -191,9 +178,8 @@ def test_damage_inside_is_named(tmp_path, sound, damaged, says):
     content = path.read_bytes()
     assert sound in content
     path.write_bytes(content.replace(sound, damaged))
-    with pytest.raises(BadRecordingError) as caught:
+    with refused("not-parquet", file=str(path)) as caught:
         platoon_recordings(path)
-    assert (caught.value.code, caught.value.problem.file) == ("not-parquet", str(path))
     assert says in caught.value.problem.said
 
 
@@ -208,6 +194,5 @@ def test_files_are_recordings(tmp_path):
     recordings = list(iterate_recordings(DataConfig(DataFormat.openacc, str(tmp_path))))
     assert [r.info.id for r in recordings] == ["openacc_run_1", "openacc_run_2"]
     assert [r.table["track_id"].nunique() for r in recordings] == [4, 3]
-    with pytest.raises(MissingInputError) as caught:
+    with refused("recordings-missing", MissingInputError):
         find_platoons(tmp_path / "elsewhere")
-    assert caught.value.code == "recordings-missing"

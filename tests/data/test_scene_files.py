@@ -10,8 +10,9 @@ from rearl_jax.config.scenes import SpeedNorm
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.scene_files import load_scenes, save_scenes, scene_table
 from rearl_jax.data.scene_set import ARRAYS, SceneCounts, SceneSet
-from rearl_jax.problems import InvalidInputError, MissingInputError
+from rearl_jax.problems import MissingInputError
 from rearl_jax.results import Study, read_metadata
+from tests.refusal import refused
 
 
 @pytest.fixture
@@ -79,13 +80,11 @@ def test_the_table_is_readable_without_this_package(scenes, study):
 
 
 def test_files_that_hold_no_scenes_are_refused(scenes, study, tmp_path):
-    with pytest.raises(MissingInputError) as caught:
+    with refused("file-missing", MissingInputError):
         load_scenes(tmp_path / "none.parquet")
-    assert caught.value.code == "file-missing"
     other = study.write_table("other", pd.DataFrame({"a": [1]}))
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("no-scenes"):
         load_scenes(other)
-    assert caught.value.code == "no-scenes"
 
 
 @pytest.mark.parametrize(
@@ -99,7 +98,5 @@ def test_files_that_hold_no_scenes_are_refused(scenes, study, tmp_path):
 def test_files_changed_afterwards_are_refused(scenes, study, change, code, column):
     stored = read_metadata(save_scenes(scenes, study))["scenes"]
     path = study.write_table("changed", change(scene_table(scenes)), scenes=stored)
-    with pytest.raises(InvalidInputError) as caught:
+    with refused(code, file=str(path), column=column):
         load_scenes(path)
-    problem = caught.value.problem
-    assert (problem.code, problem.file, problem.column) == (code, str(path), column)

@@ -7,7 +7,7 @@ import pytest
 
 from rearl_jax.config.scenes import SplitConfig, SplitUnit
 from rearl_jax.data.splits import Split, split_sizes, split_windows
-from rearl_jax.problems import InvalidInputError
+from tests.refusal import refused
 
 SECONDS = 60.0
 
@@ -39,7 +39,6 @@ def test_the_paper_sizes():
     assert splits.summary() == {
         "rest": 526, "threshold": 150, "tuning": 15, "evaluation": 50, "crossing": 0, "surplus": 0
     }  # fmt: skip
-    assert len(splits.rest) + len(splits.tuning) + len(splits.evaluation) == 591
 
 
 @pytest.mark.parametrize(
@@ -69,9 +68,8 @@ def test_sizes_given_by_the_user_are_kept():
 
 @pytest.mark.parametrize("split", [SplitConfig(), SplitConfig(evaluation=4, tuning=2)])
 def test_too_few_scenes_stop(split):
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("scenes-too-few"):
         split_sizes(6, split)
-    assert caught.value.code == "scenes-too-few"
 
 
 def test_equal_seeds_give_equal_splits_and_others_do_not():
@@ -92,9 +90,8 @@ def test_evaluation_does_not_depend_on_the_other_sizes(unit):
 
 def test_overlapping_scenarios_are_refused():
     recording, start = windows(10, 10 * SECONDS, stride=59.0)
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("windows-overlap", key="split.unit"):
         split_windows(recording, start, SECONDS, SplitConfig())
-    assert (caught.value.code, caught.value.problem.key) == ("windows-overlap", "split.unit")
 
 
 def test_recordings_stay_whole():
@@ -140,7 +137,7 @@ def test_no_two_splits_share_a_second_of_traffic():
     """Random sets of windows: recordings, strides, blocks, gaps left by rejected windows, all units."""
     rng = np.random.default_rng(0)
     n_split, n_dropped, n_refused = (dict.fromkeys(SplitUnit, 0) for _ in range(3))
-    for seed in range(300):
+    for seed in range(120):
         unit = list(SplitUnit)[seed % 3]
         stride = float(rng.choice([1, 7, 20, 45, 60, 90]))
         config = SplitConfig(unit, seed, block_seconds=float(rng.choice([60, 75, 300])))
@@ -160,9 +157,9 @@ def test_no_two_splits_share_a_second_of_traffic():
         assert sizes["evaluation"] >= 5
         n_split[unit] += 1
         n_dropped[unit] += splits.n_crossing
-    assert min(n_split.values()) >= 20
-    assert n_dropped[SplitUnit.block] > 500
-    assert n_refused[SplitUnit.scenario] >= 20, "overlapping scenarios must have occurred"
+    assert min(n_split.values()) >= 8
+    assert n_dropped[SplitUnit.block] > 200
+    assert n_refused[SplitUnit.scenario] >= 8, "overlapping scenarios must have occurred"
 
 
 def test_the_property_sees_a_leak():
@@ -195,9 +192,8 @@ def test_the_property_sees_a_leak():
 )
 def test_units_that_cannot_serve_three_splits(arguments, split, code, facts):
     recording, start = windows(*arguments)
-    with pytest.raises(InvalidInputError) as caught:
+    with refused(code) as caught:
         split_windows(recording, start, SECONDS, split)
-    assert caught.value.code == code
     assert all(fact in str(caught.value) for fact in facts), str(caught.value)
 
 
@@ -210,6 +206,5 @@ def test_units_that_cannot_serve_three_splits(arguments, split, code, facts):
     ],
 )
 def test_bad_values_are_refused(split, key):
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("out-of-range", key=key):
         split.check()
-    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", key)

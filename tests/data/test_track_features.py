@@ -4,12 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.config import PrepareTask
 from rearl_jax.config.scenes import (
     Direction,
     FeatureDistance,
     FeaturesConfig,
     ScenesConfig,
-    SpacingConfig,
     TracksConfig,
 )
 from rearl_jax.data.records import Recording, RecordingInfo
@@ -38,12 +38,9 @@ def traffic(spans: dict[int, tuple[int, int]], seed: int = 0) -> Recording:
 
 
 def curves(recording, points=16, d=FeatureDistance.mean_all, direction=Direction.pooled, min_frames=20):
+    tracks = TracksConfig(min_frames, points)
     return track_features(
-        recording,
-        ScenesConfig(direction),
-        TracksConfig(min_frames, points),
-        FeaturesConfig(d),
-        SpacingConfig(),
+        recording, PrepareTask(scenes=ScenesConfig(direction), tracks=tracks, features=FeaturesConfig(d))
     )
 
 
@@ -87,11 +84,3 @@ def test_a_lonely_track_is_left_out_and_counted():
     # Alone at first: the first value in company holds back to the entry.
     assert (built.distance[0, :8] == built.distance[0, 0]).all()
     assert np.isfinite(built.distance).all()
-
-
-def test_table_has_one_row_per_track_and_point():
-    table = curves(traffic({1: (0, 40), 2: (20, 60)})).table()
-    assert len(table) == 2 * 16
-    assert table["point"].tolist() == [*range(16), *range(16)]
-    assert table["track_id"].is_monotonic_increasing
-    assert table.groupby("track_id")["position"].is_monotonic_increasing.all()

@@ -25,5 +25,4 @@ def us101():
     from rearl_jax.data.scenes import build_scenes
 
     config = PrepareTask()
-    groups = (config.scenes, config.speed, config.tracks, config.features, config.spacing)
-    return build_scenes(iterate_recordings(config.data), *groups)
+    return build_scenes(iterate_recordings(config.data), config)

@@ -5,20 +5,16 @@ python -m tests.fuzz highd --first 1684 --inputs 1
 """
 
 import argparse
-import faulthandler
 import json
-import os
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 
-from tests.fuzz.outcome import Outcome, Result
+from tests.fuzz.outcome import Outcome, Result, ended_in_time
 from tests.fuzz.parsers import PARSERS
 from tests.fuzz.readers import Reader
 from tests.fuzz.traffic import FORMATS
@@ -37,29 +33,6 @@ def target(name: str, folder: Path) -> Callable[[Random], Result]:
         folder: A folder of its own to write in.
     """
     return Reader(name, folder / "recording").try_one if name in FORMATS else PARSERS[name](folder)
-
-
-@contextmanager
-def ended_in_time(what: str, limit: float = 120.0) -> Iterator[None]:
-    """Ends the process with the stacks of its threads where the block hangs; compiled code hears no exception.
-
-    Args:
-        what: What is tried, for the message.
-        limit: How long it may take [s].
-    """
-
-    def give_up() -> None:
-        print(f"{what} has not ended after {limit:g} s", file=sys.stderr, flush=True)
-        faulthandler.dump_traceback(sys.__stderr__)
-        os._exit(2)
-
-    watch = threading.Timer(limit, give_up)
-    watch.daemon = True
-    watch.start()
-    try:
-        yield
-    finally:
-        watch.cancel()
 
 
 def tried(name: str, inputs: range, seed: int) -> tuple[Counter[str], Counter[str], dict[str, tuple[int, str]], float]:

@@ -1,6 +1,11 @@
-"""What became of a fuzzed input, and which errors are those a caller is told to expect."""
+"""What became of a fuzzed input: an error that a caller is told to expect, another one, or no end."""
 
+import faulthandler
 import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path
 
@@ -40,3 +45,26 @@ def judged(error: Exception, expected: tuple[type[Exception], ...] = (ValueError
         return Outcome.refused, said
     place = "" if ours is None else f"{Path(ours.tb_frame.f_code.co_filename).name}:{ours.tb_lineno} "
     return Outcome.crashed, place + said
+
+
+@contextmanager
+def ended_in_time(what: str, limit: float = 120.0) -> Iterator[None]:
+    """Ends the process with the stacks of its threads where the block hangs; compiled code hears no exception.
+
+    Args:
+        what: What is tried, for the message.
+        limit: How long it may take [s].
+    """
+
+    def give_up() -> None:
+        print(f"{what} has not ended after {limit:g} s", file=sys.stderr, flush=True)
+        faulthandler.dump_traceback(sys.__stderr__)
+        os._exit(2)
+
+    watch = threading.Timer(limit, give_up)
+    watch.daemon = True
+    watch.start()
+    try:
+        yield
+    finally:
+        watch.cancel()

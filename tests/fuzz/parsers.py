@@ -1,7 +1,6 @@
 """Fuzzed replies of language models, configurations and stored files, each through the code that reads it."""
 
 import json
-import shutil
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -29,56 +28,11 @@ from tests.fuzz.outcome import Outcome, Result, judged
 from tests.models.drivers import CURVE, GAIN, NOISE, model
 
 _PIECES = (
-    *(
-        "3",
-        "0",
-        "-1",
-        "7",
-        "2.5",
-        "IDLE",
-        "LANE_LEFT",
-        "faster",
-        "keep lane",
-        "left",
-        "####",
-        "```json",
-        "```",
-        "{",
-        "}",
-    ),
-    *(
-        '{"action": 3}',
-        '{"id": "left"}',
-        "<think>",
-        "</think>",
-        "<thinking>",
-        "answer",
-        "Action:",
-        "action_id",
-        "**3**",
-    ),
-    *(
-        "NaN",
-        "Infinity",
-        "1e400",
-        "\u0663",
-        "\uff13",
-        "\ud800",
-        "\x00",
-        "\n",
-        " ",
-        "not",
-        "or",
-        "_3_",
-        ":",
-        '"',
-        "1" * 5000,
-    ),
-    *(
-        '{"aggressive": 0.2, "defensive": 0.3, "truck": 0.1}',
-        '{"aggressive": NaN, "defensive": 0, "truck": 0}',
-        "[" * 900,
-    ),
+    *"3 0 -1 7 2.5 IDLE LANE_LEFT faster left #### ```json ``` { } <think> </think> <thinking> answer Action:".split(),
+    *"action_id **3** NaN Infinity 1e400 \u0663 \uff13 \ud800 \x00 not or _3_ :".split(),
+    *("keep lane", "\n", " ", '"', "1" * 5000, "[" * 900, '{"action": 3}', '{"id": "left"}'),
+    '{"aggressive": 0.2, "defensive": 0.3, "truck": 0.1}',
+    '{"aggressive": NaN, "defensive": 0, "truck": 0}',
 )
 _CHOICES = (0, 1, 2, 3, 4)
 
@@ -136,9 +90,7 @@ def completion(folder: Path) -> Callable[[Random], Result]:
         value: Any = sound
         for _ in range(rng.randint(0, 4)):
             value = other_json(value, rng)
-        content = json.dumps(value).encode()
-        for _ in range(rng.choice((0, 0, 1, 3))):
-            content = other_bytes(content, rng)
+        content = other_bytes(json.dumps(value).encode(), rng, rng.choice((0, 0, 1, 3)))
         try:
             read_error(content).encode()  # whatever it is, there is something to show
             found = read_completion(content)
@@ -172,10 +124,7 @@ def model_file(folder: Path) -> Callable[[Random], Result]:
                 value = other_json(value, rng)
             path.write_text(json.dumps(value).replace("NaN", ".nan").replace("Infinity", ".inf"))
         else:
-            spoiled = content
-            for _ in range(rng.randint(1, 3)):
-                spoiled = other_bytes(spoiled, rng)
-            path.write_bytes(spoiled)
+            path.write_bytes(other_bytes(content, rng, rng.randint(1, 3)))
         try:
             found = read_model(path)
         except Exception as error:
@@ -233,13 +182,11 @@ def config_file(folder: Path) -> Callable[[Random], Result]:
     sound = {"format": "highd", "root": "/data", "on_bad": "stop", "max_jump": 2.0, "default_length": 4.5}
 
     def try_one(rng: Random) -> Result:
-        content = yaml.safe_dump(sound).encode()
         if rng.random() < 0.5:
             value = other_json(sound, rng)
             content = json.dumps(value).replace("NaN", ".nan").replace("Infinity", ".inf").encode()
         else:
-            for _ in range(rng.randint(1, 3)):
-                content = other_bytes(content, rng)
+            content = other_bytes(yaml.safe_dump(sound).encode(), rng, rng.randint(1, 3))
         path.write_bytes(content)
         return _composed(task, ["data=mine"], str(folder))
 
@@ -256,12 +203,9 @@ def answers(folder: Path) -> Callable[[Random], Result]:
     content = path.read_bytes()
 
     def try_one(rng: Random) -> Result:
-        spoiled = content
-        for _ in range(rng.randint(1, 4)):
-            spoiled = other_bytes(spoiled, rng)
         for file in folder.glob("answers.sqlite*"):
             file.unlink()
-        path.write_bytes(spoiled)
+        path.write_bytes(other_bytes(content, rng, rng.randint(1, 4)))
         try:
             opened = Answers(path, read_only=rng.random() < 0.5)
             try:
@@ -319,10 +263,3 @@ PARSERS: dict[str, Callable[[Path], Callable[[Random], Result]]] = {
     "finished": finished,
 }
 """By name: a folder to write in -> a function that tries one input."""
-
-
-def emptied(folder: Path) -> Path:
-    """The folder with nothing in it."""
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    return folder

@@ -308,84 +308,68 @@ class Format:
     kinds: dict[str, tuple[str, ...]]
 
 
-_CANONICAL = {
-    "position": ("position", "x"),
-    "ground": ("x",),
-    "across": ("y", "lateral"),
-    "y": ("y",),
-    "lateral": ("lateral",),
-    "speed": ("speed",),
-    "acceleration": ("acceleration",),
-    "length": ("length",),
-    "width": ("width",),
-    "time": ("time",),
-    "lengths": ("position", "x", "y", "lateral", "length", "width"),
-    "everything": ("position", "x", "y", "lateral", "length", "width", "speed", "acceleration"),
-}
-_PUBLISHED = {
-    "position": ("Local_Y",),
-    "lateral": ("Local_X",),
-    "speed": ("v_Vel",),
-    "acceleration": ("v_Acc",),
-    "length": ("v_Length",),
-    "width": ("v_Width",),
-    "lengths": ("Local_X", "Local_Y", "v_Length", "v_Width"),
-    "everything": ("Local_X", "Local_Y", "v_Length", "v_Width", "v_Vel", "v_Acc"),
-}
+def _kinds(lengths: str, speeds: str, **others: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
+    """Kinds of quantities, and all lengths, or lengths and everything with a time in it, in wrong units together."""
+    return others | {"lengths": tuple(lengths.split()), "everything": (*lengths.split(), *speeds.split())}
+
+
+_CANONICAL = _kinds(
+    "position x y lateral length width",
+    "speed acceleration",
+    position=("position", "x"),
+    ground=("x",),
+    across=("y", "lateral"),
+    **{name: (name,) for name in ("y", "lateral", "speed", "acceleration", "length", "width", "time")},
+)
+_PUBLISHED = _kinds(
+    "Local_X Local_Y v_Length v_Width",
+    "v_Vel v_Acc",
+    position=("Local_Y",),
+    lateral=("Local_X",),
+    speed=("v_Vel",),
+    acceleration=("v_Acc",),
+    length=("v_Length",),
+    width=("v_Width",),
+)
+_HIGHD = _kinds(
+    "x y width height upperLaneMarkings lowerLaneMarkings",
+    "xVelocity xAcceleration speedLimit",
+    position=("x",),
+    lateral=("y",),
+    speed=("xVelocity",),
+    acceleration=("xAcceleration",),
+    length=("width",),
+    width=("height",),
+    frame_rate=("frameRate",),
+    speed_limit=("speedLimit",),
+    markings=("upperLaneMarkings", "lowerLaneMarkings"),
+)
+_US101 = _kinds(
+    "x_m y_m",
+    "speed_mps accel_mps2",
+    position=("y_m",),
+    lateral=("x_m",),
+    speed=("speed_mps",),
+    acceleration=("accel_mps2",),
+)
+_I80 = _kinds(
+    "y_f_m y_l_m leader_length_m",
+    "v_f_mps v_l_mps a_f_mps2 a_l_mps2",
+    position=("y_f_m", "y_l_m"),
+    speed=("v_f_mps", "v_l_mps"),
+    acceleration=("a_f_mps2", "a_l_mps2"),
+    length=("leader_length_m",),
+    time=("t_s",),
+)
+_OPENACC = {"speed": ("speed_mps",), "gap": ("gap_to_follower_m",), "time": ("t_s",)}
 
 FORMATS = {
-    "highd": Format(
-        DataFormat.highd,
-        highd,
-        {
-            "position": ("x",),
-            "lateral": ("y",),
-            "speed": ("xVelocity",),
-            "acceleration": ("xAcceleration",),
-            "length": ("width",),
-            "width": ("height",),
-            "frame rate": ("frameRate",),
-            "speed limit": ("speedLimit",),
-            "markings": ("upperLaneMarkings", "lowerLaneMarkings"),
-            "lengths": ("x", "y", "width", "height", "upperLaneMarkings", "lowerLaneMarkings"),
-            "everything": (
-                *("x", "y", "width", "height", "upperLaneMarkings", "lowerLaneMarkings", "xVelocity"),
-                *("xAcceleration", "speedLimit"),
-            ),
-        },
-    ),
+    "highd": Format(DataFormat.highd, highd, _HIGHD),
     "ngsim_csv": Format(DataFormat.ngsim, lambda: published("trajectories.csv"), _PUBLISHED),
     "ngsim_txt": Format(DataFormat.ngsim, lambda: published("us101.txt"), _PUBLISHED),
-    "us101": Format(
-        DataFormat.us101,
-        us101,
-        {
-            "position": ("y_m",),
-            "lateral": ("x_m",),
-            "speed": ("speed_mps",),
-            "acceleration": ("accel_mps2",),
-            "lengths": ("x_m", "y_m"),
-            "everything": ("x_m", "y_m", "speed_mps", "accel_mps2"),
-        },
-    ),
-    "i80": Format(
-        DataFormat.i80,
-        i80,
-        {
-            "position": ("y_f_m", "y_l_m"),
-            "speed": ("v_f_mps", "v_l_mps"),
-            "acceleration": ("a_f_mps2", "a_l_mps2"),
-            "length": ("leader_length_m",),
-            "time": ("t_s",),
-            "lengths": ("y_f_m", "y_l_m", "leader_length_m"),
-            "everything": (*("y_f_m", "y_l_m", "leader_length_m", "v_f_mps", "v_l_mps", "a_f_mps2", "a_l_mps2"),),
-        },
-    ),
-    "openacc": Format(
-        DataFormat.openacc,
-        openacc,
-        {"speed": ("speed_mps",), "gap": ("gap_to_follower_m",), "time": ("t_s",)},
-    ),
+    "us101": Format(DataFormat.us101, us101, _US101),
+    "i80": Format(DataFormat.i80, i80, _I80),
+    "openacc": Format(DataFormat.openacc, openacc, _OPENACC),
     "table_csv": Format(DataFormat.table, lambda: canonical("a.csv", described=True), _CANONICAL),
     "table_parquet": Format(DataFormat.table, lambda: canonical("a.parquet", described=True), _CANONICAL),
     "table_foreign": Format(DataFormat.table, lambda: canonical("a.csv", described=False), _CANONICAL),

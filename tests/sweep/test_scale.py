@@ -121,8 +121,7 @@ def test_exactly_as_many_rollouts_as_asked_for_and_no_two_alike(whole):
 
 def test_the_stream_holds_what_evaluate_simulates(whole):
     config = EvaluateTask(core=whole.config.core, eval=EvaluationConfig(n_runs=16))
-    groups = (config.scenes, config.speed, config.tracks, config.features, config.spacing)
-    scenes = build_scenes(iterate_recordings(config.data), *groups)
+    scenes = build_scenes(iterate_recordings(config.data), config)
     held_out = split_scenes(scenes, config.split).evaluation
     scores = scored_rollouts(Rollouts([Row(config)], scenes, held_out)[:PART], scenes, held_out)
     runs = pd.read_parquet(whole.folder / "runs")[:PART]

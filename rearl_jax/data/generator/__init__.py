@@ -6,5 +6,3 @@ the core.
 """
 
 from rearl_jax.data.generator.dataset import generate as generate
-from rearl_jax.data.generator.summary import summarise as summarise
-from rearl_jax.data.generator.summary import totals as totals

@@ -15,7 +15,7 @@ SHORTEST_TRACK = 4  # frames the tracker needs for third differences
 
 @dataclass(frozen=True)
 class Tracks:
-    """What the tracker reports, one row per vehicle and frame, sorted by vehicle and frame; driver frame.
+    """Output of the tracker, one row per vehicle and frame, sorted by vehicle and frame; driver frame.
 
     Attributes:
         vehicle: Number of the vehicle.

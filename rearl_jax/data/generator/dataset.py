@@ -150,7 +150,7 @@ def _difference(truth: dict, content: dict) -> str:
 
 
 def _is_complete(root: Path, truth: dict, number: int) -> bool:
-    """Whether the three files are listed and have the sizes listed."""
+    """True where the three files are listed and have the sizes listed."""
     sizes = truth["recordings"].get(f"{number:02d}")
     return sizes is not None and all(
         (root / name).is_file() and (root / name).stat().st_size == size for name, size in sizes.items()

@@ -8,11 +8,10 @@ without a preceding vehicle, -1 for their minima; dhw is the distance of the two
 v_preceding) and so negative while the gap opens.
 """
 
-from typing import Protocol, runtime_checkable
-
 import numpy as np
 
 from rearl_jax.data.generator.camera import Tracks
+from rearl_jax.data.generator.fleet import Drivers
 from rearl_jax.data.generator.plan import RecordingPlan
 from rearl_jax.data.generator.road import LOWER, UPPER
 from rearl_jax.data.generator.traffic import FRAME
@@ -24,28 +23,8 @@ NO_VALUE = -1.0
 Table = dict[str, np.ndarray]
 
 
-@runtime_checkable
-class Vehicles(Protocol):
-    """What the tables say about vehicles: class and size [m], arrays over vehicles."""
-
-    @property
-    def is_truck(self) -> np.ndarray:
-        """Whether it is one."""
-        ...
-
-    @property
-    def length(self) -> np.ndarray:
-        """[m]."""
-        ...
-
-    @property
-    def width(self) -> np.ndarray:
-        """[m]."""
-        ...
-
-
 def highd_tables(
-    plan: RecordingPlan, tracks: Tracks, drivers: Vehicles, direction: np.ndarray, camera_length: float
+    plan: RecordingPlan, tracks: Tracks, drivers: Drivers, direction: np.ndarray, camera_length: float
 ) -> tuple[Table, Table, Table]:
     """tracks, tracksMeta and recordingMeta of one recording.
 
@@ -74,7 +53,7 @@ def _tracks_table(
     plan: RecordingPlan,
     tracks: Tracks,
     track_id: np.ndarray,
-    drivers: Vehicles,
+    drivers: Drivers,
     direction: np.ndarray,
     camera_length: float,
 ) -> Table:
@@ -149,7 +128,7 @@ def _neighbour_rows(
     return found
 
 
-def _tracks_meta(body: Table, drivers: Vehicles, direction: np.ndarray, vehicle: np.ndarray) -> Table:
+def _tracks_meta(body: Table, drivers: Drivers, direction: np.ndarray, vehicle: np.ndarray) -> Table:
     begin = np.flatnonzero(np.diff(body["id"], prepend=0))
     n_frames = np.diff(np.append(begin, len(body["id"])))
     end = begin + n_frames - 1

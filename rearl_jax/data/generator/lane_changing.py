@@ -50,7 +50,7 @@ def expected_speed(
 
 
 def accepts_gaps(speed: np.ndarray, target: Neighbours, drivers: Drivers) -> np.ndarray:
-    """Whether the gaps in the target lane suffice.
+    """Mask of drivers for whom the gaps in the target lane suffice.
 
     To the vehicle ahead: s0 + T_c v plus the way lost while slowing to its speed at comfortable deceleration;
     to the one behind the same with its speed.
@@ -118,6 +118,6 @@ def lateral_position(fleet: Fleet, time: float, lane_width: float) -> np.ndarray
 
 
 def has_left_origin(fleet: Fleet, lateral: np.ndarray, lane_width: float) -> np.ndarray:
-    """Whether a vehicle is so far out of its lane of origin that any other may pass it there."""
+    """Mask of vehicles so far out of their lane of origin that any other may pass them there."""
     distance = np.abs(lateral - (fleet.origin + 0.5) * lane_width)
     return distance > 0.5 * (fleet.drivers.width + WIDEST_VEHICLE) + LATERAL_LIMIT

@@ -1,4 +1,4 @@
-"""What a recording is to hold: place, duration, traffic volume, truck share, congestion.
+"""Plan of a recording: place, duration, traffic volume, truck share, congestion.
 
 The design has 60 cells, as many as highD has recordings. A cell's traffic is a quantile of the published
 range, so that the 60 together reproduce highD's totals instead of scattering around them; the seed decides
@@ -86,7 +86,7 @@ def plan_recording(config: GeneratorConfig, recording_id: int) -> RecordingPlan:
 
 @dataclass(frozen=True)
 class _Design:
-    """What the recordings are made of; arrays over cells.
+    """Design of the recordings; arrays over cells.
 
     Attributes:
         duration: [s], before scaling.

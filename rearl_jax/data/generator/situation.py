@@ -9,7 +9,7 @@ from rearl_jax.data.generator.fleet import Fleet
 
 @dataclass(frozen=True)
 class Situation:
-    """What the drivers on the road see at one moment; arrays over the vehicles of the fleet.
+    """Traffic as the drivers on the road see it at one time step; arrays over the vehicles of the fleet.
 
     Attributes:
         time: Time since the start of the simulation [s].

@@ -36,7 +36,7 @@ STRIPES = 16  # lanes per direction in the sort key, more than there are
 
 @dataclass(frozen=True)
 class Samples:
-    """What passes the camera, one row per vehicle and simulation step, sorted by vehicle and step.
+    """Traffic that passes the camera, one row per vehicle and simulation step, sorted by vehicle and step.
 
     Attributes:
         vehicle: Number of the vehicle.

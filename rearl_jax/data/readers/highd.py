@@ -10,7 +10,7 @@ from rearl_jax.data.reader import Entry, Reader
 
 
 def is_generated(data: DataConfig, root: Path) -> bool:
-    """Whether the generator has left its mark beside the files."""
+    """True where the generator has left its mark beside the files."""
     # Here, because the generator brings scipy.stats, which reading does not need.
     from rearl_jax.data.generator.dataset import TRUTH_FILE
 
@@ -28,7 +28,7 @@ def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
 
 
 def entries_of(data: DataConfig, root: Path, *, generated: bool) -> Iterator[Entry]:
-    """The same, of which it is known whether the generator made them."""
+    """Entries of which it is known whether the generator made them."""
     for path in highd.find_recordings(root):
         name = highd.recording_id(path, generated=generated)
         yield Entry(name, partial(highd.read_recording, path, data, generated=generated))

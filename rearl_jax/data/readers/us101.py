@@ -1,12 +1,9 @@
 """The shipped part of NGSIM US-101: vehicles that change lanes; CC BY-SA 4.0."""
 
-from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 
-from rearl_jax.config.data import DataConfig
 from rearl_jax.data import ngsim
-from rearl_jax.data.reader import Entry, Reader
+from rearl_jax.data.reader import Reader, parts_of
 from rearl_jax.problems import MissingInputError, Problem
 
 FILE = "us101_lane_changers.parquet"
@@ -26,15 +23,8 @@ def find_file(root: Path) -> Path:
     return path
 
 
-def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
-    """One recording per quarter of an hour."""
-    path = find_file(root)
-    for name, period in ngsim.us101_recordings(path).items():
-        yield Entry(name, partial(ngsim.read_us101, path, name, period, data))
-
-
 READER = Reader(
     expected=f"the file {FILE} or its folder; leave it empty for the shipped one",
-    entries=entries,
+    entries=parts_of(find_file, ngsim.us101_recordings, ngsim.read_us101),
     files=lambda root: [find_file(root)],
 )
