@@ -13,6 +13,7 @@ from rich.progress import Progress
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.records import Recording
+from rearl_jax.discovery.claims import Claim
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
 from rearl_jax.discovery.observe.candidates import LENS, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
@@ -31,7 +32,6 @@ from rearl_jax.discovery.report.errors import ModelErrors, model_errors
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.verdict import (
     MISJUDGED,
-    Named,
     candidate_rows,
     differing_clocks,
     found_in_columns,
@@ -239,7 +239,7 @@ def _discovery(
 
 def _effects(
     solver: Solver, outcome: Search, left: Adequacy, findings: Sequence[Finding], confidence: float
-) -> list[Named]:
+) -> list[Claim]:
     """Claims: artefacts that the columns show, then what was added, with the numbers of the final model."""
     effects = [found_in_columns(finding, confidence) for finding in findings]
     if amount(findings, SMOOTHING):
@@ -271,9 +271,8 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
     if term not in candidates:
         known_terms = ", ".join(sorted(map(str, candidates)))
         raise ValueError(f"discover.oracle={term} is none of the candidates for these data: {known_terms}")
-    state, noise = calibrate(solver, parts.fitted)
-    base = Fit(None, state, noise)
-    (seen,) = scores(solver, [state])
+    base = Fit(None, *calibrate(solver, parts.fitted))
+    (seen,) = scores(solver, [base.state])
     fits = refit(solver, base, [candidates[term]], seen)
     base = rebased(solver, base, fits)
     errors = model_errors(solver, parts.reported, {"before": base, "oracle": fits[term]}, config.discover.seed)

@@ -110,38 +110,19 @@ def stimulus(
     length, is_truck = (jnp.broadcast_to(jnp.asarray(own), x.shape) for own in (length, is_truck))
     front, rear = x + length / 2, x - length / 2
     return Stimulus(
-        time=now.time,
         position=x,
-        lane=now.lane,
-        is_leftmost=now.is_leftmost,
-        is_rightmost=now.is_rightmost,
-        lateral_offset=now.lateral_offset,
         speed=v,
         length=length,
         is_truck=is_truck,
-        has_leader=now.has_leader,
         gap=now.leader_rear - front,
-        leader_speed=now.leader_speed,
-        leader_acceleration=now.leader_acceleration,
-        leader_length=now.leader_length,
-        leader_is_truck=now.leader_is_truck,
-        has_second=now.has_second,
         second_gap=now.second_rear - front,
-        second_speed=now.second_speed,
-        has_third=now.has_third,
-        third_speed=now.third_speed,
-        has_follower=now.has_follower,
         follower_gap=rear - now.follower_front,
-        follower_speed=now.follower_speed,
-        has_left=now.has_left,
         left_gap=now.left_rear - front,
-        left_speed=now.left_speed,
-        beside_speed=now.beside_speed,
-        n_beside=now.n_beside,
-        time_since_change=now.time_since_change,
-        gap_lost=now.gap_lost,
-        time_gap_at_change=now.time_gap_at_change,
+        **{name: getattr(now, name) for name in _AS_MEASURED},
     )
+
+
+_AS_MEASURED = sorted(Stimulus.__dataclass_fields__.keys() & Surroundings.__dataclass_fields__.keys())
 
 
 def straightened(around: Surroundings, lens: Lens) -> Surroundings:

@@ -5,6 +5,7 @@ are independent of each other.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -172,35 +173,25 @@ class Measured:
 
     def select(self, pieces: np.ndarray) -> "Measured":
         """Some pieces; drivers are numbered anew in their order."""
-        renumbered = np.unique(self.driver[pieces], return_inverse=True)[1]
-        return Measured(
-            y=self.y[:, pieces],
-            weight=self.weight[:, pieces],
-            smooth=self.smooth[:, pieces],
-            smooth_speed=self.smooth_speed[:, pieces],
+        return dataclasses.replace(
+            self,
             around=jax.tree.map(lambda values: values[:, pieces], self.around),
-            length=self.length[pieces],
-            is_truck=self.is_truck[pieces],
-            driver=renumbered,
-            vehicle=self.vehicle[pieces],
-            leader=self.leader[:, pieces],
-            recording=self.recording[pieces],
-            dt=self.dt,
-            stride=self.stride,
-            noise=self.noise,
-            jumps=self.jumps,
+            driver=np.unique(self.driver[pieces], return_inverse=True)[1],
+            **{name: getattr(self, name)[..., pieces] for name in BY_PIECE},
         )
 
     def beside(self, other: "Measured") -> "Measured":
         """These drivers and others of the same recordings, whose numbers follow."""
+        later = dataclasses.replace(other, driver=self.n_drivers + other.driver)
+        return dataclasses.replace(self, **joined([self, later]))
 
-        def both(name: str) -> np.ndarray:
-            return np.concatenate([getattr(self, name), getattr(other, name)], axis=-1)
 
-        along = ("y", "weight", "smooth", "smooth_speed", "length", "is_truck", "vehicle", "leader", "recording")
-        return dataclasses.replace(
-            self,
-            around=jax.tree.map(lambda *values: np.concatenate(values, axis=-1), self.around, other.around),
-            driver=np.concatenate([self.driver, self.n_drivers + other.driver]),
-            **{name: both(name) for name in along},
-        )
+BY_PIECE = ("y", "weight", "smooth", "smooth_speed", "length", "is_truck", "vehicle", "leader", "recording")
+"""Arrays of `Measured` whose last axis is the pieces, beside `driver`."""
+
+
+def joined(parts: Sequence[Measured]) -> dict[str, Any]:
+    """Arrays of several parts side by side, by the names of `Measured`; drivers keep their numbers."""
+    around = jax.tree.map(lambda *values: np.concatenate(values, axis=-1), *(part.around for part in parts))
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in (*BY_PIECE, "driver")}
+    return arrays | {"around": around}

@@ -86,12 +86,12 @@ def jumps(position: np.ndarray, dt: float) -> np.ndarray:
         position: Of the track [m].
         dt: Time between moments [s].
     """
-    found = np.zeros(len(position), bool)
+    jumped = np.zeros(len(position), bool)
     if len(position) > 3:
         third = np.abs(np.diff(position, 3))
         usual = float(np.median(third)) / 0.6745
-        found[2:-1] = third > max(JUMP * dt**2, JUMP_NOISE * usual)
-    return found
+        jumped[2:-1] = third > max(JUMP * dt**2, JUMP_NOISE * usual)
+    return jumped
 
 
 def lasting_noise(white: float, time: float, dt: float) -> float:
@@ -131,6 +131,16 @@ def smoothed(position: np.ndarray, dt: float, angular_cut_off: float) -> tuple[n
         x = solveh_banded(_penalty(n, weight), position - position[0]) + position[0]
     speed = np.gradient(x, dt) if n > 1 else np.zeros(n)
     return x, speed, np.gradient(speed, dt) if n > 1 else np.zeros(n)
+
+
+def smoothed_tracks(
+    position: np.ndarray, starts: np.ndarray, stops: np.ndarray, dt: float, angular_cut_off: float
+) -> np.ndarray:
+    """Smooth positions [m], speeds [m/s] and accelerations [m/s^2] of all tracks, as of `smoothed`, [3, n_rows]."""
+    motion = np.empty((3, len(position)))
+    for start, stop in zip(starts, stops, strict=True):
+        motion[:, start:stop] = smoothed(position[start:stop], dt, angular_cut_off)
+    return motion
 
 
 def _penalty(n: int, weight: float) -> np.ndarray:

@@ -36,15 +36,6 @@ log-likelihood [nats].
 
 
 @dataclass(frozen=True)
-class Interval:
-    """A figure with its interval."""
-
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
 class ModelErrors:
     """Errors of one model, driver by driver.
 
@@ -130,21 +121,18 @@ def pooled(values: Float[np.ndarray, " drivers"], measure: str) -> float:
 
 def with_interval(
     values: Sequence[Float[np.ndarray, " drivers"]], measure: str, confidence: float, draws: int, seed: int
-) -> list[Interval]:
-    """Figures of several models with intervals from resampling drivers, the same ones for all, and of the difference of
-    the first two, which comes last.
+) -> list[dict[str, float]]:
+    """Figures of several models with intervals from resampling drivers, the same ones for all, as in verdict.json; that
+    of the difference of the first two comes last.
     """
     rng = np.random.default_rng(seed)
     n = len(values[0])
     samples = [rng.integers(0, n, n) for _ in range(draws)]
     share = [(1 - confidence) / 2, (1 + confidence) / 2]
-    resampled = np.array([[pooled(one[sample], measure) for sample in samples] for one in values])
-    found = [
-        Interval(pooled(one, measure), *(float(q) for q in np.quantile(row, share)))
-        for one, row in zip(values, resampled, strict=True)
-    ]
+    resampled = [np.array([pooled(errors[sample], measure) for sample in samples]) for errors in values]
+    figures = [pooled(errors, measure) for errors in values]
     if len(values) > 1:
-        change = found[1].value - found[0].value
-        low, high = np.quantile(resampled[1] - resampled[0], share)
-        found.append(Interval(change, float(low), float(high)))
-    return found
+        figures.append(figures[1] - figures[0])
+        resampled.append(resampled[1] - resampled[0])
+    ends = [np.quantile(drawn, share).tolist() for drawn in resampled]
+    return [{"value": value, "low": low, "high": high} for value, (low, high) in zip(figures, ends, strict=True)]
