@@ -29,14 +29,6 @@ def silent(done, total):
     pass
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """Folder of a finished study and what was asked."""
-    root = tmp_path_factory.mktemp("results")
-    summary = run_with(task(root), Stub(root / "asked.txt"))
-    return root, summary
-
-
 def test_a_study_writes_everything(finished):
     root, summary = finished
     folder = root / "blind"
@@ -77,7 +69,7 @@ def test_each_data_set_was_asked_for_once_and_the_data_are_gone(finished):
 
 def test_discovery_needs_no_truth(tmp_path):
     """The truth file is taken away while discovery runs; only the scorer misses it."""
-    config = task(tmp_path)
+    config = task(tmp_path, sets="named")
     folder = tmp_path / "blind"
     folder.mkdir()
     protocol, cases = open_study(folder, config_hash(config), config.blind, silent)
@@ -201,12 +193,8 @@ def test_the_oracle_is_asked_after_the_verdict(tmp_path):
         return stub(data, study, oracle)
 
     summary = run_with(config, discover)
-    assert sorted(line.split()[1] for line in stub.log.read_text().splitlines()) == [
-        "None",
-        "None",
-        "grade",
-        "reaction_delay",
-    ]
+    asked = sorted(line.split()[1] for line in stub.log.read_text().splitlines())
+    assert asked == ["None", "None", "grade", "reaction_delay"]
     assert summary["n_oracles"] == 2
     assert summary["oracle_share"] == pytest.approx((9 - 4) / (9 - 1))
 
@@ -220,10 +208,8 @@ def test_sets_are_as_large_as_the_study_needs():
     repeats = pd.Series([case.variant for case in cases if case.group in ("named", "artefact")]).value_counts()
     assert repeats.min() >= 10
     assert len({case.variant for case in cases if case.group == "two"}) >= 10
-    assert (
-        by_set[["half", "half_four_times", "quarter", "double", "unlisted", "confusable", "cancelling", "sumo"]].min()
-        >= 10
-    )
+    others = ["half", "half_four_times", "quarter", "double", "unlisted", "confusable", "cancelling", "sumo"]
+    assert by_set[others].min() >= 10
     assert len({case.name for case in cases}) == len(cases) == len({case.seed for case in cases})
     assert [case.name for case in cases] != sorted(case.name for case in cases)
 

@@ -98,9 +98,7 @@ def simulate_again(solver: Solver, state: FitState, noise: Noise, rng: np.random
 
 
 def noise_alone(solver: Solver, state: FitState, noise: Noise, replicates: int, seed: int) -> Iterator[list[FitState]]:
-    """Other drives of a calibrated state, `replicates` times, in which nothing is missing, calibrated anew, as many side
-    by side as are worth it.
-    """
+    """Other drives of a calibrated state in which nothing is missing, calibrated anew, some side by side."""
     group = max(1, AT_ONCE // max(1, len(state.data.driver)))
     for first in range(0, replicates, group):
         states = [
