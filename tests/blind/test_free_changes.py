@@ -16,7 +16,7 @@ MARKS = dict.fromkeys({*LANE_CHOICE} - {"keep_right", "politeness"}, pytest.mark
 
 
 @pytest.fixture(scope="module")
-def free(None):
+def free():
     @cache
     def run(name):
         return simulate(Scenario(9, () if name is None else (Planted(name),), **SCENARIO))
