@@ -76,7 +76,7 @@ class Programs:
         return self._program(("sums", active), run, WIDEST if len(places) < 8 else WIDEST // 4)
 
     def _sums_from_one_pass(self, active: tuple[Term, ...]) -> Callable[[dict], dict]:
-        """The same where nothing is remembered: one reverse pass per moment serves all directions."""
+        """The same where nothing is remembered: one reverse pass per time step serves all directions."""
         places = self.free(active)
 
         def run(a: dict) -> dict:

@@ -33,14 +33,14 @@ class Pieces(eqx.Module):
 
     Attributes:
         y: Measured position [m].
-        weight: 1 where the moment counts.
+        weight: 1 where the time step counts.
         looks: 1 where the observer corrects its prediction.
-        start: Position [m] and speed [m/s] at the first moment.
-        seen: What is around, in the middle between each moment and the next.
+        start: Position [m] and speed [m/s] in the first time step.
+        seen: What is around, in the middle between each time step and the next.
         length: Own length [m].
         is_truck: 1 for trucks.
         gain: Of the filter, an array each.
-        deviation: Standard deviation of innovations [m], beyond some multiples of which a moment is an outlier.
+        deviation: Standard deviation of innovations [m], beyond some multiples of which one is an outlier.
         known: Acceleration beside the model that is given [m/s^2]; one row of zeros for none.
     """
 
@@ -63,14 +63,14 @@ def innovations(
     lens: Lens | None,
     dt: float,
 ) -> Float[Array, "steps pieces"]:
-    """Measured minus predicted position in every moment [m]; in the first, minus the smoothed one it starts from.
+    """Measured minus predicted position in every time step [m]; in the first, minus the smoothed one it starts from.
 
     Args:
         pieces: What was measured.
         driver: Car following of the drivers.
         effects: What acts on them beyond it.
         lens: Distortion of positions by the camera; None for none.
-        dt: Time between moments [s].
+        dt: Time step [s].
     """
     pieces = jax.tree.map(jnp.asarray, pieces)
     length, gain = pieces.length, pieces.gain
@@ -135,7 +135,7 @@ def straightened(around: Surroundings, lens: Lens) -> Surroundings:
 
 
 def straightened_start(start: Float[Array, "two pieces"], lens: Lens) -> tuple[Array, Array]:
-    """Position and speed at the first moment before the camera bent the picture."""
+    """Position and speed in the first time step before the camera bent the picture."""
     x, v = start
     x = x - lens.bend(x - lens.bend(x))
     return x, v / (1 + lens.slope(x))

@@ -2,7 +2,7 @@
 
 Minimises for a state (one data set under one candidate)
 
-    sum over moments of nu^2 / (2 S) + sum over drivers |z - mean|^2 / 2 + |mean|^2 / 2 + |(theta - ref) / scale|^2 / 2
+    sum over steps of nu^2 / (2 S) + sum over drivers |z - mean|^2 / 2 + |mean|^2 / 2 + |(theta - ref) / scale|^2 / 2
 
 by Levenberg-Marquardt steps with one block per driver, eliminated by a Schur complement. The population's spread
 stays at its prior: shrinking it towards the data makes false evidence. S is the mean squared innovation.
@@ -85,7 +85,7 @@ class FitState:
 
 @dataclass(frozen=True)
 class DriverSums:
-    """Sums over the weighted moments of each driver; its own directions first, then those of what was added.
+    """Sums over the weighted time steps of each driver; its own directions first, then those of what was added.
 
     Attributes:
         square: Of squared innovations [m^2].

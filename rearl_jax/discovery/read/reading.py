@@ -33,7 +33,7 @@ data. Exact drives of IDM itself were called `unexplained` with 0.02 m.
 """
 
 APART = 2.0
-"""Moments that say something new in smoothed positions are this many kernel widths apart."""
+"""Time steps that say something new in smoothed positions are this many kernel widths apart."""
 
 EDGE = 3.0
 """So many kernel widths from its ends a smoothed track is bent, where there was nothing beyond to smooth with, and from
@@ -72,7 +72,7 @@ def measure(
     """All drivers of the recordings who follow somebody long enough.
 
     Args:
-        tables: Of the recordings, with the same time between moments.
+        tables: Of the recordings, with the same time step.
         position_lag: By how much positions are late [s]; lanes and places in them are put to the same clock.
         smooth: What positions and their errors have been smoothed with.
         least_noise: Standard deviation that the noise of unsmoothed positions is brought up to [m].
@@ -135,8 +135,8 @@ class _Rows:
     def pieces(
         self, n_steps: int, stride: int, edge: int, noise: float, blur: np.ndarray, recording: int, offset: int
     ) -> Measured:
-        """All usable pieces of the recording, in which every `stride`-th moment says something new, the first and last
-        `edge` rows of a track are bent, and own positions get `blur` added.
+        """All usable pieces of the recording: every `stride`-th time step says something new, the first and last `edge`
+        rows of a track are bent, and own positions get `blur` added.
         """
         dt, table = self.dt, self.table
         x, v, a = smoothed_tracks(self.position, self.starts, self.stops, dt, cut_off(noise, dt))

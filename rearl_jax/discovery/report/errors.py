@@ -30,8 +30,8 @@ MEASURES = (
 )
 """Measures of each driver: closed-loop gap error [m], the same over the root mean square gap [-] and the speed
 error [m/s], the driver's parameters calibrated to the gap as is usual; the gap error with the parameters that predict
-best from one moment to the next [m]; error in predicting the next position [m]; energy score of noisy simulations [m];
-log-likelihood [nats].
+best from one time step to the next [m]; error in predicting the next position [m]; energy score of noisy
+simulations [m]; log-likelihood [nats].
 """
 
 
@@ -83,14 +83,9 @@ def _errors(solver: Solver, state: FitState, fit: Fit, seed: int) -> ModelErrors
 
 
 def speed_error(deviation: Float[np.ndarray, "steps pieces"], data: Measured) -> Float[np.ndarray, " drivers"]:
-    """Root mean square speed error of each driver [m/s].
-
-    Args:
-        deviation: Measured less simulated positions [m].
-        data: The drivers.
-    """
+    """Root mean square speed error of each driver [m/s], from measured less simulated positions [m]."""
     ahead = deviation - (data.y - data.smooth)
-    # Backward: what comes after the last moment of a piece is padding, in which nobody drives.
+    # Backward: what comes after the last time step of a piece is padding, in which nobody drives.
     speed = np.diff(ahead, axis=0, prepend=ahead[:1]) / data.dt
     return np.sqrt(data.driver_mean(speed**2))
 

@@ -167,9 +167,7 @@ def candidate_rows(search: Search) -> list[dict[str, Any]]:
 def unseen(search: Search, threshold: dict[Term, float]) -> list[dict[str, Any]]:
     """For every named effect, the strength from which it would have been seen in these data.
 
-    Args:
-        search: With the scores of the first round.
-        threshold: Evidence from which a candidate exceeds chance [nats].
+    The threshold is the evidence from which a candidate exceeds chance [nats].
     """
     rows = []
     for term, score in search.first_scores.items():
