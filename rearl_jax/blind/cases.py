@@ -11,6 +11,7 @@ from rearl_jax.blind.traffic.catalogue import LANE_CHOICE, LISTED, UNLISTED
 from rearl_jax.blind.traffic.measurement import ARTEFACTS
 from rearl_jax.blind.traffic.scenario import FREE_CHANGES, Planted, Scenario
 from rearl_jax.config.blind import BlindConfig, StudySize
+from rearl_jax.problems import out_of_range
 
 FOUR_TIMES = {"n_vehicles": 78, "duration": 120.0, "lane_changes": 48}
 """Four times the driver-seconds of the default: twice the drivers for twice as long."""
@@ -112,7 +113,7 @@ def list_cases(blind: BlindConfig, master_seed: int) -> list[Case]:
     kinds = [kind for kind in kinds if blind.sumo or kind.source != "sumo"]
     if not kinds:
         groups = ", ".join(dict.fromkeys(kind.group for kind in _kinds(blind.size)))
-        raise ValueError(f"blind.sets={blind.sets} selects none of {groups}")
+        raise out_of_range("blind.sets", f"must select some of {groups}", blind.sets)
     seeds = np.random.SeedSequence(master_seed).generate_state(len(kinds) + 1)
     cases = []
     for number, (kind, seed) in enumerate(zip(kinds, seeds, strict=False)):

@@ -49,6 +49,7 @@ from rearl_jax.discovery.search.refit import rebased, refit
 from rearl_jax.discovery.search.screen import scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.models.record import RepairedModel
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 from rearl_jax.progress import shown
 from rearl_jax.results import Study
 
@@ -146,10 +147,9 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
     if data.jumps:
         notes += (f"positions jump {data.jumps} times: left out around them",)
     if data.n_drivers < THRESHOLDS.least_drivers:
-        raise ValueError(
-            f"{data.n_drivers} drivers follow a leader long enough, at least {THRESHOLDS.least_drivers} are needed "
-            "to fit, check and report on different ones: choose more recordings (data.recordings), or longer ones"
-        )
+        said = f"{data.n_drivers} drivers follow a leader long enough, at least {THRESHOLDS.least_drivers} are needed"
+        remedy = "choose more recordings, or longer ones"
+        raise InvalidInputError(Problem("too-few-drivers", said, remedy, key="data.recordings"))
     fitted, checked, reported = split_drivers(data, SHARES, config.discover.seed)
     infos = tuple(recording.info for recording in recordings)
     return Parts(identity, generated, infos, findings, fitted, checked, reported, notes), recordings
@@ -270,7 +270,7 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
     term, candidates = Term.read(config.discover.oracle), solver.layout.candidates
     if term not in candidates:
         known_terms = ", ".join(sorted(map(str, candidates)))
-        raise ValueError(f"discover.oracle={term} is none of the candidates for these data: {known_terms}")
+        raise out_of_range("discover.oracle", f"must be a candidate for these data: {known_terms}", str(term))
     base = Fit(None, *calibrate(solver, parts.fitted))
     (seen,) = scores(solver, [base.state])
     fits = refit(solver, base, [candidates[term]], seen)

@@ -13,6 +13,7 @@ import pytest
 from rearl_jax.blind.again import judge_again, read_study
 from rearl_jax.blind.judging import names_of
 from rearl_jax.blind.sealing import open_truth, stored_protocol
+from rearl_jax.problems import InvalidInputError
 from rearl_jax.results import PROVENANCE, read_metadata
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -78,11 +79,13 @@ def test_what_the_table_does_not_hold_stays_as_it_was(before, folder):
 def test_a_truth_that_was_changed_is_refused(folder):
     truth = (folder / "truth.json").read_bytes()
     (folder / "truth.json").write_bytes(truth.replace(b"grade", b"weather"))
-    with pytest.raises(ValueError, match="was changed after it was sealed"):
+    with pytest.raises(InvalidInputError) as error:
         judge_again(folder)
+    assert error.value.code == "truth-changed"
     (folder / "protocol.json").unlink()
-    with pytest.raises(ValueError, match=r"has no protocol\.json"):
+    with pytest.raises(InvalidInputError) as error:
         read_study(folder)
+    assert error.value.code == "no-protocol"
 
 
 @pytest.mark.parametrize("words", [[], ["no such folder"]])
@@ -90,7 +93,7 @@ def test_what_cannot_be_judged_is_said(words):
     command = [sys.executable, "-m", "rearl_jax.blind.again", *words]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    assert "python -m rearl_jax.blind.again FOLDER" in done.stderr or "no such folder has no protocol" in done.stderr
+    assert "python -m rearl_jax.blind.again FOLDER" in done.stderr or "no such folder: has no protocol" in done.stderr
 
 
 def test_a_study_is_kept():

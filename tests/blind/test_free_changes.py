@@ -9,6 +9,7 @@ from rearl_jax.blind.traffic import Planted, Scenario, write_dataset
 from rearl_jax.blind.traffic.catalogue import HIDDEN, LANE_CHOICE
 from rearl_jax.blind.traffic.scenario import FREE_CHANGES
 from rearl_jax.blind.traffic.simulation import simulate
+from rearl_jax.problems import InvalidInputError
 from tests.blind.driving_facts import facts
 
 SCENARIO = {**FREE_CHANGES, "n_recordings": 1, "n_vehicles": 150, "duration": 90.0}
@@ -74,5 +75,6 @@ def test_polite_drivers_change_less(free):
 
 def test_effects_need_free_changes(tmp_path):
     assert not set(LANE_CHOICE) & set(HIDDEN)
-    with pytest.raises(ValueError, match="free_changes=1"):
+    with pytest.raises(InvalidInputError) as error:
         write_dataset(tmp_path, Scenario(1, (Planted("keep_right"),)))
+    assert error.value.problem.key == "free_changes"

@@ -15,6 +15,7 @@ from rearl_jax.discovery.read.smoothing import Thinned, cut_off, jumps, position
 from rearl_jax.discovery.read.smoothness import Smoothness
 from rearl_jax.discovery.read.surroundings import look_around
 from rearl_jax.discovery.thresholds import THRESHOLDS
+from rearl_jax.problems import InvalidInputError, Problem
 
 LONGEST = 65.0
 """Longest piece of a record [s]; longer ones are cut."""
@@ -57,10 +58,8 @@ def one_frame_rate(recordings: Sequence[Recording]) -> None:
     """
     rates = sorted({recording.info.frame_rate for recording in recordings})
     if len(rates) > 1:
-        raise ValueError(
-            f"the recordings have different frame rates ({', '.join(f'{rate:g}' for rate in rates)} 1/s): "
-            "choose recordings of one rate with data.recordings"
-        )
+        said = f"must have one frame rate, not {', '.join(f'{rate:g}' for rate in rates)} 1/s"
+        raise InvalidInputError(Problem("frame-rates-differ", said, key="data.recordings"))
 
 
 def measure(
@@ -102,10 +101,9 @@ def measure(
         offset += part.n_tracks
     used = [piece for piece in pieces if len(piece.driver)]
     if not used:
-        raise ValueError(
-            f"nobody follows a leader for {THRESHOLDS.least_used_time:g} s in these recordings: the lanes or leaders "
-            "may be missing, or tracks may be cut into fragments; `rearl prepare` shows what was left out"
-        )
+        said = f"nobody follows a leader for {THRESHOLDS.least_used_time:g} s in these recordings: lanes or leaders may be "
+        remedy = "see with `rearl prepare` what was left out"
+        raise InvalidInputError(Problem("nobody-follows", f"{said}missing, or tracks cut into fragments", remedy))
     n_jumps = sum(int(part.jumps.sum()) for part in rows)
     whole = Measured(**joined(used), dt=dt, stride=stride, noise=noise, jumps=n_jumps)
     return whole.select(np.arange(len(whole.driver)))
