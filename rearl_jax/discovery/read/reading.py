@@ -101,9 +101,9 @@ def measure(
         offset += part.n_tracks
     used = [piece for piece in pieces if len(piece.driver)]
     if not used:
-        said = f"nobody follows a leader for {THRESHOLDS.least_used_time:g} s in these recordings: lanes or leaders may be "
+        said = f"nobody follows a leader for {THRESHOLDS.least_used_time:g} s: lanes or leaders may be missing, "
         remedy = "see with `rearl prepare` what was left out"
-        raise InvalidInputError(Problem("nobody-follows", f"{said}missing, or tracks cut into fragments", remedy))
+        raise InvalidInputError(Problem("nobody-follows", f"{said}or tracks cut into fragments", remedy))
     n_jumps = sum(int(part.jumps.sum()) for part in rows)
     whole = Measured(**joined(used), dt=dt, stride=stride, noise=noise, jumps=n_jumps)
     return whole.select(np.arange(len(whole.driver)))
