@@ -27,6 +27,7 @@ from rearl_jax.blind.verdicts import ERRORS, Interval, NamedEffect, Verdict
 from rearl_jax.config import DiscoverBlindTask
 from rearl_jax.config._schema import from_plain
 from rearl_jax.document.terminal import print_document
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.results import PREFIX, PROVENANCE, read_metadata
 from rearl_jax.whole_files import replacing
 
@@ -79,7 +80,8 @@ def read_study(folder: Path) -> tuple[Protocol, KeptResults]:
     """
     protocol = stored_protocol(folder)
     if protocol is None:
-        raise ValueError(f"{folder} has no protocol.json that can be read: name the folder of a blind study")
+        said = "has no protocol.json that can be read: name the folder of a blind study"
+        raise InvalidInputError(Problem("no-protocol", said, file=str(folder)))
     truths = open_truth(folder, protocol)
     table = pd.read_parquet(folder / "cases.parquet")
     return protocol, KeptResults(

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -11,6 +11,7 @@ from rearl_jax.blind.traffic.catalogue import LANE_CHOICE, LISTED, UNLISTED
 from rearl_jax.blind.traffic.measurement import ARTEFACTS
 from rearl_jax.blind.traffic.scenario import FREE_CHANGES, Planted, Scenario
 from rearl_jax.config.blind import BlindConfig, StudySize
+from rearl_jax.problems import out_of_range
 
 FOUR_TIMES = {"n_vehicles": 78, "duration": 120.0, "lane_changes": 48}
 """Four times the driver-seconds of the default: twice the drivers for twice as long."""
@@ -79,36 +80,27 @@ class Case:
     """One data set.
 
     Attributes:
-        name: Of its folder; says nothing.
         group: The set it belongs to.
         variant: What is hidden, or which control.
-        source: `traffic`, the generator of this package, or `sumo`.
         planted: What is hidden by the generator.
-        seed: Of everything random in it.
         changes: Fields of the scenario that differ from the default.
+        source: `traffic`, the generator of this package, or `sumo`.
+        name: Of its folder; says nothing. Empty until the study is drawn.
+        seed: Of everything random in it, drawn with the study.
     """
 
-    name: str
-    group: str
-    variant: str
-    source: str
-    planted: tuple[Planted, ...]
-    seed: int
-    changes: Mapping[str, int | float] = field(default_factory=dict)
-
-    @property
-    def scenario(self) -> Scenario:
-        """What the generator is asked for."""
-        return Scenario(seed=self.seed, planted=self.planted, **self.changes)  # type: ignore[arg-type]
-
-
-@dataclass(frozen=True)
-class _Kind:
     group: str
     variant: str
     planted: tuple[Planted, ...] = ()
     changes: Mapping[str, int | float] = field(default_factory=dict)
     source: str = "traffic"
+    name: str = ""
+    seed: int = 0
+
+    @property
+    def scenario(self) -> Scenario:
+        """What the generator is asked for."""
+        return Scenario(seed=self.seed, planted=self.planted, **self.changes)  # type: ignore[arg-type]
 
 
 def list_cases(blind: BlindConfig, master_seed: int) -> list[Case]:
@@ -121,53 +113,52 @@ def list_cases(blind: BlindConfig, master_seed: int) -> list[Case]:
     kinds = [kind for kind in kinds if blind.sumo or kind.source != "sumo"]
     if not kinds:
         groups = ", ".join(dict.fromkeys(kind.group for kind in _kinds(blind.size)))
-        raise ValueError(f"blind.sets={blind.sets} selects none of {groups}")
+        raise out_of_range("blind.sets", f"must select some of {groups}", blind.sets)
     seeds = np.random.SeedSequence(master_seed).generate_state(len(kinds) + 1)
     cases = []
     for number, (kind, seed) in enumerate(zip(kinds, seeds, strict=False)):
         name = hashlib.sha256(f"{master_seed} {number}".encode()).hexdigest()[:10]
-        cases.append(Case(name, kind.group, kind.variant, kind.source, kind.planted, int(seed), kind.changes))
+        cases.append(replace(kind, name=name, seed=int(seed)))
     return [cases[place] for place in np.random.default_rng(int(seeds[-1])).permutation(len(cases))]
 
 
-def _kinds(size: StudySize) -> list[_Kind]:
+def _kinds(size: StudySize) -> list[Case]:
     if size is StudySize.small:
         return [
-            _Kind("control", "default"),
-            _Kind("named", "reaction_delay", (Planted("reaction_delay"),)),
-            _Kind("named", "grade", (Planted("grade"),)),
-            _Kind("artefact", "lens", (Planted("lens"),)),
-            _Kind("unlisted", "rain", (Planted("rain"),)),
-            _Kind("two", "reaction_delay+grade", (Planted("reaction_delay"), Planted("grade"))),
+            Case("control", "default"),
+            Case("named", "reaction_delay", (Planted("reaction_delay"),)),
+            Case("named", "grade", (Planted("grade"),)),
+            Case("artefact", "lens", (Planted("lens"),)),
+            Case("unlisted", "rain", (Planted("rain"),)),
+            Case("two", "reaction_delay+grade", (Planted("reaction_delay"), Planted("grade"))),
         ]
     repeats = REPEATS[size]
     return [kind for kind in _every_kind() for _ in range(repeats.get(kind.group, 0))]
 
 
-def _every_kind() -> Iterator[_Kind]:
+def _every_kind() -> Iterator[Case]:
     """Every kind of data set once."""
     yield from _single("named", LISTED)
     yield from _single("artefact", ARTEFACTS)
-    yield from (_Kind("control", name, (), changes) for name, changes in CONTROLS.items())
+    yield from (Case("control", name, (), changes) for name, changes in CONTROLS.items())
     yield from _single("half", LISTED, 0.5)
     yield from _single("half_four_times", LISTED, 0.5, FOUR_TIMES)
     yield from _single("quarter", LISTED, 0.25)
     yield from _single("double", LISTED, 2.0)
     yield from _single("unlisted", UNLISTED)
     for pair in TWO:
-        yield _Kind("two", "+".join(pair), tuple(Planted(name) for name in pair))
+        yield Case("two", "+".join(pair), tuple(Planted(name) for name in pair))
     yield from _single("confusable", dict.fromkeys(name for pair in CONFUSABLE for name in pair))
-    yield _Kind("cancelling", "+".join(CANCELLING), tuple(Planted(name) for name in CANCELLING))
+    yield Case("cancelling", "+".join(CANCELLING), tuple(Planted(name) for name in CANCELLING))
     short = ("reaction_delay", "grade", "several_leaders", "variance_driven_time_gap", "leader_class", "rear_pressure")
     yield from _single("short", short, 1.0, CONTROLS["short"])
     yield from _single("lane_choice", LANE_CHOICE, 1.0, FREE_CHANGES)
-    yield _Kind("lane_choice_control", "free_changes", (), FREE_CHANGES)
+    yield Case("lane_choice_control", "free_changes", (), FREE_CHANGES)
     for model in SUMO_MODELS:
-        yield _Kind("sumo", model, source="sumo")
+        yield Case("sumo", model, source="sumo")
 
 
 def _single(
-    group: str, names: Iterable[str], strength: float = 1.0, changes: Mapping[str, int | float] | None = None
-) -> Iterator[_Kind]:
-    for name in names:
-        yield _Kind(group, name, (Planted(name, strength),), changes or {})
+    group: str, names: Iterable[str], strength: float = 1.0, changes: Mapping[str, int | float] = CONTROLS["default"]
+) -> Iterator[Case]:
+    return (Case(group, name, (Planted(name, strength),), changes) for name in names)

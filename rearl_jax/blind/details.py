@@ -1,17 +1,21 @@
 """What a blind study shows besides rates: outcomes by set, errors, stated confidence, parameters, strengths."""
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from rearl_jax.blind.cases import REPEATS, SUMO_MODELS
 from rearl_jax.blind.judging import OUTCOMES, Recovery
-from rearl_jax.blind.questions import NAMED, Judged
+from rearl_jax.blind.questions import Judged
 from rearl_jax.blind.scores import binomial_interval
 from rearl_jax.config.blind import StudySize
 
 ALL_LISTED = "all with effects of the list"
 """The first row of `by_set`: the sets of the generator in which nothing but such effects is hidden."""
+
+CONFIDENCES = (0.0, 0.5, 0.8, 0.9, 0.95, 1.0)
+"""Edges of the ranges of stated confidence [-]."""
 
 
 def by_set(cases: Iterable[Judged]) -> list[dict]:
@@ -19,20 +23,28 @@ def by_set(cases: Iterable[Judged]) -> list[dict]:
 
     Those are counted whatever the outcome: the name may stand beside what is right, or beside "unexplained".
     """
-    found: dict[str, list[Judged]] = {}
+    by_name: dict[str, list[Judged]] = {}
     for case in sorted(cases, key=_place_of_set):
         for name in (*((ALL_LISTED,) if case.is_listed else ()), set_name(case)):
-            found.setdefault(name, []).append(case)
+            by_name.setdefault(name, []).append(case)
     rows = []
-    for name in sorted(found, key=lambda name: name != ALL_LISTED):
-        items = found[name]
-        outcomes = [item.judgement.outcome for item in items]
-        n_false = sum(bool(item.judgement.false_names) for item in items)
-        low, high = binomial_interval(n_false, len(items))
-        counts = {f"n_{outcome}": outcomes.count(outcome) for outcome in OUTCOMES}
-        shares = {"rate": n_false / len(items), "low": low, "high": high}
-        rows.append({"set": name, "n": len(items), **counts, "n_false": n_false, **shares})
+    for name in sorted(by_name, key=lambda name: name != ALL_LISTED):
+        n, counts = len(by_name[name]), outcome_counts(by_name[name])
+        rows.append({"set": name, "n": n, **counts, **_rate(counts["n_false"], n)})
     return rows
+
+
+def outcome_counts(cases: Sequence[Judged]) -> dict[str, int]:
+    """Data sets by outcome, and those in which a name was said that is not there."""
+    outcomes = [case.judgement.outcome for case in cases]
+    counts = {f"n_{outcome}": outcomes.count(outcome) for outcome in OUTCOMES}
+    return counts | {"n_false": sum(bool(case.judgement.false_names) for case in cases)}
+
+
+def _rate(n_hits: int, n_cases: int, names: Sequence[str] = ("rate", "low", "high")) -> dict[str, float | None]:
+    """A rate and the ends of its exact interval; None where nothing was counted."""
+    figures = (n_hits / n_cases, *binomial_interval(n_hits, n_cases)) if n_cases else (None, None, None)
+    return dict(zip(names, figures, strict=True))
 
 
 def set_name(case: Judged) -> str:
@@ -65,21 +77,15 @@ def oracle_share(cases: Iterable[Judged]) -> tuple[float | None, int]:
     return (reached / possible if possible > 0.0 else None), n
 
 
-def calibration(cases: Iterable[Judged], edges: Sequence[float] = (0.0, 0.5, 0.8, 0.9, 0.95, 1.0)) -> list[dict]:
+def calibration(cases: Iterable[Judged]) -> list[dict]:
     """By stated confidence: claims, mean confidence, share that is there with its interval."""
     claims = [claim for case in cases for claim in case.judgement.claims]
     rows = []
-    for low, high in zip(edges, edges[1:], strict=False):
+    for low, high in pairwise(CONFIDENCES):
         inside = [(stated, there) for stated, there in claims if low < stated <= high or stated == low == 0.0]
         if inside:
-            n, n_true = len(inside), sum(there for _, there in inside)
-            ends = binomial_interval(n_true, n)
-            rows.append(
-                {
-                    "from": low, "to": high, "n_claims": n, "stated": float(np.mean([stated for stated, _ in inside])),
-                    "true": n_true / n, "low": ends[0], "high": ends[1],
-                }
-            )  # fmt: skip
+            row = {"from": low, "to": high, "n_claims": len(inside), "stated": float(np.mean([s for s, _ in inside]))}
+            rows.append(row | _rate(sum(there for _, there in inside), len(inside), ("true", "low", "high")))
     return rows
 
 
@@ -94,16 +100,12 @@ def parameter_rows(cases: Iterable[Judged]) -> list[dict]:
         errors = np.array([item.found.value - item.truth for item in items])
         size = float(np.mean([abs(item.truth) for item in items]))
         covered = [item.is_covered for item in items if item.is_covered is not None]
-        ends = binomial_interval(sum(covered), len(covered)) if covered else (None, None)
-        rows.append(
-            {
-                "effect": effect, "parameter": parameter, "n": len(items), "truth": size,
-                "bias": float(errors.mean()), "relative_bias": float(errors.mean()) / size if size else None,
-                "rms_error": float(np.sqrt(np.mean(errors**2))), "n_intervals": len(covered),
-                "coverage": sum(covered) / len(covered) if covered else None,
-                "coverage_low": ends[0], "coverage_high": ends[1],
-            }
-        )  # fmt: skip
+        row = {
+            "effect": effect, "parameter": parameter, "n": len(items), "truth": size,
+            "bias": float(errors.mean()), "relative_bias": float(errors.mean()) / size if size else None,
+            "rms_error": float(np.sqrt(np.mean(errors**2))), "n_intervals": len(covered),
+        }  # fmt: skip
+        rows.append(row | _rate(sum(covered), len(covered), ("coverage", "coverage_low", "coverage_high")))
     return rows
 
 
@@ -119,13 +121,7 @@ def by_strength(cases: Iterable[Judged]) -> list[dict]:
                 found.setdefault((name, case.truth["planted"][0]["strength"]), []).append(case)
     rows = []
     for (name, strength), items in sorted(found.items()):
-        n_named = sum(item.judgement.outcome in NAMED for item in items)
-        low, high = binomial_interval(n_named, len(items))
-        n_false = sum(bool(item.judgement.false_names) for item in items)
-        rows.append(
-            {
-                "effect": name, "strength": strength, "n": len(items), "n_named": n_named, "n_false": n_false,
-                "rate": n_named / len(items), "low": low, "high": high,
-            }
-        )  # fmt: skip
+        n, n_named, n_false = len(items), sum(case.is_named for case in items), outcome_counts(items)["n_false"]
+        row = {"effect": name, "strength": strength, "n": n, "n_named": n_named, "n_false": n_false}
+        rows.append(row | _rate(n_named, n))
     return rows

@@ -63,29 +63,13 @@ class Recovery:
 
     @property
     def is_covered(self) -> bool | None:
-        """Whether the interval holds the truth; None without interval."""
+        """True if the interval holds the truth; None without interval."""
         low, high = self.found.low, self.found.high
         return None if low is None or high is None else low <= self.truth <= high
 
 
-@dataclass(frozen=True)
-class _Found:
-    """Per hidden effect whether it is named, and in the set; whether more is named; what remains."""
-
-    recognised: list[bool]
-    in_set: list[bool]
-    more: bool
-    is_flagged: bool
-    is_nameless: bool
-
-
 def judge(truth: Mapping[str, Any], verdict: Verdict) -> Judgement:
-    """The judgement on one data set.
-
-    Args:
-        truth: Its entry in the sealed file.
-        verdict: What discovery said.
-    """
+    """The judgement on one data set, by its entry in the sealed file."""
     hidden = truth["planted"]
     recognised = [any(is_it(item, effect) for effect in verdict.effects) for item in hidden]
     in_set = [
@@ -94,7 +78,7 @@ def judge(truth: Mapping[str, Any], verdict: Verdict) -> Judgement:
     false = [effect for effect in verdict.effects if not any(is_it(item, effect) for item in hidden)]
     is_flagged = verdict.verdict == UNEXPLAINED or any(effect.kind == "generic" for effect in verdict.effects)
     return Judgement(
-        outcome=_outcome(verdict, _Found(recognised, in_set, bool(false), is_flagged, _nameless(hidden))),
+        outcome=_outcome(hidden, verdict, recognised, all(in_set), bool(false), is_flagged),
         shown=shown_of(verdict, sum(recognised), is_flagged),
         n_hidden=len(hidden),
         n_recognised=sum(recognised),
@@ -117,7 +101,7 @@ def shown_of(verdict: Verdict, n_recognised: int, is_flagged: bool) -> str:
 
 
 def is_alone(hidden: Sequence[Mapping[str, Any]], verdict: Verdict, n_recognised: int) -> bool:
-    """Whether all that is hidden is named and no alternative to it is left."""
+    """True if all that is hidden is named and no alternative to it is left."""
     return n_recognised == len(hidden) and not verdict.alternatives - set().union(*map(names_of, hidden))
 
 
@@ -135,7 +119,7 @@ def recoveries(truth: Mapping[str, Any], verdict: Verdict) -> Iterator[Recovery]
 
 
 def is_it(item: Mapping[str, Any], effect: NamedEffect) -> bool:
-    """Whether a claimed effect is a hidden one: by its name, or by the variable it depends on."""
+    """True if a claimed effect is a hidden one: by its name, or by the variable it depends on."""
     variables = effect.variables | DEPENDS_ON.get(effect.name, set())
     return effect.name in names_of(item) or bool(variables & set(item["variables"]))
 
@@ -146,24 +130,27 @@ def names_of(item: Mapping[str, Any]) -> set[str]:
     return names.union(*(SAME_THING.get(name, set()) for name in names))
 
 
-def _nameless(hidden: list[Mapping[str, Any]]) -> bool:
-    """Whether nothing that is measured explains what is hidden; it need not be named, but noticed."""
-    return any(item["kind"] == "unlisted" and not item["variables"] for item in hidden)
-
-
-def _outcome(verdict: Verdict, found: _Found) -> str:
+def _outcome(
+    hidden: Sequence[Mapping[str, Any]],
+    verdict: Verdict,
+    recognised: Sequence[bool],
+    in_set: bool,
+    has_false: bool,
+    is_flagged: bool,
+) -> str:
     if verdict.verdict == FAILED:
         return "failed"
-    if not found.recognised:
-        return "wrong" if found.more else "right" if verdict.verdict == NOTHING else "unexplained"
-    if found.is_nameless and not all(found.recognised):
-        return "unexplained" if found.is_flagged else "wrong" if found.more else "nothing"
-    if all(found.recognised):
-        return "more" if found.more else "right"
-    if any(found.recognised):
+    if not hidden:
+        return "wrong" if has_false else "right" if verdict.verdict == NOTHING else "unexplained"
+    if all(recognised):
+        return "more" if has_false else "right"
+    # What nothing measured explains need not be named, but noticed.
+    if any(item["kind"] == "unlisted" and not item["variables"] for item in hidden):
+        return "unexplained" if is_flagged else "wrong" if has_false else "nothing"
+    if any(recognised):
         return "part"
-    if all(found.in_set):
+    if in_set:
         return "ambiguous"
     if verdict.verdict == UNEXPLAINED:
         return "unexplained"
-    return "wrong" if found.more else "nothing"
+    return "wrong" if has_false else "nothing"

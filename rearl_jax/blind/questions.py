@@ -28,7 +28,7 @@ class Judged:
 
     @property
     def is_sumo(self) -> bool:
-        """Whether SUMO made it."""
+        """True if SUMO made it."""
         return self.truth["source"] == "sumo"
 
     @property
@@ -37,8 +37,13 @@ class Judged:
         return self.truth["planted"][0]["kind"] if self.truth["planted"] else "control"
 
     @property
+    def is_named(self) -> bool:
+        """True if all that is hidden is named."""
+        return self.judgement.outcome in NAMED
+
+    @property
     def is_listed(self) -> bool:
-        """Whether the generator made it and all that is hidden in it is an effect of the list."""
+        """True if the generator made it and all that is hidden in it is an effect of the list."""
         planted = self.truth["planted"]
         return bool(planted) and not self.is_sumo and all(item["kind"] == "listed" for item in planted)
 
@@ -63,53 +68,27 @@ def _in(*groups: str) -> Callable[[Judged], bool]:
     return lambda case: case.group in groups and not case.is_sumo
 
 
+def _in_sumo(*kinds: str) -> Callable[[Judged], bool]:
+    return lambda case: case.is_sumo and case.hidden_kind in kinds
+
+
+def _unlisted(*, has_variable: bool) -> Callable[[Judged], bool]:
+    """Effects in no list, with or without a measured variable that explains them."""
+    return lambda case: case.group == "unlisted" and bool(case.truth["planted"][0]["variables"]) == has_variable
+
+
 def _has(*outcomes: str) -> Callable[[Judged], bool]:
     return lambda case: case.judgement.outcome in outcomes
 
 
 def _claims_traffic(case: Judged) -> bool:
-    """Whether something is claimed about drivers or the road that is not there."""
+    """True if something is claimed about drivers or the road that is not there."""
     return any(kind != "artefact" for kind in case.judgement.false_kinds)
 
 
-def _with_variable(case: Judged) -> bool:
-    return case.group == "unlisted" and bool(case.truth["planted"][0]["variables"])
-
-
-def _without_variable(case: Judged) -> bool:
-    return case.group == "unlisted" and not case.truth["planted"][0]["variables"]
-
-
-def _in_sumo(*kinds: str) -> Callable[[Judged], bool]:
-    return lambda case: case.is_sumo and case.hidden_kind in kinds
-
-
-def _error_fell(case: Judged) -> bool:
-    before, after = case.verdict.errors["before"], case.verdict.errors["after"]
-    return before is not None and after is not None and after.high is not None and after.high < before.value
-
-
-def _error_is_lower(case: Judged) -> bool:
-    change = case.verdict.errors["change"]
-    return change is not None and change.value < 0.0
-
-
-def _error_surely_fell(case: Judged) -> bool:
-    change = case.verdict.errors["change"]
-    return change is not None and change.high is not None and change.high < 0.0
-
-
-def _error_surely_rose(case: Judged) -> bool:
-    change = case.verdict.errors["change"]
-    return change is not None and change.low is not None and change.low > 0.0
-
-
-def _changes_the_model(case: Judged) -> bool:
-    return any(effect.kind != "artefact" for effect in case.verdict.effects)
-
-
-def _other_model(case: Judged) -> bool:
-    return _in_sumo("unlisted")(case) and _changes_the_model(case)
+def _is_not_there(case: Judged) -> bool:
+    """True if a name is not among what is hidden, alone or beside the right one."""
+    return bool(case.judgement.false_names)
 
 
 def _alone(case: Judged) -> bool:
@@ -121,25 +100,39 @@ def _in_set(case: Judged) -> bool:
 
 
 def _is_flagged(case: Judged) -> bool:
-    return case.judgement.is_flagged or case.judgement.outcome in NAMED
-
-
-def _is_not_there(case: Judged) -> bool:
-    """Whether a name is not among what is hidden, alone or beside the right one."""
-    return bool(case.judgement.false_names)
+    return case.judgement.is_flagged or case.is_named
 
 
 def _both_or_flagged(case: Judged) -> bool:
-    found = case.judgement
-    return found.n_recognised == found.n_hidden or (found.n_recognised > 0 and found.is_flagged)
+    judgement = case.judgement
+    return judgement.n_recognised == judgement.n_hidden or (judgement.n_recognised > 0 and judgement.is_flagged)
+
+
+def _changes_the_model(case: Judged) -> bool:
+    return any(effect.kind != "artefact" for effect in case.verdict.effects)
 
 
 def _named_in_named(case: Judged) -> bool:
-    return _in("named")(case) and case.judgement.outcome in NAMED
+    return _in("named")(case) and case.is_named
 
 
-def _any(case: Judged) -> bool:
-    return True
+def _other_model(case: Judged) -> bool:
+    return _in_sumo("unlisted")(case) and _changes_the_model(case)
+
+
+def _error_fell(case: Judged) -> bool:
+    before, after = case.verdict.errors["before"], case.verdict.errors["after"]
+    return before is not None and after is not None and after.high is not None and after.high < before.value
+
+
+def _change(end: str, sign: int) -> Callable[[Judged], bool]:
+    """True if an end of the error's change, or its value, is below (-1) or above (+1) zero."""
+
+    def is_beyond(case: Judged) -> bool:
+        value = getattr(case.verdict.errors["change"], end, None)
+        return value is not None and sign * value > 0.0
+
+    return is_beyond
 
 
 QUESTIONS = (
@@ -157,48 +150,23 @@ QUESTIONS = (
     Question("confusable_in_set", "of two alike, the true one kept", _in("confusable"), _in_set, 1.0),
     Question("confusable_alone", "of two alike, only the true one kept", _in("confusable"), _alone, 0.8),
     Question("cancelling_false", "two that cancel: a name not there", _in("cancelling"), _is_not_there, 0.0, True),
-    Question("variable", "no list holds it: the right variable", _with_variable, _has(*NAMED), 0.9),
-    Question("flagged", "nothing measured explains it: said so", _without_variable, _is_flagged, 0.8),
+    Question("variable", "no list holds it: the right variable", _unlisted(has_variable=True), _has(*NAMED), 0.9),
+    Question("flagged", "nothing measured explains it: said so", _unlisted(has_variable=False), _is_flagged, 0.8),
     Question("both_named", "two at once: both named", _in("two"), _has(*NAMED), 0.8),
     Question("one_and_flagged", "two at once: both, or one and that more is there", _in("two"), _both_or_flagged, 1.0),
     Question("lane_choice_identified", "effects on lane choice named", _in("lane_choice"), _has(*NAMED), 0.9),
-    Question(
-        "lane_choice_false",
-        "free lane changes, nothing hidden: an effect named",
-        _in("lane_choice_control"),
-        _claims_traffic,
-        0.0,
-        True,
-    ),
+    Question("lane_choice_false", "free lane changes, nothing hidden: an effect named",
+             _in("lane_choice_control"), _claims_traffic, 0.0, True),
     Question("sumo_family", "SUMO: effects named, or alternatives", _in_sumo("listed"), _has(*NAMED, "ambiguous"), 0.8),
     Question("sumo_other", "SUMO: other models, unexplained or rightly named", _in_sumo("unlisted"), _is_flagged, 0.8),
     Question("sumo_control", "SUMO: controls with an effect named", _in_sumo("control"), _claims_traffic, 1 / 30, True),
-    Question(
-        "error_fell",
-        "effects named whose error fell beyond its interval",
-        _named_in_named,
-        _error_fell,
-        0.8,
-        needs="after_high",
-    ),
-    Question(
-        "error_surely_fell",
-        "the same, driver by driver",
-        _named_in_named,
-        _error_surely_fell,
-        0.8,
-        needs="change_high",
-    ),
-    Question("sumo_error", "SUMO's other models: error lower after", _other_model, _error_is_lower, 0.95),
-    Question(
-        "error_rose",
-        "something added: error surely higher after",
-        _changes_the_model,
-        _error_surely_rose,
-        0.0,
-        True,
-        needs="change_low",
-    ),
-    Question("failed", "data sets on which discovery stopped with an error", _any, _has("failed"), 0.0, True),
-)
+    Question("error_fell", "effects named whose error fell beyond its interval",
+             _named_in_named, _error_fell, 0.8, False, "after_high"),
+    Question("error_surely_fell", "the same, driver by driver",
+             _named_in_named, _change("high", -1), 0.8, False, "change_high"),
+    Question("sumo_error", "SUMO's other models: error lower after", _other_model, _change("value", -1), 0.95),
+    Question("error_rose", "something added: error surely higher after",
+             _changes_the_model, _change("low", +1), 0.0, True, "change_low"),
+    Question("failed", "data sets on which discovery stopped with an error", lambda _: True, _has("failed"), 0.0, True),
+)  # fmt: skip
 """What a study is asked, in the order it is shown."""

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rearl_jax.blind.details import by_set, by_strength, calibration, oracle_share, parameter_rows
-from rearl_jax.blind.judging import OUTCOMES
+from rearl_jax.blind.details import by_set, by_strength, calibration, oracle_share, outcome_counts, parameter_rows
 from rearl_jax.blind.questions import Judged
 from rearl_jax.blind.scores import Score, score_all
 from rearl_jax.blind.verdicts import NOTHING, UNEXPLAINED
@@ -69,9 +68,9 @@ class BlindResults:
         chosen = [case for case in self.cases if case.group in SHOWN_GROUPS]
         hidden = dict.fromkeys(row_name(case) for case in sorted(chosen, key=_place))
         said = [(row_name(case), column_name(case)) for case in chosen]
-        names = dict.fromkeys([*hidden, *sorted({column for _, column in said})])
-        columns = [name for name in names if any(column == name for _, column in said) and name not in _LAST]
-        columns += [name for name in _LAST if any(column == name for _, column in said)]
+        known = {column for _, column in said}
+        columns = [name for name in dict.fromkeys([*hidden, *sorted(known)]) if name in known]
+        columns.sort(key=lambda name: _LAST.index(name) if name in _LAST else -1)
         counts = pd.DataFrame(0, index=list(hidden), columns=columns)
         for row, column in said:
             counts.loc[row, column] += 1
@@ -89,19 +88,17 @@ class BlindResults:
         """Flat figures, and the rates as a list."""
         share, n = oracle_share(self.cases)
         seconds = [case.verdict.seconds for case in self.cases if case.verdict.seconds is not None]
-        outcomes = [case.judgement.outcome for case in self.cases]
         return {
             "n_cases": len(self.cases),
             "n_drawn": self.n_drawn,
-            **{f"n_{outcome}": outcomes.count(outcome) for outcome in OUTCOMES},
-            "n_false": sum(bool(case.judgement.false_names) for case in self.cases),
+            **outcome_counts(self.cases),
             "oracle_share": share,
             "n_oracles": n,
             "median_seconds": float(np.median(seconds)) if seconds else None,
             "scores": [
-                {"name": item.name, "hits": item.n_hits, "cases": item.n_cases, "rate": item.rate, "low": item.low,
-                 "high": item.high, "goal": item.goal, "is_met": item.is_met}
-                for item in self.scores
+                {"name": score.name, "hits": score.n_hits, "cases": score.n_cases, "rate": score.rate,
+                 "low": score.low, "high": score.high, "goal": score.goal, "is_met": score.is_met}
+                for score in self.scores
             ],
             "sets": self.sets,
         }  # fmt: skip

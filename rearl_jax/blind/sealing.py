@@ -19,6 +19,7 @@ from rearl_jax.blind.traffic.dataset import hidden_truth
 from rearl_jax.blind.traffic.simulation import simulate
 from rearl_jax.code_version import code_hash
 from rearl_jax.discovery.thresholds import THRESHOLDS
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.whole_files import replacing
 
 PROTOCOL, TRUTH = "protocol.json", "truth.json"
@@ -96,7 +97,8 @@ def open_truth(folder: Path, protocol: Protocol) -> dict[str, Any]:
     path = folder / TRUTH
     content = path.read_bytes()
     if hashlib.sha256(content).hexdigest() != protocol.truth_sha256:
-        raise ValueError(f"{path} was changed after it was sealed: remove {folder} and run the study again")
+        remedy = f"remove {folder} and run the study again"
+        raise InvalidInputError(Problem("truth-changed", "was changed after it was sealed", remedy, file=str(path)))
     return json.loads(content)
 
 

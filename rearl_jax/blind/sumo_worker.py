@@ -38,14 +38,7 @@ def main(order_file: str, events_file: str) -> None:
         edges = _edges(order)
         network.write_text(_network(order, edges), encoding="utf-8")
         routes.write_text(_traffic(order, edges), encoding="utf-8")
-        found = _simulate(order, network, routes)
-        np.savez(
-            events_file,
-            position=found["position"],
-            speed=found["speed"],
-            acceleration=found["acceleration"],
-            lane=found["lane"],
-        )
+        np.savez(events_file, allow_pickle=False, **_simulate(order, network, routes))
 
 
 def _edges(order: dict[str, Any]) -> list[tuple[str, float, float, float]]:
@@ -94,25 +87,24 @@ def _network(order: dict[str, Any], edges: list[tuple[str, float, float, float]]
 
 def _traffic(order: dict[str, Any], edges: list[tuple[str, float, float, float]]) -> str:
     """Types and vehicles as a route file, the first in the file being the farthest ahead."""
-    lines = []
     route = " ".join(name for name, *_ in edges)
-    for k in range(len(order["position"])):
-        lines.append(
-            _TYPE.format(
-                id=k, model=order["model"], length=order["length"][k], width=order["width"][k],
-                v0=order["desired_speed"][k] if order["rank"][k] else FASTEST, s0=order["jam_gap"][k],
-                T=order["time_gap"][k], a=order["max_accel"][k], b=order["comfort_decel"][k],
-                action=order["action_step"], right=order["overtake_right"],
-            )
-        )  # fmt: skip
-    for k in np.argsort(order["position"])[::-1].tolist():
-        lines.append(
-            _VEHICLE.format(
-                id=k, lane=order["n_lanes"] - 1 - order["lane"][k], speed=order["speed"][k], edges=route,
-                front=order["position"][k] + 0.5 * order["length"][k],
-            )
-        )  # fmt: skip
-    return f"<routes>{''.join(lines)}</routes>"
+    types = [
+        _TYPE.format(
+            id=k, model=order["model"], length=order["length"][k], width=order["width"][k],
+            v0=order["desired_speed"][k] if order["rank"][k] else FASTEST, s0=order["jam_gap"][k],
+            T=order["time_gap"][k], a=order["max_accel"][k], b=order["comfort_decel"][k],
+            action=order["action_step"], right=order["overtake_right"],
+        )
+        for k in range(len(order["position"]))
+    ]  # fmt: skip
+    vehicles = [
+        _VEHICLE.format(
+            id=k, lane=order["n_lanes"] - 1 - order["lane"][k], speed=order["speed"][k], edges=route,
+            front=order["position"][k] + 0.5 * order["length"][k],
+        )
+        for k in np.argsort(order["position"])[::-1].tolist()
+    ]  # fmt: skip
+    return f"<routes>{''.join((*types, *vehicles))}</routes>"
 
 
 def _simulate(order: dict[str, Any], network: Path, routes: Path) -> dict[str, np.ndarray]:
@@ -147,9 +139,9 @@ def _simulate(order: dict[str, Any], network: Path, routes: Path) -> dict[str, n
             rows["lane"].append([order["n_lanes"] - 1 - sumo.vehicle.getLaneIndex(name) for name in names])
     finally:
         sumo.close()
-    found = {name: np.array(values) for name, values in rows.items()}
-    found["position"] = found["position"] - 0.5 * np.array(order["length"])  # SUMO's point is the front bumper
-    return found
+    events = {name: np.array(values) for name, values in rows.items()}
+    events["position"] = events["position"] - 0.5 * np.array(order["length"])  # SUMO's point is the front bumper
+    return events
 
 
 if __name__ == "__main__":

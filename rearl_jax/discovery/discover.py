@@ -13,6 +13,7 @@ from rich.progress import Progress
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.records import Recording
+from rearl_jax.discovery.claims import Claim
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
 from rearl_jax.discovery.observe.candidates import LENS, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
@@ -31,7 +32,6 @@ from rearl_jax.discovery.report.errors import ModelErrors, model_errors
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.verdict import (
     MISJUDGED,
-    Named,
     candidate_rows,
     differing_clocks,
     found_in_columns,
@@ -49,6 +49,7 @@ from rearl_jax.discovery.search.refit import rebased, refit
 from rearl_jax.discovery.search.screen import scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.models.record import RepairedModel
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 from rearl_jax.progress import shown
 from rearl_jax.results import Study
 
@@ -146,10 +147,9 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
     if data.jumps:
         notes += (f"positions jump {data.jumps} times: left out around them",)
     if data.n_drivers < THRESHOLDS.least_drivers:
-        raise ValueError(
-            f"{data.n_drivers} drivers follow a leader long enough, at least {THRESHOLDS.least_drivers} are needed "
-            "to fit, check and report on different ones: choose more recordings (data.recordings), or longer ones"
-        )
+        said = f"{data.n_drivers} drivers follow a leader long enough, at least {THRESHOLDS.least_drivers} are needed"
+        remedy = "choose more recordings, or longer ones"
+        raise InvalidInputError(Problem("too-few-drivers", said, remedy, key="data.recordings"))
     fitted, checked, reported = split_drivers(data, SHARES, config.discover.seed)
     infos = tuple(recording.info for recording in recordings)
     return Parts(identity, generated, infos, findings, fitted, checked, reported, notes), recordings
@@ -239,7 +239,7 @@ def _discovery(
 
 def _effects(
     solver: Solver, outcome: Search, left: Adequacy, findings: Sequence[Finding], confidence: float
-) -> list[Named]:
+) -> list[Claim]:
     """Claims: artefacts that the columns show, then what was added, with the numbers of the final model."""
     effects = [found_in_columns(finding, confidence) for finding in findings]
     if amount(findings, SMOOTHING):
@@ -270,10 +270,9 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
     term, candidates = Term.read(config.discover.oracle), solver.layout.candidates
     if term not in candidates:
         known_terms = ", ".join(sorted(map(str, candidates)))
-        raise ValueError(f"discover.oracle={term} is none of the candidates for these data: {known_terms}")
-    state, noise = calibrate(solver, parts.fitted)
-    base = Fit(None, state, noise)
-    (seen,) = scores(solver, [state])
+        raise out_of_range("discover.oracle", f"must be a candidate for these data: {known_terms}", str(term))
+    base = Fit(None, *calibrate(solver, parts.fitted))
+    (seen,) = scores(solver, [base.state])
     fits = refit(solver, base, [candidates[term]], seen)
     base = rebased(solver, base, fits)
     errors = model_errors(solver, parts.reported, {"before": base, "oracle": fits[term]}, config.discover.seed)

@@ -20,7 +20,7 @@ def task(root: Path, **blind) -> DiscoverBlindTask:
 
 
 class Stub:
-    """Names what the length of the first file says, and counts how often it is asked."""
+    """Names what the length of the first file says and the weather beside it, and counts how often it is asked."""
 
     def __init__(self, log: Path, die_after: int | None = None) -> None:
         self.log, self.die_after = log, die_after
@@ -34,11 +34,14 @@ class Stub:
         if self.die_after is not None and len(self.log.read_text().splitlines()) > self.die_after:
             os.kill(os.getpid(), signal.SIGKILL)
         name = ("grade", "reaction_delay", None)[files[0].stat().st_size % 3]
-        effects = [] if name is None else [{"name": name, "kind": "driver", "parameters": {}, "confidence": 0.9}]
-        error = {"measure": "m", "before": 3.0, "after": 2.0, "floor": None, "oracle": 1.0 if oracle else None}
+        said = () if name is None else ((name, "driver", 0.9), ("weather", "road", 0.5))
+        effects = [{"name": name, "kind": kind, "parameters": {}, "confidence": sure} for name, kind, sure in said]
+        change = {"value": -0.5, "low": -0.75, "high": -0.25}
+        error = {"before": 3.0, "after": 2.0, "change": change, "floor": None, "oracle": 1.0 if oracle else None}
         return {
-            "verdict": "named" if effects else "nothing", "effects": effects, "candidates": [],
-            "error": error | {"n_drivers": 36}, "data": {}, "seconds": 0.1,
+            "verdict": "named" if effects else "nothing", "effects": effects, "data": {}, "seconds": 0.1,
+            "candidates": [{"name": "speed_limit", "ambiguous": True}],
+            "error": error | {"measure": "m", "n_drivers": 36},
         }  # fmt: skip
 
 

@@ -12,39 +12,29 @@ import pytest
 from rearl_jax.blind.again import judge_again, main, read_study
 from rearl_jax.blind.judging import names_of
 from rearl_jax.blind.sealing import open_truth, stored_protocol
-from rearl_jax.blind.task import run_with
+from rearl_jax.problems import InvalidInputError
 from rearl_jax.results import PROVENANCE, read_metadata
-from tests.blind.stub_study import Stub, task
 
 ROOT = Path(__file__).resolve().parents[2]
 KEPT = [path.parent for path in sorted((ROOT / "results" / "kept").glob("*/protocol.json"))]
 WRITTEN = ("scores", "sets", "confusion", "strengths")
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """Folder of a finished study whose effects are called more than they are, and its summary."""
-    root = tmp_path_factory.mktemp("results")
-    stub = Stub(root / "asked.txt")
-
-    def discover(data, study, oracle=None):
-        verdict = stub(data, study, oracle)
-        beside = {"name": "weather", "kind": "road", "parameters": {}, "confidence": 0.5}
-        change = {"value": -0.5, "low": -0.75, "high": -0.25}
-        return verdict | {
-            "effects": [*verdict["effects"], beside] if verdict["effects"] else [],
-            "candidates": [{"name": "speed_limit", "ambiguous": True}],
-            "error": verdict["error"] | {"change": change},
-        }
-
-    summary = run_with(task(root), discover)
-    return root / "blind", summary
+@pytest.fixture
+def before(finished):
+    """Folder of the study."""
+    return finished[0] / "blind"
 
 
-def test_a_study_judged_again_is_the_same(finished, tmp_path, capsys):
-    before, summary = finished
-    folder = tmp_path / "copy"
-    shutil.copytree(before, folder)
+@pytest.fixture
+def folder(before, tmp_path):
+    """A copy that may be changed."""
+    shutil.copytree(before, tmp_path / "copy")
+    return tmp_path / "copy"
+
+
+def test_a_study_judged_again_is_the_same(finished, before, folder, capsys):
+    summary = finished[1]
     shutil.rmtree(folder / "verdicts")
     for name in WRITTEN[1:]:
         (folder / f"{name}.parquet").unlink()
@@ -68,10 +58,7 @@ def test_a_study_judged_again_is_the_same(finished, tmp_path, capsys):
     assert "as cases.parquet has no ends of intervals" not in shown
 
 
-def test_what_the_table_does_not_hold_stays_as_it_was(finished, tmp_path):
-    before, _ = finished
-    folder = tmp_path / "copy"
-    shutil.copytree(before, folder)
+def test_what_the_table_does_not_hold_stays_as_it_was(before, folder):
     cases = pd.read_parquet(folder / "cases.parquet")
     cases.drop(columns=[name for name in cases if name.endswith(("_low", "_high"))]).to_parquet(
         folder / "cases.parquet"
@@ -90,17 +77,16 @@ def test_what_the_table_does_not_hold_stays_as_it_was(finished, tmp_path):
     assert "something added: error surely higher after" in page
 
 
-def test_a_truth_that_was_changed_is_refused(finished, tmp_path):
-    before, _ = finished
-    folder = tmp_path / "copy"
-    shutil.copytree(before, folder)
+def test_a_truth_that_was_changed_is_refused(folder):
     truth = (folder / "truth.json").read_bytes()
     (folder / "truth.json").write_bytes(truth.replace(b"grade", b"weather"))
-    with pytest.raises(ValueError, match="was changed after it was sealed"):
+    with pytest.raises(InvalidInputError) as error:
         judge_again(folder)
+    assert error.value.code == "truth-changed"
     (folder / "protocol.json").unlink()
-    with pytest.raises(ValueError, match=r"has no protocol\.json"):
+    with pytest.raises(InvalidInputError) as error:
         read_study(folder)
+    assert error.value.code == "no-protocol"
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from rearl_jax.blind.traffic.measurement import ARTEFACTS, measure
 from rearl_jax.blind.traffic.simulation import simulate
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import is_generated, iterate_recordings
+from rearl_jax.problems import InvalidInputError
 
 SHORT = {"n_recordings": 2, "duration": 12.0}
 
@@ -191,11 +192,12 @@ def test_highd_files_hold_the_same(tmp_path):
 def test_a_data_set_by_hand_says_what_it_does_not_know(tmp_path):
     with pytest.raises(SystemExit, match="no such key: pase; one of highd, .*pace"):
         main(["grade", "3", "1", str(tmp_path), "pase=2"])
-    with pytest.raises(SystemExit, match="'magic' is nothing to hide"):
+    with pytest.raises(SystemExit, match="planted must be one of .*, got magic"):
         main(["magic", "3", "1", str(tmp_path)])
     assert list(tmp_path.iterdir()) == []
 
 
 def test_unknown_effects_are_refused(tmp_path):
-    with pytest.raises(ValueError, match="'magic' is nothing to hide: one of reaction_delay"):
+    with pytest.raises(InvalidInputError) as error:
         write_dataset(tmp_path, Scenario(1, (Planted("magic"),)))
+    assert (error.value.problem.key, error.value.problem.value) == ("planted", "magic")

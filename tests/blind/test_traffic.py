@@ -7,6 +7,7 @@ from rearl_jax.blind.traffic import Planted, Scenario
 from rearl_jax.blind.traffic.catalogue import COUNTERPARTS, HIDDEN, LISTED, UNLISTED
 from rearl_jax.blind.traffic.fleet import CARS, draw_fleet
 from rearl_jax.blind.traffic.simulation import simulate
+from rearl_jax.problems import InvalidInputError
 from tests.blind.driving_facts import facts
 
 ORDINARY = Scenario(8, n_recordings=2)
@@ -291,5 +292,6 @@ def test_listed_effects_are_those_of_the_library():
 
 @pytest.mark.parametrize(("changes", "key"), [({"n_vehicles": 40}, "n_vehicles"), ({"frame_rate": 30.0}, "frame_rate")])
 def test_impossible_scenarios_are_refused(changes, key):
-    with pytest.raises(ValueError, match=key):
+    with pytest.raises(InvalidInputError) as error:
         Scenario(1, **changes)
+    assert error.value.problem.key == key

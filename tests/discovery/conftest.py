@@ -38,8 +38,24 @@ def recordings_of(folder_of):
 
 
 @pytest.fixture(scope="session")
+def keep_right(recordings_of):
+    """Recordings of drivers who change lanes freely and keep right, just enough to see it."""
+    from rearl_jax.blind.traffic.scenario import FREE_CHANGES
+
+    return recordings_of("keep_right", **{**FREE_CHANGES, "n_vehicles": 150, "duration": 75.0})
+
+
+@pytest.fixture(scope="session")
+def lane_findings(keep_right):
+    """What drivers mind who keep right."""
+    from rearl_jax.discovery.lane_changes import lane_change_findings
+
+    return lane_change_findings(keep_right)
+
+
+@pytest.fixture(scope="session")
 def tables_of(recordings_of):
-    """Tables of such a data set with as few moments as are enough."""
+    """Tables of such a data set with as few time steps as are enough."""
 
     @cache
     def thin(name: str | None = None, strength: float = 1.0, **changes):

@@ -7,6 +7,7 @@ import pytest
 
 from rearl_jax.config import DataConfig, DiscoverConfig, DiscoverTask, ResultsConfig
 from rearl_jax.config.data import DataFormat
+from rearl_jax.problems import InvalidInputError
 
 pytestmark = pytest.mark.slow  # minutes of compiling
 
@@ -53,8 +54,8 @@ def test_everything_is_written_and_finite(discovered):
     model = read_model(folder / "model.yaml")
     assert [effect.name for effect in model.effects] == ["grade"]
     assert set(model.population) == set(model.baseline)
-    for one in model.population.values():
-        covariance = np.array(one.log_covariance)
+    for drivers in model.population.values():
+        covariance = np.array(drivers.log_covariance)
         assert np.linalg.eigvalsh(covariance).min() > 0
     assert "NaN" not in (folder / "verdict.json").read_text()
 
@@ -77,5 +78,6 @@ def test_the_oracle_reports_an_error_and_nothing_else(discovered, folder_of):
     told = run(replace(config, study="oracle", discover=replace(config.discover, oracle="grade")))
     assert told["effects"] == []
     assert told["error"]["oracle"]["value"] == pytest.approx(verdict["error"]["after"]["value"], rel=0.05)
-    with pytest.raises(ValueError, match="none of the candidates"):
+    with pytest.raises(InvalidInputError) as error:
         run(replace(config, study="wrong", discover=replace(config.discover, oracle="magic")))
+    assert (error.value.problem.key, error.value.problem.value) == ("discover.oracle", "magic")

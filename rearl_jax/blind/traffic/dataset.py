@@ -14,6 +14,7 @@ from rearl_jax.blind.traffic.scenario import Scenario
 from rearl_jax.blind.traffic.simulation import Events, simulate
 from rearl_jax.data.canonical import write_recording
 from rearl_jax.data.records import Recording, RecordingInfo
+from rearl_jax.problems import out_of_range
 
 PLACES = ("start", "end")
 """Parameters that are places on the road."""
@@ -33,9 +34,9 @@ def write_dataset(folder: Path, scenario: Scenario, *, as_highd: bool = False) -
     for item in scenario.planted:
         if item.name not in (*HIDDEN, *LANE_CHOICE, *ARTEFACTS):
             names = ", ".join([*HIDDEN, *LANE_CHOICE, *ARTEFACTS])
-            raise ValueError(f"{item.name!r} is nothing to hide: one of {names}")
+            raise out_of_range("planted", f"must be one of {names}", item.name)
         if item.name in LANE_CHOICE and not scenario.free_changes:
-            raise ValueError(f"{item.name!r} acts on free lane changes only: set free_changes=1")
+            raise out_of_range("free_changes", f"must be 1 for {item.name}", int(scenario.free_changes))
     events = simulate(scenario)
     write = write_highd if as_highd else write_tables
     write(folder, scenario, events, measure(scenario, events))

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rearl_jax.blind.traffic.choice import Choice
-from rearl_jax.blind.traffic.snapshot import Snapshot
+from rearl_jax.blind.traffic.snapshot import Choice, Snapshot
 
 
 class HiddenEffect:
@@ -17,15 +16,17 @@ class HiddenEffect:
     Attributes:
         truths: What counts as the right answer: names of effects, of which one is enough.
         variables: For what no list holds: what it depends on.
+        usual: Parameters that are proportional to the strength, at strength 1.
         parameters: Values that mean the same in the library, by its names.
     """
 
     truths: tuple[str, ...] = ()
     variables: tuple[str, ...] = ()
+    usual: Mapping[str, float] = {}
 
     def __init__(self, strength: float) -> None:
         self.strength = strength
-        self.parameters: Mapping[str, float] = {}
+        self.parameters = {name: value * strength for name, value in self.usual.items()}
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         """Called once, before the first step; `section` is the part of the road everybody crosses [m]."""

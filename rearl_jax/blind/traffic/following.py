@@ -12,21 +12,19 @@ class SlowReaction(HiddenEffect):
     """What the driver wants is carried out 0.7 s later."""
 
     truths = ("reaction_delay",)
+    usual = {"delay": 0.7}
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """An empty past."""
-        self.parameters = {"delay": 0.7 * self.strength}
         self._steps = max(1, round(0.7 * self.strength / SUB_STEP))
         self._past: list[np.ndarray] = []
 
     def respond(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """The wish of a moment ago."""
         self._past.append(value)
         return self._past.pop(0) if len(self._past) > self._steps else self._past[0]
 
 
 class Anticipation(HiddenEffect):
-    """The driver reacts to the gap and the own speed expected 0.7 s ahead.
+    """The driver reacts to the gap and the own speed expected 0.7 s ahead, the leader at constant speed.
 
     Source: Treiber, Kesting & Helbing, Physica A 360 (2006) 71, section 3.3 (temporal anticipation).
     """
@@ -34,7 +32,6 @@ class Anticipation(HiddenEffect):
     truths = ("reaction_delay",)
 
     def perceive(self, gap: np.ndarray, dv: np.ndarray, now: Snapshot) -> tuple[np.ndarray, np.ndarray]:
-        """Extrapolated at constant acceleration, the leader at constant speed."""
         ahead = 0.7 * self.strength
         return np.maximum(gap - ahead * dv, 0.3), dv + ahead * now.acceleration[: now.n]
 
@@ -48,7 +45,6 @@ class Foresight(HiddenEffect):
     truths = ("several_leaders",)
 
     def interaction(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """The sum; a vehicle that is not there adds nothing."""
         for places, coefficient in ((2, 0.25), (3, 0.08)):
             other = now.ahead(places)
             between = sum(now.length[now.ahead(place)] for place in range(1, places))
@@ -65,15 +61,12 @@ class BrakeLights(HiddenEffect):
     lag, sight = 0.3, 150.0  # s, m
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """Nothing felt yet."""
         self._felt = np.zeros(now.n)
 
     def observe(self, now: Snapshot, dt: float) -> None:
-        """The low-pass."""
         self._felt = self._felt + dt / self.lag * (now.acceleration[now.leader] - self._felt)
 
     def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """More or less by what is felt."""
         near = np.maximum(0.0, 1.0 - now.gap_to(now.leader) / self.sight)
         return value + 0.5 * self.strength * near * self._felt
 
@@ -84,7 +77,6 @@ class HardBraking(HiddenEffect):
     truths = ("asymmetry",)
 
     def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Less while approaching."""
         dv = now.speed[: now.n] - now.speed[now.leader]
         followed = now.gap_to(now.leader) < 150.0
         return value - 0.22 * self.strength * followed * np.clip(dv, 0.0, 6.0)
@@ -94,13 +86,9 @@ class SlowNeighbours(HiddenEffect):
     """The nearest vehicle ahead on a lane beside holds back who is faster, in proportion up to 6 m/s."""
 
     truths = ("lane_friction",)
-
-    def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """Its strength."""
-        self.parameters = {"gain": 0.6 * self.strength}
+    usual = {"gain": 0.6}
 
     def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Less where the neighbour is slower."""
         offsets = now.offsets_beside()
         other = now.nearest(np.where((offsets > -8.0) & (offsets < 45.0), offsets, np.inf))
         faster_by = now.speed[: now.n] - now.speed[other]
@@ -113,14 +101,10 @@ class StayingBehind(HiddenEffect):
     """
 
     truths = ("no_undertaking",)
+    usual = {"weight": 0.5}
     crawl, hardest = 16.0, 2.0  # m/s, m/s^2
 
-    def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """Its strength."""
-        self.parameters = {"weight": 0.5 * self.strength}
-
     def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Less where the one on the left is slower."""
         own, fleet = slice(0, now.n), now.fleet
         other = now.ahead_on_left()
         speed, dv = now.speed[own], now.speed[own] - now.speed[other]

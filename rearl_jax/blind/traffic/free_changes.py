@@ -8,10 +8,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rearl_jax.blind.traffic.choice import Choice
 from rearl_jax.blind.traffic.effect import HiddenEffect
 from rearl_jax.blind.traffic.scenario import Scenario
-from rearl_jax.blind.traffic.snapshot import FAR, Snapshot
+from rearl_jax.blind.traffic.snapshot import Choice, Snapshot
 
 PERIOD = 25
 """Sub-steps from one decision to the next."""
@@ -70,27 +69,25 @@ class FreeChanges:
 
 def weigh(now: Snapshot, side: int) -> Choice:
     """What a change to one side would be for every vehicle."""
-    own = slice(0, now.n)
+    own, everyone, speed, follower = slice(0, now.n), np.arange(now.n), now.speed, now.follower
     leader, rear = _neighbours(now, side)
-    speed = now.speed
-    gap, rear_gap = now.gap_to(leader), _gap_behind(now, rear)
-    pull = _pull(now, np.arange(now.n), gap, speed[leader])
-    gain = now.fleet.max_accel * (_pull(now, np.arange(now.n), now.gap_to(now.leader), speed[now.leader]) - pull)
-    behind_me = _pull(now, rear, rear_gap, speed[own])
-    before = _pull(now, rear, gap + rear_gap + now.length[own], speed[leader])
-    follower = now.follower
-    follower_gap = now.gap_behind()
+    gap, rear_gap, follower_gap = now.gap_to(leader), now.gap_behind(rear), now.gap_behind(follower)
+    here = _interaction(now, everyone, now.gap_to(now.leader), speed[now.leader])
+    there = _interaction(now, everyone, gap, speed[leader])
+    behind_me = _interaction(now, rear, rear_gap, speed[own])
+    before = _interaction(now, rear, gap + rear_gap + now.length[own], speed[leader])
     freed_gap = follower_gap + now.gap_to(now.leader) + now.length[own]
-    gift = _pull(now, follower, follower_gap, speed[own]) - _pull(now, follower, freed_gap, speed[now.leader])
+    freed = _interaction(now, follower, freed_gap, speed[now.leader])
+    relief = _interaction(now, follower, follower_gap, speed[own]) - freed
     accel = np.append(now.fleet.max_accel, 0.0)
     rear_after = accel[rear] * (_free(now)[rear] - behind_me)
-    own_after = now.fleet.max_accel * (_free(now)[own] - pull)
-    lane = now.lane + side
+    own_after = now.fleet.max_accel * (_free(now)[own] - there)
+    lane, gain = now.lane + side, now.fleet.max_accel * (here - there)
     # Nobody passes the first vehicle of a lane: it sees nobody and does not react.
     fits = (leader < now.n) & (gap > LEAST_GAP) & (rear_gap > LEAST_GAP) & (now.leader < now.n)
     fits &= (lane >= 0) & (lane < now.n_lanes) & (own_after > -HARDEST) & (rear_after > -HARDEST)
     return Choice(
-        side, leader, rear, gap, rear_gap, gain, accel[rear] * (behind_me - before), accel[follower] * gift, fits
+        side, leader, rear, gap, rear_gap, gain, accel[rear] * (behind_me - before), accel[follower] * relief, fits
     )
 
 
@@ -104,15 +101,8 @@ def _neighbours(now: Snapshot, side: int) -> tuple[np.ndarray, np.ndarray]:
     there = np.searchsorted(line, (group + side) * span + place - place.min(), side="right")
     ahead, behind = np.append(order, now.n)[there], np.append(now.n, order)[there]
     groups = np.append(group, -1)
-    return np.where(groups[ahead] == group + side, ahead, now.n), np.where(
-        groups[behind] == group + side, behind, now.n
-    )
-
-
-def _gap_behind(now: Snapshot, rear: np.ndarray) -> np.ndarray:
-    own = slice(0, now.n)
-    distance = now.position[own] - now.position[rear] - 0.5 * (now.length[rear] + now.length[own])
-    return np.where(rear == now.n, FAR, distance)
+    leader, rear = (np.where(groups[other] == group + side, other, now.n) for other in (ahead, behind))
+    return leader, rear
 
 
 def _free(now: Snapshot) -> np.ndarray:
@@ -120,7 +110,7 @@ def _free(now: Snapshot) -> np.ndarray:
     return 1.0 - np.append((now.speed[: now.n] / now.desired_speed) ** 4, 0.0)
 
 
-def _pull(now: Snapshot, who: np.ndarray, gap: np.ndarray, speed_ahead: np.ndarray) -> np.ndarray:
+def _interaction(now: Snapshot, who: np.ndarray, gap: np.ndarray, speed_ahead: np.ndarray) -> np.ndarray:
     """(s* / s)^2 of some vehicles behind somebody [-]; 0 for nobody."""
     fleet, speed = now.fleet, now.speed[who]
 

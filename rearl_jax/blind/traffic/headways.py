@@ -12,7 +12,6 @@ class SpeedyDistance(HiddenEffect):
     truths = ("speed_dependent_time_gap",)
 
     def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Longer at high speed."""
         return value * np.maximum(0.4, 1.0 + 0.35 * self.strength * (now.speed[: now.n] - 16.0) / 20.0)
 
 
@@ -22,7 +21,6 @@ class UneasyTraffic(HiddenEffect):
     truths = ("variance_driven_time_gap",)
 
     def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Longer in uneven traffic."""
         speeds = [now.speed[: now.n]]
         for places in range(1, 5):
             other = now.ahead(places)
@@ -43,15 +41,12 @@ class Frustration(HiddenEffect):
     memory = 15.0  # s
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """The present level of service."""
         self._level = now.speed[: now.n] / now.fleet.desired_speed
 
     def observe(self, now: Snapshot, dt: float) -> None:
-        """A sliding level."""
         self._level = self._level + dt / self.memory * (now.speed[: now.n] / now.fleet.desired_speed - self._level)
 
     def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Longer after a queue."""
         return value * (1.0 + 0.8 * self.strength * (1.0 - self._level))
 
 
@@ -62,12 +57,10 @@ class PatienceAfterCutIn(HiddenEffect):
     patience = 20.0  # s
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """Nobody has changed."""
         self._leader = now.leader.copy()
         self._since, self._found = np.full(now.n, np.inf), np.full(now.n, np.inf)
 
     def observe(self, now: Snapshot, dt: float) -> None:
-        """The time since the last change, and the time gap then."""
         new = now.leader != self._leader
         self._leader = now.leader.copy()
         found = now.gap_to(now.leader) / np.maximum(now.speed[: now.n], 1.0)
@@ -75,7 +68,6 @@ class PatienceAfterCutIn(HiddenEffect):
         self._since = np.where(new, 0.0, self._since + dt)
 
     def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Shorter for a while."""
         left = np.maximum(0.0, 1.0 - self._since / self.patience)
         short = np.minimum(np.where(np.isfinite(self._found), self._found, value) - value, 0.0)
         return np.maximum(0.25, value + min(self.strength, 1.3) * left * short)
@@ -85,13 +77,9 @@ class TruckAhead(HiddenEffect):
     """Behind a truck the time gap is longer by 40 %."""
 
     truths = ("leader_class",)
-
-    def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """Its strength."""
-        self.parameters = {"gain": 0.34 * self.strength}
+    usual = {"gain": 0.34}
 
     def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Longer behind a truck."""
         return np.where(now.is_truck[now.leader], value * 1.405**self.strength, value)
 
 
@@ -101,7 +89,6 @@ class Tailgated(HiddenEffect):
     truths = ("rear_pressure",)
 
     def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Shorter under pressure."""
-        behind = now.gap_behind() / np.maximum(now.speed[now.follower], 3.0)
+        behind = now.gap_behind(now.follower) / np.maximum(now.speed[now.follower], 3.0)
         pressure = np.clip((1.8 - behind) / 1.4, 0.0, 1.0)
         return value * np.maximum(0.35, 1.0 - 0.55 * self.strength * pressure)

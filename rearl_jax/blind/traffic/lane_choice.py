@@ -2,22 +2,17 @@
 
 import numpy as np
 
-from rearl_jax.blind.traffic.choice import Choice
 from rearl_jax.blind.traffic.effect import HiddenEffect
-from rearl_jax.blind.traffic.snapshot import Snapshot
+from rearl_jax.blind.traffic.snapshot import Choice, Snapshot
 
 
 class GoodManners(HiddenEffect):
     """What others lose or gain by a change counts, by their own parameters."""
 
     truths = ("politeness",)
-
-    def __init__(self, strength: float) -> None:
-        super().__init__(strength)
-        self.parameters = {"weight": 0.5 * strength}
+    usual = {"weight": 0.5}
 
     def gain_of_change(self, value: np.ndarray, choice: Choice, now: Snapshot) -> np.ndarray:
-        """Less by what the others lose."""
         return value + 0.5 * self.strength * (choice.follower_gain - choice.cost_to_rear)
 
 
@@ -25,13 +20,9 @@ class BackToTheRight(HiddenEffect):
     """The right lane is worth something, the left one costs as much."""
 
     truths = ("keep_right",)
-
-    def __init__(self, strength: float) -> None:
-        super().__init__(strength)
-        self.parameters = {"bias": 0.35 * strength}
+    usual = {"bias": 0.35}
 
     def gain_of_change(self, value: np.ndarray, choice: Choice, now: Snapshot) -> np.ndarray:
-        """More to the right."""
         return value + 0.35 * self.strength * choice.side
 
 
@@ -41,7 +32,6 @@ class NoUndertaking(HiddenEffect):
     truths = ("no_passing_on_the_right",)
 
     def gain_of_change(self, value: np.ndarray, choice: Choice, now: Snapshot) -> np.ndarray:
-        """Less on the right of somebody who would be passed there."""
         speed = now.speed[: now.n]
         would_pass = (now.gap_to(now.leader) < 80.0) & (now.speed[now.leader] < speed + 1.0) & (speed > 60.0 / 3.6)
         return value - 0.8 * self.strength * would_pass * (choice.side > 0)
@@ -53,8 +43,7 @@ class GivingWay(HiddenEffect):
     truths = ("moving_over",)
 
     def gain_of_change(self, value: np.ndarray, choice: Choice, now: Snapshot) -> np.ndarray:
-        """More to the right the closer the follower is, from 1.6 s on."""
-        behind = now.gap_behind() / np.maximum(now.speed[now.follower], 3.0)
+        behind = now.gap_behind(now.follower) / np.maximum(now.speed[now.follower], 3.0)
         pressure = np.clip((1.6 - behind) / 0.8, 0.0, 1.0)
         return value + self.strength * pressure * np.where(choice.side > 0, 0.8, -0.25)
 
@@ -65,7 +54,6 @@ class AwayFromTrucks(HiddenEffect):
     truths = ("truck_aversion",)
 
     def gain_of_change(self, value: np.ndarray, choice: Choice, now: Snapshot) -> np.ndarray:
-        """More away from a truck, less to one."""
         here = now.is_truck[now.leader] & (now.gap_to(now.leader) < 100.0)
         there = now.is_truck[choice.leader] & (choice.gap < 100.0)
         return value + 0.6 * self.strength * (here.astype(float) - there.astype(float))

@@ -20,12 +20,10 @@ class Slope(HiddenEffect):
     truths = ("grade",)
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """The section."""
         self._section = section
         self.parameters = {"push": -0.35 * self.strength, "start": section[0], "end": section[1]}
 
     def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Less uphill."""
         return value - 0.35 * self.strength * share_inside(now.position[: now.n], self._section, 40.0)
 
 
@@ -35,17 +33,14 @@ class LimitedSection(HiddenEffect):
     truths = ("speed_limit", "bend")
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """The section."""
         self._section = section
         self._limit = self._highest()
         self.parameters = {"limit": self._limit, "start": section[0], "end": section[1]}
 
     def _highest(self) -> float:
-        """Speed nobody wants to exceed there [m/s]."""
         return 32.0 - 9.0 * self.strength
 
     def desired_speed(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """At most the limit."""
         share = share_inside(now.position[: now.n], self._section, 40.0)
         return value - share * np.maximum(0.0, value - self._limit)
 
@@ -57,7 +52,6 @@ class Curve(LimitedSection):
     radius = 220.0
 
     def _highest(self) -> float:
-        """Speed at the comfortable lateral acceleration [m/s]."""
         return float(np.sqrt(self.radius * max(0.5, 4.3 - 2.0 * self.strength)))
 
 
@@ -67,12 +61,10 @@ class LaneHabits(HiddenEffect):
     truths = ("lane_desired_speed",)
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """Both ends."""
         change = 0.12 * self.strength
         self.parameters = {"leftmost": float(np.log1p(change)), "rightmost": float(np.log1p(-change))}
 
     def desired_speed(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """By the lane."""
         side = (now.lane == 0).astype(float) - (now.lane == now.n_lanes - 1)
         return value * (1.0 + 0.12 * self.strength * side)
 
@@ -83,7 +75,6 @@ class Fog(HiddenEffect):
     truths = ("weather",)
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """What becomes of the desired speed and of the time gap."""
         self.parameters = {
             "slower": -float(np.log1p(-0.18 * min(self.strength, 3.0))),
             "wider": float(np.log1p(0.45 * self.strength)),
@@ -91,11 +82,9 @@ class Fog(HiddenEffect):
         }
 
     def desired_speed(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Lower."""
         return value * (1.0 - 0.18 * min(self.strength, 3.0) * self._density(now))
 
     def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Longer."""
         return value * (1.0 + 0.45 * self.strength * self._density(now))
 
     def _density(self, now: Snapshot) -> float:

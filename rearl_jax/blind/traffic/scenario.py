@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from rearl_jax.problems import out_of_range
+
 SUB_STEP = 0.02
 """Step of the integration [s]; a tenth of the shortest time in the model."""
 
@@ -64,11 +66,11 @@ class Scenario:
     view: float | None = None
 
     def __post_init__(self) -> None:
-        """Raise ValueError for what cannot be simulated."""
+        """Raise InvalidInputError for what cannot be simulated."""
         if self.n_vehicles % self.n_lanes or self.n_vehicles < 2 * self.n_lanes:
-            raise ValueError(f"n_vehicles must be a multiple of {self.n_lanes} lanes, got {self.n_vehicles}")
+            raise out_of_range("n_vehicles", f"must be a multiple of {self.n_lanes} lanes", self.n_vehicles)
         if abs(self.steps_per_frame * SUB_STEP * self.frame_rate - 1.0) > 1e-9:
-            raise ValueError(f"frame_rate must leave whole steps of {SUB_STEP} s between frames, got {self.frame_rate}")
+            raise out_of_range("frame_rate", f"must leave whole steps of {SUB_STEP} s between frames", self.frame_rate)
 
     @property
     def steps_per_frame(self) -> int:

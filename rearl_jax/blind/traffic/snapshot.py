@@ -3,6 +3,8 @@
 Arrays over vehicles have one element more than there are vehicles: the last stands for nobody, very far ahead.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from rearl_jax.blind.traffic.fleet import Fleet
@@ -64,10 +66,9 @@ class Snapshot:
         distance = self.position[other] - self.position[own] - 0.5 * (self.length[other] + self.length[own])
         return np.where(other == self.n, FAR, distance)
 
-    def gap_behind(self) -> np.ndarray:
-        """Bumper to bumper, back to the follower [m]; FAR for nobody."""
+    def gap_behind(self, other: np.ndarray) -> np.ndarray:
+        """Bumper to bumper, back to a vehicle behind [m]; FAR for nobody."""
         own = slice(0, self.n)
-        other = self.follower
         distance = self.position[own] - self.position[other] - 0.5 * (self.length[other] + self.length[own])
         return np.where(other == self.n, FAR, distance)
 
@@ -95,3 +96,28 @@ class Snapshot:
         column = np.argmin(offsets, axis=1)
         is_there = np.isfinite(offsets[np.arange(self.n), column])
         return np.where(is_there, self.fleet.recording * self._shape[1] + column, self.n)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A change to one side as every vehicle sees it.
+
+    Attributes:
+        side: -1 to the left, +1 to the right.
+        leader, rear: Who would be ahead and behind, n for nobody.
+        gap, rear_gap: Bumper to bumper to them [m]; FAR for nobody.
+        gain: In own acceleration [m/s^2].
+        cost_to_rear: What the one behind there would lose [m/s^2], positive.
+        follower_gain: What the present follower would gain [m/s^2].
+        is_possible: Whether the lane exists, there is room, and nobody would have to brake too hard.
+    """
+
+    side: int
+    leader: np.ndarray
+    rear: np.ndarray
+    gap: np.ndarray
+    rear_gap: np.ndarray
+    gain: np.ndarray
+    cost_to_rear: np.ndarray
+    follower_gain: np.ndarray
+    is_possible: np.ndarray

@@ -14,7 +14,6 @@ class OffCentre(HiddenEffect):
     variables = ("lateral_offset",)
 
     def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Shorter off the centre."""
         return value * np.maximum(0.35, 1.0 - 1.1 * self.strength * np.minimum(np.abs(now.wander), 0.6))
 
 
@@ -24,7 +23,6 @@ class LongLeader(HiddenEffect):
     variables = ("leader_length",)
 
     def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Longer behind a longer vehicle."""
         excess = np.where(now.leader == now.n, 0.0, np.clip(now.length[now.leader] - 4.6, -1.0, 1.0))
         return value * (1.0 + 0.4 * self.strength * excess)
 
@@ -35,7 +33,6 @@ class Company(HiddenEffect):
     variables = ("vehicles_beside",)
 
     def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Less in company."""
         return value - 0.18 * self.strength * np.count_nonzero(np.abs(now.offsets_beside()) < 25.0, axis=1)
 
 
@@ -45,7 +42,6 @@ class Rain(HiddenEffect):
     variables = ("time",)
 
     def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Less in the rain, which comes within 3 s."""
         return value - 0.45 * self.strength * float(np.clip((now.time - 25.0) / 3.0, 0.0, 1.0))
 
 
@@ -55,11 +51,9 @@ class Roadworks(HiddenEffect):
     variables = ("position", "lane")
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """The section."""
         self._section = section
 
     def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """Less beside the works."""
         share = share_inside(now.position[: now.n], self._section, 30.0)
         return value - 0.7 * self.strength * share * (now.lane == now.n_lanes - 1)
 
@@ -70,12 +64,10 @@ class ActionPoints(HiddenEffect):
     truths = ("action_points",)
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """Everybody decides at first."""
         self._rng, self._kept = rng, np.zeros(now.n)
         self._until = np.zeros(now.n) + now.time
 
     def respond(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """The last decision."""
         due = now.time >= self._until
         self._kept = np.where(due, value, self._kept)
         waits = 0.3 * self.strength + self._rng.exponential(0.7 * self.strength, now.n)
@@ -93,16 +85,13 @@ class Misjudgement(HiddenEffect):
     truths = ("perception_noise",)
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """Errors as they are in the long run."""
         self._rng, self._errors = rng, rng.standard_normal((2, now.n))
 
     def observe(self, now: Snapshot, dt: float) -> None:
-        """Wiener processes that forget."""
         kept = np.exp(-dt / 3.0)
         self._errors = kept * self._errors + np.sqrt(1 - kept**2) * self._rng.standard_normal(self._errors.shape)
 
     def perceive(self, gap: np.ndarray, dv: np.ndarray, now: Snapshot) -> tuple[np.ndarray, np.ndarray]:
-        """Wrong by a share of the gap."""
         near = np.minimum(gap, 150.0)
         of_gap = np.exp(0.2 * self.strength * self._errors[0])
         return gap * of_gap, dv + 0.02 * self.strength * near * self._errors[1]
@@ -117,7 +106,6 @@ class BlindToSlowApproach(HiddenEffect):
     variables = ("approach_rate",)
 
     def perceive(self, gap: np.ndarray, dv: np.ndarray, now: Snapshot) -> tuple[np.ndarray, np.ndarray]:
-        """Nothing inside the threshold, the excess outside."""
         return gap, np.sign(dv) * np.maximum(0.0, np.abs(dv) - 1.2 * self.strength)
 
 
@@ -127,12 +115,10 @@ class Distraction(HiddenEffect):
     every, fade = 14.0, 0.0  # s between episodes on average, s over which attention goes and comes
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """Everybody attends."""
         self._rng, self._share = rng, np.zeros(now.n)
         self._kept, self._until = np.zeros(now.n), np.full(now.n, -np.inf)
 
     def respond(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """A mixture of the wish now and of the one kept."""
         away = now.time < self._until
         starts = ~away & (self._share == 0.0) & (self._rng.random(now.n) < SUB_STEP / self.every)
         self._kept = np.where(starts, value, self._kept)

@@ -70,8 +70,7 @@ def own_gain(table: Opportunities) -> Column:
 
 
 def _politeness(table: Opportunities) -> Column:
-    others = np.clip(table.rear_gain, -MOST_GAIN, MOST_GAIN) + np.clip(table.follower_gain, -MOST_GAIN, MOST_GAIN)
-    return others
+    return np.clip(table.rear_gain, -MOST_GAIN, MOST_GAIN) + np.clip(table.follower_gain, -MOST_GAIN, MOST_GAIN)
 
 
 def _unused_gain(table: Opportunities) -> Column:
@@ -106,68 +105,29 @@ def _truck(reach: float) -> Callable[[Opportunities], Column]:
     return column
 
 
-def _faster_lane(table: Opportunities) -> Column:
-    return np.clip(table.side_leader_speed - table.leader_speed, -8.0, 8.0) / 5.0
+def _dependence(
+    variable: str, column: Callable[[Opportunities], Column], *, is_circumstance: bool = True
+) -> LaneCandidate:
+    slope, forms = ("slope", "m/s^2"), (Form(column),)
+    return LaneCandidate(LANE_CHOICE_DEPENDENCE, "generic", (variable,), slope, -9.0, 9.0, forms, is_circumstance)
 
 
 CANDIDATES = (
-    LaneCandidate(
-        "keep_right", "driver", ("side",), ("bias", "m/s^2"), -2.0, 2.0, (Form(lambda table: table.side.astype(float)),)
-    ),
+    LaneCandidate("keep_right", "driver", ("side",), ("bias", "m/s^2"), -2.0, 2.0,
+                  (Form(lambda table: table.side.astype(float)),)),
     LaneCandidate("politeness", "driver", ("gain_of_others",), ("weight", "-"), -0.5, 2.0, (Form(_politeness),)),
-    LaneCandidate(
-        "no_passing_on_the_right",
-        "driver",
-        ("side", "leader_speed"),
-        ("weight", "-"),
-        0.0,
-        1.0,
-        (Form(_unused_gain), Form(_undertaking)),
-    ),
-    LaneCandidate(
-        "moving_over",
-        "driver",
-        ("side", "follower_gap"),
-        ("gain", "m/s^2"),
-        -1.0,
-        3.0,
-        tuple(Form(_pressure(z), (("pressing_time_gap", z, "s"),)) for z in (0.6, 1.0, 1.5)),
-    ),
-    LaneCandidate(
-        "truck_aversion",
-        "driver",
-        ("leader_class",),
-        ("gain", "m/s^2"),
-        -2.0,
-        3.0,
-        tuple(Form(_truck(reach), (("reach", reach, "m"),)) for reach in (40.0, 80.0, 200.0)),
-    ),
-    LaneCandidate(
-        "cooperation",
-        "driver",
-        ("rear_braking",),
-        ("weight", "-"),
-        0.0,
-        5.0,
-        (Form(lambda table: np.clip(table.rear_braking, 0.0, MOST_GAIN)),),
-    ),
-    *(
-        LaneCandidate(
-            LANE_CHOICE_DEPENDENCE,
-            "generic",
-            (variable,),
-            ("slope", "m/s^2"),
-            -9.0,
-            9.0,
-            (Form(column),),
-            is_circumstance=variable != "rear_gap",
-        )
-        for variable, column in (
-            ("rear_gap", lambda table: np.clip(table.rear_gap, 0.0, 60.0) / 30.0),
-            ("own_class", lambda table: table.is_truck.astype(float)),
-            ("speed", lambda table: (table.speed - 22.0) / 5.0),
-            ("speed_of_lanes", _faster_lane),
-        )
-    ),
-)
+    LaneCandidate("no_passing_on_the_right", "driver", ("side", "leader_speed"), ("weight", "-"), 0.0, 1.0,
+                  (Form(_unused_gain), Form(_undertaking))),
+    LaneCandidate("moving_over", "driver", ("side", "follower_gap"), ("gain", "m/s^2"), -1.0, 3.0,
+                  tuple(Form(_pressure(z), (("pressing_time_gap", z, "s"),)) for z in (0.6, 1.0, 1.5))),
+    LaneCandidate("truck_aversion", "driver", ("leader_class",), ("gain", "m/s^2"), -2.0, 3.0,
+                  tuple(Form(_truck(reach), (("reach", reach, "m"),)) for reach in (40.0, 80.0, 200.0))),
+    LaneCandidate("cooperation", "driver", ("rear_braking",), ("weight", "-"), 0.0, 5.0,
+                  (Form(lambda table: np.clip(table.rear_braking, 0.0, MOST_GAIN)),)),
+    _dependence("rear_gap", lambda table: np.clip(table.rear_gap, 0.0, 60.0) / 30.0, is_circumstance=False),
+    _dependence("own_class", lambda table: table.is_truck.astype(float)),
+    _dependence("speed", lambda table: (table.speed - 22.0) / 5.0),
+    _dependence("speed_of_lanes",
+                lambda table: np.clip(table.side_leader_speed - table.leader_speed, -8.0, 8.0) / 5.0),
+)  # fmt: skip
 """Everything that is looked for."""

@@ -1,53 +1,9 @@
 """Findings in lane changing, as they go into a verdict."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
-
-@dataclass(frozen=True)
-class Estimate:
-    """A number with its interval; the ends are None where it was not searched."""
-
-    value: float
-    low: float | None
-    high: float | None
-    unit: str
-
-    def plain(self) -> dict[str, Any]:
-        """As in verdict.json."""
-        return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit}
-
-
-@dataclass(frozen=True)
-class LaneEffect:
-    """Something that counts in the choice of the lane.
-
-    Attributes:
-        name: Of the effect in the library.
-        kind: `driver`, or `generic` for a dependence without a name.
-        parameters: In its units.
-        variables: What it depends on.
-        confidence: Probability that it is there [-].
-        evidence: Log-likelihood it adds on drivers it was not fitted to [nats].
-    """
-
-    name: str
-    kind: str
-    parameters: dict[str, Estimate]
-    variables: tuple[str, ...]
-    confidence: float
-    evidence: float
-
-    def plain(self) -> dict[str, Any]:
-        """As an entry of `effects` in verdict.json."""
-        return {
-            "name": self.name,
-            "kind": self.kind,
-            "parameters": {name: value.plain() for name, value in self.parameters.items()},
-            "variables": list(self.variables),
-            "confidence": self.confidence,
-            "evidence": self.evidence,
-        }
+from rearl_jax.discovery.claims import Claim, Estimate
 
 
 @dataclass(frozen=True)
@@ -99,7 +55,7 @@ class LaneChangeFindings:
         words: One line for a reader; why nothing could be seen, where nothing could.
     """
 
-    effects: tuple[LaneEffect, ...]
+    effects: tuple[Claim, ...]
     candidates: tuple[RankedCandidate, ...]
     n_changes: int
     n_opportunities: int
@@ -112,7 +68,7 @@ class LaneChangeFindings:
         """Entries for `effects` and `candidates` of verdict.json, and its `lane_choice`."""
         loss = None
         if self.loss_change is not None:
-            loss = {"before": self.loss_before, "after": self.loss_after, "change": self.loss_change.plain()}
+            loss = {"before": self.loss_before, "after": self.loss_after, "change": asdict(self.loss_change)}
         return {
             "effects": [effect.plain() for effect in self.effects],
             "candidates": [candidate.plain() for candidate in self.candidates],

@@ -16,6 +16,9 @@ RIDGE = 1e-3
 OWN_SHARE = 1e-4
 """Share of a column's information that must be its own [-]; below it there is only what the weak prior leaves."""
 
+NEWTON_STEPS = 40
+"""Steps at most."""
+
 KNOT_SHARES = (0.25, 0.5, 0.75, 0.9)
 """Shares of the gains of those who change at which the log-odds may bend."""
 
@@ -55,16 +58,10 @@ def fit(
     taken: Bool[np.ndarray, " rows"],
     driver: Int[np.ndarray, " rows"],
     start: Float[np.ndarray, " columns"] | None = None,
-    iterations: int = 40,
 ) -> Logit:
-    """The most likely logit, by Newton steps that are halved where they lead away.
+    """The most likely logit of opportunities that drivers, numbered from 0, took or not; from `start`, or from 0.
 
-    Args:
-        columns: Of the model.
-        taken: Whether each opportunity was taken.
-        driver: Whose it was, 0 to some number.
-        start: Coefficients from which it is searched.
-        iterations: At most.
+    Found by Newton steps that are halved where they lead away.
     """
     size = columns.shape[1]
     beta = np.zeros(size) if start is None else start
@@ -74,7 +71,7 @@ def fit(
         return float((taken * odds - np.logaddexp(0.0, odds)).sum() - 0.5 * RIDGE * at @ at)
 
     best = value(beta)
-    for _ in range(iterations):
+    for _ in range(NEWTON_STEPS):
         gradient, information = _slopes(columns, taken, beta)
         step = np.linalg.solve(information, gradient)
         while (new := value(beta + step)) < best and np.abs(step).max() > 1e-9:
@@ -83,10 +80,10 @@ def fit(
         if gain < 1e-8:
             break
     _, information = _slopes(columns, taken, beta)
-    votes = _by_driver(columns * (taken - _chance(columns, beta))[:, None], driver)
+    scores = _by_driver(columns * (taken - _chance(columns, beta))[:, None], driver)
     inverse = np.linalg.inv(information)
-    n = max(int((np.abs(votes).sum(axis=1) > 0).sum()), 2)
-    return Logit(beta, inverse @ (votes.T @ votes * n / (n - 1)) @ inverse)
+    n = max(int((np.abs(scores).sum(axis=1) > 0).sum()), 2)
+    return Logit(beta, inverse @ (scores.T @ scores * n / (n - 1)) @ inverse)
 
 
 def score_test(
@@ -98,26 +95,19 @@ def score_test(
 ) -> float:
     """Slope of the likelihood along a column that is not in the model, in standard deviations between drivers [-].
 
-    It is positive where more of the column means more changes.
-
-    Args:
-        coefficients: The most likely ones.
-        columns: Of the model.
-        taken: Whether each opportunity was taken.
-        driver: Whose it was.
-        extra: The further column.
+    It is positive where more of the column (`extra`) means more changes. Coefficients are the most likely ones.
     """
     chance = _chance(columns, coefficients)
     weight = chance * (1.0 - chance)
     weighted = columns * weight[:, None]
     shared = np.linalg.solve(columns.T @ weighted + RIDGE * np.eye(columns.shape[1]), weighted.T @ extra)
     own = extra - columns @ shared
-    votes = _by_driver((own * (taken - chance))[:, None], driver)[:, 0]
-    spread = float(np.sqrt((votes**2).sum()))
+    scores = _by_driver((own * (taken - chance))[:, None], driver)[:, 0]
+    spread = float(np.sqrt((scores**2).sum()))
     information = float((weight * own * extra).sum())
     if spread <= 0.0 or information <= OWN_SHARE * float((weight * extra**2).sum()):
         return 0.0  # the model knows all that the column says, or nobody had a choice
-    return float(votes.sum()) / spread
+    return float(scores.sum()) / spread
 
 
 def _chance(columns: np.ndarray, beta: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Gain of drivers by a change of lanes, by their own car following as it was calibrated."""
+"""Car following of drivers who may change lanes: as it was calibrated, or the most likely by their accelerations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +11,29 @@ from jaxtyping import Array, Bool, Float, Int
 from rearl_jax.core.car_following import CAR_FOLLOWING
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
 from rearl_jax.discovery.observe.solver import FitState
+
+MEMORY = 3.0
+"""Time after which the error of an acceleration is a new one [s]: twice the correlation time of drivers' noise.
+Source: Zhang & Sun, arXiv:2210.03571 (highD, about 1.4 s).
+"""
+
+RESPONSE = 3
+"""First place of the parameters that say how hard drivers respond, after desired speed, time gap and jam gap. What they
+respond to has been moved by their own noise and is smoothed, so everybody seems less responsive than they are; only how
+far each is from the others is taken.
+"""
+
+FURTHEST = 4.0
+"""Bound of a standardised parameter [-]: a handful of accelerations says no more."""
+
+ROUNDS = 8
+"""Gauss-Newton steps; most drivers are there after four."""
+
+STEP = 0.05
+"""Step of the finite differences, in standard deviations between drivers [-]."""
+
+HARD = 4.0
+"""Acceleration [m/s^2] beyond which it is not car following."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +77,8 @@ class KnownDrivers:
         out = self.usual[is_truck.astype(int)]
         if len(self.vehicle):
             place = np.minimum(np.searchsorted(self.vehicle, vehicle), len(self.vehicle) - 1)
-            found = self.vehicle[place] == vehicle
-            out[found] = self.values[place[found]]
+            is_known = self.vehicle[place] == vehicle
+            out[is_known] = self.values[place[is_known]]
         return out.T
 
 
@@ -86,3 +109,64 @@ def _acceleration(model: str, numbers: Float[Array | np.ndarray, "columns rows"]
     *own, speed, gap, leader_speed, is_led = numbers
     driver = CAR_FOLLOWING[model](*own)
     return driver.free_acceleration(speed) - is_led * driver.interaction(gap, speed, speed - leader_speed)
+
+
+def likely_parameters(
+    usual: Float[np.ndarray, "own rows"],
+    driver: Int[np.ndarray, " rows"],
+    speed: Float[np.ndarray, " rows"],
+    gap: Float[np.ndarray, " rows"],
+    leader_speed: Float[np.ndarray, " rows"],
+    measured: Float[np.ndarray, " rows"],
+    is_led: Bool[np.ndarray, " rows"],
+    period: float,
+    prior: Prior,
+) -> Float[np.ndarray, "own rows"]:
+    """Parameters of each row's driver: the most likely ones, where drivers differ as they usually do.
+
+    Coarser than the calibration by an observer, and for thousands of drivers at once: what a change of lanes pays
+    depends on the time gap a driver wants more than on anything else, and with one time gap for all, politeness and
+    trucks would seem to count where they do not.
+
+    Args:
+        usual: Parameters of the population each row's driver belongs to.
+        driver: Of each row, 0 to some number.
+        speed, gap, leader_speed: Own speed [m/s], gap to the leader [m], its speed [m/s].
+        measured: Acceleration [m/s^2].
+        is_led: True where there is a leader; other rows tell nothing.
+        period: Time between two rows of a driver [s].
+        prior: Their car-following model, and how much drivers differ.
+
+    Source: Gauss-Newton with a normal prior, Gelman et al., Bayesian Data Analysis (2013), ch. 13; drivers' spread as
+    in `drivers.Prior`.
+    """
+    n = int(driver.max()) + 1 if len(driver) else 0
+    used = np.flatnonzero(is_led & (gap > 0.0) & (np.abs(measured) < HARD))
+    if not len(used):
+        return usual
+    rows = [values[used] for values in (speed, gap, leader_speed)]
+    led, base, who, wanted = np.ones(len(used), bool), usual[:, used], driver[used], measured[used]
+    n_own, spread = prior.size, prior.spread
+    z = np.zeros((n, n_own))
+
+    def predicted(at: np.ndarray) -> np.ndarray:
+        params = base * np.exp(spread[:, None] * at[who].T)
+        return np.clip(acceleration(prior.name, params, rows[0], rows[1], rows[2], led), -HARD, HARD)
+
+    for _ in range(ROUNDS):
+        now = predicted(z)
+        error = wanted - now
+        # 0.455: median of the square of a standard normal number
+        variance = max(float(np.median(error**2)) / 0.455, 1e-4) * MEMORY / period
+        slopes = np.stack([(predicted(z + STEP * np.eye(n_own)[k]) - now) / STEP for k in range(n_own)])
+        gram = np.empty((n, n_own, n_own))
+        gradient = np.empty((n, n_own))
+        for i in range(n_own):
+            gradient[:, i] = np.bincount(who, slopes[i] * error, n) / variance - z[:, i]
+            for j in range(i + 1):
+                gram[:, i, j] = gram[:, j, i] = np.bincount(who, slopes[i] * slopes[j], n) / variance
+        step = np.linalg.solve(gram + np.eye(n_own), gradient[..., None])[..., 0]
+        z = np.clip(z + np.clip(step, -1.0, 1.0), -FURTHEST, FURTHEST)
+    z[:, RESPONSE:] -= z[np.unique(who)][:, RESPONSE:].mean(axis=0)
+    z[np.bincount(who, minlength=n) == 0] = 0.0
+    return usual * np.exp(spread[:, None] * z[driver].T)

@@ -3,37 +3,30 @@
 import numpy as np
 import pandas as pd
 
-from rearl_jax.discovery.read.smoothing import cut_off, position_noise, smoothed
+from rearl_jax.discovery.read.smoothing import cut_off, position_noise, smoothed_tracks, track_bounds
 
 
 def with_motion(table: pd.DataFrame, dt: float) -> pd.DataFrame:
     """The table with smooth motion, the time since the last change of lanes and that to the next one, and its side."""
-    track, frame = table["track_id"].to_numpy(), table["frame"].to_numpy()
-    first = np.r_[True, (track[1:] != track[:-1]) | (frame[1:] != frame[:-1] + 1)]
-    starts = np.flatnonzero(first)
-    stops = np.r_[starts[1:], len(track)]
-    position = table["position"].to_numpy()
-    frequency = cut_off(position_noise(position, starts, stops), dt)
-    x, v, a = np.empty(len(track)), np.empty(len(track)), np.empty(len(track))
-    for start, stop in zip(starts, stops, strict=True):
-        x[start:stop], v[start:stop], a[start:stop] = smoothed(position[start:stop], dt, frequency)
+    position, bounds = table["position"].to_numpy(), track_bounds(table)
+    x, v, a = smoothed_tracks(position, *bounds, dt, cut_off(position_noise(position, *bounds), dt))
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     step = np.r_[0.0, np.diff(lane)]
-    changed = ~first & np.isfinite(step) & (step != 0)
-    row, n = np.arange(len(track)), len(track)
-    begin, end = np.repeat(starts, stops - starts), np.repeat(stops, stops - starts)
+    row, n = np.arange(len(table)), len(table)
+    begin, end = (np.repeat(bound, bounds[1] - bounds[0]) for bound in bounds)
+    changed = (row != begin) & np.isfinite(step) & (step != 0)
     last = np.maximum.accumulate(np.where(changed, row, -1))
     since = np.where(last >= begin, (row - last) * dt, np.inf)
     # The next change after each row: of all later rows the first that differs from the one before it.
     later = np.r_[np.minimum.accumulate(np.where(changed, row, n)[::-1])[::-1][1:], n] if n else row
-    found = later < end
+    comes = later < end
     return table.assign(
         position=x,
         speed=v,
         acceleration=a,
         since_change=since,
-        to_change=np.where(found, (later - row) * dt, np.inf),
-        next_step=np.where(found, step[np.minimum(later, n - 1)], 0.0),
+        to_change=np.where(comes, (later - row) * dt, np.inf),
+        next_step=np.where(comes, step[np.minimum(later, n - 1)], 0.0),
         left_in_record=(end - 1 - row) * dt,
     )
 

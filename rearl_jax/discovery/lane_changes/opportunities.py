@@ -15,8 +15,7 @@ from jaxtyping import Bool, Float, Int
 from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
 from rearl_jax.core.order import NOBODY
 from rearl_jax.data.records import Recording
-from rearl_jax.discovery.lane_changes.following import likely_parameters
-from rearl_jax.discovery.lane_changes.incentives import KnownDrivers, acceleration
+from rearl_jax.discovery.lane_changes.incentives import KnownDrivers, acceleration, likely_parameters
 from rearl_jax.discovery.lane_changes.motion import with_motion
 from rearl_jax.discovery.lane_changes.neighbours import Pair, next_on_lanes
 from rearl_jax.discovery.read.smoothing import thinned
@@ -111,9 +110,7 @@ def opportunities(recordings: Sequence[Recording], drivers: KnownDrivers) -> tup
         table, dt = thinned(recording)
         tracks = int(table["track_id"].to_numpy().max(initial=-1)) + 1
         part, word = _of_recording(table, dt, offset, number, drivers)
-        parts.append(part)
-        words.append(word)
-        offset += tracks
+        parts, words, offset = [*parts, part], [*words, word], offset + tracks
     joined = _joined(parts) if parts else _empty()
     return joined, "" if len(joined.side) or not words else words[0]
 
@@ -131,9 +128,7 @@ def _of_recording(
     if np.bincount(np.unique(streets, axis=1)[0]).max(initial=0) < 2:
         return _empty(), "there is one lane per direction"
     around = next_on_lanes(rows)
-    vehicle = rows["track_id"].to_numpy().astype(np.int64) + offset
-    is_truck = (rows["vehicle_class"] == "truck").to_numpy()
-    scene = _Scene(rows, drivers, vehicle, is_truck, number, around[0])
+    scene = _Scene(rows, drivers, offset, number, around[0])
     joined = _joined([scene.side(side, around[0], around[side]) for side in (-1, 1)])
     word = "" if len(joined.side) else "nobody has a leader on the own lane and on one beside it, and room to change"
     return joined, word
@@ -142,21 +137,12 @@ def _of_recording(
 class _Scene:
     """The rows of one recording at the moments of opportunities."""
 
-    def __init__(
-        self,
-        rows: pd.DataFrame,
-        drivers: KnownDrivers,
-        vehicle: np.ndarray,
-        is_truck: np.ndarray,
-        recording: int,
-        around: Pair,
-    ) -> None:
-        self.vehicle, self.is_truck, self.recording = vehicle, is_truck, recording
+    def __init__(self, rows: pd.DataFrame, drivers: KnownDrivers, offset: int, recording: int, around: Pair) -> None:
+        self.vehicle, self.recording = rows["track_id"].to_numpy().astype(np.int64) + offset, recording
+        self.is_truck = (rows["vehicle_class"] == "truck").to_numpy()
         names = ("position", "speed", "acceleration", "length", "since_change", "to_change", "next_step")
-        self.x, self.v, self.a, self.length, self.since, self.until, self.step = (
-            rows[name].to_numpy() for name in names
-        )
-        self.left_in_record = rows["left_in_record"].to_numpy()
+        columns = (rows[name].to_numpy() for name in (*names, "left_in_record"))
+        self.x, self.v, self.a, self.length, self.since, self.until, self.step, self.left_in_record = columns
         self.lane, self.direction = rows["lane"].to_numpy(np.int64), rows["direction"].to_numpy(np.int64)
         self.upstream = rows.groupby("direction")["position"].transform("min").to_numpy()
         self.whole = self._whole_lanes()
@@ -167,29 +153,18 @@ class _Scene:
 
     def _whole_lanes(self) -> set[tuple[int, int]]:
         """Directions and lanes that cover most of the road."""
-        spans: dict[tuple[int, int], float] = {}
-        for direction, lane in np.unique(np.stack([self.direction, self.lane]), axis=1).T:
-            spans[int(direction), int(lane)] = float(
-                np.ptp(self.x[(self.direction == direction) & (self.lane == lane)])
-            )
-        road = {one: max(span for (other, _), span in spans.items() if other == one) for one, _ in spans}
+        spans = {}
+        for direction, lane in np.unique(np.stack([self.direction, self.lane]), axis=1).T.tolist():
+            spans[direction, lane] = np.ptp(self.x[(self.direction == direction) & (self.lane == lane)])
+        road = {direction: max(span for (own, _), span in spans.items() if own == direction) for direction, _ in spans}
         return {key for key, span in spans.items() if span >= WHOLE_LANE * road[key[0]]}
 
     def _parameters(self, drivers: KnownDrivers, leader: np.ndarray) -> np.ndarray:
         """Of every row's driver: calibrated ones, else the likely ones."""
         own = drivers.of_vehicles(self.vehicle, self.is_truck)
-        rows = np.arange(len(leader))
-        likely = likely_parameters(
-            own,
-            np.unique(self.vehicle, return_inverse=True)[1],
-            self.v,
-            self._gap(rows, leader),
-            self.v[leader],
-            self.a,
-            leader != NOBODY,
-            PERIOD,
-            drivers.prior,
-        )
+        driver, gap = np.unique(self.vehicle, return_inverse=True)[1], self._gap(np.arange(len(leader)), leader)
+        behind = (self.v, gap, self.v[leader], self.a, leader != NOBODY)
+        likely = likely_parameters(own, driver, *behind, PERIOD, drivers.prior)
         return np.where(drivers.is_known(self.vehicle), own, likely)
 
     def _earlier_braking(self, leader: np.ndarray) -> np.ndarray:
@@ -209,22 +184,20 @@ class _Scene:
         near_edge = self.x[chosen] - self.upstream[chosen] < SEEN_BEHIND
         chosen = chosen[~near_edge | ((rear[chosen] != NOBODY) & (follower[chosen] != NOBODY))]
         leader, follower, ahead, rear = (rows[chosen] for rows in (leader, follower, ahead, rear))
-        v, own = self.v[chosen], self.own[:, chosen]
+        v = self.v[chosen]
         gap, side_gap = self._gap(chosen, leader), self._gap(chosen, ahead)
         rear_gap, follower_gap = self._gap(rear, chosen), self._gap(follower, chosen)
-        stays = acceleration(self.model, own, v, gap, self.v[leader], np.ones(len(chosen), bool))
-        changed = acceleration(self.model, own, v, side_gap, self.v[ahead], np.ones(len(chosen), bool))
+        stays, changed = self._behind(chosen, leader), self._behind(chosen, ahead)
         rear_after, rear_before = self._behind(rear, chosen), self._behind(rear, ahead)
-        gift = self._behind(follower, leader) - self._behind(follower, chosen)
         fits = (side_gap > LEAST_GAP) & (rear_gap > LEAST_GAP) & (changed > -HARDEST) & (rear_after > -HARDEST)
-        found = Opportunities(
+        options = Opportunities(
             vehicle=self.vehicle[chosen],
             recording=np.full(len(chosen), self.recording),
             side=np.full(len(chosen), side),
             changes=(self.until[chosen] <= PERIOD + 1e-9) & (self.step[chosen] == side),
             incentive=changed - stays,
             rear_gain=rear_after - rear_before,
-            follower_gain=gift,
+            follower_gain=self._behind(follower, leader) - self._behind(follower, chosen),
             speed=v,
             gap=gap,
             leader_speed=self.v[leader],
@@ -238,7 +211,7 @@ class _Scene:
             follower_speed=np.where(follower == NOBODY, v, self.v[follower]),
             is_truck=self.is_truck[chosen],
         )
-        return found.take(np.flatnonzero(fits))
+        return options.take(np.flatnonzero(fits))
 
     def _may_change(self, side: int) -> np.ndarray:
         """Rows of drivers who are on a whole lane, with one on that side, and have stayed for a while."""

@@ -7,21 +7,18 @@ from jaxtyping import Int
 from scipy.stats import norm
 
 from rearl_jax.data.records import Recording
-from rearl_jax.discovery.lane_changes.candidates import CANDIDATES
-from rearl_jax.discovery.lane_changes.findings import (
-    Estimate,
-    LaneChangeFindings,
-    LaneEffect,
-    RankedCandidate,
-    nothing_seen,
-)
+from rearl_jax.discovery.claims import Claim, Estimate, share_of
+from rearl_jax.discovery.lane_changes.candidates import CANDIDATES, LaneCandidate
+from rearl_jax.discovery.lane_changes.findings import LaneChangeFindings, RankedCandidate, nothing_seen
 from rearl_jax.discovery.lane_changes.hazard import fit
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers
 from rearl_jax.discovery.lane_changes.motion import count_changes
-from rearl_jax.discovery.lane_changes.opportunities import opportunities
-from rearl_jax.discovery.lane_changes.parts import N_PARTS, part_of_rows
+from rearl_jax.discovery.lane_changes.opportunities import Opportunities, opportunities
 from rearl_jax.discovery.lane_changes.trials import Trial, Tried, tried
 from rearl_jax.discovery.thresholds import THRESHOLDS
+
+N_PARTS = 3
+"""Parts of the drivers: fitted, checked, reported."""
 
 UNSEEN = "choice of the lane: could not have been seen here"
 
@@ -55,8 +52,7 @@ def lane_change_findings(
         confidence: Of all intervals [-].
         seed: Of the split of drivers it does not know, and of resampling.
     """
-    few = too_few_changes(recordings)
-    if few is not None:
+    if (few := too_few_changes(recordings)) is not None:
         return few
     table, why = opportunities(recordings, KnownDrivers.of([]) if drivers is None else drivers)
     n_changes, n = int(table.changes.sum()), len(table.side)
@@ -75,7 +71,7 @@ def lane_change_findings(
         return nothing_seen(n_changes, n, words)
     added, rounds = _selected(every)
     before, after, change = _loss(every, added, confidence)
-    names = ", ".join(one.candidate.name.replace("_", " ") for one in added)
+    names = ", ".join(trial.candidate.name.replace("_", " ") for trial in added)
     names = names or "nothing beside the own acceleration counts"
     return LaneChangeFindings(
         effects=_effects(every, added, rounds, confidence),
@@ -87,6 +83,42 @@ def lane_change_findings(
         loss_change=change,
         words=f"choice of the lane, {n_changes} changes: {names}",
     )
+
+
+def part_of_rows(
+    table: Opportunities, split: Sequence[Int[np.ndarray, " _"]] | None, seed: int
+) -> Int[np.ndarray, " rows"]:
+    """Part of each opportunity, 0 to 2; no driver is in two parts.
+
+    Drivers the split does not know (they follow nobody long enough) go with their recording where all of it is in one
+    part, else to a part at random.
+
+    Args:
+        table: The opportunities.
+        split: Numbers of the vehicles of each part, as in `Measured.vehicle`; None where there is no split yet.
+        seed: Of what is random.
+    """
+    recordings = np.unique(table.recording)
+    home = {}
+    if split is None and len(recordings) >= N_PARTS:
+        # Whole recordings, the one with most changes first, to the part that has fewest.
+        changes = {int(number): int(table.changes[table.recording == number].sum()) for number in recordings}
+        filled = [0] * N_PARTS
+        for recording in sorted(changes, key=lambda key: (-changes[key], key)):
+            home[recording] = int(np.argmin(filled))
+            filled[home[recording]] += changes[recording] + 1
+    vehicles, first, row = np.unique(table.vehicle, return_index=True, return_inverse=True)
+    known = np.full(len(vehicles), -1)
+    for number, members in enumerate(split or ()):
+        known[np.isin(vehicles, members)] = number
+    of_recording = table.recording[first]
+    for recording in recordings:
+        parts = np.unique(known[(of_recording == recording) & (known >= 0)])
+        if len(parts) == 1:
+            home[int(recording)] = int(parts[0])
+    at_random = np.random.default_rng(seed).integers(0, N_PARTS, len(vehicles))
+    stay = np.array([home.get(int(recording), -1) for recording in of_recording], int)
+    return np.where(known >= 0, known, np.where(stay >= 0, stay, at_random))[row]
 
 
 def _gain_counts(every: Tried) -> bool:
@@ -103,73 +135,53 @@ def _selected(every: Tried) -> tuple[list[Trial], list[list[Trial]]]:
     while len(added) < THRESHOLDS.most_lane_effects:
         rounds.append(tried(every, added))
         least = max(THRESHOLDS.later_lane_total, THRESHOLDS.later_lane_share * added[0].total) if added else 0.0
-        held = [one for one in rounds[-1] if one.is_confirmed and one.total > least]
-        if not held:
+        confirmed = [trial for trial in rounds[-1] if trial.is_confirmed and trial.total > least]
+        if not confirmed:
             break
-        added.append(max(held, key=lambda one: one.total))
+        added.append(max(confirmed, key=lambda trial: trial.total))
     return added, rounds
 
 
 def _effects(
     every: Tried, added: Sequence[Trial], rounds: Sequence[Sequence[Trial]], confidence: float
-) -> tuple[LaneEffect, ...]:
+) -> tuple[Claim, ...]:
     """Effects that were added, with strengths from the drivers that were fitted and checked."""
     model = every.fitted(every.effects(added), 0, 1)
     reach = float(norm.ppf(0.5 + confidence / 2))
-    found = []
-    for number, (one, trials) in enumerate(zip(added, rounds, strict=False)):
-        value, half = float(model.strengths[number]), reach * float(np.sqrt(model.covariance[number, number]))
-        value, low, high = (
-            float(np.clip(end, one.candidate.low, one.candidate.high)) for end in (value, value - half, value + half)
-        )
-        name, unit = one.candidate.strength
+    claims = []
+    for number, (trial, trials) in enumerate(zip(added, rounds, strict=False)):
+        candidate, value = trial.candidate, float(model.strengths[number])
+        half = reach * float(np.sqrt(model.covariance[number, number]))
+        value, low, high = np.clip([value, value - half, value + half], candidate.low, candidate.high).tolist()
+        name, unit = candidate.strength
         parameters = {name: Estimate(value, low, high, unit)}
-        parameters |= {shape: Estimate(number, None, None, its) for shape, number, its in one.form.shape}
-        rivals = np.array([0.0, *(other.total for other in trials if other is not one)])
-        share = 1.0 / (1.0 + float(np.exp(np.clip(rivals - one.total, -50, 50)).sum()))
-        candidate = one.candidate
-        found.append(
-            LaneEffect(
-                candidate.name,
-                candidate.kind,
-                parameters,
-                candidate.variables,
-                min(share, THRESHOLDS.most_confidence),
-                one.total,
-            )
-        )
-    return tuple(found)
+        parameters |= {name: Estimate(value, None, None, unit) for name, value, unit in trial.form.shape}
+        share = share_of(trial.total, [other.total for other in trials if other is not trial])
+        sure = min(share, THRESHOLDS.most_confidence)
+        claims.append(Claim(candidate.name, candidate.kind, parameters, candidate.variables, sure, trial.total))
+    return tuple(claims)
 
 
 def _ranked(every: Tried, added: Sequence[Trial], rounds: Sequence[Sequence[Trial]]) -> tuple[RankedCandidate, ...]:
     """All candidates as they were in the first round, and the circumstances that every model holds."""
-    named = {one.candidate.key for one in added}
     alike = {
         other.candidate.key
-        for one, trials in zip(added, rounds, strict=False)
+        for trial, trials in zip(added, rounds, strict=False)
         for other in trials
-        if other.is_confirmed and one.total - other.total < THRESHOLDS.indistinct_lane_total
-    } - named
-    rows = [
-        RankedCandidate(
-            one.candidate.name,
-            one.candidate.kind,
-            one.candidate.variables,
-            abs(one.z),
-            one.gain,
-            one.check,
-            one.candidate.key in alike,
-        )
-        for one in rounds[0]
-    ]
-    none = every.effects(())
-    model = every.fitted(none, 0, 1)
-    held = [one for one in CANDIDATES if one.is_circumstance]
-    at = len(model.line.coefficients) - len(held)
-    for number, one in enumerate(held, at):
-        z = abs(model.line.coefficients[number]) / float(np.sqrt(model.line.covariance[number, number]))
-        rows.append(RankedCandidate(one.name, one.kind, one.variables, float(z), None, None, False))
-    return tuple(sorted(rows, key=lambda row: -row.z_score))
+        if other.is_confirmed and trial.total - other.total < THRESHOLDS.indistinct_lane_total
+    } - {trial.candidate.key for trial in added}
+
+    def row(candidate: LaneCandidate, z: float, gain: float | None, check: float | None) -> RankedCandidate:
+        is_alike = candidate.key in alike
+        return RankedCandidate(candidate.name, candidate.kind, candidate.variables, z, gain, check, is_alike)
+
+    rows = [row(trial.candidate, abs(trial.z), trial.gain, trial.check) for trial in rounds[0]]
+    line = every.fitted(every.effects(()), 0, 1).line
+    held = [candidate for candidate in CANDIDATES if candidate.is_circumstance]
+    last = slice(-len(held), None)
+    z = np.abs(line.coefficients[last]) / np.sqrt(np.diag(line.covariance)[last])
+    rows += [row(candidate, float(own), None, None) for candidate, own in zip(held, z, strict=True)]
+    return tuple(sorted(rows, key=lambda ranked: -ranked.z_score))
 
 
 def _loss(every: Tried, added: Sequence[Trial], confidence: float) -> tuple[float, float, Estimate]:

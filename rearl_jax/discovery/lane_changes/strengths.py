@@ -27,7 +27,7 @@ class Choices:
     Attributes:
         gain: Own acceleration gained [m/s^2].
         others: Further columns of every model.
-        taken: Whether each opportunity was taken.
+        taken: True where an opportunity was taken.
         driver: Whose it was, 0 to some number.
     """
 
@@ -82,10 +82,7 @@ def fit_incentive(
 ) -> IncentiveModel:
     """The most likely strengths: each step is a logit with the effects times the slope of the line as further columns.
 
-    Args:
-        data: Opportunities.
-        effects: Columns of the effects, each in m/s^2 per unit of its strength.
-        bends: Where the line may bend [m/s^2].
+    Columns of the effects are in m/s^2 per unit of strength.
     """
     n = effects.shape[1]
     spread = np.maximum(effects.std(axis=0), 1e-6)
@@ -100,9 +97,9 @@ def fit_incentive(
         columns = model.columns(data, effects)
         wider = np.column_stack([columns, model.slope(data, effects)[:, None] * effects])
         start = np.concatenate([model.line.coefficients, np.zeros(n)])
-        found = fit(wider, data.taken, data.driver, start)
-        step = np.clip(found.coefficients[-n:], -LONGEST / spread, LONGEST / spread)
-        model = at(model.strengths + step, found.covariance[-n:, -n:], model)
+        logit = fit(wider, data.taken, data.driver, start)
+        step = np.clip(logit.coefficients[-n:], -LONGEST / spread, LONGEST / spread)
+        model = at(model.strengths + step, logit.covariance[-n:, -n:], model)
         if (np.abs(step) * spread).max() < CLOSE:
             break
     return model

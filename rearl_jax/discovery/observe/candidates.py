@@ -196,39 +196,33 @@ def effects_at(numbers: Numbers, knots: Knots, active: Sequence[Term] | None = N
         active: Terms that are built; None for all, and for everything the screen looks along.
     """
 
-    def rows(name: str) -> Float[Array, "knots *#n"]:
-        return numbers[name]
-
     def named(name: str) -> Effect:
-        return EFFECTS[name](*(rows(f"{name}.{parameter.name}")[0] for parameter in EFFECTS[name].parameters))
+        return EFFECTS[name](*(numbers[f"{name}.{parameter.name}"][0] for parameter in EFFECTS[name].parameters))
 
-    def along_road() -> Effect:
-        return CentredCurve(rows("position"), knots.position, jnp.zeros(POSITION_KNOTS), "position")
+    def over(variable: str, kind: type[CentredCurve | TimeGapCurve], name: str) -> Effect:
+        return kind(numbers[f"{name}.{variable}"], knots.curve[variable], knots.centre[variable], variable)
 
-    def curve(variable: str) -> Effect:
-        return CentredCurve(rows(f"curve.{variable}"), knots.curve[variable], knots.centre[variable], variable)
-
-    def time_gap_curve(variable: str) -> Effect:
-        return TimeGapCurve(rows(f"time_gap.{variable}"), knots.curve[variable], knots.centre[variable], variable)
-
+    along_road = CentredCurve(numbers["position"], knots.position, jnp.zeros(POSITION_KNOTS), "position")
     if active is None:
+        no_road, no_time = jnp.zeros(POSITION_KNOTS), jnp.zeros(TIME_KNOTS)
         return (
             *(named(name) for name in (*NAMED, *PLACED)),
-            along_road(),
-            DesiredSpeedCurve(rows("desired_speed"), knots.position, "position"),
-            DesiredSpeedCurve(rows("weather_speed"), knots.time, "time"),
-            TimeGapCurve(rows("weather_time_gap"), knots.time, jnp.zeros(TIME_KNOTS), "time"),
-            *(curve(variable) for variable in knots.curve),
-            *(time_gap_curve(variable) for variable in knots.curve if variable in TIME_GAP_CURVES),
+            along_road,
+            DesiredSpeedCurve(numbers["desired_speed"], knots.position, no_road, "position"),
+            DesiredSpeedCurve(numbers["weather_speed"], knots.time, no_time, "time"),
+            TimeGapCurve(numbers["weather_time_gap"], knots.time, no_time, "time"),
+            *(over(variable, CentredCurve, "curve") for variable in knots.curve),
+            *(over(variable, TimeGapCurve, "time_gap") for variable in knots.curve if variable in TIME_GAP_CURVES),
         )
     effects = []
     for term in active:
         if term.is_effect:
             effects.append(named(term.effect))
         elif term == ALONG_ROAD:
-            effects.append(along_road())
+            effects.append(along_road)
         elif term.variable is not None:
-            effects.append((curve if term.effect == "dependence" else time_gap_curve)(term.variable))
+            kind, name = (CentredCurve, "curve") if term.effect == "dependence" else (TimeGapCurve, "time_gap")
+            effects.append(over(term.variable, kind, name))
     return tuple(effects)
 
 

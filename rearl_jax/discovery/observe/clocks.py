@@ -28,14 +28,14 @@ VARIANCES = (0.01, 0.04, 0.1)
 
 def usual_leaders(data: Measured) -> Int[np.ndarray, "drivers leaders"]:
     """The leaders each driver has followed longest, -1 where there were fewer."""
-    found = np.full((data.n_drivers, MOST_LEADERS), -1)
+    usual = np.full((data.n_drivers, MOST_LEADERS), -1)
     for driver in range(data.n_drivers):
         pieces = data.driver == driver
         leaders = data.leader[:, pieces][data.weight[:, pieces] > 0]
         names, counts = np.unique(leaders[leaders >= 0], return_counts=True)
         order = names[np.argsort(-counts)][:MOST_LEADERS]
-        found[driver, : len(order)] = order
-    return found
+        usual[driver, : len(order)] = order
+    return usual
 
 
 def following(data: Measured) -> Float[np.ndarray, "leaders steps pieces"]:
@@ -100,8 +100,8 @@ class Shifts(ABC):
     ) -> Estimate:
         """Better numbers, from the score where some have shifted leaders already; other arguments as of `normal`."""
         side, total = self.normal(score, information)
-        found = [self._fitted(values, side, total, variance) for variance in VARIANCES]
-        return max(found, key=lambda one: one[1])[0]
+        fits = [self._fitted(values, side, total, variance) for variance in VARIANCES]
+        return max(fits, key=lambda fit: fit[1])[0]
 
     def _fitted(
         self, values: np.ndarray, side: np.ndarray, total: np.ndarray, variance: float

@@ -11,52 +11,45 @@ from rearl_jax.core.effects.effect import Effect
 from rearl_jax.core.effects.stimulus import Stimulus
 
 
-class DesiredSpeedCurve(Effect):
-    """The desired speed depends on place or time: what a limit or the weather look like before they have edges."""
+class _Curve(Effect):
+    """A curve over a variable, without its mean over the data, which is the driver's own."""
 
     values: Float[Array, "knots *#n"]
     knots: Float[Array, " knots"]
+    centre: Float[Array, " knots"]
     variable: str = eqx.field(static=True)
+
+    def at(self, seen: Stimulus) -> Array:
+        """The curve less its mean."""
+        weights = hat_weights(VARIABLES[self.variable][1](seen), self.knots)
+        return jnp.sum(self.values * (weights - self.centre.reshape(-1, *(1,) * (weights.ndim - 1))), axis=0)
+
+
+class DesiredSpeedCurve(_Curve):
+    """The desired speed depends on place or time: what a limit or the weather look like before they have edges."""
 
     name: ClassVar[str] = "desired_speed_curve"
 
     def desired_speed(self, value: Array, seen: Stimulus, memory: None) -> Array:
         """v0 exp(curve)."""
-        weights = hat_weights(VARIABLES[self.variable][1](seen), self.knots)
-        return value * jnp.exp(jnp.sum(self.values * weights, axis=0))
+        return value * jnp.exp(self.at(seen))
 
 
-class TimeGapCurve(Effect):
-    """The time gap depends on something, without the mean over the data, which is the driver's own."""
-
-    values: Float[Array, "knots *#n"]
-    knots: Float[Array, " knots"]
-    centre: Float[Array, " knots"]
-    variable: str = eqx.field(static=True)
+class TimeGapCurve(_Curve):
+    """The time gap depends on something."""
 
     name: ClassVar[str] = "time_gap_curve"
 
     def time_gap(self, value: Array, seen: Stimulus, memory: None) -> Array:
         """T exp(curve)."""
-        return value * jnp.exp(_centred(self, seen))
+        return value * jnp.exp(self.at(seen))
 
 
-class CentredCurve(Effect):
-    """Acceleration as a curve over a variable, without its mean over the data, which is the driver's own."""
-
-    values: Float[Array, "knots *#n"]
-    knots: Float[Array, " knots"]
-    centre: Float[Array, " knots"]
-    variable: str = eqx.field(static=True)
+class CentredCurve(_Curve):
+    """Acceleration as a curve over a variable."""
 
     name: ClassVar[str] = "centred_curve"
 
     def acceleration(self, value: Array, seen: Stimulus, memory: None) -> Array:
         """a + curve."""
-        return value + _centred(self, seen)
-
-
-def _centred(curve: TimeGapCurve | CentredCurve, seen: Stimulus) -> Array:
-    """A curve less its mean over the data."""
-    weights = hat_weights(VARIABLES[curve.variable][1](seen), curve.knots)
-    return jnp.sum(curve.values * (weights - curve.centre.reshape(-1, *(1,) * (weights.ndim - 1))), axis=0)
+        return value + self.at(seen)

@@ -43,7 +43,7 @@ class Prior:
     @property
     def units(self) -> tuple[str, ...]:
         """Units of the parameters."""
-        return tuple(one.unit for one in self.model.declaration.parameters)
+        return tuple(parameter.unit for parameter in self.model.declaration.parameters)
 
     @property
     def size(self) -> int:
@@ -58,13 +58,13 @@ class Prior:
     @property
     def spread(self) -> Float[np.ndarray, " own"]:
         """Standard deviations of the parameters' logarithms between drivers [-]."""
-        return np.array([one.spread for one in self.model.declaration.parameters])
+        return np.array([parameter.spread for parameter in self.model.declaration.parameters])
 
     @property
     def bounds(self) -> tuple[Float[np.ndarray, "classes own"], Float[np.ndarray, "classes own"]]:
         """Bounds of the standardised parameters of cars and of trucks [-]."""
         parameters = self.model.declaration.parameters
-        limits = (np.array([getattr(one, end) for one in parameters]) for end in ("low", "high"))
+        limits = (np.array([getattr(parameter, end) for parameter in parameters]) for end in ("low", "high"))
         low, high = ((np.log(limit) - np.log(self.usual)) / self.spread for limit in limits)
         return low, high
 
@@ -85,9 +85,9 @@ class Prior:
 def prior_of(driver: DriverConfig) -> Prior:
     """The prior that keys describe: trucks differ from cars as they usually do."""
     parameters = driver.declaration.parameters
-    car = tuple(float(getattr(driver, one.name)) for one in parameters)
+    car = tuple(float(getattr(driver, parameter.name)) for parameter in parameters)
     # A parameter that was given another value for cars is changed for trucks by the same factor.
-    ratios = [one.truck / one.usual if one.truck and one.usual else 1.0 for one in parameters]
+    ratios = [each.truck / each.usual if each.truck and each.usual else 1.0 for each in parameters]
     truck = tuple(value * ratio for value, ratio in zip(car, ratios, strict=True))
     return Prior(driver.model, car, truck)
 

@@ -57,7 +57,7 @@ class DriverScores:
 
 @dataclass(frozen=True)
 class Answers:
-    """Derivatives of the model's acceleration in every moment.
+    """Derivatives of the model's acceleration in every time step.
 
     Attributes:
         x: Its derivative by the own place [1/s^2].
@@ -71,7 +71,7 @@ class Answers:
 
 
 def drivers_of(left: Residuals) -> CarFollowing:
-    """Car following of the drivers, moment by moment."""
+    """Car following of the drivers in every time step."""
     data = left.state.data
     return left.prior.drivers(jnp.asarray(left.state.z[data.driver].T), data.is_truck.astype(float)).full(left.x.shape)
 
@@ -156,13 +156,13 @@ def plain_scores(
     left: Residuals,
     answer: Answers,
 ) -> DriverScores:
-    """Scores on how much of accelerations another one is made of, moment by moment [m/s^2]."""
+    """Scores on how much of accelerations another one is made of, time step by time step [m/s^2]."""
     own = np.concatenate([np.ones((1, *left.x.shape)), answer.own])
     return _scored(np.concatenate([own, pushed]).astype(np.float32), target, len(own), left)
 
 
 def added_acceleration(solver: Solver, left: Residuals) -> Float[np.ndarray, "steps pieces"]:
-    """By how much what was added to the model changes its acceleration, moment by moment [m/s^2]."""
+    """By how much what was added to the model changes its acceleration in every time step [m/s^2]."""
     data, layout = left.state.data, solver.layout
     driver = left.prior.drivers(jnp.asarray(left.state.z[data.driver].T), data.is_truck.astype(float))
     theta = jnp.repeat(jnp.asarray(left.state.theta)[:, None], len(data.driver), axis=1)
@@ -188,12 +188,12 @@ def _scored(
     """Products driver by driver, the first `n_own` columns taken out."""
     data = left.state.data
     counts, target = (data.weight > 0).astype(np.float32), target.astype(np.float32)
-    found = []
+    products = []
     for driver in range(data.n_drivers):
         pieces = np.flatnonzero(data.driver == driver)
         rows = (columns[:, :, pieces] * counts[:, pieces]).reshape(len(columns), -1)
-        found.append(_products(rows, (target[:, pieces] * counts[:, pieces]).ravel(), n_own))
-    gram, score, square = (np.stack([np.asarray(one[k], float) for one in found]) for k in range(3))
+        products.append(_products(rows, (target[:, pieces] * counts[:, pieces]).ravel(), n_own))
+    gram, score, square = (np.stack([np.asarray(product[k], float) for product in products]) for k in range(3))
     return DriverScores(gram, score, square, float(square.sum() / max(counts.sum(), 1.0)))
 
 

@@ -83,7 +83,7 @@ class Noise:
         acceleration: Standard deviation of what drivers do beside the model [m/s^2].
         time: Its correlation time [s].
         position: Standard deviation of measured positions [m].
-        position_time: Correlation time of their errors [s]; 0 where every moment is measured anew.
+        position_time: Correlation time of their errors [s]; 0 where every time step is measured anew.
     """
 
     acceleration: float

@@ -134,7 +134,7 @@ _STEPS = {"m": 50.0, "s": 5.0, "m/s": 3.0, "m/s^2": 1.0}
 
 
 def curve_values(data: Measured, variable: str) -> Float[np.ndarray, "steps pieces"]:
-    """A variable as it was measured in every moment."""
+    """A variable as it was measured in every time step."""
     seen = stimulus(data.smooth, data.smooth_speed, data.length, data.is_truck.astype(float), data.around)
     values = np.asarray(VARIABLES[variable][1](seen), float)
     return np.broadcast_to(values, data.y.shape)

@@ -19,7 +19,6 @@ TIMES = (0.6, 1.5, 4.0)
 
 USUAL = Noise(0.15, 1.5, 0.1)
 
-
 LASTING = (0.2, 0.5, 1.0)
 """Correlation times of position errors that are tried beside none [s]: of trackers and filters."""
 
@@ -31,11 +30,6 @@ def best_noise(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple
     is taken to be.
 
     Source: restricted likelihood, Patterson & Thompson, Biometrika 58 (1971) 545.
-
-    Args:
-        solver: Runs the observers.
-        state: Calibrated already.
-        tried: Those to choose from.
     """
     # S is what each observer expects, not what fits best: the errors' size says how large the noise is.
     trials = [with_gain(state, noise.gain(state.data.dt, state.data.stride)) for noise in tried]

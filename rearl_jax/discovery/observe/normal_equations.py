@@ -55,7 +55,7 @@ class Programs:
         """Measured minus predicted positions [m] with these candidates."""
 
         def run(a: dict) -> Array:
-            return self._innovations(a["z"], a["theta"], a["knots"], a["pieces"], active)
+            return self._innovations(a["z"], a["theta"], a, active)
 
         return self._program(("innovations", active), run, WIDEST)
 
@@ -66,30 +66,26 @@ class Programs:
         places = jnp.asarray(self.free(active), int)
 
         def run(a: dict) -> dict:
-            n_own, n = a["z"].shape
-            theta = jnp.broadcast_to(a["theta"], (self.layout.size, n))
+            n_own = len(a["z"])
 
             def innovation(point: Array) -> Array:
-                changed = theta.at[places].set(point[n_own:]) if len(places) else theta
-                return self._innovations(point[:n_own], changed, a["knots"], a["pieces"], active)
+                return self._innovations(point[:n_own], a["theta"].at[places].set(point[n_own:]), a, active)
 
-            point = jnp.concatenate([a["z"], theta[places]])
-            return _sums(innovation, point, a["pieces"])
+            return _sums(innovation, jnp.concatenate([a["z"], a["theta"][places]]), a["pieces"])
 
         return self._program(("sums", active), run, WIDEST if len(places) < 8 else WIDEST // 4)
 
     def _sums_from_one_pass(self, active: tuple[Term, ...]) -> Callable[[dict], dict]:
-        """The same where nothing is remembered: one reverse pass per moment serves all directions."""
+        """The same where nothing is remembered: one reverse pass per time step serves all directions."""
         places = self.free(active)
 
         def run(a: dict) -> dict:
-            knots, n = _squeezed(a["knots"]), a["z"].shape[1]
-            theta = jnp.broadcast_to(a["theta"], (self.layout.size, n))
-            following = jnp.zeros((0, a["pieces"].y.shape[0], n))
-            found = look_along(
-                a["z"], theta, a["pieces"], self.layout, knots, places, (), len(places), following, self.dt, active
+            nobody = jnp.zeros((0, *a["pieces"].y.shape))
+            knots, kept = _squeezed(a["knots"]), len(places)
+            sums = look_along(
+                a["z"], a["theta"], a["pieces"], self.layout, knots, places, (), kept, nobody, self.dt, active
             )
-            return {name: found[name] for name in ("square", "count", "gradient")} | {"gram": found["nuisance"]}
+            return {name: sums[name] for name in ("square", "count", "gradient")} | {"gram": sums["nuisance"]}
 
         return self._program(("sums", active), run, WIDEST)
 
@@ -104,11 +100,8 @@ class Programs:
 
         return self._program(("look", places, groups, n_kept), run, WIDEST // 2)
 
-    def _innovations(
-        self, z: Array, theta: Array, knots: Knots, pieces: Pieces, active: tuple[Term, ...]
-    ) -> Float[Array, "steps pieces"]:
-        knots = _squeezed(knots)
-        numbers = self.layout.by_name(theta)
+    def _innovations(self, z: Array, theta: Array, a: dict, active: tuple[Term, ...]) -> Float[Array, "steps pieces"]:
+        knots, pieces, numbers = _squeezed(a["knots"]), a["pieces"], self.layout.by_name(theta)
         effects = effects_at(numbers, knots, active)
         lens = lens_at(numbers, knots) if LENS in active else None
         return innovations(pieces, self.layout.prior.drivers(z, pieces.is_truck), effects, lens, self.dt)

@@ -33,14 +33,14 @@ class Pieces(eqx.Module):
 
     Attributes:
         y: Measured position [m].
-        weight: 1 where the moment counts.
+        weight: 1 where the time step counts.
         looks: 1 where the observer corrects its prediction.
-        start: Position [m] and speed [m/s] at the first moment.
-        seen: What is around, in the middle between each moment and the next.
+        start: Position [m] and speed [m/s] in the first time step.
+        seen: What is around, in the middle between each time step and the next.
         length: Own length [m].
         is_truck: 1 for trucks.
         gain: Of the filter, an array each.
-        deviation: Standard deviation of innovations [m], beyond some multiples of which a moment is an outlier.
+        deviation: Standard deviation of innovations [m], beyond some multiples of which one is an outlier.
         known: Acceleration beside the model that is given [m/s^2]; one row of zeros for none.
     """
 
@@ -63,14 +63,14 @@ def innovations(
     lens: Lens | None,
     dt: float,
 ) -> Float[Array, "steps pieces"]:
-    """Measured minus predicted position in every moment [m]; in the first, minus the smoothed one it starts from.
+    """Measured minus predicted position in every time step [m]; in the first, minus the smoothed one it starts from.
 
     Args:
         pieces: What was measured.
         driver: Car following of the drivers.
         effects: What acts on them beyond it.
         lens: Distortion of positions by the camera; None for none.
-        dt: Time between moments [s].
+        dt: Time step [s].
     """
     pieces = jax.tree.map(jnp.asarray, pieces)
     length, gain = pieces.length, pieces.gain
@@ -110,38 +110,19 @@ def stimulus(
     length, is_truck = (jnp.broadcast_to(jnp.asarray(own), x.shape) for own in (length, is_truck))
     front, rear = x + length / 2, x - length / 2
     return Stimulus(
-        time=now.time,
         position=x,
-        lane=now.lane,
-        is_leftmost=now.is_leftmost,
-        is_rightmost=now.is_rightmost,
-        lateral_offset=now.lateral_offset,
         speed=v,
         length=length,
         is_truck=is_truck,
-        has_leader=now.has_leader,
         gap=now.leader_rear - front,
-        leader_speed=now.leader_speed,
-        leader_acceleration=now.leader_acceleration,
-        leader_length=now.leader_length,
-        leader_is_truck=now.leader_is_truck,
-        has_second=now.has_second,
         second_gap=now.second_rear - front,
-        second_speed=now.second_speed,
-        has_third=now.has_third,
-        third_speed=now.third_speed,
-        has_follower=now.has_follower,
         follower_gap=rear - now.follower_front,
-        follower_speed=now.follower_speed,
-        has_left=now.has_left,
         left_gap=now.left_rear - front,
-        left_speed=now.left_speed,
-        beside_speed=now.beside_speed,
-        n_beside=now.n_beside,
-        time_since_change=now.time_since_change,
-        gap_lost=now.gap_lost,
-        time_gap_at_change=now.time_gap_at_change,
+        **{name: getattr(now, name) for name in _AS_MEASURED},
     )
+
+
+_AS_MEASURED = sorted(Stimulus.__dataclass_fields__.keys() & Surroundings.__dataclass_fields__.keys())
 
 
 def straightened(around: Surroundings, lens: Lens) -> Surroundings:
@@ -154,7 +135,7 @@ def straightened(around: Surroundings, lens: Lens) -> Surroundings:
 
 
 def straightened_start(start: Float[Array, "two pieces"], lens: Lens) -> tuple[Array, Array]:
-    """Position and speed at the first moment before the camera bent the picture."""
+    """Position and speed in the first time step before the camera bent the picture."""
     x, v = start
     x = x - lens.bend(x - lens.bend(x))
     return x, v / (1 + lens.slope(x))

@@ -45,7 +45,7 @@ class Residuals:
         innovation: Measured minus predicted position [m].
         acceleration: Smoothed acceleration beside the model [m/s^2].
         gap: Simulated minus measured gap, simulated without correction with the same parameters [m].
-        x, v: Centre [m] and speed [m/s] of the driver halfway to the next moment, as the observer expects them from
+        x, v: Centre [m] and speed [m/s] of the driver halfway to the next time step, as the observer expects them from
             what was measured before.
         seen: What was around halfway, as the observer takes it.
     """
@@ -121,14 +121,14 @@ def smoothed_acceleration(
     dt: float,
     stride: int,
 ) -> Float[np.ndarray, "steps pieces"]:
-    """Acceleration beside the model in every moment, given the whole drive [m/s^2].
+    """Acceleration beside the model in every time step, given the whole drive [m/s^2].
 
     Args:
         innovation: Of the observer with the gain of `noise` [m].
-        weight: 1 where a moment counts; after the last of them a drive has ended.
+        weight: 1 where a time step counts; after the last of them a drive has ended.
         noise: As the observer takes it.
-        dt: Time between moments [s].
-        stride: Moments from one correction to the next.
+        dt: Time step [s].
+        stride: Time steps from one correction to the next.
     """
     steady = steady_state(noise, dt, stride)
     gain = steady.gain

@@ -1,4 +1,4 @@
-"""Huber's loss: beyond some standard deviations an error counts linearly, so that no single moment decides.
+"""Huber's loss: beyond some standard deviations an error counts linearly, so that no single time step decides.
 
 Source: Huber, Ann. Math. Stat. 35 (1964) 73.
 """

@@ -2,7 +2,7 @@
 
 Along every direction only the observer's own state (position, speed, what the driver does beside the model, the last
 acceleration) is carried; how the model's acceleration answers to state and parameters comes from one reverse pass per
-moment. Exact as long as what effects remember does not act, which is so where they are off; where such an effect has
+time step. Exact as long as what effects remember does not act, which is so where they are off; where such an effect has
 been added, `normal_equations.Programs.sums` carries its memory along too.
 """
 
@@ -50,7 +50,7 @@ def look_along(
         groups: Which of the places belong together, as positions in `places`.
         n_kept: How many have been added already.
         following: 1 where a driver follows its k-th usual leader, whose clock may be ahead.
-        dt: Time between moments [s].
+        dt: Time step [s].
         active: Terms that are computed; None for all.
 
     Returns:
@@ -150,7 +150,7 @@ def look_along(
 def _straightened_start_along(
     start: Float[Array, "two pieces"], lens: Lens
 ) -> tuple[Float[Array, "two pieces"], Float[Array, "two knots pieces"]]:
-    """Position [m] and speed [m/s] at the first moment, and their derivatives by the values of the lens."""
+    """Position [m] and speed [m/s] in the first time step, and their derivatives by the values of the lens."""
     values = jnp.broadcast_to(lens.values, (len(lens.values), start.shape[1]))
 
     def begin(values: Array) -> Array:

@@ -2,7 +2,7 @@
 
 Minimises for a state (one data set under one candidate)
 
-    sum over moments of nu^2 / (2 S) + sum over drivers |z - mean|^2 / 2 + |mean|^2 / 2 + |(theta - ref) / scale|^2 / 2
+    sum over steps of nu^2 / (2 S) + sum over drivers |z - mean|^2 / 2 + |mean|^2 / 2 + |(theta - ref) / scale|^2 / 2
 
 by Levenberg-Marquardt steps with one block per driver, eliminated by a Schur complement. The population's spread
 stays at its prior: shrinking it towards the data makes false evidence. S is the mean squared innovation.
@@ -85,7 +85,7 @@ class FitState:
 
 @dataclass(frozen=True)
 class DriverSums:
-    """Sums over the weighted moments of each driver; its own directions first, then those of what was added.
+    """Sums over the weighted time steps of each driver; its own directions first, then those of what was added.
 
     Attributes:
         square: Of squared innovations [m^2].
@@ -143,13 +143,7 @@ class Solver:
             return np.empty(0, int)
         return np.array(self.programs.free(state.active), int)
 
-    def solve(
-        self,
-        states: Sequence[FitState],
-        *,
-        iterations: int = 25,
-        tolerance: float = 0.03,
-    ) -> None:
+    def solve(self, states: Sequence[FitState], *, iterations: int = 25, tolerance: float = 0.03) -> None:
         """Searches until the objective falls by less than `tolerance` [nats] or after some iterations.
 
         The states, in which the same is active, are changed in place.
@@ -198,11 +192,7 @@ class Solver:
         n_kept = len(self.free(states[0]))
         arguments = self._arguments(states, _joined([state.pieces for state in states]))
         arguments["following"] = np.concatenate([following(state.data) for state in states], axis=-1)
-        result = self.programs.look(places, groups, n_kept)(arguments)
-        return [
-            {name: _added(values[..., columns], state.data) for name, values in result.items()}
-            for state, columns in zip(states, _columns(states), strict=True)
-        ]
+        return _by_driver(self.programs.look(places, groups, n_kept)(arguments), states)
 
     def innovations(self, states: Sequence[FitState], gain: Gain | None = None) -> list[np.ndarray]:
         """Measured minus predicted positions [m] of each state, `[n_steps, n_pieces]`; under another gain if given."""
@@ -214,14 +204,13 @@ class Solver:
         result = self.programs.sums(states[0].active)(self._arguments(states, joined))
         for state, sums, is_active in zip(states, _by_driver(result, states), active, strict=True):
             if is_active:
-                state.sums = sums
+                state.sums = DriverSums(**sums)
 
     def _arguments(self, states: Sequence[FitState], joined: Pieces) -> dict:
         z = np.concatenate([state.z[state.data.driver].T for state in states], axis=1)
-        theta = np.concatenate(
-            [np.repeat(state.theta[:, None], len(state.data.driver), axis=1) for state in states], axis=1
-        )
-        deviation = np.concatenate([np.full(len(state.data.driver), np.sqrt(state.variance)) for state in states])
+        n_pieces = [len(state.data.driver) for state in states]
+        theta = np.repeat(np.stack([state.theta for state in states], axis=1), n_pieces, axis=1)
+        deviation = np.repeat([np.sqrt(state.variance) for state in states], n_pieces)
         return {"z": z, "theta": theta, "pieces": replace(joined, deviation=deviation)}
 
 
@@ -234,10 +223,10 @@ def _joined(parts: Sequence[Pieces]) -> Pieces:
     return jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)
 
 
-def _by_driver(result: dict, states: Sequence[FitState]) -> list[DriverSums]:
+def _by_driver(result: dict, states: Sequence[FitState]) -> list[dict[str, np.ndarray]]:
     """Sums over the pieces of each driver, for each state."""
     return [
-        DriverSums(**{name: _added(values[..., columns], state.data) for name, values in result.items()})
+        {name: _added(values[..., columns], state.data) for name, values in result.items()}
         for state, columns in zip(states, _columns(states), strict=True)
     ]
 
@@ -276,28 +265,25 @@ def _objective(state: FitState, layout: Layout, free: np.ndarray) -> float:
 def _stepped(state: FitState, damping: float, layout: Layout, free: np.ndarray) -> FitState:
     """The state after one damped step."""
     assert state.sums is not None
-    n_own, q = layout.prior.size, len(free)
-    own = slice(0, n_own)
-    added = slice(n_own, n_own + q)
-    size = n_own + q
+    n_own, size = layout.prior.size, layout.prior.size + len(free)
+    own, added = slice(0, n_own), slice(n_own, size)
     unit, scale = layout.unit[free], layout.scale[free]
     steps = np.concatenate([np.ones(n_own), unit])
     gram = state.sums.gram[:, :size, :size] * (steps[:, None] * steps) / state.variance
     gradient = state.sums.gradient[:, :size] * steps / state.variance
     away = state.z - state.mean[state.truck]
     n_mean = 0 if state.holds_population else CLASSES * n_own
-    n, size = len(state.z), n_mean + q
+    n, size = len(state.z), n_mean + len(free)
     own_block = gram[:, own, own] + np.eye(n_own)
     own_gradient = gradient[:, own] + away
     coupling = np.zeros((n, n_own, size))
     block, slope = np.zeros((size, size)), np.zeros(size)
-    if n_mean:
-        for c in range(CLASSES):
-            place = slice(c * n_own, (c + 1) * n_own)
-            members = state.truck == c
-            coupling[members, :, place] = -np.eye(n_own)
-            block[place, place] = (members.sum() + 1) * np.eye(n_own)
-            slope[place] = state.mean[c] - away[members].sum(axis=0)
+    for c in range(CLASSES if n_mean else 0):
+        place = slice(c * n_own, (c + 1) * n_own)
+        members = state.truck == c
+        coupling[members, :, place] = -np.eye(n_own)
+        block[place, place] = (members.sum() + 1) * np.eye(n_own)
+        slope[place] = state.mean[c] - away[members].sum(axis=0)
     last = slice(n_mean, size)
     coupling[:, :, last] = gram[:, own, added]
     block[last, last] = gram[:, added, added].sum(axis=0) + np.diag((unit / scale) ** 2)
@@ -314,12 +300,8 @@ def _stepped(state: FitState, damping: float, layout: Layout, free: np.ndarray) 
     low, high = layout.prior.bounds
     theta = state.theta.copy()
     theta[free] += unit * np.clip(step[last], -LONGEST_STEP, LONGEST_STEP)
-    return replace(
-        state,
-        z=np.clip(state.z + np.clip(z_step, -LONGEST_STEP, LONGEST_STEP), low[state.truck], high[state.truck]),
-        mean=state.mean + np.clip(step[:n_mean], -LONGEST_STEP, LONGEST_STEP).reshape(-1, n_own)
-        if n_mean
-        else state.mean,
-        theta=np.clip(theta, layout.low, layout.high),
-        sums=None,
-    )
+    z = np.clip(state.z + np.clip(z_step, -LONGEST_STEP, LONGEST_STEP), low[state.truck], high[state.truck])
+    mean = state.mean
+    if n_mean:
+        mean = mean + np.clip(step[:n_mean], -LONGEST_STEP, LONGEST_STEP).reshape(-1, n_own)
+    return replace(state, z=z, mean=mean, theta=np.clip(theta, layout.low, layout.high), sums=None)

@@ -46,11 +46,8 @@ def amount(findings: Sequence[Finding], name: str) -> float:
 
 
 def gate(tables: Sequence[Thinned], smoothing: float) -> list[Finding]:
-    """Lags, scales and noise that the columns show.
-
-    Args:
-        tables: What was measured.
-        smoothing: Width of the kernel positions have been smoothed with [s]; 0 for none.
+    """Lags, scales and noise that the columns show; `smoothing` is the width of the kernel positions have been smoothed
+    with [s], 0 for none.
     """
     noise = [position_noise(table["position"].to_numpy(), *track_bounds(table)) for table, _ in tables]
     lag, scale = _speed_against_position(tables, noise)

@@ -5,6 +5,7 @@ are independent of each other.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,7 +83,7 @@ class Surroundings(eqx.Module):
 
 
 def is_new(steps: int, stride: int) -> Bool[np.ndarray, " steps"]:
-    """True if a moment of a piece says something new, where every `stride`-th does."""
+    """True if a time step of a piece says something new, where every `stride`-th does."""
     return np.arange(steps) % stride == 0
 
 
@@ -92,17 +93,17 @@ class Measured:
 
     Attributes:
         y: Measured position of the own centre [m].
-        weight: 1 where the moment counts, 0 where it is left out or padding.
+        weight: 1 where the time step counts, 0 where it is left out or padding.
         smooth, smooth_speed: The own motion, smoothed [m], [m/s].
         around: What was around.
         length: Own length [m].
         is_truck: Whether the own vehicle is a truck.
         driver: Index of the driver of each piece, 0 to n_drivers - 1.
         vehicle: Track of each piece, unique over all recordings.
-        leader: Track of the leader of every moment, -1 without one.
+        leader: Track of the leader in every time step, -1 without one.
         recording: Index of the recording of each piece.
-        dt: Time between moments [s].
-        stride: Moments from one that says something new to the next; those between do not count.
+        dt: Time step [s].
+        stride: Time steps from one that says something new to the next; those between do not count.
         noise: Standard deviation of the measured positions [m].
         jumps: Jumps of positions in the recordings, around which nothing counts.
     """
@@ -130,7 +131,7 @@ class Measured:
 
     @property
     def seconds(self) -> float:
-        """Driver-seconds that count [s]; a moment stands for the time to the next one that says something new."""
+        """Driver-seconds that count [s]; a time step stands for the time to the next one that says something new."""
         return float(np.sum(self.weight) * self.dt * self.stride)
 
     def looks(self) -> Float[np.ndarray, " steps"]:
@@ -138,14 +139,14 @@ class Measured:
         return is_new(len(self.y), self.stride).astype(float)
 
     def driver_mean(self, values: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, " drivers"]:
-        """Mean over the moments of each driver that count."""
+        """Mean over the time steps of each driver that count."""
         total, count = (
             np.bincount(self.driver, part.sum(axis=0), self.n_drivers) for part in (values * self.weight, self.weight)
         )
         return total / np.maximum(count, 1.0)
 
     def halfway(self) -> Surroundings:
-        """Surroundings in the middle between each moment and the next; those of the moment where something jumps."""
+        """Surroundings in the middle between each time step and the next; those of the first where something jumps."""
         around = self.around
         last = np.zeros_like(self.y[:1])
         same = self.leader[1:] == self.leader[:-1]
@@ -172,35 +173,25 @@ class Measured:
 
     def select(self, pieces: np.ndarray) -> "Measured":
         """Some pieces; drivers are numbered anew in their order."""
-        renumbered = np.unique(self.driver[pieces], return_inverse=True)[1]
-        return Measured(
-            y=self.y[:, pieces],
-            weight=self.weight[:, pieces],
-            smooth=self.smooth[:, pieces],
-            smooth_speed=self.smooth_speed[:, pieces],
+        return dataclasses.replace(
+            self,
             around=jax.tree.map(lambda values: values[:, pieces], self.around),
-            length=self.length[pieces],
-            is_truck=self.is_truck[pieces],
-            driver=renumbered,
-            vehicle=self.vehicle[pieces],
-            leader=self.leader[:, pieces],
-            recording=self.recording[pieces],
-            dt=self.dt,
-            stride=self.stride,
-            noise=self.noise,
-            jumps=self.jumps,
+            driver=np.unique(self.driver[pieces], return_inverse=True)[1],
+            **{name: getattr(self, name)[..., pieces] for name in BY_PIECE},
         )
 
     def beside(self, other: "Measured") -> "Measured":
         """These drivers and others of the same recordings, whose numbers follow."""
+        later = dataclasses.replace(other, driver=self.n_drivers + other.driver)
+        return dataclasses.replace(self, **joined([self, later]))
 
-        def both(name: str) -> np.ndarray:
-            return np.concatenate([getattr(self, name), getattr(other, name)], axis=-1)
 
-        along = ("y", "weight", "smooth", "smooth_speed", "length", "is_truck", "vehicle", "leader", "recording")
-        return dataclasses.replace(
-            self,
-            around=jax.tree.map(lambda *values: np.concatenate(values, axis=-1), self.around, other.around),
-            driver=np.concatenate([self.driver, self.n_drivers + other.driver]),
-            **{name: both(name) for name in along},
-        )
+BY_PIECE = ("y", "weight", "smooth", "smooth_speed", "length", "is_truck", "vehicle", "leader", "recording")
+"""Arrays of `Measured` whose last axis is the pieces, beside `driver`."""
+
+
+def joined(parts: Sequence[Measured]) -> dict[str, Any]:
+    """Arrays of several parts side by side, by the names of `Measured`; drivers keep their numbers."""
+    around = jax.tree.map(lambda *values: np.concatenate(values, axis=-1), *(part.around for part in parts))
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in (*BY_PIECE, "driver")}
+    return arrays | {"around": around}

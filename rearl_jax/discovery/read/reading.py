@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import jax
 import numpy as np
 import pandas as pd
 
@@ -11,11 +10,12 @@ from rearl_jax.core.following import HARDEST_BRAKING
 from rearl_jax.core.leader_history import IN_SIGHT, MOST_GAP_LOST, NEVER_CHANGED, SLOWEST, TIME_GAPS
 from rearl_jax.core.order import NOBODY
 from rearl_jax.data.records import Recording
-from rearl_jax.discovery.read.measured import Measured, Surroundings, is_new
-from rearl_jax.discovery.read.smoothing import Thinned, cut_off, jumps, position_noise, smoothed, track_bounds
+from rearl_jax.discovery.read.measured import Measured, Surroundings, is_new, joined
+from rearl_jax.discovery.read.smoothing import Thinned, cut_off, jumps, position_noise, smoothed_tracks, track_bounds
 from rearl_jax.discovery.read.smoothness import Smoothness
 from rearl_jax.discovery.read.surroundings import look_around
 from rearl_jax.discovery.thresholds import THRESHOLDS
+from rearl_jax.problems import InvalidInputError, Problem
 
 LONGEST = 65.0
 """Longest piece of a record [s]; longer ones are cut."""
@@ -34,7 +34,7 @@ data. Exact drives of IDM itself were called `unexplained` with 0.02 m.
 """
 
 APART = 2.0
-"""Moments that say something new in smoothed positions are this many kernel widths apart."""
+"""Time steps that say something new in smoothed positions are this many kernel widths apart."""
 
 EDGE = 3.0
 """So many kernel widths from its ends a smoothed track is bent, where there was nothing beyond to smooth with, and from
@@ -49,8 +49,6 @@ UNSMOOTHED = Smoothness()
 _STEPS_UNIT = 64
 """Numbers of steps are rounded up to multiples of it, so that few programs are compiled."""
 
-_OWN = ("y", "weight", "smooth", "smooth_speed")
-
 
 def one_frame_rate(recordings: Sequence[Recording]) -> None:
     """Makes sure that all recordings have the same.
@@ -60,10 +58,8 @@ def one_frame_rate(recordings: Sequence[Recording]) -> None:
     """
     rates = sorted({recording.info.frame_rate for recording in recordings})
     if len(rates) > 1:
-        raise ValueError(
-            f"the recordings have different frame rates ({', '.join(f'{rate:g}' for rate in rates)} 1/s): "
-            "choose recordings of one rate with data.recordings"
-        )
+        said = f"must have one frame rate, not {', '.join(f'{rate:g}' for rate in rates)} 1/s"
+        raise InvalidInputError(Problem("frame-rates-differ", said, key="data.recordings"))
 
 
 def measure(
@@ -75,7 +71,7 @@ def measure(
     """All drivers of the recordings who follow somebody long enough.
 
     Args:
-        tables: Of the recordings, with the same time between moments.
+        tables: Of the recordings, with the same time step.
         position_lag: By how much positions are late [s]; lanes and places in them are put to the same clock.
         smooth: What positions and their errors have been smoothed with.
         least_noise: Standard deviation that the noise of unsmoothed positions is brought up to [m].
@@ -85,12 +81,12 @@ def measure(
     """
     dt = tables[0][1]
     rows = [_Rows(table, dt, round(position_lag / dt)) for table, _ in tables]
-    found = float(np.median([part.noise for part in rows]))
+    measured = float(np.median([part.noise for part in rows]))
     if smooth.drives:
-        noise, added = max(found, SMOOTHED_NOISE), 0.0
+        noise, added = max(measured, SMOOTHED_NOISE), 0.0
     else:
-        noise = max(found, smooth.size, least_noise)
-        added = float(np.sqrt(noise**2 - max(found, smooth.size) ** 2))
+        noise = max(measured, smooth.size, least_noise)
+        added = float(np.sqrt(noise**2 - max(measured, smooth.size) ** 2))
     stride, edge = max(1, round(APART * smooth.drives / dt)), round(EDGE * smooth.drives / dt)
     most = max((part.longest for part in rows), default=0)
     n_steps = min(int(LONGEST / dt), most)
@@ -105,22 +101,12 @@ def measure(
         offset += part.n_tracks
     used = [piece for piece in pieces if len(piece.driver)]
     if not used:
-        raise ValueError(
-            f"nobody follows a leader for {THRESHOLDS.least_used_time:g} s in these recordings: the lanes or leaders "
-            "may be missing, or tracks may be cut into fragments; `rearl prepare` shows what was left out"
-        )
-    joined = Measured(
-        around=jax.tree.map(lambda *parts: np.concatenate(parts, axis=1), *(piece.around for piece in used)),
-        dt=dt,
-        stride=stride,
-        noise=noise,
-        jumps=sum(int(part.jumps.sum()) for part in rows),
-        **{
-            name: np.concatenate([getattr(piece, name) for piece in used], axis=-1)
-            for name in (*_OWN, "length", "is_truck", "driver", "vehicle", "leader", "recording")
-        },
-    )
-    return joined.select(np.arange(len(joined.driver)))
+        said = f"nobody follows a leader for {THRESHOLDS.least_used_time:g} s: lanes or leaders may be missing, "
+        remedy = "see with `rearl prepare` what was left out"
+        raise InvalidInputError(Problem("nobody-follows", f"{said}or tracks cut into fragments", remedy))
+    n_jumps = sum(int(part.jumps.sum()) for part in rows)
+    whole = Measured(**joined(used), dt=dt, stride=stride, noise=noise, jumps=n_jumps)
+    return whole.select(np.arange(len(whole.driver)))
 
 
 class _Rows:
@@ -147,20 +133,17 @@ class _Rows:
     def pieces(
         self, n_steps: int, stride: int, edge: int, noise: float, blur: np.ndarray, recording: int, offset: int
     ) -> Measured:
-        """All usable pieces of the recording, in which every `stride`-th moment says something new, the first and last
-        `edge` rows of a track are bent, and own positions get `blur` added.
+        """All usable pieces of the recording: every `stride`-th time step says something new, the first and last `edge`
+        rows of a track are bent, and own positions get `blur` added.
         """
         dt, table = self.dt, self.table
-        x, v, a = (np.empty(len(self.position)) for _ in range(3))
-        frequency = cut_off(noise, dt)
-        for start, stop in zip(self.starts, self.stops, strict=True):
-            x[start:stop], v[start:stop], a[start:stop] = smoothed(self.position[start:stop], dt, frequency)
+        x, v, a = smoothed_tracks(self.position, self.starts, self.stops, dt, cut_off(noise, dt))
         columns, leader, leader_row = self._columns(x, v, a)
         weight = self._weight(leader, leader_row, edge)
         cuts = [
-            (start + k, min(start + k + n_steps, stop))
-            for start, stop in zip(self.starts, self.stops, strict=True)
-            for k in range(0, stop - start, n_steps)
+            (start, min(start + n_steps, end))
+            for begin, end in zip(self.starts, self.stops, strict=True)
+            for start in range(begin, end, n_steps)
         ]
         cuts = [
             (start, stop)
@@ -168,8 +151,7 @@ class _Rows:
             if (stop - start) * dt >= THRESHOLDS.shortest_record
             and weight[start + int(SETTLING / dt) : stop].sum() * dt >= THRESHOLDS.least_used_time
         ]
-        first = np.array([start for start, _ in cuts], int)
-        last = np.array([stop for _, stop in cuts], int)
+        first, last = np.array(cuts, int).reshape(-1, 2).T
         index = np.minimum(first + np.arange(n_steps)[:, None], last - 1) if cuts else np.empty((n_steps, 0), int)
         real = np.arange(n_steps)[:, None] < last - first
         settled = np.arange(n_steps)[:, None] >= int(SETTLING / dt)
@@ -209,7 +191,7 @@ class _Rows:
         def of(row: np.ndarray, values: np.ndarray, otherwise: np.ndarray | float | int) -> np.ndarray:
             return np.where(row != NOBODY, values[row], otherwise)
 
-        one, rear = around.leader, x - length / 2
+        one, rear = around.leader, x - length / 2  # rows of the first, second and third leader
         two = of(one, one, NOBODY).astype(int)
         three = np.where(two != NOBODY, one[two], NOBODY)
         front = x + length / 2

@@ -1,4 +1,4 @@
-"""Measured positions in few enough moments, and smooth speeds and accelerations from them."""
+"""Measured positions in few enough time steps, and smooth speeds and accelerations from them."""
 
 import numpy as np
 import pandas as pd
@@ -7,7 +7,7 @@ from scipy.linalg import solveh_banded
 from rearl_jax.data.records import Recording
 
 SLOWEST_RATE = 7.5
-"""Moments per second [1/s] that are enough: drivers do nothing faster than a few tenths of a second."""
+"""Time steps per second [1/s] that are enough: drivers do nothing faster than a few tenths of a second."""
 
 AVERAGED = ("time", "position", "lateral", "x", "y", "speed", "acceleration")
 """Columns of which neighbouring frames are averaged."""
@@ -22,18 +22,18 @@ CUT_OFF_RANGE = (2.0, 12.0)
 """Bounds of the cut-off [rad/s]."""
 
 JUMP = 12.0
-"""Change of the acceleration from one moment to the next that is no driver's [m/s^2]: he may brake fully at once."""
+"""Change of the acceleration from one time step to the next that is no driver's [m/s^2]: he may brake fully at once."""
 
 JUMP_NOISE = 8.0
 """The same in standard deviations of what else scatters [-]."""
 
 
 Thinned = tuple[pd.DataFrame, float]
-"""A canonical table, and the time between two of its moments [s]."""
+"""A canonical table, and its time step [s]."""
 
 
 def thinned(recording: Recording) -> Thinned:
-    """The table with as few moments as are enough, and the time between two of them [s].
+    """The table with as few time steps as are enough, and their length [s].
 
     Neighbouring frames become one: positions are averaged, so that no measurement is thrown away; what does not
     average (lane, leader) is taken from the last of them.
@@ -64,12 +64,8 @@ def track_bounds(table: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
 
 
 def position_noise(position: np.ndarray, starts: np.ndarray, stops: np.ndarray) -> float:
-    """Standard deviation of white noise in measured positions [m], from their fourth differences.
-
-    Args:
-        position: All tracks, one after the other [m].
-        starts: First row of each track.
-        stops: One past the last row of each.
+    """Standard deviation of white noise in the positions of tracks that follow one another [m], from their fourth
+    differences; `starts` and `stops` as of `track_bounds`.
 
     Source: the fourth difference of white noise of variance 1 has variance 70; motion hardly has any.
     """
@@ -81,27 +77,17 @@ def jumps(position: np.ndarray, dt: float) -> np.ndarray:
     """Rows of one track [bool] at which its position jumps as no vehicle moves and no noise scatters.
 
     Receivers that lose their satellites and sensors that take another vehicle for the leader leave such jumps.
-
-    Args:
-        position: Of the track [m].
-        dt: Time between moments [s].
     """
-    found = np.zeros(len(position), bool)
+    jumped = np.zeros(len(position), bool)
     if len(position) > 3:
         third = np.abs(np.diff(position, 3))
         usual = float(np.median(third)) / 0.6745
-        found[2:-1] = third > max(JUMP * dt**2, JUMP_NOISE * usual)
-    return found
+        jumped[2:-1] = third > max(JUMP * dt**2, JUMP_NOISE * usual)
+    return jumped
 
 
 def lasting_noise(white: float, time: float, dt: float) -> float:
-    """Standard deviation of errors that last [m], as rough as white noise would be.
-
-    Args:
-        white: As of `position_noise` [m].
-        time: Correlation time of the errors [s].
-        dt: Time between moments [s].
-    """
+    """Standard deviation [m] of errors with a correlation time [s] that are as rough as white noise [m] would be."""
     lags = np.array([70.0, -56.0, 28.0, -8.0, 1.0])  # of the fourth difference with itself
     share = (lags * np.exp(-dt / time) ** np.arange(5) * np.array([1, 2, 2, 2, 2])).sum() / 70.0
     return white / float(np.sqrt(share))
@@ -131,6 +117,16 @@ def smoothed(position: np.ndarray, dt: float, angular_cut_off: float) -> tuple[n
         x = solveh_banded(_penalty(n, weight), position - position[0]) + position[0]
     speed = np.gradient(x, dt) if n > 1 else np.zeros(n)
     return x, speed, np.gradient(speed, dt) if n > 1 else np.zeros(n)
+
+
+def smoothed_tracks(
+    position: np.ndarray, starts: np.ndarray, stops: np.ndarray, dt: float, angular_cut_off: float
+) -> np.ndarray:
+    """Smooth positions [m], speeds [m/s] and accelerations [m/s^2] of all tracks, as of `smoothed`, [3, n_rows]."""
+    motion = np.empty((3, len(position)))
+    for start, stop in zip(starts, stops, strict=True):
+        motion[:, start:stop] = smoothed(position[start:stop], dt, angular_cut_off)
+    return motion
 
 
 def _penalty(n: int, weight: float) -> np.ndarray:

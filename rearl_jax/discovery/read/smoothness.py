@@ -44,13 +44,7 @@ class Smoothness:
     size: float = 0.0
 
     def complement(self, steps: int, dt: float, rng: np.random.Generator) -> Float[np.ndarray, " steps"]:
-        """Noise that makes the errors of one track white again [m].
-
-        Args:
-            steps: Moments of the track.
-            dt: Time between them [s].
-            rng: Draws it.
-        """
+        """Noise that makes the errors of one track white again [m]."""
         if not self.errors:
             return np.zeros(steps)
         frequency = 2 * np.pi * np.fft.rfftfreq(2 * steps, dt)
@@ -60,7 +54,7 @@ class Smoothness:
 
 
 def smoothness(tables: Sequence[Thinned]) -> Smoothness:
-    """Kernels that the spectrum of the positions shows; all tables have the same time between moments."""
+    """Kernels that the spectrum of the positions shows; all tables have the same time step."""
     spectrum = _acceleration_power(tables)
     if spectrum is None:
         return Smoothness()
@@ -87,7 +81,7 @@ def smoothness(tables: Sequence[Thinned]) -> Smoothness:
 def _acceleration_power(
     tables: Sequence[Thinned],
 ) -> tuple[Float[np.ndarray, " frequencies"], Float[np.ndarray, " frequencies"], float] | None:
-    """Frequencies [rad/s], the usual power density of accelerations there [m^2/s^3], and the time between moments [s];
+    """Frequencies [rad/s], the usual power density of accelerations there [m^2/s^3], and the time step [s];
     None where tracks are too short for it.
     """
     powers, window, dt = [], np.empty(0), 0.1

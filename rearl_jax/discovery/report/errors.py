@@ -30,18 +30,9 @@ MEASURES = (
 )
 """Measures of each driver: closed-loop gap error [m], the same over the root mean square gap [-] and the speed
 error [m/s], the driver's parameters calibrated to the gap as is usual; the gap error with the parameters that predict
-best from one moment to the next [m]; error in predicting the next position [m]; energy score of noisy simulations [m];
-log-likelihood [nats].
+best from one time step to the next [m]; error in predicting the next position [m]; energy score of noisy
+simulations [m]; log-likelihood [nats].
 """
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A figure with its interval."""
-
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -92,14 +83,9 @@ def _errors(solver: Solver, state: FitState, fit: Fit, seed: int) -> ModelErrors
 
 
 def speed_error(deviation: Float[np.ndarray, "steps pieces"], data: Measured) -> Float[np.ndarray, " drivers"]:
-    """Root mean square speed error of each driver [m/s].
-
-    Args:
-        deviation: Measured less simulated positions [m].
-        data: The drivers.
-    """
+    """Root mean square speed error of each driver [m/s], from measured less simulated positions [m]."""
     ahead = deviation - (data.y - data.smooth)
-    # Backward: what comes after the last moment of a piece is padding, in which nobody drives.
+    # Backward: what comes after the last time step of a piece is padding, in which nobody drives.
     speed = np.diff(ahead, axis=0, prepend=ahead[:1]) / data.dt
     return np.sqrt(data.driver_mean(speed**2))
 
@@ -130,21 +116,18 @@ def pooled(values: Float[np.ndarray, " drivers"], measure: str) -> float:
 
 def with_interval(
     values: Sequence[Float[np.ndarray, " drivers"]], measure: str, confidence: float, draws: int, seed: int
-) -> list[Interval]:
-    """Figures of several models with intervals from resampling drivers, the same ones for all, and of the difference of
-    the first two, which comes last.
+) -> list[dict[str, float]]:
+    """Figures of several models with intervals from resampling drivers, the same ones for all, as in verdict.json; that
+    of the difference of the first two comes last.
     """
     rng = np.random.default_rng(seed)
     n = len(values[0])
     samples = [rng.integers(0, n, n) for _ in range(draws)]
     share = [(1 - confidence) / 2, (1 + confidence) / 2]
-    resampled = np.array([[pooled(one[sample], measure) for sample in samples] for one in values])
-    found = [
-        Interval(pooled(one, measure), *(float(q) for q in np.quantile(row, share)))
-        for one, row in zip(values, resampled, strict=True)
-    ]
+    resampled = [np.array([pooled(errors[sample], measure) for sample in samples]) for errors in values]
+    figures = [pooled(errors, measure) for errors in values]
     if len(values) > 1:
-        change = found[1].value - found[0].value
-        low, high = np.quantile(resampled[1] - resampled[0], share)
-        found.append(Interval(change, float(low), float(high)))
-    return found
+        figures.append(figures[1] - figures[0])
+        resampled.append(resampled[1] - resampled[0])
+    ends = [np.quantile(drawn, share).tolist() for drawn in resampled]
+    return [{"value": value, "low": low, "high": high} for value, (low, high) in zip(figures, ends, strict=True)]

@@ -1,12 +1,13 @@
 """The repaired model, as every task can load it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from rearl_jax.code_version import __version__
 from rearl_jax.core.effects import EFFECTS
-from rearl_jax.discovery.lane_changes.findings import LaneEffect
+from rearl_jax.discovery.claims import Claim
 from rearl_jax.discovery.observe.candidates import Candidate, Layout
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit
@@ -20,23 +21,16 @@ def repaired_model(
     first: Fit,
     last: Fit,
     added: Sequence[Trial],
-    lanes: Sequence[LaneEffect],
+    lanes: Sequence[Claim],
     data: Measured,
     layout: Layout,
     data_id: str,
     study: str,
 ) -> RepairedModel:
-    """The calibrated drivers with and without the effects that were found; artefacts are no part of a model.
+    """The calibrated drivers without (`first`) and with (`last`) the effects that were found.
 
-    Args:
-        first: The calibrated model without additions.
-        last: With all of them.
-        added: What was added.
-        lanes: What counts in the choice of the lane; what no effect of the library does is left out.
-        data: The drivers it was fitted to.
-        layout: Where numbers are in theta.
-        data_id: Identity of the recordings.
-        study: Name of the study.
+    Artefacts are no part of a model, and neither is what counts in the choice of the lane (`lanes`) and no effect of
+    the library does.
     """
     effects = [
         effect_values(trial.candidate, last.state.theta, layout)
@@ -55,8 +49,7 @@ def repaired_model(
 
 def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]:
     """Drivers by class, with the scatter of the calibrated drivers around their mean."""
-    state, found = fit.state, {}
-    truck = state.truck
+    state, truck, classes = fit.state, fit.state.truck, {}
     lengths = np.zeros(data.n_drivers)
     lengths[data.driver] = data.length
     spread = prior.spread
@@ -69,7 +62,7 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
         # The calibrated scatter shrinks where the data say little about a parameter: the prior fills that up.
         own = away.T @ away / max(members.sum(), 1)
         covariance = own + np.diag(np.maximum(spread**2 - np.diag(own), 0.0)) * _unknown(fit, members)
-        found[name] = DriverClass(
+        classes[name] = DriverClass(
             share=share,
             log_mean=dict(zip(prior.names, (np.log(usual) + spread * state.mean[number]).tolist(), strict=True)),
             log_covariance=((covariance + covariance.T) / 2).tolist(),
@@ -78,8 +71,8 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
             length=float(lengths[members].mean()),
             length_sd=float(lengths[members].std()),
         )
-    total = sum(one.share for one in found.values())
-    return {name: DriverClass(**{**one.__dict__, "share": one.share / total}) for name, one in found.items()}
+    total = sum(members.share for members in classes.values())
+    return {name: replace(members, share=members.share / total) for name, members in classes.items()}
 
 
 def _unknown(fit: Fit, members: np.ndarray) -> np.ndarray:
@@ -109,11 +102,10 @@ def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> Ef
     return EffectValues(effect, parameters, variable)
 
 
-def lane_effect_values(effect: LaneEffect) -> EffectValues:
+def lane_effect_values(effect: Claim) -> EffectValues:
     """An effect on the choice of the lane as the library's, within its bounds; what was not estimated is as usual."""
-    found = {name: estimate.value for name, estimate in effect.parameters.items()}
-    values = {
-        one.name: float(np.clip(found.get(one.name, one.off), one.low, one.high))
-        for one in EFFECTS[effect.name].parameters
-    }
+    values = {}
+    for known in EFFECTS[effect.name].parameters:
+        value = effect.parameters[known.name].value if known.name in effect.parameters else known.off
+        values[known.name] = float(np.clip(value, known.low, known.high))
     return EffectValues(effect.name, values)

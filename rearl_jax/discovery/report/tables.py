@@ -11,7 +11,7 @@ from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import known
-from rearl_jax.discovery.report.errors import MEASURES, Interval, ModelErrors, with_interval
+from rearl_jax.discovery.report.errors import MEASURES, ModelErrors, with_interval
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.procedure import Search
 
@@ -47,31 +47,26 @@ def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int
     last = "after" if "after" in errors else "oracle" if "oracle" in errors else "before"
     figures = {}
     for measure in MEASURES:
-        found = with_interval(
-            [errors["before"].by_driver[measure], errors[last].by_driver[measure]], measure, confidence, draws, seed
-        )
-        figures[measure] = {"before": found[0], "after": found[1], "change": found[2]}
+        both = [errors[model].by_driver[measure] for model in ("before", last)]
+        rows = with_interval(both, measure, confidence, draws, seed)
+        figures[measure] = dict(zip(("before", "after", "change"), rows, strict=True))
     main = figures[MAIN_MEASURE]
-    floor = with_interval([errors[last].floor], MAIN_MEASURE, confidence, draws, seed)[0]
-    block["before"] = plain(main["before"])
-    block["after"] = plain(main["after"]) if last != "oracle" else None
-    block["change"] = plain(main["change"])
-    block["floor"] = plain(floor)
-    block["oracle"] = plain(main["after"]) if last == "oracle" else None
-    block["explained_share"] = _explained(main["before"].value, main["after"].value, floor.value)
-    block["all"] = {measure: {name: plain(value) for name, value in row.items()} for measure, row in figures.items()}
-    return block
+    (floor,) = with_interval([errors[last].floor], MAIN_MEASURE, confidence, draws, seed)
+    return block | {
+        "before": main["before"],
+        "after": main["after"] if last != "oracle" else None,
+        "change": main["change"],
+        "floor": floor,
+        "oracle": main["after"] if last == "oracle" else None,
+        "explained_share": _explained(*(figure["value"] for figure in (main["before"], main["after"], floor))),
+        "all": figures,
+    }
 
 
 def _explained(before: float, after: float, floor: float) -> float | None:
     """Share of the squared error above the floor that is gone [-]; None where the error was at the floor already."""
     above = before**2 - floor**2
     return None if above <= 0.02 * before**2 else float((before**2 - after**2) / above)
-
-
-def plain(value: Interval) -> dict[str, float]:
-    """An interval as in verdict.json."""
-    return {"value": value.value, "low": value.low, "high": value.high}
 
 
 def error_table(errors: Mapping[str, ModelErrors]) -> pd.DataFrame:

@@ -21,12 +21,12 @@ seconds      how long it took
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rearl_jax.core.effects import EFFECTS
+from rearl_jax.discovery.claims import Claim, Estimate, share_of
 from rearl_jax.discovery.observe.candidates import TWINS, Candidate, Layout, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.uncertainty import interval
@@ -45,29 +45,6 @@ MISJUDGED = (
 """Note on a model beside which drivers misjudge gaps."""
 
 
-@dataclass(frozen=True)
-class Named:
-    """One entry of `effects`."""
-
-    name: str
-    kind: str
-    parameters: dict[str, dict[str, Any]]
-    variables: tuple[str, ...]
-    confidence: float
-    evidence: float | None
-
-    def plain(self) -> dict[str, Any]:
-        """As in verdict.json."""
-        return {
-            "name": self.name,
-            "kind": self.kind,
-            "parameters": self.parameters,
-            "variables": list(self.variables),
-            "confidence": self.confidence,
-            "evidence": self.evidence,
-        }
-
-
 def named_trial(
     trial: Trial,
     others: Sequence[Trial],
@@ -76,7 +53,7 @@ def named_trial(
     layout: Layout,
     confidence: float,
     reliability: float,
-) -> Named:
+) -> Claim:
     """A believed candidate as an effect of the verdict.
 
     Args:
@@ -90,59 +67,37 @@ def named_trial(
     """
     candidate = trial.candidate
     parameters = {}
-    for name, unit, place, deviation in zip(
-        parameter_names(candidate), parameter_units(candidate), candidate.free, deviations, strict=True
-    ):
+    for (name, unit), place, deviation in zip(names_and_units(candidate), candidate.free, deviations, strict=True):
         value = float(theta[place])
         if candidate.term == Term("reaction_delay"):
             deviation = np.hypot(deviation, THRESHOLDS.delay_deviation * trial.fit.state.data.dt)
         low, high = interval(value, THRESHOLDS.interval_stretch * float(deviation), confidence)
         low, high = max(low, float(layout.low[place])), min(high, float(layout.high[place]))
-        parameters[name] = {"value": value, "low": low, "high": high, "unit": unit}
-    rivals = [0.0, *(one.total for one in others if one is not trial)]
-    share = 1.0 / (1.0 + float(np.exp(np.clip(np.array(rivals) - trial.total, -50, 50)).sum()))
-    return Named(
-        candidate.term.effect,
-        candidate.kind,
-        parameters,
-        candidate.variables,
-        min(share, reliability),
-        trial.total,
-    )
+        parameters[name] = Estimate(value, low, high, unit)
+    share = share_of(trial.total, [other.total for other in others if other is not trial])
+    sure = min(share, reliability)
+    return Claim(candidate.term.effect, candidate.kind, parameters, candidate.variables, sure, trial.total)
 
 
-def parameter_names(candidate: Candidate) -> list[str]:
-    """Names of what is fitted."""
+def names_and_units(candidate: Candidate) -> list[tuple[str, str]]:
+    """Names and units of what is fitted."""
     if candidate.term.is_effect:
-        return [parameter.name for parameter in EFFECTS[candidate.term.effect].parameters]
-    return [f"value_{k}" for k in range(len(candidate.free))]
-
-
-def parameter_units(candidate: Candidate) -> list[str]:
-    """Units of what is fitted."""
-    if candidate.term.is_effect:
-        return [parameter.unit for parameter in EFFECTS[candidate.term.effect].parameters]
+        return [(parameter.name, parameter.unit) for parameter in EFFECTS[candidate.term.effect].parameters]
     unit = {"lens": "m", "time_gap_dependence": "-"}.get(candidate.term.effect, "m/s^2")
-    return [unit] * len(candidate.free)
+    return [(f"value_{k}", unit) for k in range(len(candidate.free))]
 
 
-def found_in_columns(finding: Finding, confidence: float) -> Named:
+def found_in_columns(finding: Finding, confidence: float) -> Claim:
     """An artefact that the columns show, as an effect of the verdict; nothing was fitted, so there is no evidence."""
     low, high = interval(finding.value, finding.deviation, confidence)
-    number = {"value": finding.value, "low": low, "high": high, "unit": finding.unit}
-    return Named(finding.name, "artefact", {finding.parameter: number}, (), THRESHOLDS.most_confidence, None)
+    number = Estimate(finding.value, low, high, finding.unit)
+    return Claim(finding.name, "artefact", {finding.parameter: number}, (), THRESHOLDS.most_confidence, None)
 
 
-def differing_clocks(check: ClockCheck, reliability: float) -> Named:
+def differing_clocks(check: ClockCheck, reliability: float) -> Claim:
     """Clocks that differ, as an effect of the verdict with its stated confidence."""
-    return Named(
-        CLOCK_OFFSET.effect,
-        "artefact",
-        {"sd": {"value": check.spread, "low": None, "high": None, "unit": "s"}},
-        ("clock",),
-        reliability,
-        check.total,
-    )
+    spread = {"sd": Estimate(check.spread, None, None, "s")}
+    return Claim(CLOCK_OFFSET.effect, "artefact", spread, ("clock",), reliability, check.total)
 
 
 def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) -> str:
@@ -151,7 +106,7 @@ def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) 
     if amount(findings, SMOOTHING):
         return "artefact"
     if any(kind in ("driver", "road") for kind in added):
-        is_doubtful = any(search.is_doubtful(one) for one in search.added) or leaves_shifts(search)
+        is_doubtful = any(search.is_doubtful(trial) for trial in search.added) or leaves_shifts(search)
         return "unexplained" if is_doubtful or not adequacy.is_enough else "named"
     if findings:
         return "artefact"
@@ -179,8 +134,8 @@ def _is_sure(last: Round) -> bool:
 def candidate_rows(search: Search) -> list[dict[str, Any]]:
     """All candidates of the first round, those that were fitted first and by their total, then by evidence."""
     first = search.rounds[0]
-    trials = {trial.candidate.term: trial for one in reversed(search.rounds) for trial in one.trials}
-    ambiguous = {trial.candidate.term for one in search.rounds for trial in one.alternatives}
+    trials = {trial.candidate.term: trial for turn in reversed(search.rounds) for trial in turn.trials}
+    ambiguous = {trial.candidate.term for turn in search.rounds for trial in turn.alternatives}
     chosen = [trial.candidate.term for trial in search.added]
     terms = sorted(
         first.evidence, key=lambda term: (-trials[term].total if term in trials else np.inf, -first.z_score[term])
@@ -212,9 +167,7 @@ def candidate_rows(search: Search) -> list[dict[str, Any]]:
 def unseen(search: Search, threshold: dict[Term, float]) -> list[dict[str, Any]]:
     """For every named effect, the strength from which it would have been seen in these data.
 
-    Args:
-        search: With the scores of the first round.
-        threshold: Evidence from which a candidate exceeds chance [nats].
+    The threshold is the evidence from which a candidate exceeds chance [nats].
     """
     rows = []
     for term, score in search.first_scores.items():

@@ -24,7 +24,7 @@ from rearl_jax.discovery.search.procedure import Search
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MOST_ENERGY = 9.0
-"""Bound of a squared acceleration over a driver's usual one [-]: no single moment decides."""
+"""Bound of a squared acceleration over a driver's usual one [-]: no single time step decides."""
 
 OF_LATE = 0.3
 """Time over which a change of what the model wants is looked at [s]."""
@@ -48,7 +48,7 @@ class Adequacy:
         kurtosis: Excess kurtosis of the innovations [-].
         kurtosis_deviation: Its standard deviation where innovations are normal [-].
         kurtosis_before: The same without anything added [-].
-        autocorrelation: Of innovations one moment apart [-].
+        autocorrelation: Of innovations one time step apart [-].
         unequal_noise: How surely the size of innovations depends on a situation, in standard deviations [-].
         misjudgement: How surely noise grows with what a misjudged gap would do, in standard deviations [-].
         staleness: The same with what a decision of some time ago would do [-].
@@ -136,14 +136,7 @@ def adequacy(solver: Solver, found: Search, seed: int) -> Adequacy:
 
 
 def by_noise_alone(solver: Solver, states: Sequence[FitState], fit: Fit, seed: int) -> list[Parts]:
-    """Residuals of drives that the final model and noise have made, nothing else: a list of parts per replicate.
-
-    Args:
-        solver: Simulates and fits.
-        states: The parts of the drivers under the final model.
-        fit: The final model, for its noise.
-        seed: Of the drives.
-    """
+    """Residuals of drives that the final model and noise have made, nothing else: a list of parts per replicate."""
     parts = [
         [one for group in noise_alone(solver, state, fit.noise, REPLICATES, seed + part) for one in group]
         for part, state in enumerate(states)
@@ -158,12 +151,7 @@ def kurtosis(innovation: Float[np.ndarray, "steps pieces"], weight: Float[np.nda
 
 
 def unequal_noise(innovation: Float[np.ndarray, "steps pieces"], data: Measured) -> dict[str, float]:
-    """Dependence of the size of innovations on the situation: standard normal figures where there is none.
-
-    Args:
-        innovation: Innovations [m].
-        data: The drivers.
-    """
+    """Dependence of the size of innovations [m] on the situation: standard normal figures where there is none."""
     around = data.around
     gap = np.maximum(around.leader_rear - (data.smooth + data.length / 2), 1.0)
     situations = {
@@ -181,10 +169,7 @@ def misjudgement(parts: Parts, chance: Sequence[Parts]) -> float:
 
     An error of the gap in proportion to it changes the acceleration by the gap times the model's answer to it. Noise of
     the acceleration does not depend on that answer, and is even damped by it: negative figures.
-
-    Args:
-        parts: What the final model leaves.
-        chance: The same of drives that it and noise alone have made.
+    `chance` are residuals of drives that the final model and noise alone have made.
     """
 
     def by_misjudging(left: Residuals) -> np.ndarray:
@@ -200,10 +185,7 @@ def staleness(parts: Parts, chance: Sequence[Parts]) -> float:
     Who decides now and then, and holds on to it in between, is behind by a random time; what that does is in proportion
     to the change. Behind by always the same time he has a delay, which leaves nothing of the kind once it is known.
     Noise changes what the model wants too, by the speed it leaves: the calmer the leaders, the more of it by chance.
-
-    Args:
-        parts: What the final model leaves.
-        chance: The same of drives that it and noise alone have made.
+    Arguments as of `misjudgement`.
     """
 
     def by_being_late(left: Residuals) -> np.ndarray:

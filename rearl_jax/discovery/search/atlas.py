@@ -1,9 +1,10 @@
 """All maps of one model's residual, and what the open-ended finder makes of them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from rearl_jax.discovery.observe.forcing import (
     DriverScores,
@@ -28,7 +29,7 @@ from rearl_jax.discovery.search.maps import (
     fitted,
     plane_of,
 )
-from rearl_jax.discovery.search.reactions import reactions
+from rearl_jax.discovery.search.reactions import Reaction, reactions
 from rearl_jax.discovery.search.shapes import shape_of, shape_words
 
 PLANES = (("gap", "approach_rate"), ("position", "time"))
@@ -52,14 +53,16 @@ class Chart:
 
     def groups(self) -> list[Group]:
         """The curves as the finder takes them, in the order of the columns: accelerations, then time gaps."""
-        found, first = [], 0
-        for acts_on in CURVE_SCALE:
-            for basis in self.bases:
-                size = len(basis.knots)
-                columns = np.arange(first, first + size)
-                found.append(Group(basis.variable.name, acts_on, columns, CURVE_SCALE[acts_on]))
-                first += size
-        return found
+        curves = [(basis, acts_on) for acts_on in CURVE_SCALE for basis in self.bases]
+        ends = np.cumsum([len(basis.knots) for basis, _ in curves])
+        return [
+            Group(basis.variable.name, acts_on, np.arange(end - len(basis.knots), end), CURVE_SCALE[acts_on])
+            for (basis, acts_on), end in zip(curves, ends, strict=True)
+        ]
+
+    def weights(self, variables: Mapping[str, Reaction]) -> Float[np.ndarray, "columns steps pieces"]:
+        """Weights of the knots of all curves, one after the other."""
+        return np.concatenate([basis.columns(variables[basis.variable.name].values) for basis in self.bases])
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,7 @@ class PartScores:
         curves: On the columns of all groups.
         seen: The same on the acceleration residual.
         planes: On the fields of each plane.
-        shares: Of the moments in the fields of each plane [-].
+        shares: Of the time steps in the fields of each plane [-].
     """
 
     curves: DriverScores
@@ -98,7 +101,7 @@ class Atlas:
 
 def chart_of(left: Residuals) -> Chart:
     """Knots and edges at the quantiles of one part of the data."""
-    weight, variables = left.state.data.weight, {one.name: one for one in reactions(left)}
+    weight, variables = left.state.data.weight, reactions(left)
     bases = [basis_of(variable, weight) for variable in variables.values()]
     edges = {name: edges_of(variables[name], weight) for pair in PLANES for name in pair}
     return Chart(tuple(basis for basis in bases if basis is not None), edges)
@@ -106,8 +109,8 @@ def chart_of(left: Residuals) -> Chart:
 
 def part_scores(left: Residuals, chart: Chart) -> PartScores:
     """Scores of the drivers of one part of the data."""
-    variables, answer, data = {one.name: one for one in reactions(left)}, answers(left), left.state.data
-    pushed = np.concatenate([basis.columns(variables[basis.variable.name].values) for basis in chart.bases])
+    variables, answer, data = reactions(left), answers(left), left.state.data
+    pushed = chart.weights(variables)
     planes, shares = {}, {}
     used = data.weight > 0
     for pair in PLANES:
@@ -129,38 +132,25 @@ def joined(parts: Sequence[DriverScores]) -> DriverScores:
 def atlas_of(
     chart: Chart, parts: Sequence[PartScores], n_chosen_from: int, confidence: float, draws: int, seed: int
 ) -> Atlas:
-    """All maps.
-
-    Args:
-        chart: Knots and edges.
-        parts: Of the parts of the data.
-        n_chosen_from: How many of the first parts the finder may look at.
-        confidence: Of the bands [-].
-        draws: Resamples of drivers.
-        seed: Of everything random.
-    """
+    """All maps: the finder looks at the first `n_chosen_from` parts, drivers are resampled `draws` times for bands."""
     curves, seen = joined([part.curves for part in parts]), joined([part.seen for part in parts])
     groups = chart.groups()
-    found = {}
+    maps, shapes = {}, {}
     for basis in chart.bases:
-        own = [group for group in groups if group.variable == basis.variable.name]
+        name, own = basis.variable.name, [group for group in groups if group.variable == basis.variable.name]
         pairs = {group.acts_on: (curves.of(group.columns), seen.of(group.columns)) for group in own}
-        found[basis.variable.name] = curve_of(basis, pairs, confidence, draws, seed)
+        maps[name] = curve_of(basis, pairs, confidence, draws, seed)
+        shapes[name] = shape_words(maps[name], shape_of(maps[name], pairs["acceleration"][0]))
     variables = {basis.variable.name: basis.variable for basis in chart.bases}
     planes = {}
     for pair in PLANES:
         if all(name in variables for name in pair):
             share = np.mean([part.shares[pair] for part in parts], axis=0)
             both = joined([part.planes[pair] for part in parts])
-            planes[pair] = plane_of(
-                [variables[name] for name in pair], [chart.edges[name] for name in pair], share, both
-            )
+            edges = [chart.edges[name] for name in pair]
+            planes[pair] = plane_of([variables[name] for name in pair], edges, share, both)
     looked_at = joined([part.curves for part in parts[:n_chosen_from]])
-    shapes = {
-        basis.variable.name: shape_words(curve := found[basis.variable.name], shape_of(curve, curves.of(group.columns)))
-        for basis, group in zip(chart.bases, groups, strict=False)
-    }
-    return Atlas(found, planes, stability_selection(looked_at, groups, seed), shapes)
+    return Atlas(maps, planes, stability_selection(looked_at, groups, seed), shapes)
 
 
 def added_curves(solver: Solver, left: Residuals, chart: Chart) -> dict[str, np.ndarray]:
@@ -170,9 +160,8 @@ def added_curves(solver: Solver, left: Residuals, chart: Chart) -> dict[str, np.
     added = added_acceleration(solver, left)
     if np.abs(added).max(initial=0.0) < 1e-6:
         return {}
-    variables, answer = {one.name: one for one in reactions(left)}, answers(left)
-    pushed = np.concatenate([basis.columns(variables[basis.variable.name].values) for basis in chart.bases])
-    found, cast = {}, plain_scores(added, pushed, left, answer)
-    for basis, group in zip(chart.bases, chart.groups(), strict=False):
-        found[basis.variable.name] = centred(fitted(cast.of(group.columns)), basis)
-    return found
+    scores = plain_scores(added, chart.weights(reactions(left)), left, answers(left))
+    return {
+        basis.variable.name: centred(fitted(scores.of(group.columns)), basis)
+        for basis, group in zip(chart.bases, chart.groups(), strict=False)
+    }

@@ -60,13 +60,7 @@ class PutRight:
 
 
 def check_clocks(solver: Solver, base: Fit, checked: Measured) -> ClockCheck | None:
-    """Clocks that differ, by the fitted drivers and by the others; None if they do not.
-
-    Args:
-        solver: Fits.
-        base: The calibrated model.
-        checked: Other drivers.
-    """
+    """Clocks that differ, by the fitted drivers and by the others; None if they do not."""
     parts = (base.state.data, checked)
     fitted, others = (put_right(solver, Clocks(part), base) for part in parts)
     gain = fitted.gain - THRESHOLDS.freedom_price

@@ -1,6 +1,6 @@
 """The last word of the drivers that were checked: what is added must not make their simulation worse.
 
-Evidence is gathered from one moment to the next, where noise that is not as the observer takes it may look like an
+Evidence is gathered from one time step to the next, where noise that is not as the observer takes it may look like an
 effect; a simulation adds up what an effect does.
 """
 
@@ -27,11 +27,6 @@ def confirmed(solver: Solver, outcome: Search, seed: int) -> Search:
 
     They go from the last one on: free curves that were added later, which fit what the form of the earlier additions
     has left, where they more likely make it larger than smaller; then all as long as it surely is larger than before.
-
-    Args:
-        solver: Simulates.
-        outcome: What was found.
-        seed: Of the resampling of drivers.
     """
     if not outcome.added:
         return outcome

@@ -70,29 +70,14 @@ def bounded_gain(gains: Float[np.ndarray, " drivers"]) -> float:
 def trial_of(
     solver: Solver, fit: Fit, base: FitState, other: FitState, other_base: FitState, null_mean: float
 ) -> Trial:
-    """Gains of a fitted candidate against the model without it.
-
-    Args:
-        solver: Has fitted it.
-        fit: With the candidate.
-        base: Without it, the same drivers.
-        other: With it, other drivers.
-        other_base: Without it, other drivers.
-        null_mean: Evidence for it where nothing is missing [nats].
-    """
+    """Gains of a fitted candidate against the model without it (`base`), of the same drivers and of others."""
     candidate = fit.candidate
     assert candidate is not None
     cost = price(solver, fit.state, candidate.free)
     if candidate.kind == "generic":
         cost += THRESHOLDS.freedom_price
-    return Trial(
-        candidate,
-        fit,
-        fit.state.penalised() - base.penalised(),
-        other.penalised() - other_base.penalised(),
-        cost,
-        null_mean,
-    )
+    fitted, checked = fit.state.penalised() - base.penalised(), other.penalised() - other_base.penalised()
+    return Trial(candidate, fit, fitted, checked, cost, null_mean)
 
 
 def ranked(trials: list[Trial]) -> list[Trial]:

@@ -22,7 +22,6 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 PAIRS = 25
 """Pairs of complementary halves."""
 
-
 MOST = 4
 """Groups that are selected in one half at most."""
 
@@ -62,13 +61,7 @@ class Selected:
 
 
 def stability_selection(scores: DriverScores, groups: Sequence[Group], seed: int) -> list[Selected]:
-    """All variables, the most stable first.
-
-    Args:
-        scores: Of the drivers, on the columns of all groups.
-        groups: What can be selected.
-        seed: Of the halves.
-    """
+    """All variables, the most stable first; scores are those on the columns of all groups."""
     rng = np.random.default_rng(seed)
     n, chosen, first = len(scores.score), Counter(), Counter()
     ways: Counter[tuple[str, str]] = Counter()
@@ -84,7 +77,7 @@ def stability_selection(scores: DriverScores, groups: Sequence[Group], seed: int
     selected = [
         Selected(name, _usual_way(ways, name), chosen[name] / n_halves, first[name] / n_halves) for name in names
     ]
-    return sorted(selected, key=lambda one: (-one.first, -one.frequency))
+    return sorted(selected, key=lambda variable: (-variable.first, -variable.frequency))
 
 
 def _usual_way(ways: "Counter[tuple[str, str]]", name: str) -> str:

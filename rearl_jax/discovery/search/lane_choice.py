@@ -19,15 +19,9 @@ def lane_choice(
 ) -> LaneChangeFindings:
     """Influences on the choice of the lane, with the drivers as they were calibrated, split as they were.
 
-    Args:
-        solver: Calibrates the drivers that were checked.
-        found: What was found about car following.
-        parts: The drivers, numbered by `measure`.
-        recordings: Those that `measure` got, in the same order.
-        options: Confidence and seed.
+    The recordings are those that `measure` got, in the same order.
     """
-    few = too_few_changes(recordings)
-    if few is not None:
+    if (few := too_few_changes(recordings)) is not None:
         return few  # before anybody is calibrated for it
     known = KnownDrivers.of([found.first.state, *on_others(solver, found.checked, [found.first])], solver.layout.prior)
     split = [part.vehicle for part in (parts.fitted, parts.checked, parts.reported)]

@@ -18,16 +18,16 @@ KNOTS = 7
 """Knots of a curve."""
 
 OUTER = 0.02
-"""Share of the moments beyond each of the outer knots [-]."""
+"""Share of the time steps beyond each of the outer knots [-]."""
 
 LEAST_SHARE = 0.005
-"""Share of the moments that a value of a counted variable, or a field of a plane, must have to be shown [-]."""
+"""Share of the time steps that a value of a counted variable, or a field of a plane, must have to be shown [-]."""
 
 USUAL = 1.0
 """Standard deviation of the prior of a curve's values [m/s^2]: only what the data say nothing about is held back."""
 
 USUAL_IN_FIELDS = 0.2
-"""The same for the fields of a plane, of which each holds few moments [m/s^2]."""
+"""The same for the fields of a plane, of which each holds few time steps [m/s^2]."""
 
 HALVINGS = 10
 """Times the drivers are cut in halves."""
@@ -43,7 +43,7 @@ class Basis:
     Attributes:
         variable: As in `reactions`.
         knots: In its unit; the values themselves of a counted variable.
-        share: Mean weight of each knot over all moments [-].
+        share: Mean weight of each knot over all time steps [-].
     """
 
     variable: Reaction
@@ -65,7 +65,7 @@ class Curve:
 
     Attributes:
         basis: Of its variable.
-        value, low, high: Mean acceleration residual at the knots, without its mean over all moments [m/s^2].
+        value, low, high: Mean acceleration residual at the knots, without its mean over all time steps [m/s^2].
         acts_on: `acceleration`, or `time_gap` where a curve of the time gap carries further.
         share: Of the variance of the acceleration residual that it explains on other drivers, acting so [-].
         gain: Of log-likelihood on other drivers, acting so [nats].
@@ -118,15 +118,7 @@ def fitted(
 def curve_of(
     basis: Basis, scores: Mapping[str, tuple[DriverScores, DriverScores]], confidence: float, draws: int, seed: int
 ) -> Curve:
-    """The map of one variable.
-
-    Args:
-        basis: Of the variable.
-        scores: On its columns, and the same on the acceleration residual, by what they act on.
-        confidence: Of the band [-].
-        draws: Resamples of drivers.
-        seed: Of the resampling and the halves.
-    """
+    """The map of one variable, from scores on its columns, and on the acceleration residual, by what they act on."""
     rng = np.random.default_rng(seed)
     own = scores["acceleration"][0]
     n = len(own.score)
@@ -139,7 +131,7 @@ def curve_of(
 
 
 def centred(values: Float[np.ndarray, "*draws knots"], basis: Basis) -> Float[np.ndarray, "*draws knots"]:
-    """Values at the knots without their mean over all moments."""
+    """Values at the knots without their mean over all time steps."""
     return values - (values @ basis.share)[..., None] / basis.share.sum()
 
 
@@ -169,7 +161,7 @@ class Plane:
     Attributes:
         across, up: The variables.
         across_edges, up_edges: Of the fields, in their units.
-        value: Mean acceleration residual [m/s^2]; NaN where too few moments are.
+        value: Mean acceleration residual [m/s^2]; NaN where too few time steps are.
     """
 
     across: Reaction
@@ -180,7 +172,7 @@ class Plane:
 
 
 def edges_of(variable: Reaction, weight: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, " edges"]:
-    """Edges of fields that hold equally many moments, outliers left out."""
+    """Edges of fields that hold equally many time steps, outliers left out."""
     edges = np.quantile(variable.values[weight > 0], np.linspace(OUTER / 2, 1 - OUTER / 2, FIELDS + 1))
     return edges + np.arange(FIELDS + 1) * 1e-9
 
@@ -188,7 +180,7 @@ def edges_of(variable: Reaction, weight: Float[np.ndarray, "steps pieces"]) -> F
 def fields(
     values: Sequence[Float[np.ndarray, "steps pieces"]], edges: Sequence[Float[np.ndarray, " edges"]]
 ) -> Float[np.ndarray, "fields steps pieces"]:
-    """1 in the field of two variables that a moment lies in, the second variable slower."""
+    """1 in the field of two variables that a time step lies in, the second variable slower."""
     across, up = (np.clip(np.searchsorted(e, v) - 1, 0, FIELDS - 1) for v, e in zip(values, edges, strict=True))
     return ((up * FIELDS + across)[None] == np.arange(FIELDS**2)[:, None, None]).astype(float)
 
@@ -199,7 +191,7 @@ def plane_of(
     share: Float[np.ndarray, " fields"],
     scores: DriverScores,
 ) -> Plane:
-    """The map of two variables; `share` of the moments in each field."""
+    """The map of two variables; `share` of the time steps in each field."""
     values = fitted(scores, usual=USUAL_IN_FIELDS)
     values = values - values @ share
     value = np.where(share > LEAST_SHARE, values, np.nan).reshape(FIELDS, FIELDS)
@@ -208,4 +200,4 @@ def plane_of(
 
 def ranked(curves: Mapping[str, Curve]) -> list[Curve]:
     """The maps that gain most on other drivers first."""
-    return sorted(curves.values(), key=lambda one: -one.gain)
+    return sorted(curves.values(), key=lambda curve: -curve.gain)

@@ -98,15 +98,7 @@ def simulate_again(solver: Solver, state: FitState, noise: Noise, rng: np.random
 
 
 def noise_alone(solver: Solver, state: FitState, noise: Noise, replicates: int, seed: int) -> Iterator[list[FitState]]:
-    """Worlds with other drives in which nothing is missing, calibrated anew, as many at once as are worth it.
-
-    Args:
-        solver: Simulates and fits.
-        state: Calibrated, with what has been added so far.
-        noise: As calibrated.
-        replicates: How many times the drives are made again.
-        seed: Of the random numbers.
-    """
+    """Other drives of a calibrated state in which nothing is missing, calibrated anew, some side by side."""
     group = max(1, AT_ONCE // max(1, len(state.data.driver)))
     for first in range(0, replicates, group):
         states = [
@@ -125,16 +117,7 @@ def null_of(
     seed: int,
     progress: Callable[[int, int], None] | None = None,
 ) -> Null:
-    """The null of a calibrated state.
-
-    Args:
-        solver: Fits and looks.
-        state: Calibrated, with what has been added so far.
-        noise: As calibrated.
-        replicates: How many times the drives are made again.
-        seed: Of the random numbers.
-        progress: Called with the replicates done and wanted.
-    """
+    """The null of a calibrated state; `progress` is called with the replicates done and wanted."""
     replicated: list[dict[Term, float]] = []
     for states in noise_alone(solver, state, noise, replicates, seed):
         seen = scores(solver, states)

@@ -118,7 +118,7 @@ class Search:
 
     @property
     def is_contradicted(self) -> bool:
-        """True if an effect or artefact that the drivers' moments ask for makes their simulation worse."""
+        """True if an effect or artefact that the drivers' innovations ask for makes their simulation worse."""
         return any(not is_free(trial) for trial in self.rejected)
 
     def is_doubtful(self, trial: Trial) -> bool:
@@ -162,8 +162,7 @@ def search(
         excluded: Candidates, or clocks, that are not looked for.
     """
     report("calibrating drivers", 0, 1)
-    state, noise = calibrate(solver, fitted)
-    base = Fit(None, state, noise)
+    base = Fit(None, *calibrate(solver, fitted))
     everybody = with_others(solver, base, checked)
     null = null_for(everybody)
     (seen,) = scores(solver, [everybody.state])
@@ -178,9 +177,7 @@ def search(
         if clocks is not None and not outcome.rounds and (turn.chosen is None or clocks.total > turn.chosen.total):
             # The data are put right, and the loop begins again.
             outcome.clocks, outcome.checked = clocks, clocks.checked
-            state, noise = calibrate(solver, clocks.fitted)
-            clocks = None
-            base = Fit(None, state, noise)
+            base, clocks = Fit(None, *calibrate(solver, clocks.fitted)), None
         else:
             outcome.rounds.append(turn)
             if turn.chosen is None:
@@ -248,7 +245,7 @@ def _is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
 
 
 def _is_of_numerics(trial: Trial) -> bool:
-    """True if it is a reaction delay of less than a moment, which is not of the driver."""
+    """True if it is a reaction delay of less than a time step, which is not of the driver."""
     if trial.candidate.term != Term("reaction_delay"):
         return False
     (place,) = trial.candidate.free

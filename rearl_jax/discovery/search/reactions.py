@@ -1,4 +1,4 @@
-"""Everything a driver or a road could react to, whether or not an effect is known for it, moment by moment."""
+"""Everything a driver or a road could react to, whether or not an effect is known for it, time step by time step."""
 
 from dataclasses import dataclass
 
@@ -41,7 +41,7 @@ it is the driver's own.
 
 @dataclass(frozen=True)
 class Reaction:
-    """A variable in every moment.
+    """A variable in every time step.
 
     Attributes:
         name: One of UNITS.
@@ -91,8 +91,8 @@ _TITLES = {
 }
 
 
-def reactions(left: Residuals) -> list[Reaction]:
-    """The variables in the middle between each moment and the next, the own motion as expected from the past.
+def reactions(left: Residuals) -> dict[str, Reaction]:
+    """The variables by name, halfway between each time step and the next, the own motion as expected from the past.
 
     A variable that saw the future of the driver would go together with the driver's noise, and look like a cause.
     """
@@ -117,7 +117,7 @@ def reactions(left: Residuals) -> list[Reaction]:
         "lateral_offset": np.asarray(seen.lateral_offset),  # a curve needs no symmetry
         "leader_class": np.asarray(seen.leader_is_truck),
     }
-    return [Reaction(name, np.broadcast_to(values[name], data.y.shape)) for name in UNITS]
+    return {name: Reaction(name, np.broadcast_to(values[name], data.y.shape)) for name in UNITS}
 
 
 def _bounded(speed: np.ndarray) -> np.ndarray:
@@ -126,13 +126,13 @@ def _bounded(speed: np.ndarray) -> np.ndarray:
 
 def _unequal(seen: Stimulus) -> np.ndarray:
     """Coefficient of variation of the speeds of the three vehicles ahead [-]; 0 where fewer are seen."""
-    speeds = np.stack([np.asarray(one) for one in (seen.leader_speed, seen.second_speed, seen.third_speed)])
+    speeds = np.stack([seen.leader_speed, seen.second_speed, seen.third_speed])
     varied = speeds.std(axis=0) / np.maximum(speeds.mean(axis=0), 1.0)
     return np.minimum(varied, 1.0) * np.asarray(seen.has_leader) * np.asarray(seen.has_second)
 
 
 def _mean_of_past(values: np.ndarray, n: int) -> np.ndarray:
-    """Mean over the last n moments, or over as many as there are."""
+    """Mean over the last n time steps, or over as many as there are."""
     total = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
     last = np.arange(1, len(values) + 1)
     first = np.maximum(last - n, 0)

@@ -88,7 +88,7 @@ def _sections(name: str, score: Score, state: FitState, layout: Layout) -> list[
 
 
 def _onsets(score: Score, theta: np.ndarray, layout: Layout) -> list[np.ndarray]:
-    """Moments from which on everything differs, that explain most of the score as a step."""
+    """Times from which on everything differs, that explain most of the score as a step."""
     knots = layout.knots.time
     n = len(knots)
     found = []
@@ -99,35 +99,25 @@ def _onsets(score: Score, theta: np.ndarray, layout: Layout) -> list[np.ndarray]
         size = np.linalg.solve(information, after @ score.score)
         found.append((float(size @ (after @ score.score)), first, size))
     found.sort(key=lambda item: -item[0])
-    return [
-        _with(
-            theta,
-            layout,
-            {
-                "weather.slower": float(np.clip(-size[0], -0.5, 0.5)),
-                "weather.wider": float(np.clip(size[1], -0.5, 0.5)),
-                "weather.onset": (knots[first - 1] + knots[first]) / 2,
-            },
-        )
-        for _, first, size in found[:SECTIONS]
-    ]
+    result = []
+    for _, first, size in found[:SECTIONS]:
+        slower, wider = np.clip([-size[0], size[1]], -0.5, 0.5).tolist()
+        onset = (knots[first - 1] + knots[first]) / 2
+        start = {"weather.slower": slower, "weather.wider": wider, "weather.onset": onset}
+        result.append(_with(theta, layout, start))
+    return result
 
 
 def refit(
     solver: Solver,
     base: Fit,
     candidates: Sequence[Candidate],
-    found: dict[Term, Score],
+    seen: dict[Term, Score],
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[Term, Fit]:
-    """Every candidate added to the model and fitted.
+    """Every candidate added to the model and fitted, one at a time, from where its score points to.
 
-    Args:
-        solver: Searches.
-        base: The model without them.
-        candidates: What is added, one at a time.
-        found: Their scores.
-        progress: Called with the candidates done and wanted.
+    `progress` is called with the candidates done and wanted.
     """
     # Adding an effect can only lower what is left to chance.
     lower = [sd for sd in ACCELERATIONS if sd <= base.noise.acceleration] or [ACCELERATIONS[0]]
@@ -136,7 +126,7 @@ def refit(
         active = (*base.state.active, candidate.term)
         states = [
             copied(base.state, theta=theta, active=active)
-            for theta in starts(candidate, found[candidate.term], base.state, solver.layout)
+            for theta in starts(candidate, seen[candidate.term], base.state, solver.layout)
         ]
         solver.solve(states, iterations=15, tolerance=0.3)
         best = min(states, key=lambda state: state.log[-1])

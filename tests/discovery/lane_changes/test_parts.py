@@ -4,7 +4,7 @@ import numpy as np
 
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers
 from rearl_jax.discovery.lane_changes.opportunities import opportunities
-from rearl_jax.discovery.lane_changes.parts import part_of_rows
+from rearl_jax.discovery.lane_changes.selection import part_of_rows
 
 
 def scene(n):

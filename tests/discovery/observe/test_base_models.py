@@ -52,11 +52,11 @@ def calibrated_by(request, measured_of):
 
 
 def test_parameters_are_those_of_the_model(calibrated_by):
-    name, prior, solver, _, _, fit = calibrated_by
-    assert prior.names == MODELS[name].names
-    assert fit.state.z.shape[1] == len(MODELS[name].parameters)
+    of_model, prior, solver, _, _, fit = calibrated_by
+    assert prior.names == MODELS[of_model].names
+    assert fit.state.z.shape[1] == len(MODELS[of_model].parameters)
     columns = fit_table(solver, fit).columns
-    assert {*prior.names, *(f"{one}_log_sd" for one in prior.names)} <= set(columns)
+    assert {*prior.names, *(f"{name}_log_sd" for name in prior.names)} <= set(columns)
 
 
 def test_time_gaps_are_found_again(calibrated_by):
@@ -71,12 +71,21 @@ def test_time_gaps_are_found_again(calibrated_by):
     assert np.sqrt(fit.state.variance) < 3 * NOISE
 
 
-def test_what_is_found_drives_traffic(calibrated_by, tmp_path):
-    name, _, solver, _, data, fit = calibrated_by
-    model = repaired_model(fit, fit, (), (), data, solver.layout, "generated-0", "here")
-    assert model.car_following == name
+@pytest.fixture(scope="module")
+def model(calibrated_by):
+    """The model file of what was found."""
+    _, _, solver, _, data, fit = calibrated_by
+    return repaired_model(fit, fit, (), (), data, solver.layout, "generated-0", "here")
+
+
+def test_what_is_found_is_written(calibrated_by, model, tmp_path):
+    assert model.car_following == calibrated_by[0]
     write_model(tmp_path / "model.yaml", model)
     assert read_model(tmp_path / "model.yaml") == model
+
+
+@pytest.mark.thorough
+def test_what_is_found_drives_traffic(model):
     road = TrafficModel(speed_limit=None, collisions=False)
     population = population_of_model(model, np.dtype("float64"), with_effects=False)
     keys = jax.vmap(jax.random.key)(jnp.arange(4))
@@ -88,7 +97,7 @@ def test_what_is_found_drives_traffic(calibrated_by, tmp_path):
         return drivers, rollout(state, drivers, road, n_seconds=5)[1]
 
     drivers, frames = drive(keys)
-    assert isinstance(drivers.car_following, CAR_FOLLOWING[name])
+    assert isinstance(drivers.car_following, CAR_FOLLOWING[model.car_following])
     usual = np.exp(model.population["car"].log_mean["time_gap"])
     assert np.median(drivers.car_following.time_gap) == pytest.approx(usual, rel=0.3)
     assert np.isfinite(frames.x).all()

@@ -8,7 +8,6 @@ from scipy.linalg import solve_discrete_are
 
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, STIFFNESS, Gain, Noise
-from rearl_jax.discovery.observe.solver import new_state
 from rearl_jax.discovery.search.null import driver_noise, simulate_again
 
 
@@ -86,10 +85,3 @@ def test_derivatives_are_those_of_finite_differences(solver, calibrated, name):
     assert square.min() > 0
     np.testing.assert_allclose(here.sums.gram[:, k, k], square, rtol=1e-4)
     np.testing.assert_allclose(here.sums.gradient[:, k], gradient, rtol=1e-3, atol=1e-6)
-
-
-def test_a_new_world_begins_at_usual_drivers(solver, measured_of):
-    state = new_state(measured_of(), solver.layout, Noise(0.1, 1.5, 0.1).gain(0.1))
-    assert not state.z.any()
-    assert state.active == ()
-    np.testing.assert_array_equal(state.theta, solver.layout.reference)

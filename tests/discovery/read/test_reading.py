@@ -14,6 +14,7 @@ from rearl_jax.discovery.read import reading, smoothing
 from rearl_jax.discovery.read.smoothness import Smoothness, smoothness
 from rearl_jax.discovery.read.surroundings import look_around
 from rearl_jax.discovery.search.procedure import split_drivers
+from rearl_jax.problems import InvalidInputError
 
 
 def scene(**columns):
@@ -137,11 +138,13 @@ def test_nobody_who_follows_is_an_error(recordings_of):
     recording = recordings_of()[0]
     table = recording.table
     alone = Recording(recording.info, table[table["track_id"] == table["track_id"].iloc[0]].reset_index(drop=True))
-    with pytest.raises(ValueError, match="nobody follows a leader"):
+    with pytest.raises(InvalidInputError) as error:
         reading.measure([smoothing.thinned(alone)])
+    assert error.value.code == "nobody-follows"
     other = Recording(replace(recording.info, frame_rate=5.0), recording.table)
-    with pytest.raises(ValueError, match=r"data\.recordings"):
+    with pytest.raises(InvalidInputError) as error:
         reading.one_frame_rate([recording, other])
+    assert (error.value.code, error.value.problem.key) == ("frame-rates-differ", "data.recordings")
     reading.one_frame_rate([recording, recording])
 
 

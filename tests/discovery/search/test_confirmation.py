@@ -10,6 +10,7 @@ from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.solver import copied
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.confirmation import clocks_confirmed, confirmed, lens_confirmed
+from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.procedure import Round, Search
 
@@ -21,8 +22,6 @@ def search_with(solver, calibrated, delay):
 
 def search_that_added(solver, calibrated, *added):
     """A search that has added candidates with some numbers, one after the other."""
-    from rearl_jax.discovery.search.decision import Trial
-
     state, noise = calibrated
     rounds, fit = [], Fit(None, state, noise)
     gains = state.penalised() * 0.0 + 10.0
@@ -31,7 +30,6 @@ def search_that_added(solver, calibrated, *added):
         theta = fit.state.theta.copy()
         theta[list(candidate.free)] = values
         changed = copied(state, theta=theta, active=(*fit.state.active, candidate.term))
-        solver.sums([changed])
         trial = Trial(candidate, Fit(candidate, changed, noise), gains, gains, 0.0)
         rounds.append(Round(fit, {}, {}, {}, frozenset(), [trial], [trial]))
         fit = trial.fit
@@ -54,20 +52,23 @@ def test_an_addition_that_does_nothing_is_left_alone(solver, calibrated):
 
 
 @pytest.mark.parametrize(
-    ("delay", "later", "values", "kept"),
+    ("later", "errors", "kept"),
     [
-        (0.0, "dependence.speed", np.cos(2 * np.arange(5)), 1),
-        (0.0, "dependence.speed", np.zeros(5), 2),
-        (0.0, "leader_acceleration", np.array([1.5, 60.0]), 1),  # no driver's own parameters make up for it
-        (1.2, "leader_class", np.zeros(1), 0),
+        ("dependence.speed", (1.0, 0.5, 0.8), 1),
+        ("dependence.speed", (1.0, 0.5, 0.5), 2),
+        ("leader_acceleration", (1.0, 0.5, 0.8), 2),  # no free curve: it need only be better than nothing added
+        ("leader_acceleration", (1.0, 0.5, 1.5), 1),
+        ("leader_class", (1.0, 1.5, 1.4), 0),
     ],
 )
-def test_a_later_addition_that_makes_simulations_worse_goes_alone(solver, calibrated, delay, later, values, kept):
-    found = search_that_added(solver, calibrated, ("reaction_delay", [delay]), (later, values))
+def test_a_later_addition_that_makes_simulations_worse_goes_alone(solver, calibrated, monkeypatch, later, errors, kept):
+    found = search_that_added(solver, calibrated, ("reaction_delay", [0.0]), (later, 0.0))
+    module = "rearl_jax.discovery.search.confirmation"
+    monkeypatch.setattr(f"{module}.gap_errors", lambda *_: [np.full(10, error) for error in errors])
     left = confirmed(solver, found, 0)
     assert left.added == found.added[:kept]
     assert left.rejected == found.added[kept:]
-    assert left.last.state is [found.first.state, *(one.fit.state for one in found.added)][kept]
+    assert left.last.state is [found.first.state, *(trial.fit.state for trial in found.added)][kept]
 
 
 def test_a_distortion_that_makes_simulations_worse_is_not_believed(solver, calibrated):

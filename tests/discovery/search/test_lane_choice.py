@@ -7,16 +7,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rearl_jax.blind.traffic.scenario import FREE_CHANGES
 from rearl_jax.config import DiscoverConfig
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import rollout
 from rearl_jax.core.spawn import spawn
 from rearl_jax.core.state import nearest_lane
+from rearl_jax.discovery.claims import Claim, Estimate
 from rearl_jax.discovery.lane_changes import KnownDrivers, lane_change_findings
 from rearl_jax.discovery.lane_changes.candidates import CANDIDATES
-from rearl_jax.discovery.lane_changes.findings import Estimate, LaneChangeFindings, LaneEffect
+from rearl_jax.discovery.lane_changes.findings import LaneChangeFindings
 from rearl_jax.discovery.lane_changes.opportunities import opportunities
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.parts import Parts
@@ -32,23 +32,21 @@ from rearl_jax.models.population import population_of_model
 from rearl_jax.models.traffic import populate
 from tests.models.drivers import model
 
-SMALL = {**FREE_CHANGES, "n_vehicles": 180, "duration": 150.0}
 SMOOTHED = Finding("smoothing", "time", "s", 1.0, 0.2, "positions have been smoothed")
 ROAD = TrafficModel(n_lanes=3, speed_limit=None)
 BIAS = {"bias": Estimate(0.35, 0.3, 0.4, "m/s^2")}
-KEEP_RIGHT = LaneEffect("keep_right", "driver", BIAS, ("side",), 0.98, 90.0)
-REAR_GAP = LaneEffect("lane_choice_dependence", "generic", {}, ("rear_gap",), 0.9, 30.0)
+KEEP_RIGHT = Claim("keep_right", "driver", BIAS, ("side",), 0.98, 90.0)
+REAR_GAP = Claim("lane_choice_dependence", "generic", {}, ("rear_gap",), 0.9, 30.0)
 
 
-@pytest.fixture(scope="module")
-def recordings(recordings_of):
-    return recordings_of("keep_right", **SMALL)
+@pytest.fixture
+def recordings(keep_right):
+    return keep_right
 
 
-@pytest.fixture(scope="module")
-def found(recordings):
-    """What drivers mind who keep right."""
-    return lane_change_findings(recordings)
+@pytest.fixture
+def found(lane_findings):
+    return lane_findings
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +154,7 @@ def test_every_effect_that_can_be_found_can_be_written(candidate, tmp_path):
         shape = {key: Estimate(value, None, None, its) for key, value, its in form.shape}
         for value in (candidate.low, candidate.high):
             strength = {name: Estimate(value, None, None, unit)}
-            effect = LaneEffect(candidate.name, "driver", strength | shape, (), 0.9, 30.0)
+            effect = Claim(candidate.name, "driver", strength | shape, (), 0.9, 30.0)
             write_model(tmp_path / "model.yaml", model(lane_effect_values(effect)))
             (read,) = read_model(tmp_path / "model.yaml").effects
             assert set(read.parameters) == {one.name for one in EFFECTS[candidate.name].parameters}

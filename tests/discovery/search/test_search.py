@@ -96,7 +96,9 @@ def test_the_screen_sees_with_everybody_what_the_fitted_alone_hardly_show(solver
     alone = Fit(None, *calibrate(solver, halves[0]))
     both = with_others(solver, alone, halves[1])
     assert both.state.data.n_drivers == len(both.state.z) == data.n_drivers
-    evidence = [evidences(one.state, scores(solver, [one.state])[0], layout)[term] for one in (alone, both)]
+    twice = [alone.state] * 2  # as many pieces as both have: one program for all
+    seen = scores(solver, twice)[0], scores(solver, [both.state])[0]
+    evidence = [evidences(fit.state, score, layout)[term] for fit, score in zip((alone, both), seen, strict=True)]
     assert evidence[1] > 1.5 * evidence[0] > 0
 
 
@@ -173,12 +175,12 @@ def test_what_is_beaten_by_something_not_believed_is_doubtful(trial, solver, cal
     assert search.is_doubtful(holds) == doubtful
 
 
-@pytest.mark.parametrize(("moments", "counts"), [(0.5, False), (-0.5, False), (3.0, True)])
-def test_a_delay_of_less_than_a_moment_is_of_the_numerics(trial, calibrated, moments, counts):
+@pytest.mark.parametrize(("steps", "counts"), [(0.5, False), (-0.5, False), (3.0, True)])
+def test_a_delay_of_less_than_a_time_step_is_of_the_numerics(trial, calibrated, steps, counts):
     holds, delay = trial("holds", [0.6] * 10, [1.3] * 10), trial("reaction_delay", [0.1] * 10, [2.5] * 10)
     state, noise = calibrated
     theta = state.theta.copy()
-    theta[list(delay.candidate.free)] = moments * state.data.dt
+    theta[list(delay.candidate.free)] = steps * state.data.dt
     delay = replace(delay, fit=Fit(delay.candidate, copied(state, theta=theta), noise))
     exceeding = frozenset({Term("holds"), Term("reaction_delay")})
     assert Round(Fit(None, state, noise), {}, {}, {}, exceeding, [holds, delay], [holds]).is_beaten == counts
