@@ -22,7 +22,7 @@ from rearl_jax.llm.policy import LanguageModelPolicy
 from rearl_jax.llm.prompts import Prompter
 from rearl_jax.llm.records import Cause
 from rearl_jax.llm.template import load_template
-from rearl_jax.timing.decision_steps import ALWAYS, LOOP_MODEL, Batch, Scenes, scene_of
+from rearl_jax.timing.decision_steps import ALWAYS, LOOP_MODEL, Batch, Scenes, scene_of, synthetic_table
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def measure_model_steps(
 ) -> list[ModelSteps]:
     """Measurements after a warm-up of one step, each from other traffic."""
     scene = scene_of(loop, loop.steps_vehicles, loop.steps, batch)
-    scenes = Scenes.of(scene["references"], loop.steps_vehicles, loop.density)
+    scenes = Scenes(loop.steps_vehicles, loop.density, synthetic_table(scene["references"]))
     prepare = jax.jit(lambda keys: replace(scenes.draw_recorded(keys, loop.steps), recorded=None))
     found = []
     for number in range(-1, repetitions):

@@ -31,9 +31,9 @@ from rearl_jax.results import Study, config_hash
 from rearl_jax.sweep import parts, scale, scale_costs, scale_progress
 from rearl_jax.sweep.scale import run
 from rearl_jax.sweep.scale_costs import BatchCost, batch_sizes
+from rearl_jax.sweep.scale_document import document_of
 from rearl_jax.sweep.scale_progress import StreamLog
 from rearl_jax.sweep.scale_results import ScaleResults
-from rearl_jax.sweep.scale_document import document_of
 from rearl_jax.tasks import TASKS
 
 N_ROLLOUTS, PART = 304, 76

@@ -11,7 +11,7 @@ from rearl_jax.blind.traffic.simulation import Events
 from rearl_jax.data.generator.camera import Tracks
 from rearl_jax.data.generator.dataset import TRUTH_FILE
 from rearl_jax.data.generator.files import write_recording
-from rearl_jax.data.generator.highd_tables import highd_tables
+from rearl_jax.data.generator.highd_tables import Sizes, highd_tables
 from rearl_jax.data.generator.plan import RecordingPlan
 from rearl_jax.data.generator.road import LOWER, Section
 from rearl_jax.whole_files import replacing
@@ -55,7 +55,8 @@ def _write(folder: Path, scenario: Scenario, view: float, events: Events, frames
         start_time="00:00",
     )
     direction = np.full(len(fleet.length), LOWER)
-    write_recording(folder, number + 1, highd_tables(plan, tracks, fleet, direction, view))
+    sizes = Sizes(fleet.is_truck, fleet.length, fleet.width)
+    write_recording(folder, number + 1, highd_tables(plan, tracks, sizes, direction, view))
 
 
 def _unbroken(inside: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from rearl_jax.data.generator.camera import observe
 from rearl_jax.data.generator.demand import draw_arrivals
 from rearl_jax.data.generator.files import recording_files, write_recording
 from rearl_jax.data.generator.fleet import draw_drivers
-from rearl_jax.data.generator.highd_tables import highd_tables
+from rearl_jax.data.generator.highd_tables import Sizes, highd_tables
 from rearl_jax.data.generator.plan import WARM_UP, plan_recording
 from rearl_jax.data.generator.traffic import FRAME, Traffic
 from rearl_jax.problems import InvalidInputError, Problem
@@ -74,7 +74,8 @@ def generate_recording(config: GeneratorConfig, root: Path, number: int) -> dict
     drivers = draw_drivers(arrivals.is_truck, arrivals.pace, config, plan.section.speed_limit, streams[1])
     samples = Traffic(plan, config, arrivals, drivers, streams[2]).record()
     tracks = observe(samples, drivers, round(plan.duration / FRAME), config, streams[3])
-    write_recording(root, number, highd_tables(plan, tracks, drivers, arrivals.direction, config.camera_length))
+    sizes = Sizes(drivers.is_truck, drivers.length, drivers.width)
+    write_recording(root, number, highd_tables(plan, tracks, sizes, arrivals.direction, config.camera_length))
     return {path.name: path.stat().st_size for path in recording_files(root, number)}
 
 

@@ -8,10 +8,11 @@ without a preceding vehicle, -1 for their minima; dhw is the distance of the two
 v_preceding) and so negative while the gap opens.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from rearl_jax.data.generator.camera import Tracks
-from rearl_jax.data.generator.fleet import Drivers
 from rearl_jax.data.generator.plan import RecordingPlan
 from rearl_jax.data.generator.road import LOWER, UPPER
 from rearl_jax.data.generator.traffic import FRAME
@@ -23,15 +24,23 @@ NO_VALUE = -1.0
 Table = dict[str, np.ndarray]
 
 
+class Sizes(NamedTuple):
+    """Class, length and width [m] of the vehicles of a recording, arrays over vehicles."""
+
+    is_truck: np.ndarray
+    length: np.ndarray
+    width: np.ndarray
+
+
 def highd_tables(
-    plan: RecordingPlan, tracks: Tracks, drivers: Drivers, direction: np.ndarray, camera_length: float
+    plan: RecordingPlan, tracks: Tracks, vehicles: Sizes, direction: np.ndarray, camera_length: float
 ) -> tuple[Table, Table, Table]:
     """tracks, tracksMeta and recordingMeta of one recording.
 
     Args:
         plan: The recording.
         tracks: Observed tracks.
-        drivers: All vehicles of the recording.
+        vehicles: All vehicles of the recording.
         direction: Their carriageways.
         camera_length: Length of the view [m].
     """
@@ -44,8 +53,8 @@ def highd_tables(
     track_id = np.repeat(number, n_rows)
     order = np.argsort(track_id, kind="stable")
     tracks = Tracks(*(column[order] for column in vars(tracks).values()))
-    body = _tracks_table(plan, tracks, track_id[order], drivers, direction[tracks.vehicle], camera_length)
-    meta = _tracks_meta(body, drivers, direction, tracks.vehicle)
+    body = _tracks_table(plan, tracks, track_id[order], vehicles, direction[tracks.vehicle], camera_length)
+    meta = _tracks_meta(body, vehicles, direction, tracks.vehicle)
     return body, meta, _recording_meta(plan, meta)
 
 
@@ -53,13 +62,13 @@ def _tracks_table(
     plan: RecordingPlan,
     tracks: Tracks,
     track_id: np.ndarray,
-    drivers: Drivers,
+    vehicles: Sizes,
     direction: np.ndarray,
     camera_length: float,
 ) -> Table:
     # The upper carriageway is the lower one turned by 180 degrees: x and y both change sign.
     sign = np.where(direction == UPPER, -1.0, 1.0)
-    length, width = drivers.length[tracks.vehicle], drivers.width[tracks.vehicle]
+    length, width = vehicles.length[tracks.vehicle], vehicles.width[tracks.vehicle]
     centre_x = np.where(direction == LOWER, tracks.position, camera_length - tracks.position)
     centre_y = plan.section.image_y(direction, tracks.lateral)
     lane_id = plan.section.lane_id(centre_y)
@@ -128,7 +137,7 @@ def _neighbour_rows(
     return found
 
 
-def _tracks_meta(body: Table, drivers: Drivers, direction: np.ndarray, vehicle: np.ndarray) -> Table:
+def _tracks_meta(body: Table, vehicles: Sizes, direction: np.ndarray, vehicle: np.ndarray) -> Table:
     begin = np.flatnonzero(np.diff(body["id"], prepend=0))
     n_frames = np.diff(np.append(begin, len(body["id"])))
     end = begin + n_frames - 1
@@ -145,12 +154,12 @@ def _tracks_meta(body: Table, drivers: Drivers, direction: np.ndarray, vehicle: 
     changed[begin] = False
     return {
         "id": body["id"][begin],
-        "width": _rounded(drivers.length[own]),
-        "height": _rounded(drivers.width[own]),
+        "width": _rounded(vehicles.length[own]),
+        "height": _rounded(vehicles.width[own]),
         "initialFrame": body["frame"][begin],
         "finalFrame": body["frame"][end],
         "numFrames": n_frames,
-        "class": np.where(drivers.is_truck[own], "Truck", "Car"),
+        "class": np.where(vehicles.is_truck[own], "Truck", "Car"),
         "drivingDirection": direction[own],
         "traveledDistance": _rounded(np.abs(x[end] - x[begin])),
         "minXVelocity": _rounded(np.minimum.reduceat(speed, begin)),
