@@ -39,10 +39,10 @@ def recordings_of(folder_of):
 
 @pytest.fixture(scope="session")
 def keep_right(recordings_of):
-    """Recordings of drivers who change lanes freely and keep right, just enough to see it."""
+    """Recordings of drivers who change lanes freely and keep right."""
     from rearl_jax.blind.traffic.scenario import FREE_CHANGES
 
-    return recordings_of("keep_right", **{**FREE_CHANGES, "n_vehicles": 150, "duration": 75.0})
+    return recordings_of("keep_right", **{**FREE_CHANGES, "n_vehicles": 180, "duration": 150.0})
 
 
 @pytest.fixture(scope="session")

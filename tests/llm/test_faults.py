@@ -72,7 +72,7 @@ def test_retry_after_is_waited_for(tmp_path, expected, fault):
     wait = 2 if fault is Fault.too_many_date else 1  # a date has whole seconds, and may be almost one less
     with Stub(retry_after=wait, fault=lambda seen: fault if seen.number == 1 else None) as stub:
         with Client(make_config(tmp_path), stub.url) as client:
-            answers = client.submit(make_questions(6)).result()
+            answers = client.submit(make_questions(3)).result()
     assert outcomes(answers) == expected
     times = {}
     for seen in stub.chats:
