@@ -27,7 +27,7 @@ def contact(*cars, dtype=np.float64):
     return simulation.columns(after, 0)
 
 
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.thorough)])
 def test_rear_end(dtype):
     """Overlap of 0.5 m along the road: both crash, each is pushed back by half of it, and stands there a tick later."""
     cars = [standing(100.0, 4.0), standing(104.5, 4.0)]

@@ -71,7 +71,7 @@ def test_slots_of_absent_vehicles_do_not_matter(slots):
     assert_same_bits(*states, set(vars(states[0])) - {"order"})
 
 
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.thorough)])
 def test_batch_and_padding_change_nothing(dtype):
     """A scene of seven in a batch, with three absent vehicles, is the same scene alone.
 

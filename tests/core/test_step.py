@@ -96,7 +96,7 @@ def test_recorded_scenes_reach_beyond_both_ends_of_the_road(name):
         ("small", np.float64),
         ("small, short road", np.float32),
         pytest.param("eight lanes, polite", np.float64, marks=pytest.mark.thorough),
-        ("one lane", np.float64),
+        pytest.param("one lane", np.float64, marks=pytest.mark.thorough),
     ],
 )
 def test_tick_in_small_traffic(name, dtype):
@@ -105,7 +105,10 @@ def test_tick_in_small_traffic(name, dtype):
     assert_follows(after, recorded.after, dtype)
 
 
-@pytest.mark.parametrize(("name", "dtype"), [("large", np.float64), ("large, short road", np.float32)])
+@pytest.mark.parametrize(
+    ("name", "dtype"),
+    [("large", np.float64), pytest.param("large, short road", np.float32, marks=pytest.mark.thorough)],
+)
 def test_tick_in_large_traffic(name, dtype):
     recorded, after = one_tick(name, dtype)
     assert_follows(after, recorded.after, dtype)

@@ -105,6 +105,7 @@ def test_a_drawn_reference_belongs_to_the_rollout_for_its_whole_time(start, tabl
     np.testing.assert_array_equal(other.reference, decisions.reference)
 
 
+@pytest.mark.thorough
 def test_random_actions_are_reproducible_and_interval_and_hold_are_kept(start, table, lean):
     changes = {"cues": Cues.always, "interval": 3, "execution": ExecConfig(hold=2)}
     once, again = (run(start, table, lean, PolicyName.random_admissible, **changes) for _ in range(2))

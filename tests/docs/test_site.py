@@ -69,6 +69,7 @@ def loads_of(page):
     return parser
 
 
+@pytest.mark.thorough  # the site is built first
 def test_pages_load_nothing_from_elsewhere(site):
     pages = sorted(site.rglob("*.html"))
     assert len(pages) > 25
@@ -85,6 +86,7 @@ def test_pages_load_nothing_from_elsewhere(site):
         assert "mermaid" not in parser.classes
 
 
+@pytest.mark.thorough  # the site is built first
 def test_styles_load_nothing_from_elsewhere(site):
     styles = sorted(site.rglob("*.css"))
     assert styles
@@ -103,6 +105,7 @@ def shown(site, name):
     return (site / name).read_text(encoding="utf-8")
 
 
+@pytest.mark.thorough  # the site is built first
 def test_every_key_of_every_task_is_shown(site):
     pages = shown(site, "reference/keys.html") + shown(site, "reference/tasks.html")
     names = {(key.name, key.default) for task in tasks.TASKS for key in keys_of(task.defaults()).values()}
@@ -114,6 +117,7 @@ def test_every_key_of_every_task_is_shown(site):
         assert f">rearl {task.words}<" in pages
 
 
+@pytest.mark.thorough  # the site is built first
 def test_every_effect_metric_and_column_is_shown(site):
     from rearl_jax.core.effects import EFFECTS
     from rearl_jax.data.schema import COLUMNS
@@ -131,12 +135,14 @@ def test_every_effect_metric_and_column_is_shown(site):
     assert all(f"<code>{column.name}</code>" in columns for column in COLUMNS)
 
 
+@pytest.mark.thorough  # the site is built first
 def test_every_public_name_is_shown(site):
     page = shown(site, "reference/python.html")
     for name, home in rearl_jax._HOMES.items():
         assert f'id="{home}.{name}"' in page, name
 
 
+@pytest.mark.thorough  # the site is built first
 def test_what_is_generated_is_there(site):
     for page in site.rglob("*.html"):
         assert "<!-- generated:" not in page.read_text(encoding="utf-8"), page
