@@ -1,6 +1,4 @@
-"""Files that appear whole or not at all, whatever happens to the process that writes them, in folders that one process
-at a time writes to.
-"""
+"""Atomic files and locked folders: a file appears complete or not at all, one process at a time writes to a folder."""
 
 import logging
 import os
@@ -15,7 +13,7 @@ from filelock import FileLock, Timeout
 log = logging.getLogger(__name__)
 
 _claimed: WeakValueDictionary[Path, FileLock] = WeakValueDictionary()
-"""Folders claimed by this process."""
+"""Locks that this process holds, by folder."""
 
 
 class FolderInUseError(OSError):
@@ -23,17 +21,17 @@ class FolderInUseError(OSError):
 
 
 def claim(folder: Path) -> FileLock | None:
-    """Makes the folder this process's own for as long as the returned claim is kept, or the process lives.
+    """Lock of the folder for this process, held until the returned object is deleted or the process ends.
 
-    The operating system takes the claim back when the process ends, however it does. An empty file beside the folder,
-    `.NAME.lock`, stays. None where the file system knows no locks: a warning is logged, and nothing is protected.
+    An empty file `.NAME.lock` remains beside the folder. On a file system without locks a warning is logged and None is
+    returned: the folder is then not protected.
 
     Raises:
-        FolderInUseError: Another process has claimed it.
+        FolderInUseError: Another process holds the lock.
     """
     folder = folder.resolve()
-    if (own := _claimed.get(folder)) is not None:
-        return own
+    if (held := _claimed.get(folder)) is not None:
+        return held
     lock = FileLock(folder.with_name(f".{folder.name}.lock"), timeout=0, thread_local=False)
     try:
         lock.acquire()
@@ -50,23 +48,24 @@ def claim(folder: Path) -> FileLock | None:
 
 
 def private_folder(path: Path) -> None:
-    """Makes the folder, for nobody but this user: what lies in it is run or believed without being looked at."""
+    """Create a folder that only this user can access, for content that is loaded without verification."""
     path.mkdir(mode=0o700, parents=True, exist_ok=True)
 
 
 def is_private(path: Path) -> bool:
-    """True where nobody else but root can write to an existing folder; True on systems that do not tell."""
+    """True if a folder belongs to this user or root and not everybody can write to it; True without user ids."""
     if not hasattr(os, "getuid"):
         return True
-    found = path.stat()
-    return found.st_uid in (os.getuid(), 0) and not found.st_mode & 0o002
+    status = path.stat()
+    return status.st_uid in (os.getuid(), 0) and not status.st_mode & 0o002
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A path to write to, which replaces `path` when the block ends well and vanishes when it does not.
+    """Temporary path to write to; it replaces `path` if the block succeeds and is deleted if the block fails.
 
-    The folder is made. The new path has no ending of its own: name the format where a library would guess it.
+    The folder of `path` is created. The temporary path has another suffix, so a library that infers the format from the
+    suffix needs the format stated.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     # In the same folder, since a rename is atomic only inside one file system.
@@ -79,18 +78,18 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Removes what processes of this machine that are no more had not finished writing."""
+    """Remove the unfinished files of processes of this machine that no longer run."""
     for path in folder.rglob(f".*.{platform.node()}.*.unfinished"):
-        number = path.name.split(".")[-2]
-        if number.isdecimal() and not _is_alive(int(number)):
+        pid = path.name.split(".")[-2]
+        if pid.isdecimal() and not _is_alive(int(pid)):
             path.unlink(missing_ok=True)
 
 
-def _is_alive(process: int) -> bool:
+def _is_alive(pid: int) -> bool:
     try:
-        os.kill(process, 0)  # no signal, only the question
+        os.kill(pid, 0)  # signal 0 only tests whether the process exists
     except ProcessLookupError:
         return False
-    except OSError:  # somebody else's process, or a system without such a question
+    except OSError:  # a process of another user, or a system without this test
         return True
     return True

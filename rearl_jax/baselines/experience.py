@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax._typing import PRNGKey
 from rearl_jax.baselines.driving import Driven, DrivingOptions, PolicyInput, begin, drive, policy_input
-from rearl_jax.baselines.network import ActorCritic, drawn_actions, log_shares
+from rearl_jax.baselines.network import ActorCritic, drawn_actions, log_probabilities
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import TrafficState
@@ -69,7 +69,7 @@ def collect(
         given = policy_input(driven[0], drivers, model, options)
         logits = network.actor(given.observation)
         action = drawn_actions(jax.random.fold_in(key, number), logits, given.admissible)
-        log_share = share_of_action(log_shares(logits, given.admissible), action)
+        log_share = share_of_action(log_probabilities(logits, given.admissible), action)
         after = drive(driven, action, given, drivers, model, options)
         end = after[0]
         gain, speed = reward(end, model).astype(jnp.float32), end.speed.astype(jnp.float32)

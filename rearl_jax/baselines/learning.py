@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax._typing import PRNGKey, ScalarLike
 from rearl_jax.baselines.experience import Drive, advantages, share_of_action
-from rearl_jax.baselines.network import ActorCritic, log_shares
+from rearl_jax.baselines.network import ActorCritic, log_probabilities
 from rearl_jax.config.ppo import PpoConfig
 
 ADAM_EPSILON = 1e-5
@@ -121,7 +121,7 @@ def loss(network: ActorCritic, decisions: Decisions, ppo: PpoConfig) -> tuple[Sc
 
     centred = decisions.advantage - mean(decisions.advantage)
     advantage = centred / (jnp.sqrt(mean(centred**2)) + 1e-8)
-    shares = log_shares(network.actor(decisions.observation), decisions.admissible)
+    shares = log_probabilities(network.actor(decisions.observation), decisions.admissible)
     change = share_of_action(shares, decisions.action) - decisions.log_share
     ratio = jnp.exp(change)
     held = jnp.clip(ratio, 1 - ppo.clip, 1 + ppo.clip)

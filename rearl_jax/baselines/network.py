@@ -1,4 +1,4 @@
-"""The policy as a network: observation -> how likely each admissible action is, and what the state is worth."""
+"""The policy as a network: probabilities of the admissible actions and value of the state, from an observation."""
 
 import equinox as eqx
 import jax
@@ -11,7 +11,7 @@ from rearl_jax.baselines.observation import N_FEATURES
 from rearl_jax.decision.situation import N_ACTIONS, NO_ACTION
 
 IMPOSSIBLE = -1e9
-"""Logit of an action that is not admissible: its probability is 0 in float32, and no difference is infinite."""
+"""Logit of an action that is not admissible: its probability is 0 in float32, and differences of logits stay finite."""
 
 
 class Perceptron(eqx.Module):
@@ -21,15 +21,15 @@ class Perceptron(eqx.Module):
 
     def __call__(self, features: Float[Array, "features *batch"]) -> Float[Array, "outputs *batch"]:
         """Outputs of the last layer."""
-        for number, layer in enumerate(self.layers):
-            assert layer.bias is not None  # built with one
+        for index, layer in enumerate(self.layers):
+            assert layer.bias is not None  # `make_network` builds every layer with a bias
             bias = layer.bias.reshape(-1, *(1,) * (features.ndim - 1))
-            features = jnp.tensordot(layer.weight, jnp.tanh(features) if number else features, 1) + bias
+            features = jnp.tensordot(layer.weight, jnp.tanh(features) if index else features, 1) + bias
         return features
 
 
 class ActorCritic(eqx.Module):
-    """Two networks that share nothing: one decides, the other says what to expect.
+    """Policy and value network, without shared layers.
 
     Attributes:
         actor: From an observation to a logit per action, in the order of `MetaAction`.
@@ -57,38 +57,38 @@ def make_network(key: PRNGKey, *, width: int, layers: int) -> ActorCritic:
 
 def _perceptron(key: PRNGKey, sizes: tuple[int, ...], *, last_scale: float) -> Perceptron:
     layers = []
-    for number, (size_in, size_out) in enumerate(zip(sizes[:-1], sizes[1:], strict=True)):
-        is_last = number == len(sizes) - 2
+    for index, (size_in, size_out) in enumerate(zip(sizes[:-1], sizes[1:], strict=True)):
+        is_last = index == len(sizes) - 2
         scale = last_scale if is_last else float(np.sqrt(2))
         orthogonal = jax.nn.initializers.orthogonal(scale, dtype=jnp.float32)
-        own_key = jax.random.fold_in(key, number)
-        empty = eqx.nn.Linear(size_in, size_out, dtype=jnp.float32, key=own_key)
-        values = (orthogonal(own_key, (size_out, size_in)), jnp.zeros(size_out, jnp.float32))
-        layers.append(eqx.tree_at(lambda layer: (layer.weight, layer.bias), empty, values))
+        layer_key = jax.random.fold_in(key, index)
+        layer = eqx.nn.Linear(size_in, size_out, dtype=jnp.float32, key=layer_key)
+        values = (orthogonal(layer_key, (size_out, size_in)), jnp.zeros(size_out, jnp.float32))
+        layers.append(eqx.tree_at(lambda layer: (layer.weight, layer.bias), layer, values))
     return Perceptron(tuple(layers))
 
 
-def log_shares(
+def log_probabilities(
     logits: Float[Array, "actions *batch"], admissible: Bool[Array, "actions *batch"]
 ) -> Float[Array, "actions *batch"]:
-    """Logarithm of the probability of each action, which is 0 for those that are not admissible."""
+    """Logarithm of the probability of each action; where any action is admissible, the others have probability 0."""
     return jax.nn.log_softmax(jnp.where(admissible, logits, IMPOSSIBLE), axis=0)
 
 
 def greedy_actions(
     logits: Float[Array, "actions *batch"], admissible: Bool[Array, "actions *batch"]
 ) -> Int[Array, "*batch"]:
-    """The likeliest admissible action; NO_ACTION where there is none."""
-    return _where_any(jnp.argmax(jnp.where(admissible, logits, -jnp.inf), axis=0), admissible)
+    """Most probable admissible action; NO_ACTION where none is admissible."""
+    return _or_no_action(jnp.argmax(jnp.where(admissible, logits, -jnp.inf), axis=0), admissible)
 
 
 def drawn_actions(
     key: PRNGKey, logits: Float[Array, "actions *batch"], admissible: Bool[Array, "actions *batch"]
 ) -> Int[Array, "*batch"]:
-    """An admissible action with its probability; NO_ACTION where there is none."""
+    """Admissible action drawn with the probabilities of the network; NO_ACTION where none is admissible."""
     drawn = jax.random.categorical(key, jnp.where(admissible, logits, -jnp.inf), axis=0)
-    return _where_any(drawn, admissible)
+    return _or_no_action(drawn, admissible)
 
 
-def _where_any(actions: Int[Array, "*batch"], admissible: Bool[Array, "actions *batch"]) -> Int[Array, "*batch"]:
+def _or_no_action(actions: Int[Array, "*batch"], admissible: Bool[Array, "actions *batch"]) -> Int[Array, "*batch"]:
     return jnp.where(jnp.any(admissible, axis=0), actions.astype(jnp.int32), NO_ACTION)

@@ -36,7 +36,7 @@ from rearl_jax.detection.table import ReferenceTable
 
 @dataclasses.dataclass(frozen=True)
 class LoopOptions:
-    """Choices of the closed loop that change the program."""
+    """Static options of the closed loop: another value means another compilation."""
 
     detection: DetectionOptions = dataclasses.field(default_factory=DetectionOptions)
     admissible: AdmissibleConfig = dataclasses.field(default_factory=AdmissibleConfig)
@@ -48,8 +48,8 @@ class LoopState(eqx.Module):
 
     Attributes:
         state: The vehicles.
-        detector: Memory of the detection.
-        memory: Memory of execution.
+        detector: What the detection remembers from earlier seconds.
+        memory: What the execution of decisions remembers from earlier seconds.
     """
 
     state: TrafficState
@@ -58,15 +58,16 @@ class LoopState(eqx.Module):
 
 
 class Decisions(eqx.Module):
-    """Record of each second; `[n_seconds, n_scenarios]`, one second has no seconds axis.
+    """Detection results and counts of decisions of each second; the record of one second has no axis of seconds.
 
-    The detection is that of the frame at the end of the second, the decisions are those followed during it, so
-    the first second has none and the last detection has no consequence.
+    Detection results are those at the end of the second, counts are of the decisions executed during it. Hence the
+    first second has no decisions, and nothing follows from the last detection.
 
     Attributes:
-        reference: The reference the scenario is compared with.
-        hellinger: Hellinger distance of the window's speeds to it [-]; 0 before the first full window.
-        mape: Relative error of the mean spacing to it [-].
+        reference: Index of the reference that the scenario is compared with.
+        hellinger: Hellinger distance of the speeds of the window and those of the reference [-]; 0 before the first
+            full window.
+        mape: Relative difference of the mean spacing from that of the reference [-].
         triggered: Whether the scenario needs decisions.
         n_asked: Vehicles that needed a decision.
         n_accepted: Vehicles that follow each action, in the order of `MetaAction`.
@@ -96,9 +97,9 @@ def initial_loop_state(
     Args:
         state: Initial state.
         keys: Random keys of the rollouts, from which references are drawn in `ReferenceMode.drawn`.
-        table: References.
-        model: Road, clock and stages.
-        options: Choices of the loop.
+        table: References to compare with.
+        model: Road, time step and parts of the traffic model.
+        options: Static options.
     """
     return LoopState(
         state=state,
@@ -108,7 +109,7 @@ def initial_loop_state(
 
 
 def advance(loop: LoopState, orders: Orders, drivers: Drivers, model: TrafficModel, options: LoopOptions) -> LoopState:
-    """The loop one second later, during which the orders were followed: the half after a decision."""
+    """State of the loop after the orders were executed and one second was simulated: the step after a decision."""
     state, memory = execute(loop.state, loop.memory, orders, model, options.execution)
     state = simulate_second(state, drivers, model)
     return LoopState(state, loop.detector, record_lane_changes(memory, state, model))
@@ -122,14 +123,14 @@ def assess(
     model: TrafficModel,
     options: LoopOptions,
 ) -> tuple[LoopState, Situation]:
-    """The loop with the detection's memory updated, and the situation for a policy: the half before a decision.
+    """State of the loop after the detection, and the situation for a policy: the step before a decision.
 
-    To be called once for every simulated second.
+    Call it once for every simulated second.
     """
     state, frame = loop.state, frame_of(loop.state, model)
     detector, detection = detect(loop.detector, frame, table, thresholds, options.detection)
     situation = Situation(
-        second=loop.detector.second,
+        second=loop.detector.second,  # `detector` has counted on to the next one
         frame=frame,
         target_lane=state.target_lane,
         detection=detection,
@@ -137,7 +138,7 @@ def assess(
         since_lane_change=loop.memory.since_lane_change,
         last_action=loop.memory.last_action,
     )
-    return eqx.tree_at(lambda state: state.detector, loop, detector), situation
+    return eqx.tree_at(lambda loop: loop.detector, loop, detector), situation
 
 
 def decisions_of(orders: Orders, situation: Situation) -> Decisions:
@@ -177,33 +178,33 @@ def rollout_with_policy(
     Args:
         state: Initial state.
         drivers: Parameters of all vehicles.
-        keys: Random keys, one per scenario; the policy gets its own for each second, the detection draws references
-            from them in a stream of its own.
-        table: References.
-        thresholds: Of every scenario.
+        keys: Random keys, one per scenario. A key for the policy is derived from each of them every second, and
+            another one for drawing references.
+        table: References to compare with.
+        thresholds: Detection thresholds of every scenario.
         policy: Policy that decides.
-        model: Road, clock and stages.
-        options: Choices of the loop.
+        model: Road, time step and parts of the traffic model.
+        options: Static options.
         n_seconds: Seconds to simulate [s].
 
     Raises:
         ValueError: The references are shorter than the rollout.
     """
     require_references_for(table, n_seconds)
-    # As in `core.rollout.rollout`: nothing that is known of a fresh state may be folded into the loop.
+    # As in `core.rollout.rollout`: constants of a new state, folded into the loop, would change the last bits.
     state, drivers = lax.optimization_barrier((state, drivers))
 
-    def second(carry: _Carry, number: Int[Array, ""]) -> tuple[_Carry, tuple[Frames, Decisions]]:
+    def simulate_and_decide(carry: _Carry, second: Int[Array, ""]) -> tuple[_Carry, tuple[Frames, Decisions]]:
         loop, orders = carry
         loop = advance(loop, orders, drivers, model, options)
         loop, situation = assess(loop, drivers, table, thresholds, model, options)
-        own_keys = jax.vmap(lambda key: jax.random.fold_in(key, number))(keys)
-        answers = policy(situation, table, own_keys)
+        second_keys = jax.vmap(lambda key: jax.random.fold_in(key, second))(keys)
+        answers = policy(situation, table, second_keys)
         next_orders = accept(answers, situation.is_asked, situation.admissible)
         return (loop, next_orders), (situation.frame, decisions_of(orders, situation))
 
     start = initial_loop_state(state, keys, table, model, options), no_orders(state)
-    (loop, _), (frames, decisions) = lax.scan(second, start, jnp.arange(n_seconds, dtype=jnp.int32))
+    (loop, _), (frames, decisions) = lax.scan(simulate_and_decide, start, jnp.arange(n_seconds, dtype=jnp.int32))
     return loop.state, frames, decisions
 
 

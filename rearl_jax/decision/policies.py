@@ -1,4 +1,4 @@
-"""Policies that decide inside the compiled program: the matcher, and controls that show what its parts are worth."""
+"""Policies that decide inside the compiled program: the matcher, and simpler policies to compare it with."""
 
 from functools import partial
 
@@ -20,7 +20,7 @@ def make_policy(name: PolicyName, matcher: MatcherConfig, model: TrafficModel) -
         imitate,
         options=matcher,
         speed_range=levels[-1] - levels[0],
-        level_step=(levels[-1] - levels[0]) / len(levels[1:]),
+        level_step=(levels[-1] - levels[0]) / (len(levels) - 1),
     )
     return {
         PolicyName.matcher: partial(_nearest_reference, match=match),
@@ -33,14 +33,14 @@ def make_policy(name: PolicyName, matcher: MatcherConfig, model: TrafficModel) -
 def idle(
     situation: Situation, table: ReferenceTable, keys: Key[Array, " scenarios"]
 ) -> Int[Array, "vehicles scenarios"]:
-    """IDLE for everybody."""
+    """IDLE, keep lane and speed, for every vehicle."""
     return jnp.full(situation.is_asked.shape, int(MetaAction.IDLE), jnp.int32)
 
 
 def random_admissible(
     situation: Situation, table: ReferenceTable, keys: Key[Array, " scenarios"]
 ) -> Int[Array, "vehicles scenarios"]:
-    """For every vehicle one of its admissible actions, all equally likely."""
+    """An admissible action for every vehicle, all equally likely."""
     shape = situation.admissible.shape[:-1]
     drawn = jax.vmap(lambda key: jax.random.uniform(key, shape, jnp.float32), out_axes=-1)(keys)
     return jnp.argmax(jnp.where(situation.admissible, drawn, -1.0), axis=0).astype(jnp.int32)
@@ -64,71 +64,75 @@ def _random_reference(
 def imitate(
     situation: Situation, reference: Snapshot, *, options: MatcherConfig, speed_range: float, level_step: float
 ) -> Int[Array, "vehicles scenarios"]:
-    """For every vehicle the action that brings it nearer to the vehicle of the reference that is most like it.
+    """Action of every vehicle that brings it nearer to the most similar vehicle of the reference.
 
-    Likeness is a small sum of differences: in rank space |rank(v) - rank(v*)| + |rank(d) - rank(d*)| and, weighted
-    by `value_weight`, |v - v*| / speed_range + |d - d*| / max(mean d*, 1 m); in raw space |v - v*| / speed_range +
-    |d - d*| / max(d*, 1 m). v speed, d mean distance to the others, * of the reference; of equally alike
-    vehicles the first. Several vehicles may imitate the same one: each decides alone.
+    The most similar vehicle has the least cost, on a tie the first of them. With v the speed and d the mean distance to
+    the other vehicles, v* and d* those of the vehicle of the reference, the cost is
 
-    The lane change of that vehicle in the following second is copied where it is admissible and the last one was not
-    just now. Otherwise FASTER or SLOWER where its speed is more than half a level away, else IDLE.
+    - `space=raw`: |v - v*| / speed_range + |d - d*| / max(d*, 1 m);
+    - `space=rank`: |rank(v) - rank(v*)| + |rank(d) - rank(d*)|, and `value_weight` times
+      |v - v*| / speed_range + |d - d*| / max(mean d*, 1 m).
+
+    Each vehicle decides alone, so several may imitate the same one. If the imitated vehicle changes lanes in the
+    following second, the change is copied where it is admissible and at least `lane_change_pause` seconds have passed
+    since the last change of this vehicle. Otherwise the action is FASTER or SLOWER if the speeds differ by more than
+    half a speed level, else IDLE; with `spacing_rule`, `spread_or_contract` replaces IDLE where the spacing exceeds its
+    threshold.
 
     Args:
         situation: The traffic.
         reference: Snapshot of the reference.
-        options: Space, weights, lane changes, spacing rule.
-        speed_range: From the lowest to the highest speed level [m/s].
-        level_step: Between two speed levels [m/s].
+        options: Options of the matcher.
+        speed_range: Difference of the highest and the lowest speed level [m/s].
+        level_step: Difference of two neighbouring speed levels [m/s].
 
     Source: our deterministic stand-in for the language model of REARL (Bi et al.), which is asked to find the most
     similar vehicle and to approach it.
     """
     speed, spacing = situation.frame.speed, situation.spacing
     is_rank = options.space is MatchSpace.rank
-    # Per slot of the reference: the divisor of its distance [m].
-    scale = jnp.broadcast_to(reference.mean_spacing[None], reference.spacing.shape) if is_rank else reference.spacing
-    scale = 1 / jnp.maximum(scale, 1.0)
+    divisor = jnp.broadcast_to(reference.mean_spacing[None], reference.spacing.shape) if is_rank else reference.spacing
+    distance_weight = 1 / jnp.maximum(divisor, 1.0)
     speed_rank, spacing_rank = (relative_rank(speed), relative_rank(spacing)) if is_rank else (speed, spacing)
 
-    least = jnp.full_like(speed, jnp.inf)
+    least_cost = jnp.full_like(speed, jnp.inf)
     wanted_speed, wanted_action = jnp.zeros_like(speed), jnp.zeros(speed.shape, jnp.int32)
     for slot in range(reference.speed.shape[0]):
-        place = slice(slot, slot + 1)
-        cost = jnp.abs(speed - reference.speed[place]) / speed_range
-        cost = cost + jnp.abs(spacing - reference.spacing[place]) * scale[place]
+        here = slice(slot, slot + 1)
+        cost = jnp.abs(speed - reference.speed[here]) / speed_range
+        cost = cost + jnp.abs(spacing - reference.spacing[here]) * distance_weight[here]
         if is_rank:
-            order = jnp.abs(speed_rank - reference.speed_rank[place]) + jnp.abs(
-                spacing_rank - reference.spacing_rank[place]
+            rank_cost = jnp.abs(speed_rank - reference.speed_rank[here]) + jnp.abs(
+                spacing_rank - reference.spacing_rank[here]
             )
-            cost = order + options.value_weight * cost
-        is_nearer = cost < least
-        least = jnp.where(is_nearer, cost, least)
-        wanted_speed = jnp.where(is_nearer, reference.speed[place], wanted_speed)
-        wanted_action = jnp.where(is_nearer, reference.action[place], wanted_action)
+            cost = rank_cost + options.value_weight * cost
+        is_nearer = cost < least_cost
+        least_cost = jnp.where(is_nearer, cost, least_cost)
+        wanted_speed = jnp.where(is_nearer, reference.speed[here], wanted_speed)
+        wanted_action = jnp.where(is_nearer, reference.action[here], wanted_action)
 
-    gain = wanted_speed - speed
+    difference = wanted_speed - speed
     action = jnp.where(
-        gain > level_step / 2,
+        difference > level_step / 2,
         int(MetaAction.FASTER),
-        jnp.where(gain < -level_step / 2, int(MetaAction.SLOWER), int(MetaAction.IDLE)),
+        jnp.where(difference < -level_step / 2, int(MetaAction.SLOWER), int(MetaAction.IDLE)),
     ).astype(jnp.int32)
     if options.spacing_rule:
-        instead = spread_or_contract(situation, reference.mean_spacing)
+        spacing_action = spread_or_contract(situation, reference.mean_spacing)
         replaces = (action == MetaAction.IDLE) & situation.detection.spacing_exceeded[None]
-        action = jnp.where(replaces, instead, action)
+        action = jnp.where(replaces, spacing_action, action)
     if options.lane_changes:
-        may_turn = situation.since_lane_change >= options.lane_change_pause
+        may_change_lanes = situation.since_lane_change >= options.lane_change_pause
         for side in (MetaAction.LANE_LEFT, MetaAction.LANE_RIGHT):
-            copies = (wanted_action == side) & situation.admissible[side] & may_turn
+            copies = (wanted_action == side) & situation.admissible[side] & may_change_lanes
             action = jnp.where(copies, int(side), action)
     return action
 
 
-def spread_or_contract(situation: Situation, wanted: Float[Array, " scenarios"]) -> Int[Array, "vehicles scenarios"]:
-    """FASTER for the front half and SLOWER for the others where the mean spacing is below the wanted one [m], the
-    reverse where it is above.
+def spread_or_contract(situation: Situation, spacing: Float[Array, " scenarios"]) -> Int[Array, "vehicles scenarios"]:
+    """FASTER for the front half and SLOWER for the rear half where the mean spacing is below `spacing` [m]; the reverse
+    where it is above.
     """
     is_front = relative_rank(situation.frame.x) > 0.5
-    spreads = situation.detection.mean_spacing < wanted
-    return jnp.where(is_front == spreads[None], int(MetaAction.FASTER), int(MetaAction.SLOWER)).astype(jnp.int32)
+    is_too_close = situation.detection.mean_spacing < spacing
+    return jnp.where(is_front == is_too_close[None], int(MetaAction.FASTER), int(MetaAction.SLOWER)).astype(jnp.int32)

@@ -17,20 +17,20 @@ N_ACTIONS = len(ACTION_NAMES)
 """Number of meta-actions."""
 
 NO_ACTION = -1
-"""Answer of a policy for a vehicle it has no valid answer for; so is any other number that is no action."""
+"""Answer of a policy that has no action for a vehicle. Any number that is not an action is treated alike."""
 
 
 class Situation(eqx.Module):
-    """The traffic at the end of a second, for whoever decides about the next one.
+    """The traffic at the end of a second, the input of a policy that decides about the next one.
 
     Attributes:
-        second: Number of the frame, which is the second of the references to imitate.
+        second: Index of this second; the reference is imitated at the same index.
         frame: The traffic.
         target_lane: Lane each vehicle is steered to.
         detection: Result of the detection; its mask marks the vehicles that need a decision.
         admissible: Actions admissible for each vehicle, in the order of `MetaAction`.
-        since_lane_change: Seconds since each vehicle was last seen to change lanes [s]; large where it never was.
-        last_action: Action each vehicle was given in the second before, NO_ACTION for none.
+        since_lane_change: Seconds since each vehicle was last seen to change lanes [s]; a large number if it never did.
+        last_action: Action of each vehicle in the previous second, NO_ACTION for none.
     """
 
     second: Int[Array, ""]
@@ -56,7 +56,7 @@ Policy: TypeAlias = Callable[
     [Situation, ReferenceTable, Key[Array, " scenarios"]],
     Int[Array, "vehicles scenarios"],
 ]
-"""From the situation, the references and a random key per scenario of this second to an action for every vehicle.
+"""Action of every vehicle, from the situation, the references and one random key per scenario for this second.
 
-Only the actions of vehicles that need a decision count, and only where they are admissible; a policy need not care.
+Actions of vehicles that need no decision are ignored, and so are inadmissible ones: a policy may return anything there.
 """

@@ -9,7 +9,7 @@ import pytest
 
 from rearl_jax.baselines.experience import advantages, share_of_action
 from rearl_jax.baselines.learning import Decisions, Learner, improve, loss, make_optimiser, split
-from rearl_jax.baselines.network import drawn_actions, log_shares, make_network
+from rearl_jax.baselines.network import drawn_actions, log_probabilities, make_network
 from rearl_jax.config.ppo import PpoConfig
 
 
@@ -56,7 +56,7 @@ def toy():
             observation=observation,
             admissible=admissible,
             action=action,
-            log_share=share_of_action(log_shares(logits, admissible), action),
+            log_share=share_of_action(log_probabilities(logits, admissible), action),
             advantage=gain - 0.2,
             target=gain,
             weight=(jnp.arange(n) % 4 > 0).astype(jnp.float32),
@@ -114,7 +114,8 @@ def test_two_updates_lower_the_loss_and_make_what_pays_likelier(toy, ppo):
         before = after
     may = np.asarray(decisions.admissible[3])
     share = [
-        np.exp(log_shares(n.actor(decisions.observation), decisions.admissible))[3] for n in (network, learner.network)
+        np.exp(log_probabilities(n.actor(decisions.observation), decisions.admissible))[3]
+        for n in (network, learner.network)
     ]
     assert share[1][may].mean() > 1.1 * share[0][may].mean()  # the clip stops it at 1.2 times
     assert (share[1][~may] == 0).all()

@@ -1,8 +1,8 @@
-"""Driver classes: shares in; speeds, IDM and MOBIL parameters of every vehicle out.
+"""Speed, IDM and MOBIL parameters of every vehicle, drawn by the shares of the driver classes.
 
-Lanes, places, acceleration exponents and the phase of the lane-change decisions are those of the method base, drawn
-from the same key. What a vehicle's class and speed are drawn with does not depend on the shares either, so that two
-mixtures differ in nothing but the mixture (common random numbers).
+Lanes, positions, acceleration exponents and the phase of the lane-change decisions are those of `method=base`, drawn
+from the same key. The random numbers behind class and speed do not depend on the shares, so that two mixtures differ in
+nothing but the shares (common random numbers).
 """
 
 from dataclasses import dataclass, replace
@@ -51,11 +51,12 @@ CLASSES = {
     "truck": DriverClass(3.0, 10.0, 0.2, 1.0, 0.0, 23.9, 2.8),
     "regular": DriverClass(3.2, 5.0, 0.2, 1.0, 0.3, 33.3, 3.2),
 }
-"""In the order of `Mixture`, the rest last.
+"""Classes in the order of `Mixture`; the last one takes the remaining share.
 
-Source: CRITICAL, highway_env/vehicle/behavior.py. It overwrites DISTANCE_WANTED, which in highway-env holds one vehicle
-length, with values that do not: taken as they act there. Trucks keep highway-env 1.12.1's constants (IDMVehicle) and
-their own speeds; they are as long as cars here (5 m, in CRITICAL 10 m), as all vehicles of Base.
+Source: CRITICAL, highway_env/vehicle/behavior.py. In highway-env DISTANCE_WANTED includes one vehicle length; CRITICAL
+overwrites it with values that do not. They are used unchanged, as centre-to-centre distances, because the code of
+highway-env treats them so. Trucks have highway-env 1.12.1's constants (IDMVehicle) and CRITICAL's speeds. All vehicles
+are 5 m long as with `method=base`; CRITICAL's trucks are 10 m.
 """
 
 
@@ -66,16 +67,16 @@ def populate(
     shares: Float[Array, "classes scenarios"],
     model: TrafficModel,
 ) -> tuple[TrafficState, Drivers]:
-    """The same vehicles at the same places, driven by drivers of several classes at their own speeds.
+    """State and drivers of the same vehicles at the same positions, with classes and speeds drawn.
 
-    Initial speeds are drawn and cut to the range of `model.speed_levels`; they are the desired speeds too, which the
-    road's limit caps. The model must be cooperative, or politeness has no effect.
+    Initial speeds are clipped to the range of `model.speed_levels`. The same values are the desired speeds, capped at
+    the speed limit. Politeness has an effect with `model.cooperative` only.
 
     Args:
         state: Drawn initial state.
         drivers: Its drivers.
         keys: Random keys the state was drawn from.
-        shares: Of aggressive and defensive drivers and of trucks [-].
+        shares: Shares of aggressive drivers, defensive drivers and trucks [-]; regular drivers get the remainder.
         model: The road.
     """
     n_vehicles, dtype = state.x.shape[0], state.x.dtype
@@ -84,37 +85,37 @@ def populate(
         class_key, speed_key = jax.random.split(jax.random.fold_in(key, CLASS_STREAM))
         return jax.random.uniform(class_key, (n_vehicles,), dtype), jax.random.normal(speed_key, (n_vehicles,), dtype)
 
-    place, deviation = jax.vmap(draw, out_axes=-1)(keys)
-    number = class_numbers(place, shares)
+    uniform, deviation = jax.vmap(draw, out_axes=-1)(keys)
+    class_index = class_indices(uniform, shares)
 
-    def own(name: str) -> Float[Array, "vehicles scenarios"]:
-        return jnp.asarray([getattr(kind, name) for kind in CLASSES.values()], dtype)[number]
+    def per_vehicle(name: str) -> Float[Array, "vehicles scenarios"]:
+        return jnp.asarray([getattr(kind, name) for kind in CLASSES.values()], dtype)[class_index]
 
     periods = [decision_period(kind.delay, model.ticks_per_second) for kind in CLASSES.values()]
-    period = jnp.asarray(periods, jnp.int32)[number]
-    speed = own("mean_speed") + own("speed_sd") * deviation
+    period = jnp.asarray(periods, jnp.int32)[class_index]
+    speed = per_vehicle("mean_speed") + per_vehicle("speed_sd") * deviation
     speed = jnp.clip(speed, model.speed_levels[0], model.speed_levels[-1])
-    ticks = ticks_to_first_decision(state.x, state.y, own("delay"), period, model.ticks_per_second)
+    ticks = ticks_to_first_decision(state.x, state.y, per_vehicle("delay"), period, model.ticks_per_second)
     state = replace(state, speed=speed, desired_speed=speed, ticks_to_decision=ticks)
-    jam_gap = own("jam_spacing") - VEHICLE_LENGTH
-    car_following = replace(drivers.car_following, max_accel=own("max_accel"), jam_gap=jam_gap)
+    jam_gap = per_vehicle("jam_spacing") - VEHICLE_LENGTH
+    car_following = replace(drivers.car_following, max_accel=per_vehicle("max_accel"), jam_gap=jam_gap)
     mobil = replace(
         drivers.mobil,
-        politeness=own("politeness"),
-        gain_threshold=own("gain_threshold"),
+        politeness=per_vehicle("politeness"),
+        gain_threshold=per_vehicle("gain_threshold"),
         decision_period=period,
     )
     return state, replace(drivers, car_following=car_following, mobil=mobil)
 
 
-def class_numbers(
-    place: Float[Array, "vehicles scenarios"], shares: Float[Array, "classes scenarios"]
+def class_indices(
+    uniform: Float[Array, "vehicles scenarios"], shares: Float[Array, "classes scenarios"]
 ) -> Int[Array, "vehicles scenarios"]:
     """Class of each vehicle, in the order of `CLASSES`.
 
     Args:
-        place: Drawn from U(0, 1).
-        shares: Of all classes but the last [-].
+        uniform: Random numbers from U(0, 1).
+        shares: Shares of all classes but the last [-].
     """
     upper = jnp.cumsum(shares, axis=0)
-    return jnp.sum(place[None] >= upper[:, None], axis=0, dtype=jnp.int32)
+    return jnp.sum(uniform[None] >= upper[:, None], axis=0, dtype=jnp.int32)
