@@ -29,7 +29,7 @@ def kept_path(kind: str, keys: Mapping[str, object], packages: tuple[str, ...], 
         kind: Name of the folder.
         keys: Everything the thing depends on besides the code.
         packages: Parts of rearl_jax whose sources decide what comes out.
-        ending: Of the file's name.
+        ending: Suffix of the file's name.
     """
     text = json.dumps({**keys, "code": f"{__version__} {code_hash(packages)}"}, sort_keys=True, allow_nan=False)
     return kept_folder(kind) / f"{hashlib.sha256(text.encode()).hexdigest()[:24]}{ending}"

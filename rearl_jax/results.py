@@ -205,7 +205,7 @@ def cell_folder(folder: Path, keys: Mapping[str, str]) -> Path:
     """Where a job of a multirun has its results.
 
     Args:
-        folder: Of the multirun.
+        folder: Folder of the multirun.
         keys: Values of the swept keys in this job.
     """
     return folder.joinpath(*sorted(f"{key}={value}" for key, value in keys.items()))

@@ -37,7 +37,7 @@ class KeptResults(BlindResults):
     """The results of a study of which the table of data sets is kept, and no verdict.
 
     Attributes:
-        columns: Of that table.
+        columns: Columns of that table.
         kept_scores, kept_parameters, kept_calibration: Rows of the tables as they were written before.
     """
 

@@ -85,8 +85,8 @@ class Case:
         planted: What is hidden by the generator.
         changes: Fields of the scenario that differ from the default.
         source: `traffic`, the generator of this package, or `sumo`.
-        name: Of its folder; says nothing. Empty until the study is drawn.
-        seed: Of everything random in it, drawn with the study.
+        name: Name of its folder; says nothing. Empty until the study is drawn.
+        seed: Seed of everything random in it, drawn with the study.
     """
 
     group: str

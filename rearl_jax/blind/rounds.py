@@ -47,7 +47,7 @@ class Discover(Protocol):
         """The verdict on the recordings in a folder, as in verdict.json.
 
         Args:
-            folder: Of canonical tables.
+            folder: Folder of canonical tables.
             study: Name of the folder of its results, under results.root.
             oracle: Name of an effect to refit with, given after the verdict is fixed; its `error.oracle` is wanted.
         """
@@ -80,7 +80,7 @@ def run_cases(
     """Runs discovery on every data set without a verdict; verdicts appear whole or not at all.
 
     Args:
-        folder: Of the study.
+        folder: Folder of the study.
         study: Its name under results.root.
         cases: All data sets, in the order in which they are run.
         discover: Discovery.

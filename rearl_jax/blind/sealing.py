@@ -30,12 +30,12 @@ class Protocol:
     """What was fixed before anything was looked for.
 
     Attributes:
-        code_hash: Of the sources, generator and discovery.
-        config_hash: Of the study's configuration.
+        code_hash: Hash of the sources, generator and discovery.
+        config_hash: Hash of the study's configuration.
         seed_drawn: Whether the master seed was drawn, not given.
-        master_seed: Of all data sets; None until the code was written down.
-        truth_sha256: Of the sealed truth; None until it is.
-        thresholds_hash: Of every number that decides what discovery claims; None in a protocol without it.
+        master_seed: Master seed of all data sets; None until the code was written down.
+        truth_sha256: SHA-256 of the sealed truth; None until it is.
+        thresholds_hash: Hash of every number that decides what discovery claims; None in a protocol without it.
     """
 
     code_hash: str

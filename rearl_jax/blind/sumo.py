@@ -74,7 +74,7 @@ def write_sumo_dataset(folder: Path, scenario: Scenario, variant: str) -> None:
     """Writes one canonical table per recording.
 
     Args:
-        folder: Of the tables.
+        folder: Folder of the tables.
         scenario: Drivers, first vehicles, noise; nothing planted.
         variant: One of TRUTHS.
 

@@ -49,7 +49,7 @@ class Verdict:
         errors: ERRORS of the simulation behind the measured leader, `change` driver by driver; None where unknown.
         n_drivers: Drivers the error was measured on.
         seconds: Time it took.
-        message: Of the error that stopped discovery.
+        message: Message of the error that stopped discovery.
     """
 
     verdict: str

@@ -172,7 +172,7 @@ def gather(values: Array, index: Int[Array, "*block"], shape: tuple[int, ...]) -
     """Values at flat indices; a single value for all vehicles stays one.
 
     Args:
-        values: Of all vehicles and scenarios; axes may have length 1.
+        values: Values of all vehicles and scenarios; axes may have length 1.
         index: Flat indices.
         shape: `[n_vehicles, *n_scenarios]`, of values whose axes all have full length.
     """
@@ -185,10 +185,10 @@ def scatter(values: Array, index: Int[Array, " block"], is_filled: Bool[Array, "
     """All vehicles' values with those of a block written in.
 
     Args:
-        values: Of the block.
+        values: Values of the block.
         index: Flat indices of the block.
         is_filled: Mask of its places that are not empty.
-        otherwise: Of all vehicles.
+        otherwise: Values of all vehicles.
     """
     flat = otherwise.ravel()
     # Each empty place has one of its own beyond the end, so that no two are the same.

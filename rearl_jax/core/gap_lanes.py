@@ -126,7 +126,7 @@ def desired_side(
         state: The traffic.
         derived: Its derived quantities.
         accelerations: On the lanes.
-        gains: Of the changes.
+        gains: Gains of the changes.
         drivers: Parameters of all vehicles.
         model: The road.
         before: The same one time step ago.

@@ -185,7 +185,7 @@ def decide_lanes(
         derived: Their derived quantities.
         due: Vehicles whose decision is due.
         accelerations: On the lanes.
-        gains: Of a change to the left and to the right [m/s^2].
+        gains: Gains of a change to the left and to the right [m/s^2].
         drivers: Their parameters.
         model: The road.
     """

@@ -153,7 +153,7 @@ class NearestOnLanes(eqx.Module):
         """All vehicles' values at the given indices, each within the scenario of the vehicle that searches.
 
         Args:
-            values: Of all vehicles of all scenarios.
+            values: Values of all vehicles of all scenarios.
             index: The vehicles; of NOBODY the values mean nothing.
         """
         place = jnp.maximum(index, 0) * self.n_scenarios + self.scenario

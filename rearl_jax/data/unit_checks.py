@@ -71,7 +71,7 @@ def require_period(time: np.ndarray, track: np.ndarray, period: float, file: str
     """Raise BadRecordingError unless the rows of a track are mostly one period apart.
 
     Args:
-        time: Of each row [s]; the rows of a track in the order of time.
+        time: Times of each row [s]; the rows of a track in the order of time.
         track: Vehicle of each row.
         period: Time between two frames [s].
         file: For the message.

@@ -73,7 +73,7 @@ def rollout_in_lockstep(
         drivers: Parameters of all vehicles.
         keys: Random keys, one per scenario, from which references are drawn where they are drawn.
         table: References.
-        thresholds: Of every scenario.
+        thresholds: Thresholds of every scenario.
         policies: Policy of the first half of the scenarios, and that of the second.
         model: Road, clock and stages.
         options: Choices of the loop.

@@ -34,7 +34,7 @@ class DetectionOptions:
         interval: Time between two detections [s].
         scope: Vehicles of a triggered scenario that need a decision.
         mode: Choice of the reference a scenario is compared with.
-        weights: Of spacing error and Hellinger distance, where both count for the choice.
+        weights: Weights of spacing error and Hellinger distance, where both count for the choice.
         hist: Speed histogram and its window.
         definition: Relative error of the mean spacing.
         spacing: Distance between two vehicles.
@@ -153,7 +153,7 @@ def detect(
         memory: Memory of the frames before.
         frame: The traffic at the end of a second; the first frame is compared with second 0 of the references.
         table: References, at least as long as the rollout.
-        thresholds: Of every scenario.
+        thresholds: Thresholds of every scenario.
         options: Choices that change the program.
     """
     second = memory.second

@@ -11,7 +11,7 @@ class References(eqx.Module):
         speed: Rescaled speed of each vehicle [m/s].
         spacing: Mean distance of each vehicle to the others of the snapshot [m].
         mean_spacing: Mean distance over all pairs of the snapshot [m].
-        action: Of each vehicle in the following second: 0 left, 1 keep, 2 right, 3 faster, 4 slower.
+        action: Action of each vehicle in the following second: 0 left, 1 keep, 2 right, 3 faster, 4 slower.
         share: Share of the scenes that each one stands for [-]; sums to 1.
     """
 

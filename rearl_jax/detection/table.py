@@ -28,7 +28,7 @@ class ReferenceTable(eqx.Module):
         speed: Rescaled speed of each vehicle [m/s].
         spacing: Mean distance of each vehicle to the others [m].
         mean_spacing: Mean distance over all pairs [m].
-        action: Of each vehicle in the following second, a `MetaAction`.
+        action: Action of each vehicle in the following second, a `MetaAction`.
         speed_rank: `relative_rank` of the speeds [-].
         spacing_rank: `relative_rank` of the spacings [-].
         window_counts: Speeds per bin in the window that ends with the second, shorter at the beginning.

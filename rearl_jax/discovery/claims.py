@@ -22,7 +22,7 @@ class Claim:
     """Something that is missing from the model, or an artefact of the measurement.
 
     Attributes:
-        name: Of the effect in the library, of a dependence without a name, or of an artefact.
+        name: Name of the effect in the library, of a dependence without a name, or of an artefact.
         kind: `driver`, `road`, `generic` for a dependence without a name, `artefact`.
         parameters: In its units.
         variables: What it depends on.

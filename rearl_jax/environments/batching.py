@@ -14,7 +14,7 @@ def in_lockstep(function: Callable[..., PyTree]) -> Callable[..., PyTree]:
     "only where needed" into "for all".
 
     Args:
-        function: Of pytrees whose arrays have the scenario axis last, length 1 for what is the same for all.
+        function: Function of pytrees whose arrays have the scenario axis last, length 1 for what is the same for all.
     """
 
     @jax.custom_batching.custom_vmap

@@ -108,7 +108,7 @@ class FunctionalHighway:
         Args:
             key: Random key of the next episode, if one begins.
             state: The scenario.
-            action: Of the controlled vehicle, see `MetaAction`.
+            action: Action of the controlled vehicle, see `MetaAction`.
             params: As of `default_params`.
         """
         params = self.default_params if params is None else params

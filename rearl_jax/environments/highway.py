@@ -120,7 +120,7 @@ class Outcome(eqx.Module):
         reward: For the second, within [0, 1], see `decision.reward`.
         terminated: Whether the controlled vehicle has crashed.
         truncated: Whether the episode has lasted its full duration; both may hold.
-        speed: Of the controlled vehicle [m/s].
+        speed: Speed of the controlled vehicle [m/s].
     """
 
     observation: Float[Array, "rows columns *scenarios"]

@@ -23,7 +23,7 @@ class Scenarios(eqx.Module):
     """State of the environments from call to call.
 
     Attributes:
-        keys: Of the episodes to come.
+        keys: Random keys of the episodes to come.
         state: The present episodes.
     """
 
@@ -36,7 +36,7 @@ class FirstObservation(NamedTuple):
 
     Attributes:
         observation: As of `highway.Outcome`.
-        speed: Of the controlled vehicle [m/s].
+        speed: Speed of the controlled vehicle [m/s].
     """
 
     observation: Float[Array, "rows columns scenarios"]

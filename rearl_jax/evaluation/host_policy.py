@@ -30,7 +30,7 @@ class Block:
         table: References.
         model: Road, clock and stages.
         options: Choices of the loop.
-        thresholds: Of every scenario.
+        thresholds: Thresholds of every scenario.
         length: Lengths of the vehicles [m].
         first: Number of the first of the scenarios.
     """

@@ -20,7 +20,7 @@ class Row:
     Attributes:
         config: Method, model and everything else that its traffic follows from.
         name: Its name in tables and files.
-        thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene.
+        thresholds: Thresholds of the Hellinger distance and of the spacing error, for methods that intervene.
         mixture: Shares of the driver classes, for method=critical; None for `critical.ratios`.
     """
 

@@ -120,7 +120,7 @@ def evaluate(
         held_out: Indices of the scenes to evaluate on, rising.
         progress: Called with the number of rollouts done and their total, row by row.
         references: Representative scenes, for methods that intervene.
-        thresholds: Of the Hellinger distance and of the spacing error, for methods that intervene.
+        thresholds: Thresholds of the Hellinger distance and of the spacing error, for methods that intervene.
         host_policy: Makes the policies that decide outside the compiled program, where one does.
         mixture: Shares of the driver classes, for method=critical; None for `critical.ratios`.
     """

@@ -105,9 +105,9 @@ class Batch(NamedTuple):
         starts: `seed`, `run` and `scene_id` of each.
         measured: Initial states that are not drawn.
         references: Representative scenes; a last axis of length 1 means the same for all rollouts.
-        thresholds: Of the Hellinger distance and of the spacing error.
+        thresholds: Thresholds of the Hellinger distance and of the spacing error.
         actor: The network that drives everybody; last axis as of the references.
-        shares: Of aggressive and defensive drivers and of trucks.
+        shares: Shares of aggressive and defensive drivers and of trucks.
         traffic: Drivers and effects that are not highway-env's; last axis as of the references.
     """
 

@@ -39,8 +39,8 @@ class Population(eqx.Module):
     """Drivers by class, and what acts on them, as arrays. Parameters are log-normal.
 
     Attributes:
-        shares: Of all classes but the first, which has the rest [-].
-        median: Of the drivers' parameters; nan for what stays as drawn.
+        shares: Shares of all classes but the first, which has the rest [-].
+        median: Medians of the drivers' parameters; nan for what stays as drawn.
         factor: Lower triangular factor of the covariance of their logarithms.
         noise: Standard deviation [m/s^2] and correlation time [s] of the acceleration's noise.
         length: Mean and standard deviation of the length [m].

@@ -19,7 +19,7 @@ class DriverClass:
     """Drivers of one class of vehicles. Their parameters are log-normal.
 
     Attributes:
-        share: Of all vehicles [-].
+        share: Share of all vehicles [-].
         log_mean: Mean of the logarithm of each parameter of the car-following model, by name.
         log_covariance: Covariance of these logarithms, rows and columns in the order of the model's declaration.
         noise_sd: Standard deviation of the acceleration that no model explains [m/s^2].

@@ -114,7 +114,7 @@ def class_numbers(
 
     Args:
         place: Drawn from U(0, 1).
-        shares: Of all classes but the first [-].
+        shares: Shares of all classes but the first [-].
     """
     passed = jnp.sum(place[None] >= jnp.cumsum(shares)[:, None, None], axis=0, dtype=jnp.int32)
     return jnp.where(passed == len(shares), 0, passed + 1)

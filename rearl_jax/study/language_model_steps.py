@@ -35,8 +35,8 @@ class ModelSteps:
         wall_s: Elapsed time of all steps, simulation included [s].
         n_steps: Decision steps.
         n_questions: Questions asked in them, one per vehicle that drives.
-        n_sent: Of these sent to the server; equal ones are sent once.
-        n_answered: Of the questions those that got an admissible answer.
+        n_sent: Questions sent to the server; equal ones are sent once.
+        n_answered: Questions that got an admissible answer.
     """
 
     batch: int

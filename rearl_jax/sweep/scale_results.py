@@ -18,7 +18,7 @@ class ScaleResults:
         config: The task.
         n_scenes: Scenes the rollouts are of.
         seconds: Simulated time of a rollout [s].
-        thresholds: Of the Hellinger distance and of the spacing error; infinite where nothing is detected.
+        thresholds: Thresholds of the Hellinger distance and of the spacing error; infinite where nothing is detected.
         costs: Cost of a rollout by the number at a time.
         stream: What was simulated now, and the memory meanwhile.
         machine: What a speed depends on.

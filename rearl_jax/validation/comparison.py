@@ -73,7 +73,7 @@ def agrees(comparison: Comparison, *, tolerance: float, only_before_contact: boo
     """Mask of scenes that agree: positions within a tolerance [m], equal target lanes, lane changes and crash flags.
 
     Args:
-        comparison: Of the two runs.
+        comparison: Comparison of the two runs.
         tolerance: Largest difference of a position [m].
         only_before_contact: Whether what happens from the first contact on is left out.
     """

@@ -41,7 +41,7 @@ def simulate(scenes: Sequence[Recorded], model: TrafficModel, dtype: type) -> Tr
     """The tracks of the core, as many ticks as were recorded, the start included, the scenario axis last.
 
     Args:
-        scenes: Of equal size, at most `batch_width`.
+        scenes: Scenes of equal size, at most `batch_width`.
         model: The road.
         dtype: np.float32 or np.float64; the latter needs JAX's x64 mode.
 

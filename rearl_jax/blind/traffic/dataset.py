@@ -24,7 +24,7 @@ def write_dataset(folder: Path, scenario: Scenario, *, as_highd: bool = False) -
     """Writes one canonical table per recording; returns what is hidden, which is written nowhere.
 
     Args:
-        folder: Of the tables; made if missing.
+        folder: Folder of the tables; made if missing.
         scenario: What to generate.
         as_highd: Write highD's three files instead.
 

@@ -30,7 +30,7 @@ class Scenario:
     """One data set.
 
     Attributes:
-        seed: Of everything random; two data sets with one seed and one fleet have the same drivers.
+        seed: Seed of everything random; two data sets with one seed and one fleet have the same drivers.
         planted: What is hidden; nothing in a control.
         n_recordings: Recordings of the same road, none of which shares a driver with another.
         n_vehicles: Vehicles per recording, a multiple of the lanes; the first of each lane follows nobody.

@@ -40,7 +40,7 @@ class Events:
     """What really happened: arrays [n_steps, n] over sub-steps and vehicles.
 
     Attributes:
-        time: Of each step since the recording began [s], [n_steps].
+        time: Times of each step since the recording began [s], [n_steps].
         position, speed, acceleration, wander: [m], [m/s], [m/s^2], [m].
         lane: 0 = leftmost.
         leader: Index of the vehicle ahead, n for nobody.

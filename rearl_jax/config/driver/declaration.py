@@ -15,9 +15,9 @@ class DriverParameter:
         name: Field of the model's class.
         unit: "-" for none.
         meaning: One line.
-        usual: Of a car; None where highway-env draws it with the initial state.
+        usual: Usual value of a car; None where highway-env draws it with the initial state.
         low, high: Bounds, wide enough that real drivers do not sit on them.
-        source: Of the usual value.
+        source: Source of the usual value.
         spread: Standard deviation of the logarithm between drivers [-], the prior of a calibration. Source of the order
             of magnitude: Kesting & Treiber, Transp. Res. Rec. 2088 (2008) 148.
         truck: Usual value of a truck; None for that of a car.

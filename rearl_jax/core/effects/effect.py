@@ -50,7 +50,7 @@ class Effect(eqx.Module):
         kind: `driver` (car following), `road`, `generic`, `random`, `lane_change`.
         equation: Its equation, in one line.
         source: Where the equation comes from.
-        parameters: Of the effect, in the order of its fields.
+        parameters: Parameters of the effect, in the order of its fields.
         depends_on: Variables it depends on, as a verdict says it; discovery searches effects that state them, along
             their strengths.
     """

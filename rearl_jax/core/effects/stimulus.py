@@ -14,7 +14,7 @@ class Stimulus(eqx.Module):
 
     Attributes:
         time: Since the start [s].
-        position: Of the own centre along the road [m].
+        position: Position of the own centre along the road [m].
         lane: 0 = leftmost [-].
         is_leftmost, is_rightmost: Whether there is no further lane on that side.
         lateral_offset: Distance from the centre of the lane [m], positive to the right.

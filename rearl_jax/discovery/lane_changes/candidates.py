@@ -39,7 +39,7 @@ class LaneCandidate:
     """Something that may count.
 
     Attributes:
-        name: Of the effect in the library, or `lane_choice_dependence`.
+        name: Name of the effect in the library, or `lane_choice_dependence`.
         kind: `driver`, or `generic` for what no effect stands for.
         variables: What it depends on.
         strength: Parameter of the effect that multiplies the column, with its unit.

@@ -12,7 +12,7 @@ class RankedCandidate:
 
     Attributes:
         name, kind, variables: What it is.
-        z_score: Of its slope, in standard deviations between drivers [-].
+        z_score: Slope of its likelihood, in standard deviations between drivers [-].
         gain: Log-likelihood it adds on the drivers it is fitted to [nats]; None where it was not fitted.
         check: The same on drivers it was not fitted to [nats].
         ambiguous: Whether it explains the changes about as well as what was named.

@@ -28,8 +28,8 @@ class Logit:
     """A fitted logit.
 
     Attributes:
-        coefficients: Of the columns [log-odds per unit].
-        covariance: Of the coefficients, by the scatter between drivers.
+        coefficients: Coefficients of the columns [log-odds per unit].
+        covariance: Covariance of the coefficients, by the scatter between drivers.
     """
 
     coefficients: Float[np.ndarray, " columns"]

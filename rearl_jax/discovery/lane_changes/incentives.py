@@ -130,7 +130,7 @@ def likely_parameters(
 
     Args:
         usual: Parameters of the population each row's driver belongs to.
-        driver: Of each row, 0 to some number.
+        driver: Driver of each row, 0 to some number.
         speed, gap, leader_speed: Own speed [m/s], gap to the leader [m], its speed [m/s].
         measured: Acceleration [m/s^2].
         is_led: True where there is a leader; other rows tell nothing.

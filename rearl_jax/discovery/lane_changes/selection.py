@@ -49,8 +49,8 @@ def lane_change_findings(
         recordings: Canonical recordings, the same and in the same order as `measure` got them.
         drivers: Calibrated parameters; of all others, and of all with None, they are fitted here, more coarsely.
         split: Vehicles that are fitted, checked and reported, as in `Measured.vehicle`; None for a split by recordings.
-        confidence: Of all intervals [-].
-        seed: Of the split of drivers it does not know, and of resampling.
+        confidence: Confidence of all intervals [-].
+        seed: Seed of the split of drivers it does not know, and of resampling.
     """
     if (few := too_few_changes(recordings)) is not None:
         return few
@@ -96,7 +96,7 @@ def part_of_rows(
     Args:
         table: The opportunities.
         split: Numbers of the vehicles of each part, as in `Measured.vehicle`; None where there is no split yet.
-        seed: Of what is random.
+        seed: Seed of what is random.
     """
     recordings = np.unique(table.recording)
     home = {}

@@ -47,8 +47,8 @@ class IncentiveModel:
 
     Attributes:
         bends: Where the line may bend [m/s^2].
-        strengths: Of the effects, in m/s^2 per unit of their columns.
-        covariance: Of the strengths, by the scatter between drivers.
+        strengths: Strengths of the effects, in m/s^2 per unit of their columns.
+        covariance: Covariance of the strengths, by the scatter between drivers.
         line: The logit of the line and the other columns.
     """
 

@@ -125,8 +125,8 @@ class Knots(eqx.Module):
     Attributes:
         position: Along the road [m].
         time: [s].
-        lens: Of the camera's distortion [m].
-        curve: Of the curves over other variables, by variable.
+        lens: Knots of the camera's distortion [m].
+        curve: Knots of the curves over other variables, by variable.
         centre: Mean weight of these knots in the data [-].
     """
 
@@ -191,8 +191,8 @@ def effects_at(numbers: Numbers, knots: Knots, active: Sequence[Term] | None = N
     """Effects and curves with these numbers.
 
     Args:
-        numbers: Of `Layout.by_name`.
-        knots: Of the curves.
+        numbers: Numbers as of `Layout.by_name`.
+        knots: Knots of the curves.
         active: Terms that are built; None for all, and for everything the screen looks along.
     """
 

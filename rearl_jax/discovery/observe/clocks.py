@@ -77,7 +77,7 @@ class Shifts(ABC):
         """Score and information of the numbers.
 
         Args:
-            score: Of each driver, by how much each usual leader is ahead.
+            score: Scores of each driver, by how much each usual leader is ahead.
             information: The same.
         """
 

@@ -21,7 +21,7 @@ class Prior:
     """Prior of drivers: what is usual of them before anything is measured; hashable.
 
     Attributes:
-        name: Of the car-following model.
+        name: Name of the car-following model.
         usual_car: Parameters of a car's driver, in the order of the model's declaration.
         usual_truck: The same of a truck.
     """

@@ -41,7 +41,7 @@ class DriverScores:
     Attributes:
         gram: Products of the columns.
         score: Products of the columns with the innovations.
-        square: Of the innovations.
+        square: Sum of squared innovations.
         variance: Mean squared innovation [m^2].
     """
 

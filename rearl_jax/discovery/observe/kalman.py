@@ -38,12 +38,12 @@ class Gain(NamedTuple):
 
     Attributes:
         x: Correction of the position per innovation [-].
-        v: Of the speed [1/s].
-        o: Of the acceleration beside the model [1/s^2].
-        w: Of the lasting error of measured positions [-].
+        v: Correction of the speed [1/s].
+        o: Correction of the acceleration beside the model [1/s^2].
+        w: Correction of the lasting error of measured positions [-].
         kept_o: What is left of o after a time step [-].
         kept_w: What is left of w after a time step [-].
-        variance: Of the innovations [m^2].
+        variance: Variance of the innovations [m^2].
     """
 
     x: Any
@@ -105,10 +105,10 @@ class SteadyState(NamedTuple):
     """The observer after a long time.
 
     Attributes:
-        gain: Of the filter.
+        gain: Gain of the filter.
         step: From x, v, o, w to those one step later.
         corrected: The same for the error of the prediction where it is corrected first.
-        covariance: Of x, v, o, w before each step of a period; the first is corrected.
+        covariance: Covariance of x, v, o, w before each step of a period; the first is corrected.
     """
 
     gain: Gain

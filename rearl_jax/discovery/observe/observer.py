@@ -39,7 +39,7 @@ class Pieces(eqx.Module):
         seen: What is around, in the middle between each time step and the next.
         length: Own length [m].
         is_truck: 1 for trucks.
-        gain: Of the filter, an array each.
+        gain: Gain of the filter, an array each.
         deviation: Standard deviation of innovations [m], beyond some multiples of which one is an outlier.
         known: Acceleration beside the model that is given [m/s^2]; one row of zeros for none.
     """

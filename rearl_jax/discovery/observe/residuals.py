@@ -124,7 +124,7 @@ def smoothed_acceleration(
     """Acceleration beside the model in every time step, given the whole drive [m/s^2].
 
     Args:
-        innovation: Of the observer with the gain of `noise` [m].
+        innovation: Innovation of the observer with the gain of `noise` [m].
         weight: 1 where a time step counts; after the last of them a drive has ended.
         noise: As the observer takes it.
         dt: Time step [s].

@@ -45,7 +45,7 @@ def look_along(
         theta: What has been added.
         pieces: What was measured.
         layout: Where everything is in theta.
-        knots: Of the curves.
+        knots: Knots of the curves.
         places: Places that are looked along, those that have been added already first.
         groups: Which of the places belong together, as positions in `places`.
         n_kept: How many have been added already.

@@ -88,10 +88,10 @@ class DriverSums:
     """Sums over the weighted time steps of each driver; its own directions first, then those of what was added.
 
     Attributes:
-        square: Of squared innovations [m^2].
-        gradient: Of innovation times derivative.
-        gram: Of derivative times derivative.
-        count: Of weights.
+        square: Sum of squared innovations [m^2].
+        gradient: Sum of innovation times derivative.
+        gram: Sum of derivative times derivative.
+        count: Sum of the weights.
     """
 
     square: Float[np.ndarray, " drivers"]

@@ -20,8 +20,8 @@ class Known:
     """Standard deviations of fitted numbers.
 
     Attributes:
-        theta: Of the places that were searched, in order.
-        drivers: Of the drivers' standardised parameters, given everything else [-].
+        theta: Those of the numbers that were searched, in order.
+        drivers: Those of the drivers' standardised parameters, given everything else [-].
     """
 
     theta: Float[np.ndarray, " free"]

@@ -26,7 +26,7 @@ class Finding:
     Attributes:
         name: As in the verdict.
         parameter: Name of its number.
-        unit: Of the number.
+        unit: Unit of the number.
         value: The number.
         deviation: Its standard deviation.
         words: What was seen, in one sentence.

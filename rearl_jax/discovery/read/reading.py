@@ -71,7 +71,7 @@ def measure(
     """All drivers of the recordings who follow somebody long enough.
 
     Args:
-        tables: Of the recordings, with the same time step.
+        tables: Tables of the recordings, with the same time step.
         position_lag: By how much positions are late [s]; lanes and places in them are put to the same clock.
         smooth: What positions and their errors have been smoothed with.
         least_noise: Standard deviation that the noise of unsmoothed positions is brought up to [m].

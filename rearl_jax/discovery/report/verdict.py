@@ -62,7 +62,7 @@ def named_trial(
         theta: Numbers of the final model.
         deviations: Standard deviations of the candidate's places, in order.
         layout: Where its numbers are.
-        confidence: Of the intervals.
+        confidence: Confidence of the intervals.
         reliability: Upper bound of the confidence in the effect.
     """
     candidate = trial.candidate

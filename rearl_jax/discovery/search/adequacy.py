@@ -48,12 +48,12 @@ class Adequacy:
         kurtosis: Excess kurtosis of the innovations [-].
         kurtosis_deviation: Its standard deviation where innovations are normal [-].
         kurtosis_before: The same without anything added [-].
-        autocorrelation: Of innovations one time step apart [-].
+        autocorrelation: Autocorrelation of innovations one time step apart [-].
         unequal_noise: How surely the size of innovations depends on a situation, in standard deviations [-].
         misjudgement: How surely noise grows with what a misjudged gap would do, in standard deviations [-].
         staleness: The same with what a decision of some time ago would do [-].
         remaining: The candidate with the largest z-score, and its z-score.
-        driver_minutes: Of what misjudgement and staleness were looked for in [min].
+        driver_minutes: Driver-minutes of what misjudgement and staleness were looked for in [min].
     """
 
     kurtosis: float
@@ -107,7 +107,7 @@ def adequacy(solver: Solver, found: Search, seed: int) -> Adequacy:
     Args:
         solver: Has fitted the model.
         found: What was added.
-        seed: Of the drives that are made again.
+        seed: Seed of the drives that are made again.
     """
     state, last = found.last.state, found.rounds[-1]
     (before,) = solver.innovations([found.first.state])

@@ -44,8 +44,8 @@ class Chart:
     """Where curves and planes have their knots and edges, the same for all models and parts of the data.
 
     Attributes:
-        bases: Of the variables.
-        edges: Of the planes.
+        bases: Bases of the variables.
+        edges: Edges of the planes.
     """
 
     bases: tuple[Basis, ...]
@@ -73,7 +73,7 @@ class PartScores:
         curves: On the columns of all groups.
         seen: The same on the acceleration residual.
         planes: On the fields of each plane.
-        shares: Of the time steps in the fields of each plane [-].
+        shares: Shares of the time steps in the fields of each plane [-].
     """
 
     curves: DriverScores

@@ -64,11 +64,11 @@ class Curve:
     """A map.
 
     Attributes:
-        basis: Of its variable.
+        basis: Basis of its variable.
         value, low, high: Mean acceleration residual at the knots, without its mean over all time steps [m/s^2].
         acts_on: `acceleration`, or `time_gap` where a curve of the time gap carries further.
-        share: Of the variance of the acceleration residual that it explains on other drivers, acting so [-].
-        gain: Of log-likelihood on other drivers, acting so [nats].
+        share: Share of the variance of the acceleration residual that it explains on other drivers, acting so [-].
+        gain: Gain of log-likelihood on other drivers, acting so [nats].
     """
 
     basis: Basis

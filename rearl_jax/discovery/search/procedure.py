@@ -34,7 +34,7 @@ class Round:
 
     Attributes:
         base: The model at its beginning.
-        evidence: Of every candidate [nats].
+        evidence: Evidence of every candidate [nats].
         excess: Above the null's mean [nats].
         z_score: The same in standard deviations of the null [-].
         exceeding: Candidates whose evidence exceeds chance, with their families.
@@ -78,7 +78,7 @@ class Search:
     Attributes:
         layout: What was looked for.
         null: Evidence where nothing is missing.
-        first_scores: Of the calibrated model.
+        first_scores: Scores of the calibrated model.
         checked: The other drivers as the final model takes them, see `in_time`.
         clocks: Differences between clocks, where the data were corrected for them.
         rounds: One per effect that was added, and the last one, which added none.
@@ -268,8 +268,8 @@ def split_drivers(data: Measured, shares: tuple[float, ...], seed: int) -> list[
 
     Args:
         data: All drivers.
-        shares: Of each part; they sum to 1.
-        seed: Of the order of drivers.
+        shares: Shares of each part; they sum to 1.
+        seed: Seed of the order of drivers.
     """
     owner = np.full(len(data.driver), -1)
     numbers, sizes = np.unique(data.recording, return_counts=True)

@@ -27,8 +27,8 @@ class Score:
     """Score and information of one candidate's directions, everything that imitates them taken out.
 
     Attributes:
-        score: Of all drivers together.
-        information: Of all drivers together.
+        score: Scores of all drivers together.
+        information: Information of all drivers together.
         driver_score, driver_information: Of each driver.
     """
 
