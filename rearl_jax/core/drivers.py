@@ -55,8 +55,8 @@ class Drivers(eqx.Module):
     """Car following, lane changing and vehicles of all drivers.
 
     Attributes:
-        car_following: Parameters of one model, see `rearl_jax.core.car_following`. A vehicle's desired speed is that of its state,
-            which decisions may change; `gap_driving.begin_driving` sets it.
+        car_following: Parameters of one model, see `rearl_jax.core.car_following`. A vehicle's desired speed is that of
+            its state, which decisions may change; `gap_driving.begin_driving` sets it.
         mobil: Parameters of lane changing.
         body: Size, class and limits of the vehicles.
         effects: Effects on car following and lane changing. A parameter is a scalar or has the rank of

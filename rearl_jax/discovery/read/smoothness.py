@@ -35,7 +35,7 @@ class Smoothness:
 
     Attributes:
         drives: Standard deviation of the kernel positions have been smoothed with [s]; 0 for none.
-        errors: Width of the kernel that only errors have been smoothed with [s]; 0 for none.
+        errors: That of the kernel that only errors have been smoothed with [s]; 0 for none.
         size: Standard deviation of those errors before, white as they were [m].
     """
 
