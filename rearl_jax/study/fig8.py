@@ -108,7 +108,7 @@ def _draw(folder: Path, found: dict, *, generated: bool) -> dict[str, bytes]:
     scenes = pd.read_parquet(folder / "scene_clusters.parquet")
     return {
         "fig8": (folder / "scenes.png").read_bytes(),
-        "fig8_clusters": draw_clusters(scenes, found["k"], generated=scenes.generated),
+        "fig8_clusters": draw_clusters(scenes, found["k"], generated=generated),
     }
 
 
