@@ -10,7 +10,7 @@ import pytest
 
 from rearl_jax.baselines.driving import DrivingOptions, rollout_with_actor
 from rearl_jax.baselines.experience import collect
-from rearl_jax.baselines.network import drawn_actions, greedy_actions, log_shares, make_network
+from rearl_jax.baselines.network import drawn_actions, greedy_actions, log_probabilities, make_network
 from rearl_jax.config.decision import Longitudinal
 from rearl_jax.core import rollout as core
 from rearl_jax.core.drivers import highway_env_drivers
@@ -34,7 +34,7 @@ def test_no_inadmissible_action_is_ever_taken():
         taken = np.asarray(taken)
         assert (taken[nothing] == -1).all()
         assert admissible[taken[~nothing], np.flatnonzero(~nothing)].all()
-    shares = np.exp(np.asarray(log_shares(logits, jnp.asarray(admissible))))
+    shares = np.exp(np.asarray(log_probabilities(logits, jnp.asarray(admissible))))
     assert (shares[:, ~nothing][~admissible[:, ~nothing]] == 0).all()
     np.testing.assert_allclose(shares.sum(axis=0), 1, atol=1e-5)
 
@@ -45,7 +45,7 @@ def test_actions_are_drawn_with_their_probability():
     admissible = jnp.ones((5, n), bool).at[2].set(False)
     drawn = np.asarray(drawn_actions(jax.random.key(3), logits, admissible))
     found = np.bincount(drawn, minlength=5) / n
-    np.testing.assert_allclose(found, np.exp(np.asarray(log_shares(logits, admissible))[:, 0]), atol=0.01)
+    np.testing.assert_allclose(found, np.exp(np.asarray(log_probabilities(logits, admissible))[:, 0]), atol=0.01)
 
 
 def test_the_network_is_layer_after_layer(network):
