@@ -25,7 +25,7 @@ from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.parts import Parts, measured_drivers
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import known
-from rearl_jax.discovery.read.gate import SMOOTHING, Finding, amount
+from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.report.errors import ModelErrors, model_errors
@@ -241,9 +241,7 @@ def _effects(
     solver: Solver, outcome: Search, left: Adequacy, findings: Sequence[Finding], confidence: float
 ) -> list[Claim]:
     """Claims: artefacts that the columns show, then what was added, with the numbers of the final model."""
-    effects = [found_in_columns(finding, confidence) for finding in findings]
-    if amount(findings, SMOOTHING):
-        return effects  # what drivers seem to do may be what the smoothing left of it: candidates, not claims
+    effects = [found_in_columns(finding, confidence) for finding in findings if finding.is_artefact]
     most, doubtful = THRESHOLDS.most_confidence, THRESHOLDS.doubtful_confidence
     usual = most if left.is_enough and not leaves_shifts(outcome) else doubtful
     if outcome.clocks is not None:
@@ -303,6 +301,7 @@ def _described(parts: Parts, solver: Solver, notes: Sequence[str]) -> dict[str, 
         "driver_seconds": parts.fitted.seconds + parts.checked.seconds + parts.reported.seconds,
         "step": parts.fitted.dt,
         "position_noise": parts.fitted.noise,
+        "properties": {finding.name: finding.value for finding in parts.findings if not finding.is_artefact},
         "findings": [finding.words for finding in parts.findings],
         "notes": list(notes),
     }

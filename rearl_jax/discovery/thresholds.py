@@ -78,7 +78,7 @@ class Thresholds:
     """Effects of car following that are added one after the other at most."""
 
     most_from_one_driver: float = 12.0
-    """Bound of what one driver can contribute to gain or check [nats]: no single driver decides."""
+    """Bound of what one driver can contribute to gain or check in a minute or less [nats]: no single driver decides."""
 
     least_gain: float = 3.0
     """Gain of the fitted drivers, the price of freedom paid, that a candidate must exceed [nats]."""

@@ -30,6 +30,6 @@ def simulated_error(solver: Solver, state: FitState) -> Float[np.ndarray, "steps
 
 def calibrated_to_gap(solver: Solver, state: FitState) -> FitState:
     """The same drivers with parameters that simulate the gap best."""
-    start = copied(state, pieces=replace_gain(state.pieces, CLOSED_LOOP), variance=TYPICAL_ERROR**2)
+    start = copied(state, pieces=replace_gain(state.pieces, CLOSED_LOOP), variance=TYPICAL_ERROR**2, freedom=np.inf)
     solver.solve([start], iterations=20, tolerance=0.1)
     return start

@@ -43,7 +43,7 @@ def _log_width(state: FitState) -> float:
     """Logarithm of how sharply the drivers' own parameters are known, against their population."""
     assert state.sums is not None
     n_own = state.z.shape[1]
-    own = state.sums.gram[:, :n_own, :n_own] / state.variance + np.eye(n_own)
+    own = state.sums.gram[:, :n_own, :n_own] / state.variances[:, None, None] + np.eye(n_own)
     return float(np.linalg.slogdet(own)[1].sum())
 
 

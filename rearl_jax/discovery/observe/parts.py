@@ -30,7 +30,7 @@ class Parts:
         id: Identity of the data.
         generated: Whether any of the data were generated, not measured.
         infos: What is known about the recordings.
-        findings: Artefacts that the columns show.
+        findings: Artefacts and properties of the measurement that the columns show.
         fitted: Drivers that everything is fitted to.
         checked: Others, on whom it is checked.
         reported: Others again, on whom the error is reported, once.

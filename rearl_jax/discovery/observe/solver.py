@@ -2,12 +2,15 @@
 
 Minimises for a state (one data set under one candidate)
 
-    sum over steps of nu^2 / (2 S) + sum over drivers |z - mean|^2 / 2 + |mean|^2 / 2 + |(theta - ref) / scale|^2 / 2
+    sum over drivers [(n + f) / 2 log S - f / 2 log S_usual + |z - mean|^2 / 2]
+        + |mean|^2 / 2 + |(theta - ref) / scale|^2 / 2,   S = (f S_usual + sum over steps of nu^2) / (f + n)
 
 by Levenberg-Marquardt steps with one block per driver, eliminated by a Schur complement. The population's spread
-stays at its prior: shrinking it towards the data makes false evidence. S is the mean squared innovation.
+stays at its prior: shrinking it towards the data makes false evidence. S is the variance of a driver's innovations, n
+of which count; it scatters between drivers about S_usual as if each had shown f innovations before.
 
-Source: Marquardt, SIAM J. Appl. Math. 11 (1963) 431; block elimination as in bundle adjustment, Triggs et al. (2000).
+Source: Marquardt, SIAM J. Appl. Math. 11 (1963) 431; block elimination as in bundle adjustment, Triggs et al. (2000);
+a variance of its own for everybody integrated out, Gelman et al., Bayesian Data Analysis (2013), chapter 3.
 """
 
 from collections.abc import Sequence
@@ -30,6 +33,12 @@ CLASSES = 2
 SIDE_BY_SIDE = 512
 """Pieces that fill all cores."""
 
+VARIANCE_FREEDOM = 40.0
+"""Innovations f that what is known of all drivers is worth for the variance of one driver's."""
+
+VARIANCE_ITERATIONS = 5
+"""Steps of the search for S_usual after each step of the search for everything else."""
+
 LONGEST_STEP = 1.0
 """Bound of a step of a driver's standardised parameters [-]."""
 
@@ -45,9 +54,10 @@ class FitState:
         mean: Their mean over cars and trucks.
         theta: What was added.
         active: Terms that have been added; theirs are the places of theta that are searched.
-        variance: Mean squared innovation S [m^2].
+        variance: Usual variance of the innovations, S_usual [m^2].
+        freedom: Innovations f that it is worth; inf where all drivers have the usual variance.
         holds_population: Whether the mean stays as it is, and only the drivers are searched.
-        holds_variance: Whether S stays as it is.
+        holds_variance: Whether S_usual stays as it is.
         holds_theta: Whether what was added stays as it is.
         sums: At these parameters; None until they have been evaluated.
         log: The objective after each step of the search [nats].
@@ -60,6 +70,7 @@ class FitState:
     theta: Float[np.ndarray, " parameters"]
     active: tuple[Term, ...]
     variance: float
+    freedom: float = VARIANCE_FREEDOM
     holds_population: bool = False
     holds_variance: bool = False
     holds_theta: bool = False
@@ -73,10 +84,20 @@ class FitState:
         out[self.data.driver] = self.data.is_truck
         return out
 
+    @property
+    def variances(self) -> Float[np.ndarray, " drivers"]:
+        """Variance S of each driver's innovations [m^2]; the usual one before they have been evaluated."""
+        if self.sums is None or np.isinf(self.freedom):
+            return np.full(self.data.n_drivers, self.variance)
+        return (self.freedom * self.variance + self.sums.square) / (self.freedom + self.sums.count)
+
     def log_likelihood(self) -> Float[np.ndarray, " drivers"]:
-        """Of each driver's innovations at S, without the constant [nats]."""
+        """Log-likelihood of each driver's innovations, its variance integrated out, without the constant [nats]."""
         assert self.sums is not None
-        return -0.5 * self.sums.square / self.variance - 0.5 * np.log(self.variance) * self.sums.count
+        n, square = self.sums.count, self.sums.square
+        if np.isinf(self.freedom):
+            return -0.5 * square / self.variance - 0.5 * np.log(self.variance) * n
+        return 0.5 * self.freedom * np.log(self.variance) - 0.5 * (n + self.freedom) * np.log(self.variances)
 
     def penalised(self) -> Float[np.ndarray, " drivers"]:
         """Log-likelihood of each driver and of its parameters in their population [nats]."""
@@ -210,7 +231,7 @@ class Solver:
         z = np.concatenate([state.z[state.data.driver].T for state in states], axis=1)
         n_pieces = [len(state.data.driver) for state in states]
         theta = np.repeat(np.stack([state.theta for state in states], axis=1), n_pieces, axis=1)
-        deviation = np.repeat([np.sqrt(state.variance) for state in states], n_pieces)
+        deviation = np.concatenate([np.sqrt(state.variances)[state.data.driver] for state in states])
         return {"z": z, "theta": theta, "pieces": replace(joined, deviation=deviation)}
 
 
@@ -246,20 +267,16 @@ def _added(values: np.ndarray, data: Measured) -> np.ndarray:
 
 
 def _adapt_variance(state: FitState) -> None:
-    assert state.sums is not None
+    """Moves S_usual towards where it is most likely, the harmonic mean of the drivers' variances."""
     if not state.holds_variance:
-        state.variance = float(state.sums.square.sum() / max(state.sums.count.sum(), 1.0))
+        for _ in range(VARIANCE_ITERATIONS):
+            state.variance = float(1 / np.mean(1 / state.variances))
 
 
 def _objective(state: FitState, layout: Layout, free: np.ndarray) -> float:
-    """Objective [nats], at the present S."""
-    assert state.sums is not None
-    n = state.sums.count.sum()
-    square = state.sums.square.sum()
-    misfit = square / (2 * state.variance) if state.holds_variance else 0.5 * n * np.log(square / n)
+    """Objective [nats], at the present S_usual."""
     off = (state.theta - layout.reference)[free] / layout.scale[free]
-    population = 0.5 * ((state.z - state.mean[state.truck]) ** 2).sum() + 0.5 * (state.mean**2).sum()
-    return float(misfit + population + 0.5 * (off**2).sum())
+    return float(-state.penalised().sum() + 0.5 * (state.mean**2).sum() + 0.5 * (off**2).sum())
 
 
 def _stepped(state: FitState, damping: float, layout: Layout, free: np.ndarray) -> FitState:
@@ -269,8 +286,8 @@ def _stepped(state: FitState, damping: float, layout: Layout, free: np.ndarray) 
     own, added = slice(0, n_own), slice(n_own, size)
     unit, scale = layout.unit[free], layout.scale[free]
     steps = np.concatenate([np.ones(n_own), unit])
-    gram = state.sums.gram[:, :size, :size] * (steps[:, None] * steps) / state.variance
-    gradient = state.sums.gradient[:, :size] * steps / state.variance
+    gram = state.sums.gram[:, :size, :size] * (steps[:, None] * steps) / state.variances[:, None, None]
+    gradient = state.sums.gradient[:, :size] * steps / state.variances[:, None]
     away = state.z - state.mean[state.truck]
     n_mean = 0 if state.holds_population else CLASSES * n_own
     n, size = len(state.z), n_mean + len(free)

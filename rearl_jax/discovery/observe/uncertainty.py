@@ -38,7 +38,8 @@ def known(solver: Solver, state: FitState) -> Known:
     """
     assert state.sums is not None
     free = solver.free(state)
-    gram, gradient = state.sums.gram / state.variance, state.sums.gradient / state.variance
+    gram = state.sums.gram / state.variances[:, None, None]
+    gradient = state.sums.gradient / state.variances[:, None]
     n_own = state.z.shape[1]
     own, added = slice(0, n_own), slice(n_own, n_own + len(free))
     inverse = np.linalg.inv(gram[:, own, own] + np.eye(n_own))
@@ -62,7 +63,7 @@ def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:
     assert state.sums is not None
     n_own = state.z.shape[1]
     own, added = slice(0, n_own), slice(n_own, n_own + n_free)
-    gram = state.sums.gram / state.variance
+    gram = state.sums.gram / state.variances[:, None, None]
     coupling = gram[:, own, added]
     response = np.linalg.solve(gram[:, own, own] + np.eye(n_own), coupling)
     return response, (gram[:, added, added] - np.einsum("dij,dik->djk", coupling, response)).sum(axis=0)

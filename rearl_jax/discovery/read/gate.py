@@ -11,20 +11,17 @@ import numpy as np
 from rearl_jax.discovery.read.smoothing import Thinned, cut_off, position_noise, smoothed, track_bounds
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
-SMOOTHING = "smoothing"
-"""Name of the artefact that leaves nothing to claim about drivers: what they seem to do may be what it left of it."""
-
-
 LOWEST_FREQUENCY = 2.0
 """Cut-off [rad/s] of the comparison: slower than any noise, faster than any drift."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """An artefact that the columns themselves show.
+    """An artefact, or a property of the measurement, that the columns themselves show.
 
     Attributes:
         name: As in the verdict.
+        is_artefact: Whether a column is wrong; else this is how measurements are, which the observer allows for.
         parameter: Name of its number.
         unit: Unit of the number.
         value: The number.
@@ -33,6 +30,7 @@ class Finding:
     """
 
     name: str
+    is_artefact: bool
     parameter: str
     unit: str
     value: float
@@ -57,6 +55,7 @@ def gate(tables: Sequence[Thinned], smoothing: float) -> list[Finding]:
         found.append(
             Finding(
                 f"{late}_lag",
+                True,
                 "lag",
                 "s",
                 abs(lag[0]),
@@ -68,6 +67,7 @@ def gate(tables: Sequence[Thinned], smoothing: float) -> list[Finding]:
         found.append(
             Finding(
                 "speed_scale",
+                True,
                 "factor",
                 "-",
                 1 + scale[0],
@@ -79,10 +79,10 @@ def gate(tables: Sequence[Thinned], smoothing: float) -> list[Finding]:
     if typical > THRESHOLDS.noisy_positions:
         spread = float(np.std(noise) / np.sqrt(len(noise))) if len(noise) > 1 else 0.05 * typical
         words = f"positions scatter by {typical:.2f} m, more than a motorway camera's"
-        found.append(Finding("position_noise", "sd", "m", typical, spread, words))
+        found.append(Finding("position_noise", False, "sd", "m", typical, spread, words))
     if smoothing:
         words = f"positions have been smoothed over about {smoothing:.1f} s before they were released"
-        found.append(Finding(SMOOTHING, "time", "s", smoothing, 0.2 * smoothing, words))
+        found.append(Finding("smoothing", False, "time", "s", smoothing, 0.2 * smoothing, words))
     return found
 
 

@@ -105,6 +105,7 @@ class Measured:
         dt: Time step [s].
         stride: Time steps from one that says something new to the next; those between do not count.
         noise: Standard deviation of the measured positions [m].
+        smoothing: Width of the kernel that positions were smoothed with before they were released [s]; 0 for none.
         jumps: Jumps of positions in the recordings, around which nothing counts.
     """
 
@@ -122,6 +123,7 @@ class Measured:
     dt: float
     stride: int
     noise: float
+    smoothing: float = 0.0
     jumps: int = 0
 
     @property
@@ -133,6 +135,12 @@ class Measured:
     def seconds(self) -> float:
         """Driver-seconds that count [s]; a time step stands for the time to the next one that says something new."""
         return float(np.sum(self.weight) * self.dt * self.stride)
+
+    @property
+    def driver_minutes(self) -> Float[np.ndarray, " drivers"]:
+        """Time of each driver that counts [min]."""
+        seconds = self.weight.sum(axis=0) * self.dt * self.stride
+        return np.bincount(self.driver, seconds, self.n_drivers) / 60
 
     def looks(self) -> Float[np.ndarray, " steps"]:
         """1 where something new is measured."""

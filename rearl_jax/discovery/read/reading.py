@@ -105,7 +105,7 @@ def measure(
         remedy = "see with `rearl prepare` what was left out"
         raise InvalidInputError(Problem("nobody-follows", f"{said}or tracks cut into fragments", remedy))
     n_jumps = sum(int(part.jumps.sum()) for part in rows)
-    whole = Measured(**joined(used), dt=dt, stride=stride, noise=noise, jumps=n_jumps)
+    whole = Measured(**joined(used), dt=dt, stride=stride, noise=noise, smoothing=smooth.drives, jumps=n_jumps)
     return whole.select(np.arange(len(whole.driver)))
 
 

@@ -79,7 +79,7 @@ def _unknown(fit: Fit, members: np.ndarray) -> np.ndarray:
     """Share of each parameter's prior variance that the data left, on average [-]."""
     assert fit.state.sums is not None
     n_own = fit.state.z.shape[1]
-    gram = fit.state.sums.gram[members][:, :n_own, :n_own] / fit.state.variance
+    gram = fit.state.sums.gram[members][:, :n_own, :n_own] / fit.state.variances[members, None, None]
     left = np.einsum("dii->di", np.linalg.inv(gram + np.eye(n_own)))
     return np.clip(left.mean(axis=0), 0.0, 1.0)
 

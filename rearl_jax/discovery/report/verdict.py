@@ -15,7 +15,7 @@ lane_choice  {changes, opportunities, loss: {before, after, change}}: lane chang
              the mean log-loss of the report drivers' choices [nats], null where there were too few; what was found
              is in `effects` and `candidates`, see `words.is_lane_choice`
 data         {id, recordings, generated, drivers: {fitted, checked, reported}, driver_seconds, step, position_noise,
-             findings, notes}
+             properties: {smoothing [s], position_noise [m], ...}: how measurements are, findings, notes}
 thresholds   {name: value}: every number that decided what is claimed, see `thresholds.py`
 seconds      how long it took
 """
@@ -30,7 +30,7 @@ from rearl_jax.discovery.claims import Claim, Estimate, share_of
 from rearl_jax.discovery.observe.candidates import TWINS, Candidate, Layout, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.uncertainty import interval
-from rearl_jax.discovery.read.gate import SMOOTHING, Finding, amount
+from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.decision import Trial
@@ -103,12 +103,10 @@ def differing_clocks(check: ClockCheck, reliability: float) -> Claim:
 def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) -> str:
     """One word: named, artefact, unexplained or nothing."""
     added = [trial.candidate.kind for trial in search.added]
-    if amount(findings, SMOOTHING):
-        return "artefact"
     if any(kind in ("driver", "road") for kind in added):
         is_doubtful = any(search.is_doubtful(trial) for trial in search.added) or leaves_shifts(search)
         return "unexplained" if is_doubtful or not adequacy.is_enough else "named"
-    if findings:
+    if any(finding.is_artefact for finding in findings):
         return "artefact"
     if search.clocks is not None and not adequacy.is_of_clocks:
         return "unexplained"

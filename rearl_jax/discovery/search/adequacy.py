@@ -33,6 +33,11 @@ REASONABLE = (-5.0, 3.0)
 """Accelerations a driver may want [m/s^2]; beyond them, a leader is measured too close."""
 
 
+EVEN_FOR = 20.0
+"""Time within which a driver's noise is taken to be of one size [s]: on measured drives the excess kurtosis of 0.18 is
+still 0.17 where every driver has a size of its own, and -0.03 where every 20 s have one.
+"""
+
 REPLICATES = 8
 """Times the drives are made again, to see what noise alone leaves: its mean is known to 0.35 standard deviations."""
 
@@ -115,9 +120,8 @@ def adequacy(solver: Solver, found: Search, seed: int) -> Adequacy:
     everybody = residuals_of(solver, states, [found.last, found.last])
     chance = by_noise_alone(solver, states, found.last, seed)
     left = everybody[0]
-    innovation = left.innovation
     weight = state.data.weight
-    variance = (innovation**2 * weight).sum() / weight.sum()
+    innovation, before = standardised(left.innovation, state.data), standardised(before, state.data)
     lag = state.data.stride
     pair = weight[lag:] * weight[:-lag]
     neighbours = (innovation[lag:] * innovation[:-lag] * pair).sum() / pair.sum()
@@ -126,8 +130,8 @@ def adequacy(solver: Solver, found: Search, seed: int) -> Adequacy:
         kurtosis=kurtosis(innovation, weight),
         kurtosis_deviation=float(np.sqrt(24.0 / weight.sum())),
         kurtosis_before=kurtosis(before, weight),
-        autocorrelation=float(neighbours / variance),
-        unequal_noise=unequal_noise(innovation, state.data),
+        autocorrelation=float(neighbours),
+        unequal_noise=unequal_noise(left.innovation, state.data),
         misjudgement=misjudgement(everybody, chance),
         staleness=staleness(everybody, chance),
         remaining=(term, float(last.z_score[term])),
@@ -142,6 +146,18 @@ def by_noise_alone(solver: Solver, states: Sequence[FitState], fit: Fit, seed: i
         for part, state in enumerate(states)
     ]
     return [residuals_of(solver, again, [fit] * len(again)) for again in zip(*parts, strict=True)]
+
+
+def standardised(innovation: Float[np.ndarray, "steps pieces"], data: Measured) -> Float[np.ndarray, "steps pieces"]:
+    """Innovations over their own usual size around each moment of each driver [-]: drivers differ in how evenly they
+    drive, and drive less evenly while they accelerate or brake.
+    """
+    energy = np.cumsum(np.pad(innovation**2 * data.weight, ((1, 0), (0, 0))), axis=0)
+    count = np.cumsum(np.pad(data.weight, ((1, 0), (0, 0))), axis=0)
+    half, row = round(EVEN_FOR / 2 / data.dt), np.arange(len(innovation))
+    first, last = np.maximum(row - half, 0), np.minimum(row + half + 1, len(innovation))
+    usual = (energy[last] - energy[first]) / np.maximum(count[last] - count[first], 1.0)
+    return innovation / np.sqrt(np.maximum(usual, 1e-12))
 
 
 def kurtosis(innovation: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarray, "steps pieces"]) -> float:

@@ -12,7 +12,7 @@ from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, Clocks, Estimate, P
 from rearl_jax.discovery.observe.fit import Fit, on_others
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.search.decision import bounded_gain
+from rearl_jax.discovery.search.decision import bounded_gains
 from rearl_jax.discovery.search.screen import scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -85,7 +85,9 @@ def put_right(solver: Solver, shifts: Shifts, base: Fit) -> PutRight:
         estimate = shifts.estimate(values, seen.driver_score, seen.driver_information)
         values, data = estimate.values, shifts.corrected(estimate.values)
         (state,) = on_others(solver, data, [base])
-        corrected = PutRight(data, estimate, bounded_gain(state.penalised() - before) - estimate.cost)
+        corrected = PutRight(
+            data, estimate, float(bounded_gains(state.penalised() - before, data).sum()) - estimate.cost
+        )
         best = corrected if best is None or corrected.gain > best.gain else best
     assert best is not None
     return best

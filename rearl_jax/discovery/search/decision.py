@@ -9,6 +9,7 @@ from rearl_jax.discovery.observe.candidates import Candidate
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.solver import FitState, Solver
 from rearl_jax.discovery.observe.uncertainty import price
+from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
@@ -19,8 +20,8 @@ class Trial:
     Attributes:
         candidate: Which.
         fit: With it.
-        fitted: Gain of each driver where it was fitted [nats].
-        checked: Gain of each other driver, all of whom found their own parameters anew [nats].
+        fitted: Gain of each driver where it was fitted [nats], within the bounds of what one driver can contribute.
+        checked: Gain of each other driver, all of whom found their own parameters anew [nats], within these bounds.
         price: Paid for its freedom [nats].
         null_mean: What all drivers together gain where nothing is missing [nats].
     """
@@ -35,12 +36,12 @@ class Trial:
     @property
     def gain(self) -> float:
         """Gain where it was fitted, paid for [nats]."""
-        return bounded_gain(self.fitted) - self.price
+        return float(self.fitted.sum()) - self.price
 
     @property
     def check(self) -> float:
         """Gain on the other drivers [nats]."""
-        return bounded_gain(self.checked)
+        return float(self.checked.sum())
 
     @property
     def total(self) -> float:
@@ -61,10 +62,10 @@ class Trial:
         )
 
 
-def bounded_gain(gains: Float[np.ndarray, " drivers"]) -> float:
-    """Sum of the gains of all drivers, each within the bound of what one driver can contribute [nats]."""
-    most = THRESHOLDS.most_from_one_driver
-    return float(np.clip(gains, -most, most).sum())
+def bounded_gains(gains: Float[np.ndarray, " drivers"], data: Measured) -> Float[np.ndarray, " drivers"]:
+    """Gain of each driver within the bounds of what one can contribute [nats]; they grow with what was seen of it."""
+    most = THRESHOLDS.most_from_one_driver * np.maximum(data.driver_minutes, 1.0)
+    return np.clip(gains, -most, most)
 
 
 def trial_of(
@@ -76,7 +77,8 @@ def trial_of(
     cost = price(solver, fit.state, candidate.free)
     if candidate.kind == "generic":
         cost += THRESHOLDS.freedom_price
-    fitted, checked = fit.state.penalised() - base.penalised(), other.penalised() - other_base.penalised()
+    fitted = bounded_gains(fit.state.penalised() - base.penalised(), base.data)
+    checked = bounded_gains(other.penalised() - other_base.penalised(), other.data)
     return Trial(candidate, fit, fitted, checked, cost, null_mean)
 
 

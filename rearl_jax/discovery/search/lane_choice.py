@@ -1,7 +1,6 @@
 """The choice of the lane beside car following: what is found about it, and how it goes into a verdict."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 from rearl_jax.config import DiscoverConfig
@@ -10,7 +9,6 @@ from rearl_jax.discovery.lane_changes import KnownDrivers, LaneChangeFindings, l
 from rearl_jax.discovery.observe.fit import on_others
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.read.gate import SMOOTHING, amount
 from rearl_jax.discovery.search.procedure import Search
 
 
@@ -25,11 +23,7 @@ def lane_choice(
         return few  # before anybody is calibrated for it
     known = KnownDrivers.of([found.first.state, *on_others(solver, found.checked, [found.first])], solver.layout.prior)
     split = [part.vehicle for part in (parts.fitted, parts.checked, parts.reported)]
-    lanes = lane_change_findings(recordings, known, split, options.confidence, options.seed)
-    if lanes.effects and amount(parts.findings, SMOOTHING):
-        # As with car following: candidates, not claims.
-        return replace(lanes, effects=(), words=f"{lanes.words}; not claimed, for the positions have been smoothed")
-    return lanes
+    return lane_change_findings(recordings, known, split, options.confidence, options.seed)
 
 
 def with_lane_choice(verdict: dict[str, Any], lanes: LaneChangeFindings) -> dict[str, Any]:

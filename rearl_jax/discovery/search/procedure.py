@@ -16,7 +16,7 @@ from rearl_jax.discovery.search.clock_check import ClockCheck, check_clocks, put
 from rearl_jax.discovery.search.decision import Trial, believed, not_told_apart, trial_of
 from rearl_jax.discovery.search.families import confounded, with_families
 from rearl_jax.discovery.search.null import Null
-from rearl_jax.discovery.search.refit import rebased, refit
+from rearl_jax.discovery.search.refit import nested, rebased, refit
 from rearl_jax.discovery.search.screen import Score, clock_evidence, evidences, scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -216,6 +216,7 @@ def _round(
         new = [layout.candidates[term] for term in order if term in tried - fits.keys()]
         fits |= refit(solver, base, new, seen, lambda k, n: report("fitting candidates", k, n))
         base = rebased(solver, base, fits)
+        fits = nested(solver, base, fits)
         report("checking on other drivers", 0, 1)
         trials = _trials(solver, base, fits, outcome)
         accepted = believed(
@@ -245,11 +246,14 @@ def _is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
 
 
 def _is_of_numerics(trial: Trial) -> bool:
-    """True if it is a reaction delay of less than a time step, which is not of the driver."""
+    """True if it is a reaction delay of less than a time step, or than the kernel that positions were smoothed
+    with, which is not of the driver.
+    """
     if trial.candidate.term != Term("reaction_delay"):
         return False
     (place,) = trial.candidate.free
-    return bool(abs(trial.fit.state.theta[place]) < trial.fit.state.data.dt)
+    data = trial.fit.state.data
+    return bool(abs(trial.fit.state.theta[place]) < max(data.dt, data.smoothing))
 
 
 def _is_additional(trial: Trial, added: list[Trial]) -> bool:

@@ -139,6 +139,21 @@ def refit(
     return fits
 
 
+def nested(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> dict[Term, Fit]:
+    """The fits, none of them worse than the model without its candidate: those that are begin again from that model.
+
+    Without its candidate a model is the same model, so a worse fit is a search that has stopped too early.
+    """
+    better = {}
+    for term, fit in fits.items():
+        if fit.state.log[-1] > base.state.log[-1]:
+            again = copied(base.state, active=fit.state.active)
+            solver.solve([again], iterations=20, tolerance=0.05)
+            fit = min(fit, replace(fit, state=again, noise=base.noise), key=lambda one: one.state.log[-1])
+        better[term] = fit
+    return better
+
+
 def rebased(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> Fit:
     """The model without the candidates, fitted again from each one's drivers, under its noise: a stuck baseline would
     hand every candidate the same false gain.

@@ -66,8 +66,9 @@ def _scores(
     free: np.ndarray,
     layout: Layout,
 ) -> dict[Term, Score]:
-    variance, n_kept, n_own = state.variance, len(free), layout.prior.size
-    gradient, nuisance = sums["gradient"] / variance, sums["nuisance"] / variance
+    n_kept, n_own = len(free), layout.prior.size
+    variances = state.variances
+    gradient, nuisance = sums["gradient"] / variances[:, None], sums["nuisance"] / variances[:, None, None]
     away = state.z - state.mean[state.truck]
     block = nuisance[:, :n_own, :n_own] + np.eye(n_own)
     coupling = nuisance[:, :n_own, n_own:]
@@ -101,7 +102,7 @@ def _scores(
     found = {}
     for term, (number, group) in groups.items():
         index = np.array(group)
-        own = sums[f"block_{number}"] / variance
+        own = sums[f"block_{number}"] / variances[:, None, None]
         own = own - np.einsum("dij,dik->djk", coupling[:, :, index], response[:, :, index])
         information = own.sum(axis=0) - across[index] @ kept[:, index]
         for coupled, answer in by_class:
