@@ -112,10 +112,21 @@ class Thresholds:
     they were behind by 7 and 12.
     """
 
+    contradiction_share: float = 0.8
+    """Share of resamples of drivers in which the closed-loop error must be larger with a candidate than without for
+    simulations to contradict it [-].
+    """
+
     rejection_share: float = 0.95
     """Share of resamples of drivers in which the closed-loop error must be larger for an addition to be rejected
     [-].
     """
+
+    simulated_memory: float = 15.0
+    """Time after which errors of a simulation are independent of those before [s]."""
+
+    leading_simulated: int = 5
+    """Candidates that hold whose simulations are asked, the ones with the largest totals."""
 
     most_kurtosis: float = 0.1
     """Excess kurtosis of the innovations beyond which something not smooth is left [-]."""

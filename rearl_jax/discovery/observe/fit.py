@@ -8,7 +8,7 @@ import numpy as np
 from rearl_jax.discovery.observe.candidates import Candidate
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, best_noise, noises
-from rearl_jax.discovery.observe.solver import FitState, Solver, new_state, with_gain
+from rearl_jax.discovery.observe.solver import FitState, Solver, new_state, with_noise
 from rearl_jax.discovery.read.measured import Measured
 
 
@@ -34,7 +34,7 @@ def on_others(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[FitSt
     """
     states = []
     for fit in fits:
-        state = new_state(data, solver.layout, fit.noise.gain(data.dt, data.stride))
+        state = new_state(data, solver.layout, fit.noise)
         state.mean, state.theta, state.active = fit.state.mean.copy(), fit.state.theta.copy(), fit.state.active
         state.z = state.mean[state.truck]
         state.variance = fit.state.variance
@@ -50,11 +50,11 @@ def with_others(solver: Solver, fit: Fit, data: Measured) -> Fit:
     What few drivers show at times, such as what follows a cut-in, needs all of them to be seen.
     """
     state = fit.state
-    both = new_state(state.data.beside(data), solver.layout, fit.noise.gain(data.dt, data.stride))
+    both = new_state(state.data.beside(data), solver.layout, fit.noise)
     both.mean, both.theta, both.active = state.mean.copy(), state.theta, state.active
     both.z = np.concatenate([state.z, both.mean[both.truck[state.data.n_drivers :]]])
     solver.solve([both], iterations=15, tolerance=0.3)
     noise, _ = best_noise(solver, both, noises(fit.noise, ACCELERATIONS))
-    both = with_gain(both, noise.gain(data.dt, data.stride))
+    both = with_noise(both, noise)
     solver.solve([both], iterations=15, tolerance=0.05)
     return replace(fit, state=both, noise=noise)

@@ -84,12 +84,18 @@ class Noise:
         time: Its correlation time [s].
         position: Standard deviation of measured positions [m].
         position_time: Correlation time of their errors [s]; 0 where every time step is measured anew.
+        independent: Share of the innovations that are worth as much as all of them, which go together with those before
+            where noise is not quite of this form [-].
+        growth: Growth of the innovations' variance with the squared acceleration of the leader [s^4/m^2]; a driver who
+            is made to accelerate or brake drives less evenly.
     """
 
     acceleration: float
     time: float
     position: float
     position_time: float = 0.0
+    independent: float = 1.0
+    growth: float = 0.0
 
     def gain(self, dt: float, stride: int = 1) -> Gain:
         """Gain in the steady state.

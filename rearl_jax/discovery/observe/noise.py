@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from rearl_jax.discovery.observe.kalman import Noise
-from rearl_jax.discovery.observe.solver import FitState, Solver, new_state, with_gain
+from rearl_jax.discovery.observe.observer import unrest
+from rearl_jax.discovery.observe.solver import FitState, Solver, new_state, with_noise
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.smoothing import lasting_noise
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -18,6 +19,12 @@ TIMES = (0.6, 1.5, 4.0)
 """Correlation times that are tried [s]. Source of the middle: Zhang & Sun, arXiv:2210.03571 (highD, about 1.4 s)."""
 
 USUAL = Noise(0.15, 1.5, 0.1)
+
+MOST_GROWTH = 3.0
+"""Bound of the growth of noise with the squared acceleration of the leader [s^4/m^2]."""
+
+INDEPENDENT_AFTER = 4.0
+"""Time after which innovations have nothing to do with each other [s]."""
 
 LASTING = (0.2, 0.5, 1.0)
 """Correlation times of position errors that are tried beside none [s]: of trackers and filters."""
@@ -32,7 +39,7 @@ def best_noise(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple
     Source: restricted likelihood, Patterson & Thompson, Biometrika 58 (1971) 545.
     """
     # S is what each observer expects, not what fits best: the errors' size says how large the noise is.
-    trials = [with_gain(state, noise.gain(state.data.dt, state.data.stride)) for noise in tried]
+    trials = [with_noise(state, noise) for noise in tried]
     solver.sums(trials)
     likely = [float(trial.log_likelihood().sum()) - 0.5 * _log_width(trial) for trial in trials]
     best = int(np.argmax(likely))
@@ -61,7 +68,7 @@ def noises(like: Noise, accelerations: Sequence[float]) -> list[Noise]:
 def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     """Drivers, their population and the noise, jointly, with nothing added to the model."""
     usual = replace(USUAL, position=data.noise)
-    state = new_state(data, solver.layout, usual.gain(data.dt, data.stride))
+    state = new_state(data, solver.layout, usual)
     solver.solve([state], iterations=8, tolerance=1.0)
     noise, likely = best_noise(solver, state, noises(usual, ACCELERATIONS))
     lasting = [
@@ -72,6 +79,42 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     other, with_lasting = best_noise(solver, state, lasting)
     if with_lasting > likely + THRESHOLDS.lasting_noise_gain:
         noise, _ = best_noise(solver, state, noises(other, ACCELERATIONS))
-    state = with_gain(state, noise.gain(data.dt, data.stride))
+    state = with_noise(state, noise)
     solver.solve([state])
+    noise = _as_innovations_are(solver, state, noise)
+    state = with_noise(state, noise)
+    solver.solve([state], iterations=10)
     return state, noise
+
+
+def _as_innovations_are(solver: Solver, state: FitState, noise: Noise) -> Noise:
+    """The noise with its growth and with the share of innovations that are independent, from those of a fitted state.
+
+    Source: variance of a mean of correlated numbers, initial positive sequence, Geyer, Stat. Sci. 7 (1992) 473.
+    """
+    data = state.data
+    (innovation,) = solver.innovations([state])
+    relative = innovation**2 / state.variances[data.driver]
+    counts, size = data.weight, unrest(data)
+    size_mean, mean = (float((values * counts).sum() / counts.sum()) for values in (size, relative))
+    slope = float(
+        (relative * (size - size_mean) * counts).sum() / max(float(((size - size_mean) ** 2 * counts).sum()), 1e-9)
+    )
+    level = mean - slope * size_mean
+    growth = min(max(slope, 0.0) / max(level, 0.1 * mean), MOST_GROWTH)
+    even = innovation / np.sqrt(state.variances[data.driver] * (1 + growth * size))
+    total, correlated = 0.0, _autocorrelation(even, counts, data.stride, round(INDEPENDENT_AFTER / data.dt))
+    for one, next_one in zip(correlated[::2], correlated[1::2], strict=False):
+        if one + next_one <= 0:
+            break
+        total += one + next_one
+    return replace(noise, growth=growth, independent=1.0 / (1.0 + 2.0 * total))
+
+
+def _autocorrelation(values: np.ndarray, counts: np.ndarray, stride: int, most: int) -> np.ndarray:
+    """Correlation of values that count with those one, two, ... strides later [-]."""
+    lags = range(stride, min(most, len(values) - 1) + 1, stride)
+    kept = values * counts
+    square = float((kept**2).sum() / max(counts.sum(), 1.0))
+    pairs = [(kept[lag:] * kept[:-lag]).sum() / max((counts[lag:] * counts[:-lag]).sum(), 1.0) for lag in lags]
+    return np.array(pairs) / max(square, 1e-12)

@@ -23,9 +23,12 @@ from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.effects.effect import Effect
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.following import begin_effects, follow
-from rearl_jax.discovery.observe.kalman import Gain, State, correct, halfway, predict
+from rearl_jax.discovery.observe.kalman import Gain, Noise, State, correct, halfway, predict
 from rearl_jax.discovery.observe.lens import Lens
 from rearl_jax.discovery.read.measured import Measured, Surroundings
+
+MOST_UNREST = 4.0
+"""Bound of the squared acceleration of a leader that the noise of its follower grows with [m^2/s^4]."""
 
 
 class Pieces(eqx.Module):
@@ -151,12 +154,12 @@ def synchronised(around: Surroundings, shift: Float[Array, "*n"]) -> Surrounding
     )
 
 
-def pieces_of(data: Measured, gain: Gain) -> Pieces:
-    """The pieces of measured drives as the observer takes them, all with one gain."""
-    n = len(data.driver)
+def pieces_of(data: Measured, noise: Noise) -> Pieces:
+    """The pieces of measured drives as the observer takes them, all with one noise."""
+    n, gain = len(data.driver), noise.gain(data.dt, data.stride)
     return Pieces(
         y=data.y,
-        weight=data.weight,
+        weight=weights(data, noise),
         looks=np.repeat(data.looks()[:, None], n, axis=1),
         start=np.stack([data.smooth[0], data.smooth_speed[0]]),
         seen=data.halfway(),
@@ -166,6 +169,16 @@ def pieces_of(data: Measured, gain: Gain) -> Pieces:
         deviation=np.full(n, np.sqrt(gain.variance)),
         known=np.zeros((1, n)),
     )
+
+
+def weights(data: Measured, noise: Noise) -> Float[np.ndarray, "steps pieces"]:
+    """Weight of each innovation: what it is worth over its variance, as a share of the usual one of its driver [-]."""
+    return data.weight * noise.independent / (1 + noise.growth * unrest(data))
+
+
+def unrest(data: Measured) -> Float[np.ndarray, "steps pieces"]:
+    """Squared acceleration of the leader [m^2/s^4], bounded; the driver's own would depend on the noise itself."""
+    return np.minimum(data.around.leader_acceleration**2, MOST_UNREST)
 
 
 def repeated(gain: Gain, n: int) -> Gain:

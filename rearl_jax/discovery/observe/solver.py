@@ -22,9 +22,9 @@ from jaxtyping import Float, Int
 
 from rearl_jax.discovery.observe.candidates import Layout, Term
 from rearl_jax.discovery.observe.clocks import following
-from rearl_jax.discovery.observe.kalman import Gain
+from rearl_jax.discovery.observe.kalman import Gain, Noise
 from rearl_jax.discovery.observe.normal_equations import Programs
-from rearl_jax.discovery.observe.observer import Pieces, pieces_of, repeated
+from rearl_jax.discovery.observe.observer import Pieces, pieces_of, repeated, weights
 from rearl_jax.discovery.read.measured import Measured
 
 CLASSES = 2
@@ -121,23 +121,24 @@ class DriverSums:
     count: Float[np.ndarray, " drivers"]
 
 
-def new_state(data: Measured, layout: Layout, gain: Gain) -> FitState:
+def new_state(data: Measured, layout: Layout, noise: Noise) -> FitState:
     """A state at the usual parameters, with nothing added."""
     return FitState(
         data=data,
-        pieces=pieces_of(data, gain),
+        pieces=pieces_of(data, noise),
         z=np.zeros((data.n_drivers, layout.prior.size)),
         mean=np.zeros((CLASSES, layout.prior.size)),
         theta=layout.reference.copy(),
         active=(),
-        variance=gain.variance,
+        variance=float(noise.gain(data.dt, data.stride).variance),
     )
 
 
-def with_gain(state: FitState, gain: Gain) -> FitState:
-    """The same state under another observer; S starts at what that observer expects."""
-    pieces = replace_gain(state.pieces, gain)
-    return copied(state, pieces=pieces, variance=gain.variance)
+def with_noise(state: FitState, noise: Noise) -> FitState:
+    """The same state under another observer; S_usual starts at what that observer expects."""
+    gain = noise.gain(state.data.dt, state.data.stride)
+    pieces = replace(replace_gain(state.pieces, gain), weight=weights(state.data, noise))
+    return copied(state, pieces=pieces, variance=float(gain.variance))
 
 
 def copied(state: FitState, **changes: object) -> FitState:

@@ -6,20 +6,13 @@ effect; a simulation adds up what an effect does.
 
 from dataclasses import replace
 
-import numpy as np
-from jaxtyping import Float
-
 from rearl_jax.discovery.observe.candidates import LENS
 from rearl_jax.discovery.observe.closed_loop import gap_errors
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.procedure import Search, is_free
+from rearl_jax.discovery.search.simulation import share_worse
 from rearl_jax.discovery.thresholds import THRESHOLDS
-
-DRAWS = 1000
-
-ROUNDING = 1e-9
-"""Change of the squared error that is of the arithmetic, as a share of it [-]."""
 
 
 def confirmed(solver: Solver, outcome: Search, seed: int) -> Search:
@@ -32,9 +25,9 @@ def confirmed(solver: Solver, outcome: Search, seed: int) -> Search:
         return outcome
     errors = gap_errors(solver, outcome.checked, [outcome.first, *(trial.fit for trial in outcome.added)])
     kept = len(outcome.added)
-    while kept > 1 and is_free(outcome.added[kept - 1]) and _share_worse(errors[kept - 1], errors[kept], seed) > 0.5:
+    while kept > 1 and is_free(outcome.added[kept - 1]) and share_worse(errors[kept - 1], errors[kept], seed) > 0.5:
         kept -= 1
-    while kept and _share_worse(errors[0], errors[kept], seed) >= THRESHOLDS.rejection_share:
+    while kept and share_worse(errors[0], errors[kept], seed) >= THRESHOLDS.rejection_share:
         kept -= 1
     if kept == len(outcome.added):
         return outcome
@@ -51,7 +44,7 @@ def clocks_confirmed(solver: Solver, outcome: Search, checked: Measured, seed: i
         return True
     (before,) = gap_errors(solver, checked, [outcome.before])
     (after,) = gap_errors(solver, outcome.checked, [outcome.first])
-    return _share_worse(before, after, seed) < 0.5
+    return share_worse(before, after, seed) < 0.5
 
 
 def lens_confirmed(solver: Solver, outcome: Search, seed: int) -> bool:
@@ -61,12 +54,5 @@ def lens_confirmed(solver: Solver, outcome: Search, seed: int) -> bool:
     for turn in outcome.rounds:
         if turn.chosen is not None and turn.chosen.candidate.term == LENS:
             before, after = gap_errors(solver, outcome.checked, [turn.base, turn.chosen.fit])
-            return _share_worse(before, after, seed) < 0.5
+            return share_worse(before, after, seed) < 0.5
     return True
-
-
-def _share_worse(before: Float[np.ndarray, " drivers"], after: Float[np.ndarray, " drivers"], seed: int) -> float:
-    """Share of resamples of drivers in which the squared error is larger after than before [-]."""
-    worse = after**2 - before**2
-    drawn = np.random.default_rng(seed).integers(0, len(worse), (DRAWS, len(worse)))
-    return float((worse[drawn].mean(axis=1) > ROUNDING * (before**2).mean()).mean())

@@ -24,6 +24,7 @@ class Trial:
         checked: Gain of each other driver, all of whom found their own parameters anew [nats], within these bounds.
         price: Paid for its freedom [nats].
         null_mean: What all drivers together gain where nothing is missing [nats].
+        simulated: Gain of each other driver's simulation [nats], within these bounds; None where none was asked.
     """
 
     candidate: Candidate
@@ -32,6 +33,7 @@ class Trial:
     checked: Float[np.ndarray, " others"]
     price: float
     null_mean: float = 0.0
+    simulated: Float[np.ndarray, " others"] | None = None
 
     @property
     def gain(self) -> float:
@@ -48,9 +50,14 @@ class Trial:
         """Total that candidates are compared by [nats]."""
         return self.gain + self.check - self.null_mean
 
+    @property
+    def overall(self) -> float:
+        """The total with what simulations say of it [nats]: one time step ahead and a minute ahead are asked alike."""
+        return self.total + (0.0 if self.simulated is None else float(self.simulated.sum()))
+
     def beats(self, other: "Trial") -> bool:
         """True if it fares better than another by more than what tells candidates apart."""
-        return self.total > other.total + THRESHOLDS.indistinct_total
+        return self.overall > other.overall + THRESHOLDS.indistinct_total
 
     @property
     def holds(self) -> bool:
@@ -99,5 +106,5 @@ def believed(trials: list[Trial]) -> list[Trial]:
 
 
 def not_told_apart(best: list[Trial]) -> list[Trial]:
-    """The best and those whose total comes within `indistinct_total` of it."""
-    return [trial for trial in best if best[0].total - trial.total < THRESHOLDS.indistinct_total]
+    """The best and those that come within `indistinct_total` of it."""
+    return [trial for trial in best if best[0].overall - trial.overall < THRESHOLDS.indistinct_total]

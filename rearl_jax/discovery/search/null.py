@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, Noise
+from rearl_jax.discovery.observe.observer import unrest
 from rearl_jax.discovery.observe.solver import FitState, Solver, copied
 from rearl_jax.discovery.read.smoothing import cut_off, smoothed
 from rearl_jax.discovery.search.screen import evidences, scores
@@ -78,8 +79,12 @@ def _lasting(
 def behind_noisy_drive(
     solver: Solver, state: FitState, noise: Noise, rng: np.random.Generator
 ) -> Float[np.ndarray, "steps pieces"]:
-    """Measured positions less those of a drive with the drivers' own noise behind the same leaders [m]."""
-    known = driver_noise(noise, state.data.y.shape, state.data.dt, rng)
+    """Measured positions less those of a drive with the drivers' own noise, each as uneven as it drives, behind the
+    same leaders [m].
+    """
+    data = state.data
+    uneven = (state.variances / state.variance)[data.driver] * (1 + noise.growth * unrest(data))
+    known = driver_noise(noise, data.y.shape, data.dt, rng) * np.sqrt(uneven)
     (behind,) = solver.innovations([replace(state, pieces=replace(state.pieces, known=known))], CLOSED_LOOP)
     return behind
 

@@ -18,6 +18,7 @@ from rearl_jax.discovery.search.families import confounded, with_families
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.refit import nested, rebased, refit
 from rearl_jax.discovery.search.screen import Score, clock_evidence, evidences, scores
+from rearl_jax.discovery.search.simulation import simulated
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 UNDERSTATED = frozenset({Term("reaction_delay")})
@@ -40,6 +41,7 @@ class Round:
         exceeding: Candidates whose evidence exceeds chance, with their families.
         trials: All that were fitted.
         accepted: Trials that are accepted, the best first.
+        contradicted: Trials that evidence asks for and simulations contradict.
         clock_z_score: As `z_score`, of clocks that differ.
     """
 
@@ -50,6 +52,7 @@ class Round:
     exceeding: frozenset[Term]
     trials: list[Trial]
     accepted: list[Trial]
+    contradicted: list[Trial] = field(default_factory=list)
     clock_z_score: float = 0.0
 
     @property
@@ -59,10 +62,11 @@ class Round:
 
     @property
     def is_beaten(self) -> bool:
-        """True if something that is not believed fares better than what is added."""
-        chosen = self.chosen
+        """True if something that is not believed fares better than what is added, and simulations do not deny it."""
+        chosen, denied = self.chosen, {trial.candidate.term for trial in self.contradicted}
         return chosen is not None and any(
-            trial.beats(chosen) and _is_significant(trial, self.exceeding) for trial in self.trials
+            trial.beats(chosen) and _is_significant(trial, self.exceeding) and trial.candidate.term not in denied
+            for trial in self.trials
         )
 
     @property
@@ -119,7 +123,8 @@ class Search:
     @property
     def is_contradicted(self) -> bool:
         """True if an effect or artefact that the drivers' innovations ask for makes their simulation worse."""
-        return any(not is_free(trial) for trial in self.rejected)
+        denied = self.rounds[-1].contradicted if not self.added else []
+        return any(not is_free(trial) for trial in (*self.rejected, *denied))
 
     def is_doubtful(self, trial: Trial) -> bool:
         """True if a named effect is beaten by what is not believed, comes before what simulations contradict or after a
@@ -205,7 +210,7 @@ def _round(
     clock_z_score = null.z_scores({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
     excess, z_score, known = null.excess(evidence), null.z_scores(evidence), set(evidence)
     if len(added) == THRESHOLDS.most_effects or not exceeds:
-        return Round(base, evidence, excess, z_score, frozenset(exceeds & known), [], [], clock_z_score)
+        return Round(base, evidence, excess, z_score, frozenset(exceeds & known), [], [], [], clock_z_score)
     order = sorted(evidence, key=lambda term: -excess[term])
     exceeding = with_families(exceeds, known) & known
     tried = {term for term in order[: THRESHOLDS.leading_fitted] if excess[term] > THRESHOLDS.fitting_excess}
@@ -223,10 +228,13 @@ def _round(
             [trial for trial in trials if _is_significant(trial, exceeding) and _is_additional(trial, added)]
         )
         # Nothing is added before all that it is easily taken for have been tried as well.
+        accepted, contradicted = simulated(solver, base, accepted, outcome.checked)
         tried = with_families({trial.candidate.term for trial in accepted[:1]}, known)
         if tried <= fits.keys():
             z_score |= {trial.candidate.term: 0.0 for trial in trials if _is_of_numerics(trial)}
-            return Round(base, evidence, excess, z_score, frozenset(exceeding), trials, accepted, clock_z_score)
+            return Round(
+                base, evidence, excess, z_score, frozenset(exceeding), trials, accepted, contradicted, clock_z_score
+            )
 
 
 def _trials(solver: Solver, base: Fit, fits: dict[Term, Fit], outcome: Search) -> list[Trial]:

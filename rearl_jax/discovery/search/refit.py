@@ -8,7 +8,7 @@ import numpy as np
 from rearl_jax.discovery.observe.candidates import Candidate, Layout, Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, best_noise, noises
-from rearl_jax.discovery.observe.solver import FitState, Solver, copied, with_gain
+from rearl_jax.discovery.observe.solver import FitState, Solver, copied, with_noise
 from rearl_jax.discovery.search.screen import Score
 
 TRIED = 7
@@ -131,7 +131,7 @@ def refit(
         solver.solve(states, iterations=15, tolerance=0.3)
         best = min(states, key=lambda state: state.log[-1])
         noise, _ = best_noise(solver, best, noises(base.noise, lower[-TRIED:]))
-        best = with_gain(best, noise.gain(best.data.dt, best.data.stride))
+        best = with_noise(best, noise)
         solver.solve([best], iterations=20, tolerance=0.05)
         fits[candidate.term] = Fit(candidate, best, noise)
         if progress is not None:
@@ -162,9 +162,8 @@ def rebased(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> Fit:
     starts, noises_of = [], []
     for fit in fits.values():
         theta = np.where(np.isin(places, kept), fit.state.theta, solver.layout.reference)
-        data = base.state.data
         for noise in dict.fromkeys((base.noise, fit.noise)):
-            start = with_gain(base.state, noise.gain(data.dt, data.stride))
+            start = with_noise(base.state, noise)
             start.theta, start.z, start.mean = theta, fit.state.z.copy(), fit.state.mean.copy()
             starts.append(start)
             noises_of.append(noise)

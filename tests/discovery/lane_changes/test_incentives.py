@@ -10,7 +10,7 @@ from rearl_jax.discovery.observe.solver import new_state
 
 def test_calibrated_drivers_keep_their_own_parameters_and_others_get_their_populations(measured_of, solver):
     data = measured_of()
-    state = new_state(data, solver.layout, USUAL.gain(data.dt))
+    state = new_state(data, solver.layout, USUAL)
     rng = np.random.default_rng(1)
     state.z, state.mean = rng.normal(size=state.z.shape), rng.normal(size=state.mean.shape)
     known = KnownDrivers.of([state], IDM_PRIOR)

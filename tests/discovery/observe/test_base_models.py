@@ -41,7 +41,7 @@ def calibrated_by(request, measured_of):
     name, data = request.param, measured_of()
     prior = prior_of(record_of(name)())
     solver = Solver(Programs(layout_of(data, prior), data.dt))
-    state = new_state(data, solver.layout, USUAL.gain(data.dt, data.stride))
+    state = new_state(data, solver.layout, USUAL)
     rng = np.random.default_rng(5)
     state.z = 0.8 * rng.normal(size=state.z.shape)
     (left,) = solver.innovations([state], CLOSED_LOOP)

@@ -42,7 +42,7 @@ def solver_and_world(tmp_path_factory):
     recordings = iterate_recordings(DataConfig(format=DataFormat.table, root=str(folder)))
     data = measure([thinned(recording) for recording in recordings])
     solver = Solver(Programs(layout_of(data), data.dt))
-    return solver, new_state(data, solver.layout, NOISE.gain(data.dt))
+    return solver, new_state(data, solver.layout, NOISE)
 
 
 def driven(solver, state, known):
@@ -52,7 +52,7 @@ def driven(solver, state, known):
     (errors,) = solver.innovations([start], CLOSED_LOOP)
     y = data.y - errors + NOISE.position * np.random.default_rng(3).standard_normal(data.y.shape)
     data = replace(data, y=y)
-    return replace(state, data=data, pieces=pieces_of(data, NOISE.gain(data.dt)))
+    return replace(state, data=data, pieces=pieces_of(data, NOISE))
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.residuals import residuals_of
-from rearl_jax.discovery.observe.solver import Solver, with_gain
+from rearl_jax.discovery.observe.solver import Solver, with_noise
 from rearl_jax.discovery.search.adequacy import Adequacy, by_noise_alone, misjudgement, staleness
 from rearl_jax.discovery.search.null import noise_alone
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -54,7 +54,7 @@ def test_restless_drivers_are_not_taken_for_late_ones(solver, calibrated):
     state, noise = calibrated
     restless = replace(noise, acceleration=1.0)
     (again,) = next(noise_alone(solver, state, restless, 1, 3))
-    again = with_gain(again, restless.gain(again.data.dt, again.data.stride))
+    again = with_noise(again, restless)
     solver.solve([again])
     fit = Fit(None, again, restless)
     (left,), chance = residuals_of(solver, [again], [fit]), by_noise_alone(solver, [again], fit, 7)
