@@ -26,6 +26,11 @@ class DiscoverConfig:
     )
     confidence: float = key(0.9, "confidence level of all intervals [-]")
     draws: int = key(1000, "bootstrap resamples of drivers for the intervals of errors")
+    lane_changes: bool = key(
+        True,
+        "early answers to the next leader and relaxation after a change of leader are part of the calibrated model, "
+        "where at least ten leaders change",
+    )
     page: bool = key(
         True, "also write page, figures, maps and residuals; false: only verdict, model and tables, for many data sets"
     )

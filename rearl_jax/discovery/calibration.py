@@ -7,10 +7,9 @@ import pandas as pd
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import data_id, iterate_recordings
+from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.drivers import prior_of
-from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.layout import layout_of
-from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.observe.solver import Solver
@@ -48,6 +47,6 @@ def calibration(config: DiscoverTask) -> Calibration:
     prior = prior_of(config.driver)
     findings, data = measured_drivers(list(iterate_recordings(config.data)), config.discover, prior)
     solver = Solver(Programs(layout_of(data, prior), data.dt))
-    fit = Fit(None, *calibrate(solver, data))
-    model = repaired_model(fit, fit, (), (), data, solver.layout, data_id(config.data), config.study)
+    fit = base_of(solver, data, lane_changes=config.discover.lane_changes).fit
+    model = repaired_model(fit, fit, (), (), (), data, solver.layout, data_id(config.data), config.study)
     return Calibration(fit_table(solver, fit), model, tuple(finding.words for finding in findings))

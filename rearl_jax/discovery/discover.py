@@ -15,12 +15,12 @@ from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.claims import Claim
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
-from rearl_jax.discovery.observe.candidates import LENS, Term
+from rearl_jax.discovery.observe.base import base_of
+from rearl_jax.discovery.observe.candidates import EARLY_LEADER, LENS, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.layout import layout_of
-from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.parts import Parts, measured_drivers
 from rearl_jax.discovery.observe.solver import Solver
@@ -35,6 +35,8 @@ from rearl_jax.discovery.report.verdict import (
     candidate_rows,
     differing_clocks,
     found_in_columns,
+    is_on,
+    lane_changes_block,
     leaves_shifts,
     named_trial,
     unseen,
@@ -184,13 +186,20 @@ def _search(config: DiscoverTask, study: Study | None, solver: Solver, parts: Pa
             study.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
         return null
 
-    outcome = search(solver, parts.fitted, parts.checked, null_for, report)
+    lane_changes = options.lane_changes
+    outcome = search(solver, parts.fitted, parts.checked, null_for, report, lane_changes=lane_changes)
     if not clocks_confirmed(solver, outcome, parts.checked, options.seed):
         log.info("clocks put right make simulations of other drivers worse: left as they are")
-        outcome = search(solver, parts.fitted, parts.checked, null_for, report, excluded=frozenset({CLOCK_OFFSET}))
+        excluded = frozenset({CLOCK_OFFSET})
+        outcome = search(
+            solver, parts.fitted, parts.checked, null_for, report, lane_changes=lane_changes, excluded=excluded
+        )
     if not lens_confirmed(solver, outcome, options.seed):
         log.info("a camera's distortion makes simulations of other drivers worse: left as it is")
-        outcome = search(solver, parts.fitted, parts.checked, null_for, report, excluded=outcome.excluded | {LENS})
+        excluded = outcome.excluded | {LENS}
+        outcome = search(
+            solver, parts.fitted, parts.checked, null_for, report, lane_changes=lane_changes, excluded=excluded
+        )
     report("reporting", 0, 1)
     return confirmed(solver, outcome, options.seed)
 
@@ -207,9 +216,10 @@ def _discovery(
         errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed)
     effects = _effects(solver, outcome, left, parts.findings, options.confidence)
     following = {
-        "verdict": verdict_of(outcome, parts.findings, left),
+        "verdict": verdict_of(outcome, effects, left),
         "effects": [effect.plain() for effect in effects],
         "candidates": candidate_rows(outcome),
+        "lane_changes": lane_changes_block(outcome, solver, options.confidence),
         "unseen": unseen(outcome, outcome.null.threshold(THRESHOLDS.candidate_z_score)),
         "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
         "adequacy": {
@@ -226,7 +236,15 @@ def _discovery(
     }
     verdict = with_lane_choice(following, lanes)
     model = repaired_model(
-        outcome.first, outcome.last, outcome.added, lanes.effects, parts.fitted, solver.layout, parts.id, config.study
+        outcome.first,
+        outcome.last,
+        outcome.lane_changes,
+        outcome.added,
+        lanes.effects,
+        parts.fitted,
+        solver.layout,
+        parts.id,
+        config.study,
     )
     written = {
         "candidates": pd.DataFrame(tables.candidate_table(verdict)),
@@ -248,6 +266,16 @@ def _effects(
         effects.append(differing_clocks(outcome.clocks, most if left.is_of_clocks else doubtful))
     deviations = known(solver, outcome.last.state).theta
     first = 0
+    for trial in outcome.lane_changes:
+        size = len(trial.candidate.free)
+        own = deviations[first : first + size]
+        first += size
+        if (
+            trial.candidate.term != EARLY_LEADER
+            and trial.holds
+            and is_on(trial, outcome.last.state.theta, own, solver.layout, confidence)
+        ):
+            effects.append(named_trial(trial, [trial], outcome.last.state.theta, own, solver.layout, confidence, most))
     for turn in outcome.rounds:
         trial = turn.chosen
         if trial is None:
@@ -269,7 +297,7 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
     if term not in candidates:
         known_terms = ", ".join(sorted(map(str, candidates)))
         raise out_of_range("discover.oracle", f"must be a candidate for these data: {known_terms}", str(term))
-    base = Fit(None, *calibrate(solver, parts.fitted))
+    base = base_of(solver, parts.fitted, lane_changes=config.discover.lane_changes).fit
     (seen,) = scores(solver, [base.state])
     fits = refit(solver, base, [candidates[term]], seen)
     base = rebased(solver, base, fits)

@@ -191,6 +191,9 @@ class Thresholds:
     least_truck_share: float = 0.02
     """Share of trucks below which they are no class of their own in the repaired model [-]."""
 
+    least_leader_changes: int = 10
+    """Changes of leader from which early answers to the next one, and relaxation, are part of the calibrated model."""
+
     least_lane_changes: int = 150
     """Lane changes below which nothing is said about the choice of the lane."""
 

@@ -17,6 +17,7 @@ from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.effects.effect import Effect
 from rearl_jax.discovery.observe.curves import CentredCurve, DesiredSpeedCurve, TimeGapCurve
 from rearl_jax.discovery.observe.drivers import Prior
+from rearl_jax.discovery.observe.early_leader import EarlyLeader
 from rearl_jax.discovery.observe.lens import Lens
 
 FLAT = 1e6
@@ -95,6 +96,11 @@ class Term:
 
 ALONG_ROAD = Term("dependence", "position")
 """The acceleration depends on the place: what a grade looks like before it has edges."""
+
+EARLY_LEADER, RELAXATION = Term("early_leader"), Term("relaxation")
+
+LANE_CHANGES = (EARLY_LEADER, RELAXATION)
+"""What every change of lanes brings with it: in the calibrated model from the start, so that it hides nothing else."""
 
 LENS = Term("lens")
 """Distortion of positions by the camera."""
@@ -202,10 +208,12 @@ def effects_at(numbers: Numbers, knots: Knots, active: Sequence[Term] | None = N
     def over(variable: str, kind: type[CentredCurve | TimeGapCurve], name: str) -> Effect:
         return kind(numbers[f"{name}.{variable}"], knots.curve[variable], knots.centre[variable], variable)
 
+    early = EarlyLeader(*(numbers[f"early_leader.{parameter.name}"][0] for parameter in EarlyLeader.parameters))
     along_road = CentredCurve(numbers["position"], knots.position, jnp.zeros(POSITION_KNOTS), "position")
     if active is None:
         no_road, no_time = jnp.zeros(POSITION_KNOTS), jnp.zeros(TIME_KNOTS)
         return (
+            early,
             *(named(name) for name in (*NAMED, *PLACED)),
             along_road,
             DesiredSpeedCurve(numbers["desired_speed"], knots.position, no_road, "position"),
@@ -218,6 +226,8 @@ def effects_at(numbers: Numbers, knots: Knots, active: Sequence[Term] | None = N
     for term in active:
         if term.is_effect:
             effects.append(named(term.effect))
+        elif term == EARLY_LEADER:
+            effects.append(early)
         elif term == ALONG_ROAD:
             effects.append(along_road)
         elif term.variable is not None:

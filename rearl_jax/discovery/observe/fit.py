@@ -7,8 +7,8 @@ import numpy as np
 
 from rearl_jax.discovery.observe.candidates import Candidate
 from rearl_jax.discovery.observe.kalman import Noise
-from rearl_jax.discovery.observe.noise import ACCELERATIONS, best_noise, noises
-from rearl_jax.discovery.observe.solver import FitState, Solver, new_state, with_noise
+from rearl_jax.discovery.observe.noise import ACCELERATIONS, noises, under_best_noise
+from rearl_jax.discovery.observe.solver import FitState, Solver, new_state
 from rearl_jax.discovery.read.measured import Measured
 
 
@@ -54,7 +54,5 @@ def with_others(solver: Solver, fit: Fit, data: Measured) -> Fit:
     both.mean, both.theta, both.active = state.mean.copy(), state.theta, state.active
     both.z = np.concatenate([state.z, both.mean[both.truck[state.data.n_drivers :]]])
     solver.solve([both], iterations=15, tolerance=0.3)
-    noise, _ = best_noise(solver, both, noises(fit.noise, ACCELERATIONS))
-    both = with_noise(both, noise)
-    solver.solve([both], iterations=15, tolerance=0.05)
+    both, noise = under_best_noise(solver, both, noises(fit.noise, ACCELERATIONS), iterations=15)
     return replace(fit, state=both, noise=noise)

@@ -26,6 +26,12 @@ MOST_GROWTH = 3.0
 INDEPENDENT_AFTER = 4.0
 """Time after which innovations have nothing to do with each other [s]."""
 
+SLOW = np.linspace(0.05, 2.0, 40)
+"""Angular frequencies at which drivers do things [rad/s]."""
+
+CERTAIN = 3.5
+"""Standard deviations from which a correlation of innovations counts [-]: most of many are there by chance."""
+
 LASTING = (0.2, 0.5, 1.0)
 """Correlation times of position errors that are tried beside none [s]: of trackers and filters."""
 
@@ -44,6 +50,24 @@ def best_noise(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple
     likely = [float(trial.log_likelihood().sum()) - 0.5 * _log_width(trial) for trial in trials]
     best = int(np.argmax(likely))
     return tried[best], likely[best]
+
+
+def under_best_noise(
+    solver: Solver, state: FitState, tried: Sequence[Noise], *, iterations: int = 20, tolerance: float = 0.05
+) -> tuple[FitState, Noise]:
+    """A state solved anew under the noise that is most likely then, and that noise.
+
+    Of each correlation time the most likely noise of the state as it is, is asked again at its own optimum: parameters
+    that were found under one noise favour it.
+    """
+    chosen = []
+    for time in dict.fromkeys(noise.time for noise in tried):
+        chosen.append(best_noise(solver, state, [noise for noise in tried if noise.time == time])[0])
+    states = [with_noise(state, noise) for noise in chosen]
+    solver.solve(states, iterations=iterations, tolerance=tolerance)
+    likely = [best_noise(solver, one, [noise])[1] for one, noise in zip(states, chosen, strict=True)]
+    best = int(np.argmax(likely))
+    return states[best], chosen[best]
 
 
 def _log_width(state: FitState) -> float:
@@ -78,9 +102,8 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     ]
     other, with_lasting = best_noise(solver, state, lasting)
     if with_lasting > likely + THRESHOLDS.lasting_noise_gain:
-        noise, _ = best_noise(solver, state, noises(other, ACCELERATIONS))
-    state = with_noise(state, noise)
-    solver.solve([state])
+        noise = other
+    state, noise = under_best_noise(solver, state, noises(noise, ACCELERATIONS))
     noise = _as_innovations_are(solver, state, noise)
     state = with_noise(state, noise)
     solver.solve([state], iterations=10)
@@ -90,7 +113,10 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
 def _as_innovations_are(solver: Solver, state: FitState, noise: Noise) -> Noise:
     """The noise with its growth and with the share of innovations that are independent, from those of a fitted state.
 
-    Source: variance of a mean of correlated numbers, initial positive sequence, Geyer, Stat. Sci. 7 (1992) 473.
+    A score that varies at some frequency scatters by the spectral density of the innovations there; the largest of the
+    frequencies at which drivers do things counts.
+
+    Source: long-run variance, Newey & West, Econometrica 55 (1987) 703.
     """
     data = state.data
     (innovation,) = solver.innovations([state])
@@ -103,12 +129,11 @@ def _as_innovations_are(solver: Solver, state: FitState, noise: Noise) -> Noise:
     level = mean - slope * size_mean
     growth = min(max(slope, 0.0) / max(level, 0.1 * mean), MOST_GROWTH)
     even = innovation / np.sqrt(state.variances[data.driver] * (1 + growth * size))
-    total, correlated = 0.0, _autocorrelation(even, counts, data.stride, round(INDEPENDENT_AFTER / data.dt))
-    for one, next_one in zip(correlated[::2], correlated[1::2], strict=False):
-        if one + next_one <= 0:
-            break
-        total += one + next_one
-    return replace(noise, growth=growth, independent=1.0 / (1.0 + 2.0 * total))
+    correlated = _autocorrelation(even, counts, data.stride, round(INDEPENDENT_AFTER / data.dt))
+    correlated[np.abs(correlated) < CERTAIN / np.sqrt(counts.sum())] = 0.0
+    phase = SLOW[:, None] * data.dt * data.stride * np.arange(1, len(correlated) + 1)
+    loudest = float((1 + 2 * np.cos(phase) @ correlated).max())
+    return replace(noise, growth=growth, independent=1.0 / max(loudest, 1.0))
 
 
 def _autocorrelation(values: np.ndarray, counts: np.ndarray, stride: int, most: int) -> np.ndarray:

@@ -23,6 +23,7 @@ from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.effects.effect import Effect
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.following import begin_effects, follow
+from rearl_jax.discovery.observe.early_leader import RecordedStimulus
 from rearl_jax.discovery.observe.kalman import Gain, Noise, State, correct, halfway, predict
 from rearl_jax.discovery.observe.lens import Lens
 from rearl_jax.discovery.read.measured import Measured, Surroundings
@@ -107,12 +108,12 @@ def stimulus(
     length: Float[Any, " pieces"],
     is_truck: Float[Any, " pieces"],
     now: Surroundings,
-) -> Stimulus:
+) -> RecordedStimulus:
     """Stimulus of drivers at x [m] with speed v [m/s] among the measured vehicles."""
     x, v, now = jax.tree.map(jnp.asarray, (x, v, now))
     length, is_truck = (jnp.broadcast_to(jnp.asarray(own), x.shape) for own in (length, is_truck))
     front, rear = x + length / 2, x - length / 2
-    return Stimulus(
+    return RecordedStimulus(
         position=x,
         speed=v,
         length=length,
@@ -121,11 +122,12 @@ def stimulus(
         second_gap=now.second_rear - front,
         follower_gap=rear - now.follower_front,
         left_gap=now.left_rear - front,
+        next_gap=now.next_rear - front,
         **{name: getattr(now, name) for name in _AS_MEASURED},
     )
 
 
-_AS_MEASURED = sorted(Stimulus.__dataclass_fields__.keys() & Surroundings.__dataclass_fields__.keys())
+_AS_MEASURED = sorted(RecordedStimulus.__dataclass_fields__.keys() & Surroundings.__dataclass_fields__.keys())
 
 
 def straightened(around: Surroundings, lens: Lens) -> Surroundings:

@@ -18,6 +18,7 @@ _OF_LEADER = ("leader_rear", "leader_centre", "leader_speed", "leader_accelerati
 _OF_SECOND = ("second_rear", "second_speed", "third_speed")
 _OF_FOLLOWER = ("follower_front", "follower_speed")
 _OF_LEFT = ("left_rear", "left_speed")
+_OF_NEXT = ("next_rear", "next_speed")
 
 _SPEED_OF = {
     "leader_rear": "leader_speed",
@@ -25,6 +26,7 @@ _SPEED_OF = {
     "second_rear": "second_speed",
     "follower_front": "follower_speed",
     "left_rear": "left_speed",
+    "next_rear": "next_speed",
 }
 
 _JUMP = 6.0
@@ -50,6 +52,8 @@ class Surroundings(eqx.Module):
         has_left, left_rear, left_speed: The next vehicle ahead on the lane to the left.
         beside_speed, n_beside: As in `Stimulus`.
         time_since_change, gap_lost, time_gap_at_change: As in `Stimulus`.
+        time_to_next, next_rear, next_speed, next_by_own, next_is_nearer: Who is the leader next, as in
+            `RecordedStimulus`.
     """
 
     time: Float[Any, "*steps pieces"]
@@ -80,6 +84,11 @@ class Surroundings(eqx.Module):
     time_since_change: Float[Any, "*steps pieces"]
     gap_lost: Float[Any, "*steps pieces"]
     time_gap_at_change: Float[Any, "*steps pieces"]
+    time_to_next: Float[Any, "*steps pieces"]
+    next_rear: Float[Any, "*steps pieces"]
+    next_speed: Float[Any, "*steps pieces"]
+    next_by_own: Float[Any, "*steps pieces"]
+    next_is_nearer: Float[Any, "*steps pieces"]
 
 
 def is_new(steps: int, stride: int) -> Bool[np.ndarray, " steps"]:
@@ -170,13 +179,13 @@ class Measured:
             smooth = same
             if name in _OF_SECOND:
                 smooth = same & (around.has_second[1:] == around.has_second[:-1])
-            if name in (*_OF_FOLLOWER, *_OF_LEFT):
+            if name in (*_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT):
                 smooth = np.ones_like(same)
-            if name in (*_OF_SECOND, *_OF_FOLLOWER, *_OF_LEFT):
+            if name in (*_OF_SECOND, *_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT):
                 smooth = smooth & (np.abs(drift) < _JUMP)
             return values + np.concatenate([np.where(smooth, half, 0.0), last])
 
-        changed = {name: middle(name) for name in (*_OF_LEADER, *_OF_SECOND, *_OF_FOLLOWER, *_OF_LEFT)}
+        changed = {name: middle(name) for name in (*_OF_LEADER, *_OF_SECOND, *_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT)}
         return dataclasses.replace(around, **changed)
 
     def select(self, pieces: np.ndarray) -> "Measured":

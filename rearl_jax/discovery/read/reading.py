@@ -11,6 +11,7 @@ from rearl_jax.core.leader_history import IN_SIGHT, MOST_GAP_LOST, NEVER_CHANGED
 from rearl_jax.core.order import NOBODY
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.read.measured import Measured, Surroundings, is_new, joined
+from rearl_jax.discovery.read.next_leaders import LONGEST_LEAD, handed_over, handovers
 from rearl_jax.discovery.read.smoothing import Thinned, cut_off, jumps, position_noise, smoothed_tracks, track_bounds
 from rearl_jax.discovery.read.smoothness import Smoothness
 from rearl_jax.discovery.read.surroundings import look_around
@@ -37,9 +38,7 @@ APART = 2.0
 """Time steps that say something new in smoothed positions are this many kernel widths apart."""
 
 EDGE = 3.0
-"""So many kernel widths from its ends a smoothed track is bent, where there was nothing beyond to smooth with, and from
-another leader, whom a smoothed driver reacts to before he is there.
-"""
+"""So many kernel widths from its ends a smoothed track is bent, where there was nothing beyond to smooth with."""
 
 SMOOTHED_NOISE = 0.005
 """Standard deviation of smoothed positions [m]: smoothing hides noise and does not undo it."""
@@ -97,7 +96,7 @@ def measure(
         blur = added * rng.standard_normal(len(part.position))
         for start, stop in zip(part.starts, part.stops, strict=True):
             blur[start:stop] += smooth.complement(int(stop - start), dt, rng)
-        pieces.append(part.pieces(n_steps, stride, edge, noise, blur, index, offset))
+        pieces.append(part.pieces(n_steps, stride, edge, noise, blur, smooth.drives, index, offset))
         offset += part.n_tracks
     used = [piece for piece in pieces if len(piece.driver)]
     if not used:
@@ -131,14 +130,22 @@ class _Rows:
         self.longest = int((self.stops - self.starts).max(initial=0))
 
     def pieces(
-        self, n_steps: int, stride: int, edge: int, noise: float, blur: np.ndarray, recording: int, offset: int
+        self,
+        n_steps: int,
+        stride: int,
+        edge: int,
+        noise: float,
+        blur: np.ndarray,
+        smoothing: float,
+        recording: int,
+        offset: int,
     ) -> Measured:
         """All usable pieces of the recording: every `stride`-th time step says something new, the first and last `edge`
-        rows of a track are bent, and own positions get `blur` added.
+        rows of a track are bent, own positions get `blur` added, and all have been smoothed over `smoothing` [s].
         """
         dt, table = self.dt, self.table
         x, v, a = smoothed_tracks(self.position, self.starts, self.stops, dt, cut_off(noise, dt))
-        columns, leader, leader_row = self._columns(x, v, a)
+        columns, leader, leader_row = self._columns(x, v, a, smoothing)
         weight = self._weight(leader, leader_row, edge)
         cuts = [
             (start, min(start + n_steps, end))
@@ -177,7 +184,7 @@ class _Rows:
         )
 
     def _columns(
-        self, x: np.ndarray, v: np.ndarray, a: np.ndarray
+        self, x: np.ndarray, v: np.ndarray, a: np.ndarray, smoothing: float
     ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
         """Surroundings of every row, the leader's track, and its row."""
         table = self.table
@@ -195,11 +202,17 @@ class _Rows:
         two = of(one, one, NOBODY).astype(int)
         three = np.where(two != NOBODY, one[two], NOBODY)
         front = x + length / 2
-        leader_speed = of(one, v, v)
-        second_speed = of(two, v, leader_speed)
+        second_speed = of(two, v, of(one, v, v))
         leader = of(one, track, NOBODY).astype(np.int64)
         gap = of(one, rear, front + OUT_OF_SIGHT) - front
         since, lost, headway = _changes(self.starts, self.stops, leader, gap, v, self.dt)
+        reach = max(LONGEST_LEAD, EDGE * smoothing)
+        near = handovers(table, (self.starts, self.stops), leader, self.dt, reach)
+        leader_rear, leader_centre, leader_speed = (
+            handed_over(of(one, values, otherwise), values, near, smoothing, self.dt)
+            for values, otherwise in ((rear, front + OUT_OF_SIGHT), (x, x + OUT_OF_SIGHT), (v, v))
+        )
+        next_rear = of(near.following, rear, leader_rear)
         columns = {
             "time": table["time"].to_numpy(),
             "lane": lane,
@@ -207,8 +220,8 @@ class _Rows:
             "is_rightmost": (lane == rightmost).astype(float),
             "lateral_offset": _offset_in_lane(table),
             "has_leader": (one != NOBODY).astype(float),
-            "leader_rear": of(one, rear, front + OUT_OF_SIGHT),
-            "leader_centre": of(one, x, x + OUT_OF_SIGHT),
+            "leader_rear": leader_rear,
+            "leader_centre": leader_centre,
             "leader_speed": leader_speed,
             "leader_acceleration": np.clip(of(one, a, 0.0), HARDEST_BRAKING, -HARDEST_BRAKING),
             "leader_length": of(one, length, 4.5),
@@ -229,12 +242,17 @@ class _Rows:
             "time_since_change": since,
             "gap_lost": lost,
             "time_gap_at_change": headway,
+            "time_to_next": np.where(near.following != NOBODY, near.time_to, NEVER_CHANGED),
+            "next_rear": next_rear,
+            "next_speed": of(near.following, v, leader_speed),
+            "next_by_own": near.by_own,
+            "next_is_nearer": (next_rear < leader_rear).astype(float),
         }
         return columns, leader, one
 
     def _weight(self, leader: np.ndarray, leader_row: np.ndarray, edge: int) -> np.ndarray:
         """1 where a leader has been seen for a moment: without one, it may be out of the picture; 0 where it or the
-        driver has jumped, or is within `edge` rows of the ends of its track, or of another leader.
+        driver has jumped, or is within `edge` rows of the ends of its track.
         """
         n = max(1, round(1.0 / self.dt))
         row = np.arange(len(leader))
@@ -248,9 +266,7 @@ class _Rows:
         if not edge:
             return seen.astype(float)
         is_inside = np.minimum(row - first, stop - 1 - row) >= edge
-        changes = np.r_[0, np.cumsum(np.r_[False, leader[1:] != leader[:-1]])]
-        keeps = changes[np.minimum(row + edge, stop - 1) + 1] == changes[np.maximum(row - edge, first) + 1]
-        return (seen & keeps & is_inside & is_inside[leader_row]).astype(float)
+        return (seen & is_inside & is_inside[leader_row]).astype(float)
 
 
 def _offset_in_lane(table: pd.DataFrame) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 from rearl_jax.code_version import __version__
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.claims import Claim
-from rearl_jax.discovery.observe.candidates import Candidate, Layout
+from rearl_jax.discovery.observe.candidates import EARLY_LEADER, Candidate, Layout
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.read.measured import Measured
@@ -20,6 +20,7 @@ from rearl_jax.models.record import CAR, TRUCK, DriverClass, EffectValues, Repai
 def repaired_model(
     first: Fit,
     last: Fit,
+    lane_changes: Sequence[Trial],
     added: Sequence[Trial],
     lanes: Sequence[Claim],
     data: Measured,
@@ -29,12 +30,13 @@ def repaired_model(
 ) -> RepairedModel:
     """The calibrated drivers without (`first`) and with (`last`) the effects that were found.
 
+    What changes of lane bring with them (`lane_changes`) is part of the calibrated model, but beside its drivers.
     Artefacts are no part of a model, and neither is what counts in the choice of the lane (`lanes`) and no effect of
     the library does.
     """
     effects = [
         effect_values(trial.candidate, last.state.theta, layout)
-        for trial in added
+        for trial in (*lane_changes, *added)
         if trial.candidate.kind != "artefact"
     ]
     effects += [lane_effect_values(effect) for effect in lanes if effect.name in EFFECTS]
@@ -85,8 +87,13 @@ def _unknown(fit: Fit, members: np.ndarray) -> np.ndarray:
 
 
 def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> EffectValues:
-    """A candidate as the effect of the library that does the same."""
+    """A candidate as the effect of the library that does the same; a simulation knows wishes, not who comes next."""
     effect = candidate.term.effect
+    if candidate.term == EARLY_LEADER:
+        parameters = {parameter.name: parameter.off for parameter in EFFECTS["early_response"].parameters}
+        for name in ("of_changer", "of_follower"):
+            parameters[name] = float(np.clip(theta[layout.places[f"early_leader.{name}"][0]], 0.0, 1.0))
+        return EffectValues("early_response", parameters)
     if candidate.term.is_effect:
         names = [parameter.name for parameter in EFFECTS[effect].parameters]
         return EffectValues(effect, dict(zip(names, (float(theta[p]) for p in candidate.free), strict=True)))

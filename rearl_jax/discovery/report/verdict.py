@@ -6,6 +6,8 @@ effects      [{name, kind: driver | road | artefact | generic, parameters: {name
 candidates   [{name, kind, variables, evidence, surprise, gain, check, ambiguous, told_apart_by}], the best first; those
              of car following, then those of the choice of the lane, whose surprise is in standard deviations of the
              slope between drivers
+lane_changes [{name, parameters, gain, check, is_sure}]: what changes of lane bring with them, in the calibrated model
+             from the start; empty where too few leaders change
 unseen       [{name, parameter, strength, unit}]: what an effect would have needed to be seen in these data
 error        {measure, n_drivers, before, after, change, floor, oracle, explained_share, all}: `measure` in figures
              {value, low, high}, the share of the squared error above the floor that is gone, and before, after and
@@ -27,9 +29,11 @@ import numpy as np
 
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.claims import Claim, Estimate, share_of
-from rearl_jax.discovery.observe.candidates import TWINS, Candidate, Layout, Term
+from rearl_jax.discovery.observe.candidates import EARLY_LEADER, TWINS, Candidate, Layout, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
-from rearl_jax.discovery.observe.uncertainty import interval
+from rearl_jax.discovery.observe.early_leader import EarlyLeader
+from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.uncertainty import interval, known
 from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
@@ -83,8 +87,35 @@ def names_and_units(candidate: Candidate) -> list[tuple[str, str]]:
     """Names and units of what is fitted."""
     if candidate.term.is_effect:
         return [(parameter.name, parameter.unit) for parameter in EFFECTS[candidate.term.effect].parameters]
+    if candidate.term == EARLY_LEADER:
+        return [(parameter.name, parameter.unit) for parameter in EarlyLeader.parameters]
     unit = {"lens": "m", "time_gap_dependence": "-"}.get(candidate.term.effect, "m/s^2")
     return [(f"value_{k}", unit) for k in range(len(candidate.free))]
+
+
+def is_on(trial: Trial, theta: np.ndarray, deviations: np.ndarray, layout: Layout, confidence: float) -> bool:
+    """True if the interval of a strength leaves out the value at which the effect is off."""
+    free = list(trial.candidate.free)
+    strengths = np.isin(free, list(trial.candidate.look))
+    if trial.candidate.kind == "generic" or not strengths.any():
+        return True  # a curve, or a section, which is where evidence puts it
+    values, off = theta[free], layout.reference[free]
+    half = np.array([interval(0.0, THRESHOLDS.interval_stretch * float(one), confidence)[1] for one in deviations])
+    return bool((np.abs(values - off) > half)[strengths].any())
+
+
+def lane_changes_block(search: Search, solver: Solver, confidence: float) -> list[dict[str, Any]]:
+    """`lane_changes` of the verdict."""
+    deviations, first, rows = known(solver, search.last.state).theta, 0, []
+    for trial in search.lane_changes:
+        own = deviations[first : first + len(trial.candidate.free)]
+        first += len(trial.candidate.free)
+        theta = search.last.state.theta
+        claim = named_trial(trial, [trial], theta, own, solver.layout, confidence, THRESHOLDS.most_confidence)
+        is_sure = trial.holds and is_on(trial, theta, own, solver.layout, confidence)
+        row = {"name": claim.name, "parameters": claim.plain()["parameters"], "gain": trial.gain, "check": trial.check}
+        rows.append(row | {"is_sure": is_sure})
+    return rows
 
 
 def found_in_columns(finding: Finding, confidence: float) -> Claim:
@@ -100,14 +131,16 @@ def differing_clocks(check: ClockCheck, reliability: float) -> Claim:
     return Claim(CLOCK_OFFSET.effect, "artefact", spread, ("clock",), reliability, check.total)
 
 
-def verdict_of(search: Search, findings: Sequence[Finding], adequacy: Adequacy) -> str:
-    """One word: named, artefact, unexplained or nothing."""
+def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy) -> str:
+    """One word for what was found and is stated (`effects`): named, artefact, unexplained or nothing."""
     added = [trial.candidate.kind for trial in search.added]
     if any(kind in ("driver", "road") for kind in added):
         is_doubtful = any(search.is_doubtful(trial) for trial in search.added) or leaves_shifts(search)
         return "unexplained" if is_doubtful or not adequacy.is_enough else "named"
-    if any(finding.is_artefact for finding in findings):
-        return "artefact"
+    if any(effect.kind in ("driver", "road") for effect in effects):
+        return "named"  # what a change of lanes brings with it
+    if any(effect.kind == "artefact" and effect.evidence is None for effect in effects):
+        return "artefact"  # the columns show it
     if search.clocks is not None and not adequacy.is_of_clocks:
         return "unexplained"
     if "artefact" in added:

@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy.ndimage import gaussian_filter1d
 
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, Noise
 from rearl_jax.discovery.observe.observer import unrest
 from rearl_jax.discovery.observe.solver import FitState, Solver, copied
+from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.smoothing import cut_off, smoothed
 from rearl_jax.discovery.search.screen import evidences, scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -76,6 +78,16 @@ def _lasting(
     return values
 
 
+def smoothed_alike(known: Float[np.ndarray, "steps pieces"], data: Measured) -> Float[np.ndarray, "steps pieces"]:
+    """What drivers do beside the model as it looks after the kernel that the positions went through, of the same size:
+    behind a smoothed leader, a model that is nearly linear and is driven by smoothed noise makes the smoothed drive.
+    """
+    if not data.smoothing:
+        return known
+    smooth = gaussian_filter1d(known, data.smoothing / data.dt, axis=0, mode="nearest")
+    return smooth * (known.std() / max(float(smooth.std()), 1e-12))
+
+
 def behind_noisy_drive(
     solver: Solver, state: FitState, noise: Noise, rng: np.random.Generator
 ) -> Float[np.ndarray, "steps pieces"]:
@@ -84,7 +96,7 @@ def behind_noisy_drive(
     """
     data = state.data
     uneven = (state.variances / state.variance)[data.driver] * (1 + noise.growth * unrest(data))
-    known = driver_noise(noise, data.y.shape, data.dt, rng) * np.sqrt(uneven)
+    known = smoothed_alike(driver_noise(noise, data.y.shape, data.dt, rng), data) * np.sqrt(uneven)
     (behind,) = solver.innovations([replace(state, pieces=replace(state.pieces, known=known))], CLOSED_LOOP)
     return behind
 

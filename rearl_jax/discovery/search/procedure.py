@@ -6,10 +6,10 @@ from itertools import takewhile
 
 import numpy as np
 
-from rearl_jax.discovery.observe.candidates import Layout, Term
+from rearl_jax.discovery.observe.base import Base, base_of
+from rearl_jax.discovery.observe.candidates import EARLY_LEADER, Layout, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, Clocks
 from rearl_jax.discovery.observe.fit import Fit, on_others, with_others
-from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.solver import FitState, Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.clock_check import ClockCheck, check_clocks, put_right
@@ -86,6 +86,7 @@ class Search:
         checked: The other drivers as the final model takes them, see `in_time`.
         clocks: Differences between clocks, where the data were corrected for them.
         rounds: One per effect that was added, and the last one, which added none.
+        lane_changes: What changes of lane bring with them, against the model without it.
         rejected: What had been added, and made the simulation of other drivers worse.
         excluded: Candidates, or clocks, that are not looked for.
     """
@@ -96,6 +97,7 @@ class Search:
     checked: Measured
     clocks: ClockCheck | None = None
     rounds: list[Round] = field(default_factory=list)
+    lane_changes: list[Trial] = field(default_factory=list)
     rejected: list[Trial] = field(default_factory=list)
     excluded: frozenset[Term] = frozenset()
 
@@ -154,6 +156,7 @@ def search(
     null_for: Callable[[Fit], Null],
     report: Report,
     *,
+    lane_changes: bool = True,
     excluded: frozenset[Term] = frozenset(),
 ) -> Search:
     """The loop: until nothing exceeds chance any more, or nothing that does is accepted.
@@ -164,14 +167,17 @@ def search(
         checked: Other drivers, for the check.
         null_for: The null of the calibrated model.
         report: Called with what is being done, and how far it is.
+        lane_changes: Whether what changes of lane bring with them is part of the calibrated model.
         excluded: Candidates, or clocks, that are not looked for.
     """
     report("calibrating drivers", 0, 1)
-    base = Fit(None, *calibrate(solver, fitted))
+    of_lanes = base_of(solver, fitted, lane_changes=lane_changes)
+    base = of_lanes.fit
     everybody = with_others(solver, base, checked)
     null = null_for(everybody)
     (seen,) = scores(solver, [everybody.state])
     outcome = Search(solver.layout, null, seen, checked, excluded=excluded)
+    outcome.lane_changes = lane_change_trials(solver, of_lanes, checked)
     clocks = None
     of_clocks = null.z_scores({CLOCK_OFFSET: clock_evidence(everybody.state, seen)})[CLOCK_OFFSET]
     if CLOCK_OFFSET not in excluded and of_clocks > THRESHOLDS.candidate_z_score:
@@ -182,7 +188,9 @@ def search(
         if clocks is not None and not outcome.rounds and (turn.chosen is None or clocks.total > turn.chosen.total):
             # The data are put right, and the loop begins again.
             outcome.clocks, outcome.checked = clocks, clocks.checked
-            base, clocks = Fit(None, *calibrate(solver, clocks.fitted)), None
+            of_lanes, clocks = base_of(solver, clocks.fitted, lane_changes=lane_changes), None
+            base = of_lanes.fit
+            outcome.lane_changes = lane_change_trials(solver, of_lanes, outcome.checked)
         else:
             outcome.rounds.append(turn)
             if turn.chosen is None:
@@ -204,7 +212,7 @@ def _round(
     """The next turn from a model and its scores."""
     layout, null, added = solver.layout, outcome.null, outcome.added
     report(f"looking for effects, round {len(added) + 1}", 0, 1)
-    left = {CLOCK_OFFSET, *layout.candidates} - {*base.state.active, *outcome.excluded - {CLOCK_OFFSET}}
+    left = {CLOCK_OFFSET, *layout.candidates} - {EARLY_LEADER, *base.state.active, *outcome.excluded - {CLOCK_OFFSET}}
     evidence = {term: value for term, value in evidences(everybody, seen, layout).items() if term in left}
     exceeds = {term for term, z_score in null.z_scores(evidence).items() if z_score > THRESHOLDS.candidate_z_score}
     clock_z_score = null.z_scores({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
@@ -235,6 +243,18 @@ def _round(
             return Round(
                 base, evidence, excess, z_score, frozenset(exceeding), trials, accepted, contradicted, clock_z_score
             )
+
+
+def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Trial]:
+    """Gains of each thing that changes of lane bring with them, against the model with those before it."""
+    if not base.steps:
+        return []
+    fits = [base.bare, *base.steps]
+    others = on_others(solver, checked, fits)
+    return [
+        trial_of(solver, after, before.state, other, other_before, 0.0)
+        for before, after, other_before, other in zip(fits[:-1], fits[1:], others[:-1], others[1:], strict=True)
+    ]
 
 
 def _trials(solver: Solver, base: Fit, fits: dict[Term, Fit], outcome: Search) -> list[Trial]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from rearl_jax.discovery.observe.candidates import Candidate, Layout, Term
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.noise import ACCELERATIONS, best_noise, noises
+from rearl_jax.discovery.observe.noise import ACCELERATIONS, noises, under_best_noise
 from rearl_jax.discovery.observe.solver import FitState, Solver, copied, with_noise
 from rearl_jax.discovery.search.screen import Score
 
@@ -130,9 +130,7 @@ def refit(
         ]
         solver.solve(states, iterations=15, tolerance=0.3)
         best = min(states, key=lambda state: state.log[-1])
-        noise, _ = best_noise(solver, best, noises(base.noise, lower[-TRIED:]))
-        best = with_noise(best, noise)
-        solver.solve([best], iterations=20, tolerance=0.05)
+        best, noise = under_best_noise(solver, best, noises(base.noise, lower[-TRIED:]))
         fits[candidate.term] = Fit(candidate, best, noise)
         if progress is not None:
             progress(number + 1, len(candidates))

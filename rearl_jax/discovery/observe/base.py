@@ -1,0 +1,75 @@
+"""The calibrated model that everything is held against: drivers, their population, noise, and changes of lane.
+
+Every recording of several lanes shows that drivers answer to a change of leader before the lane column does, and accept
+short gaps for a while afterwards. Left out, it is the strongest thing in the data and hides all else.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rearl_jax.discovery.observe.candidates import EARLY_LEADER, LANE_CHANGES, Term
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.noise import ACCELERATIONS, calibrate, noises, under_best_noise
+from rearl_jax.discovery.observe.solver import Solver, copied
+from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.thresholds import THRESHOLDS
+
+LEADS = (0.8, 2.5)
+"""Times before a change of leader [s] that the search starts from."""
+
+STARTS = {"early_leader.of_changer": 0.5, "early_leader.of_follower": 0.5, "relaxation.gap_share": 0.3}
+"""Strengths that it starts from [-]: away from their bounds, where no step leads on."""
+
+
+@dataclass(frozen=True)
+class Base:
+    """A calibrated model.
+
+    Attributes:
+        bare: Without changes of lane.
+        steps: With early answers to the next leader, then with relaxation too; empty where too few leaders change.
+    """
+
+    bare: Fit
+    steps: tuple[Fit, ...] = ()
+
+    @property
+    def fit(self) -> Fit:
+        """The model with all of it."""
+        return self.steps[-1] if self.steps else self.bare
+
+
+def leader_changes(data: Measured) -> int:
+    """Changes of leader in the pieces of drives."""
+    return int((np.diff(data.around.time_since_change, axis=0) < 0).sum())
+
+
+def base_of(solver: Solver, data: Measured, *, lane_changes: bool = True) -> Base:
+    """Drivers calibrated, with what changes of lane bring with them where there are enough and it is asked for."""
+    bare = Fit(None, *calibrate(solver, data))
+    if not lane_changes or leader_changes(data) < THRESHOLDS.least_leader_changes:
+        return Base(bare)
+    steps, fit = [], bare
+    for term in LANE_CHANGES:
+        fit = _with(solver, fit, term)
+        steps.append(fit)
+    return Base(bare, tuple(steps))
+
+
+def _with(solver: Solver, fit: Fit, term: Term) -> Fit:
+    """The model with one thing that changes of lane bring with them, fitted."""
+    layout, candidate = solver.layout, solver.layout.candidates[term]
+    theta = fit.state.theta.copy()
+    for name, value in STARTS.items():
+        if name.startswith(f"{term.effect}."):
+            theta[layout.places[name][0]] = value
+    leads = LEADS if term == EARLY_LEADER else (theta[layout.places["early_leader.lead_time"][0]],)
+    states = []
+    for lead in leads:
+        start = theta.copy()
+        start[layout.places["early_leader.lead_time"][0]] = lead
+        states.append(copied(fit.state, theta=start, active=(*fit.state.active, term)))
+    solver.solve(states, iterations=20, tolerance=0.1)
+    best = min(states, key=lambda state: state.log[-1])
+    return Fit(candidate, *under_best_noise(solver, best, noises(fit.noise, ACCELERATIONS)))

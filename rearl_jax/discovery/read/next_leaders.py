@@ -1,0 +1,113 @@
+"""The leaders before and after each change of leader, and how a smoothed recording hands a driver over to the next."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, Int
+from scipy.stats import norm
+
+from rearl_jax.core.order import NOBODY
+
+LONGEST_LEAD = 5.0
+"""Time before a change of leader in which the next one is looked at [s]: lane changes take 3 to 6 s.
+
+Source: Toledo & Zohar, Transp. Res. Rec. 1999 (2007) 71.
+"""
+
+
+@dataclass(frozen=True)
+class Handovers:
+    """Changes of leader around each row, rows of the table as in `surroundings.Around`.
+
+    Attributes:
+        following: Row of the leader after the next change, at the same time; NOBODY where none is near.
+        time_to: Time until then [s]; inf where none is near.
+        by_own: Whether the driver changes lanes then.
+        preceding: Row of the leader before the last change, at the same time; NOBODY where none is near.
+        time_since: Time since then [s]; inf where none is near.
+    """
+
+    following: Int[np.ndarray, " rows"]
+    time_to: Float[np.ndarray, " rows"]
+    by_own: Float[np.ndarray, " rows"]
+    preceding: Int[np.ndarray, " rows"]
+    time_since: Float[np.ndarray, " rows"]
+
+
+def handovers(
+    table: pd.DataFrame,
+    bounds: tuple[np.ndarray, np.ndarray],
+    leader: Int[np.ndarray, " rows"],
+    dt: float,
+    longest: float,
+) -> Handovers:
+    """Changes from one leader to another.
+
+    Args:
+        table: Canonical table, sorted by track and frame.
+        bounds: First row of each track, and one past its last.
+        leader: Track of the leader of every row, NOBODY without one.
+        dt: Time step [s].
+        longest: Time before and after a change that is near [s].
+    """
+    n = len(table)
+    found = Handovers(*(np.full(n, value) for value in (NOBODY, np.inf, 0.0, NOBODY, np.inf)))
+    lane = table["lane"].to_numpy(dtype=np.float64, na_value=-1.0)
+    track, frame = table["track_id"].to_numpy(np.int64), table["frame"].to_numpy(np.int64)
+    span = int(frame.max(initial=0)) + 2
+    keys = track * span + frame  # ascending, as the table is sorted
+    first, stop = (np.repeat(bound, bounds[1] - bounds[0]) for bound in bounds)
+    row = np.arange(n)
+    is_change = (row > first) & (leader != np.r_[NOBODY, leader[:-1]])
+    reach = max(1, round(longest / dt))
+    last = 0
+    for k in np.flatnonzero(is_change):
+        old, new = leader[k - 1], leader[k]
+        if old == NOBODY or new == NOBODY:
+            continue
+        before = row[max(first[k], last, k - reach) : k]
+        last = k
+        place = _rows_of(keys, new * span + frame[before])
+        here = place != NOBODY
+        found.following[before[here]], found.time_to[before[here]] = place[here], (k - before[here]) * dt
+        found.by_own[before[here]] = float(lane[k] != lane[k - 1])
+        after = row[k : min(stop[k], k + reach)]
+        place = _rows_of(keys, old * span + frame[after])
+        here = place != NOBODY
+        found.preceding[after[here]], found.time_since[after[here]] = place[here], (after[here] - k) * dt
+    return found
+
+
+def handed_over(
+    values: Float[np.ndarray, " rows"],
+    of: Float[np.ndarray, " rows"],
+    near: Handovers,
+    smoothing: float,
+    dt: float,
+) -> Float[np.ndarray, " rows"]:
+    """A quantity of the leader as a driver seems to have seen it whose motion was smoothed.
+
+    A driver who answers to a step at once has, smoothed with a Gaussian kernel, answered to a smoothed step.
+
+    Args:
+        values: Of the present leader.
+        of: The same quantity of every row's vehicle.
+        near: Changes of leader.
+        smoothing: Standard deviation of the kernel [s]; 0 for none.
+        dt: Time step [s].
+    """
+    if not smoothing:
+        return values
+    later = np.where(near.following != NOBODY, of[near.following] - values, 0.0)
+    earlier = np.where(near.preceding != NOBODY, of[near.preceding] - values, 0.0)
+    return (
+        values
+        + later * norm.cdf(-(near.time_to - dt / 2) / smoothing)
+        + earlier * norm.cdf(-(near.time_since + dt / 2) / smoothing)
+    )
+
+
+def _rows_of(keys: Int[np.ndarray, " rows"], wanted: Int[np.ndarray, " some"]) -> Int[np.ndarray, " some"]:
+    place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    return np.where(keys[place] == wanted, place, NOBODY)

@@ -1,0 +1,62 @@
+"""What simulations of other drivers say of a candidate: evidence one time step ahead and a minute ahead must agree.
+
+Noise that is not as the observer takes it may look like an effect from one time step to the next; a simulation adds up
+what an effect does.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.discovery.observe.closed_loop import gap_errors
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.search.decision import Trial, bounded_gains
+from rearl_jax.discovery.thresholds import THRESHOLDS
+
+DRAWS = 1000
+
+ROUNDING = 1e-9
+"""Change of the squared error that is of the arithmetic, as a share of it [-]."""
+
+
+def simulated(
+    solver: Solver, base: Fit, accepted: Sequence[Trial], checked: Measured
+) -> tuple[list[Trial], list[Trial]]:
+    """Trials that simulations of the checked drivers bear out, the best first, and those that they contradict."""
+    leading = accepted[: THRESHOLDS.leading_simulated]
+    if not leading:
+        return [], []
+    before, *errors = gap_errors(solver, checked, [base, *(trial.fit for trial in leading)])
+    asked = [
+        replace(trial, simulated=simulated_gains(before, after, checked))
+        for trial, after in zip(leading, errors, strict=True)
+    ]
+    worse = [share_worse(before, after) > THRESHOLDS.contradiction_share for after in errors]
+    agreed = [trial for trial, is_worse in zip(asked, worse, strict=True) if not is_worse]
+    contradicted = [trial for trial, is_worse in zip(asked, worse, strict=True) if is_worse]
+    return sorted(agreed, key=lambda trial: -trial.overall), contradicted
+
+
+def simulated_gains(
+    before: Float[np.ndarray, " drivers"], after: Float[np.ndarray, " drivers"], data: Measured
+) -> Float[np.ndarray, " drivers"]:
+    """Log-likelihood that each driver's simulation gains [nats] where its gap error [m] was `before` and is `after`.
+
+    Errors of a simulation last as long as it takes a driver to take them back, so a minute shows few that are
+    independent; errors as small as the measurement's say nothing. Source: likelihood of normal errors of unknown size.
+    """
+    independent = data.driver_minutes * 60 / THRESHOLDS.simulated_memory
+    least = data.noise**2
+    gains = 0.5 * independent * np.log((before**2 + least) / (after**2 + least))
+    return bounded_gains(gains, data)
+
+
+def share_worse(before: Float[np.ndarray, " drivers"], after: Float[np.ndarray, " drivers"], seed: int = 0) -> float:
+    """Share of resamples of drivers in which the squared error is larger after than before [-]."""
+    worse = after**2 - before**2
+    drawn = np.random.default_rng(seed).integers(0, len(worse), (DRAWS, len(worse)))
+    return float((worse[drawn].mean(axis=1) > ROUNDING * (before**2).mean()).mean())
