@@ -1,4 +1,4 @@
-"""What a training of PPO says: some updates of its learning curve, and how to evaluate the weights."""
+"""Document of a PPO training: some updates of its learning curve, and the command that evaluates the weights."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,7 +12,7 @@ from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import table_of
 
 _ROWS = 10
-"""Updates shown; the file has all."""
+"""Updates that the table shows; `curve.parquet` has all updates."""
 
 
 def document_of(config: TrainPpoTask, curve: pd.DataFrame, summary: Mapping[str, Any], weights: str) -> Document:

@@ -1,4 +1,4 @@
-"""What a clustering says: clusters of tracks, representative scenes, and what must be known about them."""
+"""Document of a clustering: clusters of tracks, representative scenes, and notes on them."""
 
 from collections.abc import Mapping
 from typing import Any

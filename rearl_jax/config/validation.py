@@ -28,7 +28,7 @@ class SceneCountsConfig:
     drivers10: int = key(40, "injected: 10 IDM vehicles that differ in every parameter, in size, heading and timer")
 
     def check(self) -> None:
-        """Raise InvalidInputError where a number is negative or all are zero."""
+        """Raise InvalidInputError if a number is negative or all are zero."""
         names = [field.name for field in fields(self)]
         check_least(self, 0, *names)
         if not any(getattr(self, name) for name in names):

@@ -21,10 +21,10 @@ Values = TypeVar("Values")
 def chunk_for(n_vehicles: int) -> int:
     """Scenarios a core should take at a time: many, so that starting a pass costs little, but few enough for its cache.
 
-    An odd number of cache lines of float32: rows a power of two apart share the same few places of a cache and drive
-    each other out. Measured on a core with 1 MiB of second-level cache: at 10 vehicles 1,200 scenarios take half the
-    time per vehicle that 1,024 or 2,048 take. In larger traffic nine lines are better than fewer, until a chunk holds
-    nearly three times as many vehicles as in small traffic.
+    An odd number of cache lines of float32: rows a power of two apart share the same few cache lines and evict each
+    other. Measured on a core with 1 MiB of second-level cache: at 10 vehicles 1,200 scenarios take half the time per
+    vehicle that 1,024 or 2,048 take. In larger traffic nine lines are better than fewer, until a chunk holds nearly
+    three times as many vehicles as in small traffic.
     """
     wanted = max(12_000 / n_vehicles, min(9.0 * _LINE, 32_000 / n_vehicles))
     odd = 2 * round((wanted / _LINE - 1) / 2) + 1

@@ -5,7 +5,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Int, UInt32
 
 BITS = 32
-"""Members of a set that make one number."""
+"""Members of a set that fit into one number."""
 
 
 def pack(members: Bool[Array, "bits *numbers"]) -> UInt32[Array, "*numbers"]:

@@ -1,10 +1,10 @@
 """Broad phase of collision detection: pairs of vehicles whose bounding boxes overlap.
 
 In small traffic every pair is a candidate for the box test. In large traffic that would cost a pass over all vehicles
-for every wreck, and among a thousand there are always some. There the vehicles are sorted along the road and swept
-(sweep and prune): everybody is tested against the next WINDOW vehicles ahead. Where traffic is piled up, a vehicle
-further ahead may still be within reach; the few vehicles for which that is so go on, some at a time, from window to
-window until nothing is left within reach.
+for every crashed vehicle, and among a thousand vehicles some have always crashed. There the vehicles are sorted along
+the road and swept (sweep and prune): everybody is tested against the next WINDOW vehicles ahead. Where traffic is piled
+up, a vehicle further ahead may still be within reach; these few vehicles are tested further, some at a time, window by
+window until no vehicle is left within reach.
 
 Source: Cohen et al., I-COLLIDE, Symposium on Interactive 3D Graphics (1995) (sweep and prune).
 """

@@ -46,7 +46,7 @@ class DerivedState(eqx.Module):
         speed_x: Speed along the road [m/s].
         speed_y: Speed across the road [m/s].
         speed_ratio: max(v, 0) / |v0| with the vehicle's own desired speed v0 under the speed limit [-].
-        on_lanes: The lanes the vehicle is on, as bits (`lane_bit`); none where it is out of sight beyond the road.
+        on_lanes: The lanes the vehicle is on, as bits (`lane_bit`); none if it is out of sight beyond the road.
         nearest: Nearest vehicles on every lane; None in small traffic, where all pairs are compared.
     """
 
@@ -190,7 +190,7 @@ def find_follower(
 ) -> Follower:
     """The nearest vehicle behind each vehicle on a lane given for each; of equally near ones the first in the list.
 
-    Arguments as of `find_leader`.
+    Arguments as in `find_leader`.
 
     Source: highway-env 1.12.1, `Road.neighbour_vehicles`.
     """
@@ -226,7 +226,7 @@ def _nobody_behind(state: TrafficState) -> Follower:
 
 
 def is_large(n_vehicles: int) -> bool:
-    """True where a scan along the sorted vehicles is cheaper than comparing all pairs."""
+    """Whether a scan along the sorted vehicles is cheaper than comparing all pairs."""
     return n_vehicles > LARGEST_SMALL_TRAFFIC
 
 

@@ -49,7 +49,7 @@ class TrafficState(eqx.Module):
         push_y: The same across the road [m].
         order: Vehicle indices along the road as last sorted; any permutation is a valid start. Only large traffic uses
             it.
-        memory: Memory of drivers who follow on gaps, a `gap_driving.DriverMemory`; None where nobody does.
+        memory: Memory of drivers who follow on gaps, a `gap_driving.DriverMemory`; None if nobody does.
     """
 
     x: Float[Array, "vehicles *scenarios"]

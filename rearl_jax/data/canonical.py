@@ -158,7 +158,7 @@ def write_recording(recording: Recording, path: Path) -> Path:
 
 
 def sidecar(path: Path) -> Path:
-    """File that says of a CSV table what a Parquet file holds in its metadata; need not be there."""
+    """Optional file with the metadata of a CSV table, which a Parquet file holds itself."""
     return path.with_name(f"{path.name}.info.json")
 
 

@@ -95,8 +95,8 @@ def distance_headway(vehicles: Vehicles, rows: np.ndarray, present: np.ndarray, 
     Source: highD format, column dhw.
     """
     if (vehicles.lane[rows][present] < 0).any():
-        said = "is dhw, which needs lanes, but a recording has vehicles without one: set features.d=mean_all"
-        raise InvalidInputError(Problem("lane-missing", said, key="features.d"))
+        message = "is dhw, which needs lanes, but a recording has vehicles without one: set features.d=mean_all"
+        raise InvalidInputError(Problem("lane-missing", message, key="features.d"))
     result = np.empty((len(rows), n_places))
     for part in _parts(len(rows), n_places * rows.shape[1]):
         own, other = rows[part, :n_places, None], rows[part, None, :]

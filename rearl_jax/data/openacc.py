@@ -51,7 +51,7 @@ class Platoon:
 
 
 def find_platoons(root: Path) -> Path:
-    """The Parquet file of platoons in the folder; MissingInputError where there is none, or more than one."""
+    """The Parquet file of platoons in the folder; MissingInputError if there is none, or more than one."""
     return only_parquet(root, f"the folder with the one file of OpenACC platoons, columns file, {', '.join(_NUMBERS)}")
 
 
@@ -235,7 +235,7 @@ def _placed(rows: pd.DataFrame, platoon: Platoon, length: float, file: str) -> t
 
 
 def _require_units(gaps: np.ndarray, speed: np.ndarray, file: str) -> None:
-    """Raise BadRecordingError where gaps and speeds are in different units: gaps change by the speeds' differences."""
+    """Raise BadRecordingError if gaps and speeds are in different units: gaps change by the speeds' differences."""
     n = 2 * round(FRAME_RATE)  # 2 s, over which the receivers' errors matter little
     if len(speed) <= n:
         return
@@ -253,7 +253,7 @@ def _leave_out(
     rows: pd.DataFrame,
     name: str,
     column: str,
-    said: str,
+    message: str,
     info: RecordingInfo,
     policy: DataConfig,
     losses: Losses,
@@ -262,7 +262,7 @@ def _leave_out(
     if not bad.any():
         return
     if policy.on_bad is OnBad.stop:
-        raise Finding(name, column, bad, said, "complete the source").error(rows, info)
+        raise Finding(name, column, bad, message, "complete the source").error(rows, info)
     losses.counts[name] += int(bad.sum())
 
 

@@ -21,7 +21,7 @@ class SceneCache:
     """The place of the scenes of one data set under one configuration."""
 
     def __init__(self, data: DataConfig, keys: SceneKeys) -> None:
-        """Finds the place; files that were touched since, or other code, have another one."""
+        """Finds the path; modified files or other code belong to another path."""
         self._data_id, self._generated = data_id(data), is_generated(data)
         self._keys = {name: as_plain(getattr(keys, name)) for name in SCENE_GROUPS}
         stamps = [list(stamp) for stamp in file_stamps(data)]
@@ -29,7 +29,7 @@ class SceneCache:
         self.path = kept_path("scenes", decisive, _SOURCES, ".parquet")
 
     def read(self) -> SceneSet | None:
-        """The scenes; None where they were never kept or, with a warning, where the file is damaged."""
+        """The scenes; None if they were never stored or, with a warning, if the file is damaged."""
         if not self.path.is_file():
             return None
         try:
@@ -39,7 +39,7 @@ class SceneCache:
             return None
 
     def write(self, scenes: SceneSet) -> None:
-        """Keeps the scenes; a folder that cannot be written to only costs the next run its time."""
+        """Stores the scenes; if the folder is not writable, the next run cuts them again."""
         try:
             study = Study(
                 self.path.parent.parent,

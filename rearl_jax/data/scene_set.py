@@ -121,7 +121,7 @@ class SceneSet:
 
     @property
     def generated(self) -> bool:
-        """True where any recording was made by the generator, not measured."""
+        """Whether any recording was made by the generator, not measured."""
         return any(info.generated for info in self.infos)
 
     @property
@@ -179,11 +179,11 @@ def speed_extremes(speed: np.ndarray, norm: SpeedNorm) -> tuple[float, float]:
     else:
         low, high = float(speed.min()), float(speed.max())
     if norm in (SpeedNorm.minmax, SpeedNorm.minmax_p01_999) and not low < high:
-        said = (
+        message = (
             f"cannot spread speeds over {SPEED_RANGE[0]:g} to {SPEED_RANGE[1]:g} m/s that are all {low:g} m/s: set "
             "speed.norm=clip or speed.norm=none"
         )
-        raise InvalidInputError(Problem("speeds-all-equal", said, key="speed.norm"))
+        raise InvalidInputError(Problem("speeds-all-equal", message, key="speed.norm"))
     return low, high
 
 
@@ -224,8 +224,8 @@ def real_lane_change_rate(scenes: SceneSet) -> Float[np.ndarray, " scenes"]:
     """
     unknown = np.argwhere(scenes.lane == UNKNOWN_LANE)
     if len(unknown):
-        said = "a vehicle has no lane: lane changes and time headways cannot be measured"
+        message = "a vehicle has no lane: lane changes and time headways cannot be measured"
         file = f"recording {scenes.recording[unknown[0, 0]]}"
-        raise InvalidInputError(Problem("lane-missing", said, "choose data with lanes", file=file))
+        raise InvalidInputError(Problem("lane-missing", message, "choose data with lanes", file=file))
     changed = scenes.has_next & (scenes.next_lane != UNKNOWN_LANE) & (scenes.next_lane != scenes.lane)
     return changed.mean(axis=(1, 2))

@@ -80,7 +80,7 @@ def validate(
     """Canonical table of the recording and the counts of what was left out.
 
     The result has exactly COLUMNS, is sorted by (track_id, frame), unique, and no track has a gap. Under
-    data.on_bad=drop_row a bad row is removed and the track cut there: what follows goes on under a new id;
+    data.on_bad=drop_row a bad row is removed and the track cut there: the rest continues under a new id;
     pieces shorter than 1 s are removed too. Under drop_track the vehicle is removed as a whole.
 
     Args:
@@ -104,7 +104,7 @@ def validate(
 
     def checked(table: pd.DataFrame, questions: tuple[Callable, ...]) -> pd.DataFrame:
         for question in questions:
-            # Asked again after every rejection: what is left may show the same problem in another column.
+            # Checked again after every removal, because the rows left may have the same problem in another column.
             while (finding := question(table, info, policy)) is not None:
                 table = reject(table, finding, info, policy, losses)
         return table
@@ -121,7 +121,7 @@ def validate(
 
 
 def _numbers(table: pd.DataFrame, info: RecordingInfo) -> pd.DataFrame:
-    """The columns of the schema, every numeric one as numbers; text that is none is an error with its row."""
+    """The columns of the schema, every numeric one as numbers; text that is not a number is an error with its row."""
     table = table.copy(deep=False)
     table["recording"] = pd.Categorical.from_codes(np.zeros(len(table), dtype=np.int8), [info.id])
     for column in COLUMNS:

@@ -50,10 +50,10 @@ def wrong_units(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
 
 
 def scale_of(values: np.ndarray, reference: np.ndarray) -> tuple[float, float] | None:
-    """Least and largest factor between two measurements of one quantity; None where they do not tell.
+    """Least and largest factor between two measurements of one quantity; None if they do not tell.
 
     The errors of either make the slope of a regression on it too small, so the factor lies between the slope and the
-    inverse of the slope the other way round. Negative where one has the other sign.
+    inverse of the slope the other way round. Negative if the two have opposite signs.
     """
     known = np.isfinite(values) & np.isfinite(reference)
     values, reference = values[known], reference[known]
@@ -209,8 +209,8 @@ def _wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | N
 def _moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows after a step of a moving vehicle, that step of position, and what speed x time expects [m].
 
-    A vehicle moves by its speed, or by its positions where those of its whole track do: a speed in another unit may
-    look as if everybody stood.
+    A vehicle moves by its speed, or by its positions if those of its whole track move: in another unit all vehicles may
+    seem to stand.
     """
     track, frame, speed, position = (table[name].to_numpy() for name in ("track_id", "frame", "speed", "position"))
     follows = follows_row_before(track)

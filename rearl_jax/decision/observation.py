@@ -31,7 +31,7 @@ LANE_WIDTH = 4.0
 """Lane width [m] the ranges are made for. Source: highway-env 1.12.1, `AbstractLane.DEFAULT_WIDTH`."""
 
 REAR_VIEW = 10.0
-"""Distance behind [m] up to which those are seen who do not look behind. Source: highway-env 1.12.1,
+"""Distance behind [m] up to which vehicles are observed without `see_behind`. Source: highway-env 1.12.1,
 `Road.close_objects_to`: twice the length of a vehicle.
 """
 

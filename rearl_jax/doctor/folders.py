@@ -1,4 +1,4 @@
-"""The cache and the folder of results: there, writable, not too full."""
+"""Checks of the cache and of the folder of results: existence, permissions, free space."""
 
 import os
 import shutil
@@ -12,7 +12,7 @@ _GIB = 2**30
 _LARGE_CACHE = 20 * _GIB
 _LITTLE_SPACE = 5 * _GIB
 _NO_SPACE = 2**29
-"""Below this not even a small study can be sure to be written."""
+"""Free space [bytes] below which even the files of a small study may not fit."""
 
 
 def cache_checks(cache: Path) -> list[Check]:
@@ -66,10 +66,10 @@ def _existing(folder: Path) -> Path:
 
 
 def _unwritable(folder: Path) -> str:
-    """Why nothing can be written there; empty where a file can. Nothing is left behind."""
+    """Why nothing can be written there; empty if a file can. Nothing is left behind."""
     place = _existing(folder)
     if not place.is_dir():
-        return f"{place} is no folder"
+        return f"{place} is not a folder"
     try:
         with tempfile.TemporaryFile(dir=place) as file:
             file.write(b"rearl")

@@ -46,7 +46,7 @@ def _python() -> Check:
 
 
 def _jax() -> list[Check]:
-    """Asked in a process of its own: a driver may crash or hang."""
+    """Queried in a process of its own, because a driver may crash or hang."""
     try:
         done = subprocess.run(
             [sys.executable, "-c", _PROBE], capture_output=True, text=True, timeout=_PATIENCE, check=False
@@ -57,8 +57,10 @@ def _jax() -> list[Check]:
     try:
         answer: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
     except (IndexError, ValueError):
-        said = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
-        return [fail("jax", said, "pip install --force-reinstall jax jaxlib, or JAX_PLATFORMS=cpu without accelerator")]
+        message = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+        return [
+            fail("jax", message, "pip install --force-reinstall jax jaxlib, or JAX_PLATFORMS=cpu without accelerator")
+        ]
     found = f"jax {answer['jax']}, jaxlib {answer['jaxlib']}"
     checks = [ok("jax", found)]
     if answer["sum"] != 4.0:
@@ -96,7 +98,7 @@ def _memory() -> Check:
 
 
 def _memory_bytes() -> tuple[int | None, int | None]:
-    """All of it, and what new programs can have; None where the system does not tell."""
+    """Total memory, and the memory available to new programs; None if the system does not report them."""
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
     except OSError:

@@ -1,4 +1,4 @@
-"""Tables that people read, and numbers as text."""
+"""Tables of a document, and numbers as text."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ MOST_ROWS = 60
 """Rows of a table made from a frame; the Parquet file has all of them."""
 
 _DIGITS = 3
-"""Significant digits of a number for which nobody chose any."""
+"""Default number of significant digits."""
 
 _SHORT = 40
 """Characters of a cell that stays on one line."""
@@ -55,7 +55,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """A table that people read.
+    """A table of a document.
 
     Attributes:
         title: Its title, plain text.
@@ -132,7 +132,7 @@ def number(value: Any, sign: str = "") -> str:
 
 
 def interval(low: Any, high: Any, sign: str = "") -> str:
-    """Text of an interval, empty where an end is missing."""
+    """Text of an interval, empty if an end is missing."""
     ends = (number(low, sign), number(high, sign))
     return "" if NONE in ends else f"{ends[0]} to {ends[1]}"
 

@@ -13,7 +13,7 @@ from rearl_jax.document.table import Alignment, Cell, Emphasis, Row, Table
 GENERATED = "GENERATED recordings, no measurements: nothing here is about real traffic"
 
 _LEAST_WIDTH = 100
-"""Columns of a file or a pipe at least, for the sentences."""
+"""Least width of a file or a pipe [columns], for the sentences."""
 
 _STYLES = {Emphasis.plain: None, Emphasis.strong: "bold", Emphasis.subdued: "dim italic"}
 

@@ -65,7 +65,7 @@ def _asked(
 ) -> tuple[Adaptation, pd.DataFrame]:
     """The search with proposals of a language model, and the requests to it."""
     critical = config.critical
-    # One answer that is no identifier: no votes, no constraint to identifiers, and room for the object.
+    # One answer that is not an identifier: no votes, no constraint to identifiers, and room for the object.
     llm = replace(config.llm, votes=1, constrained=False, max_tokens=max(config.llm.max_tokens, critical.max_tokens))
     with open_client(config, llm, understand_mixture) as client:
         recorded = recorded_shares(config, scenes, subset, bar)

@@ -57,7 +57,7 @@ def rounds_table(adaptation: Adaptation) -> pd.DataFrame:
 
 
 def _origin(config: EvaluateTask, adaptation: Adaptation, n_scenes: int) -> str:
-    """Where the shares come from, and what they came to there."""
+    """Origin of the shares, and their errors on the threshold scenes."""
     if not adaptation.trials:
         return "set by critical.ratios"
     kept = adaptation.trials[adaptation.kept].assessment

@@ -1,4 +1,4 @@
-"""What an evaluation says: methods beside each other, then all metrics, interventions and definitions."""
+"""Document of an evaluation: methods beside each other, then all metrics, interventions and definitions."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -74,7 +74,7 @@ def document_of(
         config: The task.
         summary: The table `summary.parquet`.
         remarks: What goes with it.
-        decisions: The table `decisions.parquet`; None where nobody intervenes.
+        decisions: The table `decisions.parquet`; None if nobody intervenes.
         generated: Whether any of the recordings were generated.
     """
     rows = list(dict.fromkeys(summary["method"]))

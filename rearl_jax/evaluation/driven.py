@@ -42,7 +42,7 @@ def driving_extra(
     *,
     generated: bool,
 ) -> Extra:
-    """Note and figure; arguments as of `driving_note` and `figures.draw_actions`."""
+    """Note and figure; arguments as in `driving_note` and `figures.draw_actions`."""
 
     def draw() -> bytes:
         from rearl_jax.evaluation.figures import draw_actions

@@ -1,7 +1,7 @@
-"""Figures of pairs in, one estimate per row and metric out: mean, spread over runs, interval over scenes.
+"""One estimate per row and metric from the figures of pairs: mean, spread over runs, interval over scenes.
 
-Every interval comes from the same resamples of the scenes (paired bootstrap), so that the difference of two
-rows is resampled scene by scene: what makes a scene hard for both does not widen it.
+Every interval comes from the same resamples of the scenes (paired bootstrap), so that the difference of two rows is
+resampled scene by scene; differences between scenes that both rows share do not widen its interval.
 """
 
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ _MAX_WEIGHTS = 4_000_000
 
 @dataclass(frozen=True)
 class Estimate:
-    """One metric of one row; None where there is no such figure.
+    """One metric of one row; None if there is no such figure.
 
     Attributes:
         value: Mean over scenes of the mean over runs.
@@ -141,7 +141,7 @@ def grouped_mean(values: np.ndarray, group: np.ndarray, n_groups: int) -> np.nda
 def intervals(values: np.ndarray, eval: EvaluationConfig) -> list[tuple[float | None, float | None]]:
     """Ends of the percentile bootstrap interval of each column's mean, the same resamples for every column.
 
-    A missing value (NaN) does not count. None where fewer than two rows have a value.
+    A missing value (NaN) does not count. None if fewer than two rows have a value.
 
     Args:
         values: One row per scene, one column per figure.

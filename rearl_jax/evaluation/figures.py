@@ -118,7 +118,7 @@ def draw_actions(
         counts: How often each action was taken, from `driven.count_actions`.
         edges: Edges of the bins of the speed [m/s].
         method: Who drives.
-        generated: Whether the data are no measurements.
+        generated: Whether the data were generated, not measured.
     """
     total = counts.sum(axis=0)
     figure, (often, shares) = drawing.panels(6.4, 4.8, rows=2, generated=generated)

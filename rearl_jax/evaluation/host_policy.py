@@ -1,4 +1,4 @@
-"""Rollouts whose decisions are made outside the compiled program, on the host: initial states in, frames out."""
+"""Rollouts whose decisions are made outside the compiled program, on the host."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

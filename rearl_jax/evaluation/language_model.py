@@ -103,7 +103,7 @@ def open_client(config: EvaluateTask, llm: LlmConfig, read: Read = understand) -
 
 
 def request_figures(requests: pd.DataFrame) -> dict[str, int | float | None]:
-    """Figures of the questions asked, None where there is none.
+    """Figures of the questions asked, None if there is none.
 
     `questions`; `requests` (sent to the server); `kept` (answers from the cache); `left_out` (vehicles left to IDM and
     MOBIL) and `cause_...` for every cause; of what was sent `latency_median` and `latency_p95` [s], `prompt_tokens`,

@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class BaseValues:
-    """What the detection would see of the method base, pooled over scenes, runs and seconds.
+    """Values that the detection would compute for the method base, pooled over scenes, runs and seconds.
 
     Attributes:
         h: Hellinger distances of all full windows [-].
@@ -75,7 +75,7 @@ def base_values(
 def thresholds_of(config: EvaluateTask, inputs: Inputs, bar: Progress) -> tuple[float, float]:
     """Thresholds of the Hellinger distance and of the spacing error: given ones, else percentiles of base.
 
-    Infinite where the cue is not used or the method detects nothing; base is simulated only for a percentile.
+    Infinite if the cue is not used or the method detects nothing; base is simulated only for a percentile.
     """
     if not config.method.needs_references:
         return NEVER

@@ -1,4 +1,4 @@
-"""What is said about an evaluation besides its tables: data, sources, notes, definitions."""
+"""Text of an evaluation besides its tables: data, sources, notes, definitions."""
 
 import json
 from dataclasses import asdict, dataclass

@@ -1,8 +1,8 @@
-"""Questions -> answers of a language model behind an OpenAI-compatible server.
+"""Client that gets answers to questions from a language model behind an OpenAI-compatible server.
 
-The client asks each chat once, keeps every answer, and gives back an answer to every question whatever the server
-does: where there is none, the cause. It works in an event loop in a thread of its own, so a simulation can go on
-while its questions are on their way.
+The client asks each chat once, keeps every answer, and gives back an answer to every question whatever the server does;
+without an answer it gives the cause. It works in an event loop in a thread of its own, so a simulation can go on while
+its questions are on their way.
 """
 
 import asyncio
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _Result = TypeVar("_Result")
 
 Read: TypeAlias = Callable[[str, tuple[int, ...], str], tuple[int, Cause]]
-"""From the text of an answer, the question's choices and why the server stopped to an action and what became of it."""
+"""Function of the text of an answer, the question's choices and why the server stopped, to an action and a cause."""
 
 
 _Asked: TypeAlias = tuple[Question, tuple[str, ...]]
@@ -49,10 +49,10 @@ class Client:
             config: Model, sampling, time-outs, where answers are kept.
             base_url: Address of the server, with or without `/v1` at its end; not used for a replay.
             replay: Whether only kept answers are given, without a server.
-            read: What a text means; KEEP_OUT for an answer that is no action.
+            read: What a text means; KEEP_OUT for an answer that is not an action.
 
         Raises:
-            InvalidInputError: The address is none, or a key of the configuration is out of range.
+            InvalidInputError: The address is not one of a server, or a key of the configuration is out of range.
         """
         config.check()
         self._config = config
@@ -160,7 +160,7 @@ class Client:
 
     @property
     def counts(self) -> Counts:
-        """How far the client is; cheap, from any thread."""
+        """Progress of the client; cheap, from any thread."""
         causes = dict(self._causes)
         of_sender = {name: getattr(self._sender, name, 0) for name in ("sent", "tries", "waiting", "in_flight")}
         return Counts(self._questions, sum(causes.values()), causes, self._kept, **of_sender)
@@ -277,14 +277,14 @@ class Client:
             return
         del self._jobs[job.digest]
         if job.done.done():
-            job.done.exception()  # looked at: asyncio complains of those that nobody sees
+            job.done.exception()  # retrieved, because asyncio logs exceptions that are never retrieved
         elif self._sender is not None:
             self._sender.abandon(job)
 
     def _conclude(
         self, asked: list[_Asked], replies: Mapping[str, Reply], sent: set[str], second: int | None
     ) -> list[Answer]:
-        """What the replies mean for every question; a row for each."""
+        """The answer to every question from its replies; each reply becomes a row of the table."""
         answers = []
         for question, digests in asked:
             votes = []

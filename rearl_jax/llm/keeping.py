@@ -34,7 +34,7 @@ class Keeper:
         return await asyncio.get_running_loop().run_in_executor(self._thread, self._answers.find, digests)
 
     def keep(self, digest: str, reply: Reply, done: asyncio.Future[Reply]) -> None:
-        """Keeps a reply with a text, then gives out what is kept: it, or another process's that was first."""
+        """Stores a reply with a text, then returns the stored one: this reply, or an earlier one of another process."""
         self._waiting[digest] = reply, done
         if self._writer is None or self._writer.done():
             self._writer = asyncio.create_task(self._write())
@@ -60,7 +60,7 @@ class Keeper:
                         "answers cannot be kept any more (%s): they are used, but the next run will ask for them again",
                         error,
                     )
-            except Exception as error:  # handed on to whoever asked, who would wait for ever
+            except Exception as error:  # passed on to the caller, which would otherwise wait for ever
                 for _, done in batch.values():
                     if not done.done():
                         done.set_exception(error)

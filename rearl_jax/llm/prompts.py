@@ -1,7 +1,7 @@
-"""The traffic and its references -> the questions of one second, one per vehicle that needs a decision.
+"""The questions of one second, one per vehicle that needs a decision, from the traffic and its references.
 
-What vehicles share comes first in a question, so that a server that keeps the beginnings of texts reads the rest only:
-the system message (the whole study), ROAD, REFERENCE (every scenario held against the same reference), SCENE (one
+What vehicles share comes first in a question, so that a server with a prefix cache reads the rest only:
+the system message (the whole study), ROAD, REFERENCE (every scenario compared with the same reference), SCENE (one
 scenario), then the vehicle. Shared parts are rendered once; questions with equal beginnings follow each other.
 """
 
@@ -75,9 +75,9 @@ class Prompter:
     def questions(self, situation: Situation, thresholds: Thresholds) -> list[Question]:
         """A question for every vehicle that needs a decision, sorted by (reference, scenario, vehicle).
 
-        To be called once for every simulated second, also where nobody is asked. A vehicle without any admissible
-        action is not asked, because no answer could be followed: it keeps out like one without a valid answer, and
-        `decision.execution.accept` counts it among those (`n_invalid`). There are as many of them as
+        To be called once for every simulated second, also if no vehicle is asked. A vehicle without any admissible
+        action is not asked, because no answer could be followed: it stays with IDM and MOBIL like a vehicle without a
+        valid answer, and `decision.execution.accept` counts it among those (`n_invalid`). There are as many of them as
         `situation.detection.mask` has vehicles more than there are questions.
 
         Raises:

@@ -1,4 +1,4 @@
-"""Questions and what they came to -> one row per request, as a table, and the counts so far.
+"""Table of the questions and their results with one row per request, and the counts so far.
 
 A row holds what the table shows and nothing else: a study has a hundred thousand questions of some thousand characters.
 """
@@ -41,7 +41,7 @@ server.
 
 @dataclass(frozen=True)
 class Counts:
-    """How far a client is.
+    """Progress of a client.
 
     Attributes:
         questions: Questions submitted so far.

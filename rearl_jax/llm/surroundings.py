@@ -1,4 +1,4 @@
-"""One frame -> who is next to each of some vehicles, ahead and behind, on its own lane and the two beside it."""
+"""Neighbours of some vehicles in one frame, ahead and behind, on the own lane and the two lanes beside it."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ class Surroundings(NamedTuple):
     """The nearest vehicle at each of the `PLACES` around some vehicles.
 
     Attributes:
-        gap: Bumper to bumper [m], negative where the two are side by side; inf where nobody is.
+        gap: Bumper to bumper [m], negative if the two are side by side; inf if there is no vehicle.
         speed: Its speed [m/s].
         relative_speed: Its speed less that of the vehicle [m/s].
     """

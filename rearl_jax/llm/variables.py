@@ -1,4 +1,4 @@
-"""One second of the traffic, as NumPy arrays -> what a template is told of it, as plain numbers and words.
+"""Variables of a template for one second of the traffic, as plain numbers and words, from NumPy arrays.
 
 The records' fields are the names that templates use.
 """
@@ -81,8 +81,8 @@ class Scene(NamedTuple):
 class Car(NamedTuple):
     """The vehicle that is asked about: speed [m/s], acceleration [m/s^2], mean distance to the others [m].
 
-    Ranks count from the highest; equal ones share the better rank. The last action is None where it followed none, the
-    time since the last lane change [s] None where none was seen.
+    Ranks count from the highest; equal ones share the better rank. The last action is None if it followed none, the
+    time since the last lane change [s] None if none was seen.
     """
 
     vehicle: int
@@ -99,7 +99,7 @@ class Car(NamedTuple):
 
 
 class Neighbour(NamedTuple):
-    """Who is nearest at one of the `PLACES` around a vehicle; None where nobody is.
+    """The nearest vehicle at one of the `PLACES` around a vehicle; None if there is none.
 
     Gap bumper to bumper [m], negative side by side; speed, and the same less that of the vehicle [m/s].
     """

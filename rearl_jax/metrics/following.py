@@ -36,7 +36,7 @@ def find_leaders(
         lane: Lane index.
         length: Vehicle length [m]; the gap is the centre distance less half of both lengths.
         crashed: Whether the vehicle has crashed; crashed vehicles lead like others.
-        direction: Carriageway; None where there is one.
+        direction: Carriageway; None if there is one.
 
     Source: REARL (Bi et al.), time headway over leader-follower pairs; the paper names no distance limit.
     """

@@ -13,7 +13,7 @@ from rearl_jax.metrics.measure import safe_sqrt, unrolled_sum
 
 
 class Distances(eqx.Module):
-    """Distances per window; where `valid` is false a histogram was empty, and the value 0 means nothing."""
+    """Distances per window; if `valid` is false a histogram was empty, and the value 0 means nothing."""
 
     value: Float[Array, "*windows"]
     valid: Bool[Array, "*windows"]
@@ -90,7 +90,7 @@ def speed_counts(speed: Float[Array, " vehicles *scenarios"], hist: HistConfig) 
     """Number of vehicles per speed bin in one frame.
 
     Args:
-        speed: Speed [m/s], scaled where it comes from a recording.
+        speed: Speed [m/s], scaled if it comes from a recording.
         hist: Bins and what happens outside them.
     """
     return bin_counts(speed, speed_edges(hist), drop=hist.oob is OutOfBounds.drop)

@@ -15,8 +15,8 @@ class Trajectories(eqx.Module):
         lane: Lane index within the carriageway.
         crashed: Whether the vehicle has crashed; nobody has in a recording.
         length, width: Size of the vehicle [m].
-        direction: Carriageway; None where there is one.
-        track_id: Vehicle in a slot; None where it never changes.
+        direction: Carriageway; None if there is one.
+        track_id: Vehicle in a slot; None if it never changes.
     """
 
     x: Float[Array, "steps vehicles *scenarios"]

@@ -102,7 +102,7 @@ def _within_bounds(values: dict[str, Array], population: Population) -> list[tup
 
 
 def _with_drawn(name: str, value: Array, state: TrafficState, drivers: Drivers) -> Array:
-    """A parameter, where a class of drivers leaves it (nan) as it was drawn with the initial state."""
+    """A parameter, with the value drawn with the initial state for classes of drivers that leave it open (nan)."""
     drawn = state.desired_speed if name == "desired_speed" else getattr(drivers.car_following, name, None)
     return value if drawn is None else jnp.where(jnp.isnan(value), drawn, value)
 
@@ -110,7 +110,7 @@ def _with_drawn(name: str, value: Array, state: TrafficState, drivers: Drivers) 
 def class_numbers(
     place: Float[Array, "vehicles scenarios"], shares: Float[Array, " others"]
 ) -> Int[Array, "vehicles scenarios"]:
-    """Class of each vehicle: the first where nothing else is drawn.
+    """Class of each vehicle: the first unless another one is drawn.
 
     Args:
         place: Drawn from U(0, 1).

@@ -1,7 +1,7 @@
-"""Some rollouts of a finished evaluation simulated again, and checked against what the study has kept of them.
+"""Some rollouts of a finished evaluation, simulated again and checked against the stored figures.
 
-The study keeps figures, no trajectories. A rollout follows from seed, run and scene alone, so the same functions give
-the same one again; where they do not, nothing is shown.
+The study stores figures, not trajectories. A rollout follows from seed, run and scene alone, so the same functions give
+the same rollout again; if they do not, nothing is shown.
 """
 
 from collections.abc import Callable, Iterator
@@ -58,8 +58,8 @@ def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -
     """
     config, row = _one_method(study.config)
     if options.run >= config.eval.n_runs:
-        said = f"must be within the runs of the study, 0 to {config.eval.n_runs - 1}"
-        raise out_of_range("report.run", said, options.run)
+        fault = f"must be within the runs of the study, 0 to {config.eval.n_runs - 1}"
+        raise out_of_range("report.run", fault, options.run)
     _require_same_data(study)
     set_precision(config.core.dtype)
     folder = Study(str(study.path.parent), study.path.name, study.config, study.task.words, generated=study.generated)
@@ -83,13 +83,13 @@ def _one_method(config: EvaluateTask) -> tuple[EvaluateTask, str]:
         config = replace(config, method=Method.rearl, variant=Variant.repaired)
         row = f"{Method.rearl.name}{WITH_EFFECT}"
     if config.decision.policy is PolicyName.llm:
-        # The answers were kept: nobody has to be asked again.
+        # The answers are stored, so no language model is asked again.
         config = replace(config, decision=replace(config.decision, policy=PolicyName.replay))
     return config, row
 
 
 def _require_same_data(study: FinishedStudy) -> None:
-    """Raise NoReplayError where the recordings are not there, or not those of the study."""
+    """Raise NoReplayError if the recordings are not there, or not those of the study."""
     try:
         found = inputs_id(study.config)
     except (OSError, ValueError) as error:
@@ -163,7 +163,7 @@ def _mixture(study: FinishedStudy) -> Mixture | None:
 def _witness(
     config: EvaluateTask, rollouts_with: Callable[[MakePolicy | None], Rollouts], bar: Progress
 ) -> Iterator[Witness | None]:
-    """Writes down who is asked; None where nobody is."""
+    """Records which vehicles are asked; None if no vehicle is."""
     acts = interventions(config)
     if acts is None:
         yield None
@@ -179,7 +179,7 @@ def _witness(
 def _require_same_figures(
     study: FinishedStudy, method: str, scenes: SceneSet, replayed: tuple[ReplayedScene, ...]
 ) -> None:
-    """Raise NoReplayError where a rollout scores otherwise than it did in the study."""
+    """Raise NoReplayError if a rollout scores otherwise than it did in the study."""
     runs = study.table("runs")
     study.needs(runs, ("method", "scene_id", "run", "h"), "runs.parquet")
     rows = runs.loc[(runs["method"] == method) & runs["h"].notna(), ["scene_id", "run", "h"]]

@@ -61,17 +61,17 @@ def of_errors(config: EvaluateTask) -> list[str]:
 
 def of_decisions(*, asks_model: bool, interval: int, n_runs: int) -> list[str]:
     """Who decides in the closed loop."""
-    said = [
+    sentences = [
         "decisions: the matcher, a rule, stands in for the paper's language models; its rows stand beside REARL "
         "Qwen3-32B only because some row must"
     ]
     if asks_model:
-        said.append(
+        sentences.append(
             f"language model: asked every {interval} s in {n_runs} rollout(s), each scored on all scenes, so its "
             "interval says nothing about other initial states; another model than the paper's unless llm.model names "
             "one of them"
         )
-    return said
+    return sentences
 
 
 def of_traffic_figures() -> list[str]:

@@ -106,7 +106,7 @@ def thirds(table: pd.DataFrame) -> pd.DataFrame:
 
 def _findings(parts: pd.DataFrame, metrics: tuple[str, str]) -> list[str]:
     """Whether the errors rise or fall in the course of a rollout."""
-    said = []
+    sentences = []
     for metric in metrics:
         changes = {"higher": [], "lower": []}
         first, last = (parts[parts["metric"] == f"{metric}_{third}"] for third in ("first", "last"))
@@ -114,8 +114,8 @@ def _findings(parts: pd.DataFrame, metrics: tuple[str, str]) -> list[str]:
             if pd.notna(before) and pd.notna(after) and before != after:
                 changes["higher" if after > before else "lower"].append(f"{title} ({after - before:+.3f})")
         higher, lower = (", ".join(titles) or "no row" for titles in changes.values())
-        said.append(f"{HEADINGS[metric]}, last less first third: higher in {higher}; lower in {lower}.")
-    return said
+        sentences.append(f"{HEADINGS[metric]}, last less first third: higher in {higher}; lower in {lower}.")
+    return sentences
 
 
 def _long(series: list[ErrorSeries], metrics: tuple[str, str]) -> pd.DataFrame:

@@ -1,19 +1,19 @@
 """What follows from the figures of Table 1, in sentences that are computed from them and from nothing else.
 
-"Closer" and "farther" are said only where an interval excludes zero. That nothing is said about time headway and
-lane-change rate being better is on purpose: they describe the traffic.
+"Closer" and "farther" are used only if an interval excludes zero. Time headway and lane-change rate are never called
+better, because they describe the traffic.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 FEW_SCENES = 20
-"""Held-out scenes below which a bootstrap over scenes is said to be rough; own choice."""
+"""Held-out scenes below which the sentences call a bootstrap over scenes rough; own choice."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """A figure less another one, with its interval; no ends where fewer than two scenes have both."""
+    """A figure less another one, with its interval; no ends if fewer than two scenes have both."""
 
     value: float
     low: float | None = None
@@ -38,7 +38,7 @@ class RowDifferences:
     """An error of one row less that of others.
 
     Attributes:
-        title: What people call the row.
+        title: Title of the row.
         less_base: Less base from the same initial states; None for base itself.
         less_real: Less real against real.
         less_controls: Less each control, by its title; empty for rows that have none.
@@ -59,14 +59,14 @@ def findings(
         errors: Differences of every row, by the title of the error (smaller is closer).
         n_scenes: Held-out scenes behind the intervals.
         confidence: Probability the intervals are made for.
-        generated: Whether the recordings are no measurements.
+        generated: Whether the recordings were generated, not measured.
     """
-    said = ["GENERATED recordings: the following says nothing about real traffic."] if generated else []
+    sentences = ["GENERATED recordings: the following says nothing about real traffic."] if generated else []
     for title, rows in errors.items():
-        said += _against_base(title, rows)
-        said += _against_real(title, rows)
-        said += _against_controls(title, rows)
-    return said + _reliability(errors, n_scenes, confidence)
+        sentences += _against_base(title, rows)
+        sentences += _against_real(title, rows)
+        sentences += _against_controls(title, rows)
+    return sentences + _reliability(errors, n_scenes, confidence)
 
 
 def _against_base(title: str, rows: Sequence[RowDifferences]) -> list[str]:
@@ -98,7 +98,7 @@ def _against_real(title: str, rows: Sequence[RowDifferences]) -> list[str]:
 
 
 def _against_controls(title: str, rows: Sequence[RowDifferences]) -> list[str]:
-    said = []
+    sentences = []
     for row in rows:
         if not row.less_controls:
             continue
@@ -117,8 +117,8 @@ def _against_controls(title: str, rows: Sequence[RowDifferences]) -> list[str]:
             )
         else:
             end = " All its controls do worse."
-        said.append(f"{title}: {row.title} is {what}.{end}")
-    return said
+        sentences.append(f"{title}: {row.title} is {what}.{end}")
+    return sentences
 
 
 def _sorted(compared: Mapping[str, Difference]) -> tuple[str, str, str]:
@@ -142,12 +142,12 @@ def _reliability(errors: Mapping[str, Sequence[RowDifferences]], n_scenes: int, 
     if not found:
         return [f"{n_scenes} held-out scene(s) give no intervals: nothing can be told apart."]
     by_chance = (1 - confidence) * len(found)
-    said = [
+    sentences = [
         f"{len(found)} intervals of {100 * confidence:g} % were looked at; about {by_chance:.1f} of them would exclude "
         "zero by chance alone."
     ]
     if n_scenes < FEW_SCENES:
-        said.append(
+        sentences.append(
             f"With only {n_scenes} held-out scenes a bootstrap over scenes is rough: take the intervals as too narrow."
         )
-    return said
+    return sentences

@@ -50,7 +50,7 @@ class ModelSteps:
 
 @contextmanager
 def fresh_client(llm: LlmConfig, server: str) -> Iterator[Client]:
-    """A client that knows no answer from before.
+    """A client without stored answers.
 
     Args:
         llm: Model, sampling and time-outs; its file of answers is left alone.

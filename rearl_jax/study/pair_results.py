@@ -1,4 +1,4 @@
-"""What a threshold sweep left behind: every pair with intervals, and which pairs no other beats in both errors."""
+"""Results of a threshold sweep: every pair with intervals, and which pairs no other beats in both errors."""
 
 import json
 import math
@@ -59,7 +59,7 @@ def marked(pairs: pd.DataFrame, best: tuple[float, float]) -> pd.DataFrame:
 
 
 def _figures(runs: pd.DataFrame, own: np.ndarray, config: StudyTable3Task) -> dict[str, float | None]:
-    """Mean over scenes of the mean over runs, and its interval, by metric; NaN and None where there is none."""
+    """Mean over scenes of the mean over runs, and its interval, by metric; NaN and None if there is none."""
     scene = runs["scene_id"].to_numpy(int)[own]
     subset, group = np.unique(scene, return_inverse=True)
     columns = {name: name for name in FIGURES} | {"mape": config.mape.column}

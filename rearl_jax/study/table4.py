@@ -58,8 +58,8 @@ def run(config: StudyTable4Task) -> dict:
         ImportError, OSError, ValueError: The language model asked for cannot be asked, see `fresh_client`.
     """
     if not config.loop.steps_batches:
-        said = "must name scenarios at a time: this table is made of decision steps"
-        raise InvalidInputError(Problem("key-missing", said, key="loop.steps_batches"))
+        message = "must name scenarios at a time: this table is made of decision steps"
+        raise InvalidInputError(Problem("key-missing", message, key="loop.steps_batches"))
     study = Study(config.results.root, config.study, config, "study table4")
     study.write_config()
     with_model = _measured_with_model(config) if config.table4.llm else None

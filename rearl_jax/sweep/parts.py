@@ -1,4 +1,4 @@
-"""Many rollouts in; one table on disk out, part by part: what a killed study had finished is not simulated again."""
+"""Results of many rollouts in one table on disk, part by part; finished parts are not simulated again."""
 
 import logging
 import math
@@ -32,9 +32,9 @@ def write_runs(
     progress: Callable[[int, int], None],
     on_part: Callable[[int, int], None] = lambda number, n_rollouts: None,
 ) -> None:
-    """Simulates and scores the rollouts and writes `runs/part-*.parquet`; parts that are there are left alone.
+    """Simulates and scores the rollouts and writes `runs/part-*.parquet`; finished parts are not simulated again.
 
-    The parts do not depend on the machine, so a study may go on elsewhere.
+    The parts do not depend on the machine, so a study may be continued on another machine.
 
     Args:
         study: Where the table goes.

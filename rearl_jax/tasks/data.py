@@ -1,4 +1,4 @@
-"""Tasks that read recordings and say what is in them."""
+"""Tasks that analyse recordings."""
 
 from rearl_jax.tasks.task import Task
 
@@ -46,7 +46,7 @@ DATA = (
         description=(
             "Calibrates every driver, looks at what the model cannot predict, tells which effect or which fault of the "
             "measurement that comes from, adds it, checks it on other drivers and reports the error before and after "
-            "on drivers that took no part. A killed study goes on where it was. Prints the verdict, writes it as "
+            "on drivers that took no part. A killed study continues where it stopped. Prints the verdict, writes it as "
             "verdict.json, the repaired model as model.yaml, Parquet, figures and one HTML page."
         ),
         examples=(
@@ -65,8 +65,8 @@ DATA = (
         goes_on=True,
         description=(
             "Generates data sets with hidden effects and artefacts from an independent generator and from SUMO, seals "
-            "what is hidden, runs discovery on each and scores it. A killed study goes on where it was. Prints tables, "
-            "writes Parquet, figures and one HTML page."
+            "what is hidden, runs discovery on each and scores it. A killed study continues where it stopped. Prints "
+            "tables, writes Parquet, figures and one HTML page."
         ),
         examples=(
             "rearl discover blind",

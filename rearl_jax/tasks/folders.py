@@ -1,4 +1,4 @@
-"""Where the files lie that come with the package: configuration and sweeps."""
+"""Folders of the files that come with the package: configuration and sweeps."""
 
 from pathlib import Path
 

@@ -38,7 +38,7 @@ SIMULATION = (
         description=(
             "Trains one policy for all vehicles by proximal policy optimisation on highway-env's reward: speed, right "
             "lanes, no crash. It sees the four nearest vehicles and takes an admissible action every second. A killed "
-            "training goes on where it was. Prints the learning curve, writes it as Parquet and figure, and the "
+            "training continues where it stopped. Prints the learning curve, writes it as Parquet and figure, and the "
             "weights."
         ),
         examples=(
@@ -73,9 +73,9 @@ SIMULATION = (
         goes_on=True,
         description=(
             "Simulates and scores as many rollouts of the held-out scenes as asked for, every one from another initial "
-            "state, and writes them part by part; a killed study goes on where it was. Before that, measures the cost "
-            "of a rollout by the number simulated at a time. Reports rollouts and agent-substeps per second and memory "
-            "over time. Prints a table, writes Parquet and a figure."
+            "state, and writes them part by part; a killed study continues where it stopped. Before that, measures the "
+            "cost of a rollout by the number simulated at a time. Reports rollouts and agent-substeps per second and "
+            "memory over time. Prints a table, writes Parquet and a figure."
         ),
         examples=(
             "rearl sweep scale",

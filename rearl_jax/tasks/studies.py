@@ -12,8 +12,8 @@ STUDIES = (
         description=(
             "Evaluates every row (base, PPO, CRITICAL, the closed loop with its controls, with table1.llm=true a "
             "language model) as `rearl evaluate` does, each in a folder of its own below rows/, and puts them beside "
-            "the figures of the paper, with what differs between the two. A killed study goes on where it was. Prints "
-            "the table and what follows from it, writes Parquet, a figure and one HTML page."
+            "the figures of the paper, with what differs between the two. A killed study continues where it stopped. "
+            "Prints the table and what follows from it, writes Parquet, a figure and one HTML page."
         ),
         examples=(
             "rearl study table1",

@@ -84,9 +84,9 @@ class Batch(eqx.Module):
         drivers: Its drivers.
         keys: Random keys of the policy.
         table: The references.
-        thresholds: Infinite: they are passed by nothing, where they count.
+        thresholds: Infinite, so that no value passes them.
         recorded: Traffic at the end of successive seconds, for programs that only look at it; else None.
-        shown: What a policy is shown of it, for programs that only decide; else None.
+        shown: Situations of that traffic as a policy sees them, for programs that only decide; else None.
     """
 
     state: TrafficState

@@ -21,7 +21,7 @@ from rearl_jax.timing.measurement import Measurement, Simulator
 from rearl_jax.timing.turns import Report
 
 _SECONDS_TO_END = 10.0
-"""Patience with a process that was told to end [s]."""
+"""Time a process gets to end after it was told to [s]."""
 
 
 class ProcessSession:
@@ -36,7 +36,7 @@ class ProcessSession:
             program: Address `module:name` of what makes the simulator.
             cpu_devices: CPU devices of JAX; None for one per core.
             on_cpu: Whether JAX sees the CPU alone.
-            remedy: What to do where the program fails.
+            remedy: What to do if the program fails.
             **arguments: What the function or class takes.
 
         Raises:

@@ -94,7 +94,7 @@ def first_disagreement(
 
 
 def aborts(tracks: Tracks, is_meta: Bool[np.ndarray, "vehicles scenarios"]) -> Int[np.ndarray, " scenarios"]:
-    """Lane changes broken off in each scene.
+    """Lane changes aborted in each scene.
 
     While a change is in progress (the lane is not the target lane) nothing but the abort rule touches the target lane
     of an IDM vehicle. Source: highway-env 1.12.1, `IDMVehicle.change_lane_policy`.

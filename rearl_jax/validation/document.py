@@ -1,4 +1,4 @@
-"""What a validation says: agreement by set and precision, the control, and every exception with its cause."""
+"""Document of a validation: agreement by set and precision, the control, and every exception with its cause."""
 
 from collections.abc import Mapping
 from typing import Any

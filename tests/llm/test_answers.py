@@ -134,7 +134,7 @@ def test_damage_that_only_changes_a_type_is_one_sentence(tmp_path, column, value
     with pytest.raises(InvalidInputError) as caught:
         Answers(path, read_only=True).find([f"{0:064x}"])
     assert (caught.value.code, caught.value.problem.file) == ("answers-unreadable", str(path))
-    assert column in caught.value.problem.said
+    assert column in caught.value.problem.fault
     assert "llm.cache" in caught.value.problem.remedy
 
 

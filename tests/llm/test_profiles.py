@@ -283,7 +283,7 @@ def test_no_server(tmp_path):
     with pytest.raises(ServerError) as caught:
         Client(make_config(tmp_path), stub.url).open()
     assert caught.value.code == "server-absent"
-    assert f"http://127.0.0.1:{stub.port}/v1" in caught.value.problem.said
+    assert f"http://127.0.0.1:{stub.port}/v1" in caught.value.problem.fault
     with stub, Client(make_config(tmp_path), stub.url) as client:
         assert client.submit(make_questions(1)).result()
 

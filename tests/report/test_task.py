@@ -138,7 +138,7 @@ def test_scenes_path_and_replay_are_as_asked_for(reported, make_report, read_rep
         make_report(reported.root, "quick", scenes=(999,))
     problem = caught.value.problem
     assert (problem.code, problem.key, problem.value) == ("scene-not-held-out", "report.scenes", 999)
-    assert str(some[0]) in problem.said
+    assert str(some[0]) in problem.fault
     with pytest.raises(InvalidInputError) as caught:
         make_report(reported.root, "quick", run=7)
     assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "report.run")

@@ -6,7 +6,7 @@ MODEL = usual.DriverModel(
     name="fvdm",
     title="Full velocity difference model: relaxation towards a gap-dependent speed, plus a term in the approach rate",
     source=(
-        "Jiang, Wu & Zhu, Phys. Rev. E 64 (2001) 017101; optimal velocity a hyperbolic tangent as of Bando et al., "
+        "Jiang, Wu & Zhu, Phys. Rev. E 64 (2001) 017101; optimal velocity a hyperbolic tangent as in Bando et al., "
         "Phys. Rev. E 51 (1995) 1035, with its inflection at standstill"
     ),
     parameters=(

@@ -29,7 +29,7 @@ class HighwayEnvIDM(CarFollowing):
     """highway-env's Intelligent Driver Model.
 
     Attributes:
-        desired_speed: None where each vehicle has its own, in the state.
+        desired_speed: None if each vehicle has its own, in the state.
         max_accel: a [m/s^2].
         comfort_decel: b, positive [m/s^2].
         accel_exponent: delta [-].

@@ -29,7 +29,7 @@ class ActuatorLag(Effect):
     )
 
     def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], dt: float) -> Float[Array, "*n"]:
-        """Part of the way from what was executed to what is wanted."""
+        """Part of the step from the executed to the wanted acceleration."""
         # Backward Euler: stable for every time, and with a slope where the time is 0, along which it can be searched.
         return wanted + (last - wanted) * self.time / (self.time + dt)
 

@@ -38,14 +38,14 @@ class SeveralLeaders(Effect):
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """Both leaders count, where there are two."""
+        """Both leaders count if there are two."""
         dv = seen.speed - seen.second_speed
         second = jnp.minimum(driver.interaction(seen.second_gap / 2, seen.speed, dv), STRONGEST_SECOND)
         return value + self.weight * seen.has_second * seen.has_leader * (second - self.relief * value)
 
 
 class LeaderAcceleration(Effect):
-    """The driver feels what the leader does before the speeds differ: brake lights."""
+    """The driver responds to the leader's acceleration before the speeds differ, as to brake lights."""
 
     gain: Float[Array, "*#n"]
     reach: Float[Array, "*#n"]
@@ -65,7 +65,7 @@ class LeaderAcceleration(Effect):
 
 
 class Asymmetry(Effect):
-    """Coming nearer is answered otherwise than falling back, up to some approach rate."""
+    """The driver responds to a shrinking gap otherwise than to a growing one, up to some approach rate."""
 
     closing: Float[Array, "*#n"]
     opening: Float[Array, "*#n"]
@@ -128,7 +128,7 @@ class NoUndertaking(Effect):
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """That with the leader on the left lane where it is the larger one."""
+        """The deceleration because of the leader on the left lane, if it is the larger one."""
         faster_by = seen.speed - seen.left_speed
         left = driver.interaction(seen.left_gap, seen.speed, faster_by)
         bearable = driver.free_acceleration(seen.speed) + driver.comfortable_deceleration()

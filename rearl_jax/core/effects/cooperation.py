@@ -12,7 +12,7 @@ from rearl_jax.core.effects.stimulus import Stimulus
 
 
 class Cooperation(Effect):
-    """The driver opens a gap for a vehicle on the lane beside that wants to come over, unless that is too hard."""
+    """The driver opens a gap for a vehicle that wants to change to the own lane, if mild braking suffices."""
 
     weight: Float[Array, "*#n"]
     limit: Float[Array, "*#n"]
@@ -32,7 +32,7 @@ class Cooperation(Effect):
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """More, where somebody wants to come over.
+        """Larger if a vehicle wants to change to the own lane.
 
         Raises:
             ValueError: The stimulus is that of a recording.

@@ -1,4 +1,4 @@
-"""Drivers on both sides of a change of lanes who respond before the lane is left."""
+"""Drivers who respond to a lane change before the vehicle has left its lane: the changing and the following driver."""
 
 from typing import ClassVar
 
@@ -12,7 +12,7 @@ from rearl_jax.core.effects.stimulus import Stimulus
 
 
 class EarlyResponse(Effect):
-    """A driver who wants to change lanes reacts to the leader there already, and the new follower to the changer."""
+    """Before a lane change the driver reacts to the new leader, and the new follower to the driver."""
 
     of_changer: Float[Array, "*#n"]
     of_follower: Float[Array, "*#n"]
@@ -36,7 +36,7 @@ class EarlyResponse(Effect):
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """More, where a vehicle on another lane is about to be the leader.
+        """Larger if a vehicle on another lane is about to become the leader.
 
         Raises:
             ValueError: The stimulus is that of a recording.

@@ -47,14 +47,14 @@ class NoPassingOnTheRight(Effect):
     )
 
     def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Less to the right, where it would pay."""
+        """Less to the right if the change would be a gain."""
         if side.direction < 0:
             return value
         return value - self.weight * jnp.where(seen.speed > PASSING_SPEED, jnp.maximum(value, 0.0), 0.0)
 
 
 class Politeness(Effect):
-    """Drivers mind what a change does to those behind."""
+    """Drivers consider what a lane change costs the vehicles behind."""
 
     weight: Float[Array, "*#n"]
 
@@ -82,7 +82,7 @@ class MovingOver(Effect):
     equation: ClassVar[str] = (
         "gain of the right lane + gain / (1 + exp((z - z0) / 0.25 s)), z the follower's time gap, z0 pressing_time_gap"
     )
-    source: ClassVar[str] = "own form, as of the effect rear_pressure on the time gap"
+    source: ClassVar[str] = "own form, as in the effect rear_pressure on the time gap"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gain", "m/s^2", "what giving way is worth under pressure", 0.0, -1.0, 3.0, 0.5),
         Parameter("pressing_time_gap", "s", "follower's time gap z0 that presses", 1.0, 0.3, 2.5, 0.3, False),
@@ -98,7 +98,7 @@ class MovingOver(Effect):
 
 
 class TruckAversion(Effect):
-    """Drivers do not like to be behind a truck."""
+    """Drivers avoid following a truck by changing lanes."""
 
     gain: Float[Array, "*#n"]
     reach: Float[Array, "*#n"]

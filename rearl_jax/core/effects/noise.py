@@ -28,7 +28,7 @@ class Fluctuation(eqx.Module):
 def begin_fluctuation(
     seed: Int[Array, "*#seeds"], stream: int, like: Float[Array, "vehicles *scenarios"]
 ) -> Fluctuation:
-    """Processes that have always been going on; arguments as of `standard_normal`."""
+    """Processes that have always been going on; arguments as in `standard_normal`."""
     count = jnp.zeros((), jnp.int32)
     return Fluctuation(count, standard_normal(seed, stream, count, like))
 
@@ -54,7 +54,7 @@ def fluctuate(
 
 
 class AccelerationNoise(Effect):
-    """Drivers accelerate a little more or less than they mean to, for a while."""
+    """Drivers accelerate a little more or less than they intend, by an error that is correlated in time."""
 
     sd: Float[Array, "*#n"]
     time: Float[Array, "*#n"]
@@ -85,7 +85,7 @@ class AccelerationNoise(Effect):
 
 
 class PerceptionNoise(Effect):
-    """Drivers misjudge gaps in proportion to the gap, and approach rates in proportion to it too, for a while."""
+    """Drivers misjudge gaps and approach rates in proportion to the gap, by errors that are correlated in time."""
 
     gap_error: Float[Array, "*#n"]
     rate_error: Float[Array, "*#n"]

@@ -57,7 +57,7 @@ class VarianceDrivenTimeGap(Effect):
 
 
 class Resignation(Effect):
-    """Long queues wear drivers down: the time gap follows how far below the desired speed they have driven lately."""
+    """Long queues change drivers: the time gap depends on how far below the desired speed they have driven recently."""
 
     gain: Float[Array, "*#n"]
     memory_time: Float[Array, "*#n"]
@@ -87,7 +87,7 @@ class Resignation(Effect):
 
 
 class Relaxation(Effect):
-    """Right after a lane change a short gap is accepted; the usual one comes back slowly."""
+    """Right after a lane change a short gap is accepted; the usual gap returns slowly."""
 
     gap_share: Float[Array, "*#n"]
     time_gap_share: Float[Array, "*#n"]
@@ -110,7 +110,7 @@ class Relaxation(Effect):
         return replace(seen, gap=seen.gap + self.gap_share * seen.gap_lost * self._left(seen))
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Shorter, where the gap after the change was."""
+        """Shorter if the gap after the change was shorter."""
         return value + self.time_gap_share * jnp.minimum(seen.time_gap_at_change - value, 0.0) * self._left(seen)
 
     def _left(self, seen: Stimulus) -> Float[Array, "*n"]:
@@ -153,5 +153,5 @@ class LeaderClass(Effect):
     )
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Another one behind a truck."""
+        """Longer or shorter behind a truck."""
         return value * jnp.exp(self.gain * seen.has_leader * seen.leader_is_truck)

@@ -238,7 +238,7 @@ class Traffic:
         kept = np.exp(-self.dt / NOISE_TIME)
         shocks = self.rng.standard_normal((2, len(fleet)))
         fleet.noise = kept * fleet.noise + self.config.acceleration_noise * np.sqrt(1.0 - kept**2) * shocks[0]
-        # Near standstill and in an emergency nobody plays with the pedal.
+        # Near standstill and in an emergency drivers have no noise of their own.
         calm = np.minimum(fleet.speed / 10.0, 1.0) * (acceleration > -2.5)
         fleet.acceleration = acceleration + calm * fleet.noise
         kept = np.exp(-self.dt / DRIFT_TIME)
