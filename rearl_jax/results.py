@@ -41,8 +41,8 @@ class Study:
     """One folder of results, `root/name`.
 
     The metadata of each table holds `task`, `study`, `config_hash`, `config` (JSON), `code_version`, `code_hash`,
-    `git_sha` (in a git checkout), `data_id` (where data were read), `generated` (`true` where the data are no
-    measurements), and what the writer adds (seeds, definitions). `read_metadata` reads it back.
+    `git_sha` (in a git checkout), `data_id` (if data were read), `generated` (`true` if any data were generated), and
+    what the writer adds (seeds, definitions). `read_metadata` reads it back.
     """
 
     def __init__(
@@ -237,7 +237,7 @@ def shared_config(config: object) -> Any:
 
 
 def config_hash(config: object) -> str:
-    """Sixteen hexadecimal digits that are equal where everything but `study` and `results` is equal."""
+    """Sixteen hexadecimal digits that are equal if everything but `study` and `results` is equal."""
     text = json.dumps(shared_config(config), sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

@@ -37,7 +37,7 @@ from rearl_jax.tasks import TASKS
 Record = TypeVar("Record")
 
 Measured: TypeAlias = pd.DataFrame | SceneSet | None
-"""Measured trajectories: a table in the canonical schema; scenes, where they were cut before; None for files."""
+"""Measured trajectories: a table in the canonical schema, or scenes that were cut before; None for files."""
 
 
 @dataclass(frozen=True)
@@ -231,7 +231,8 @@ def calibrate(measured: pd.DataFrame | None = None, **keys: Any) -> Calibration:
         **keys: Those of `rearl discover`; keys of the search for effects have no effect here.
 
     Raises:
-        FileNotFoundError, ValueError: A key is unknown, there are no recordings, one is bad, or nobody follows.
+        FileNotFoundError, ValueError: A key is unknown, there are no recordings, one is bad, or no driver follows
+            another.
     """
     config = _with_table(_configured(DiscoverTask, keys), measured)
     with _double_precision():

@@ -1,7 +1,7 @@
 """Hydra multirun: one job for every combination of the swept values, each in a folder of its own.
 
-Finished jobs are not run again, so a killed multirun continues where it stopped. At the end the task puts all cells
-together.
+Finished jobs are not run again, so a killed multirun continues where it stopped. At the end the task combines all
+cells.
 """
 
 import itertools

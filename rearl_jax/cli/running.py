@@ -66,7 +66,7 @@ def _is_own(cache: Path) -> bool:
         if all(map(is_private, (cache.parent, cache))):
             return True
     except OSError:
-        return True  # there is no cache, as runtime.start will say
+        return True  # there is no cache, which runtime.start reports
     complain(
         f"others can write to {cache}: compiled programs are neither kept nor taken from there; make it your own "
         "(chmod o-w, chown), or set XDG_CACHE_HOME"

@@ -20,7 +20,7 @@ from rearl_jax.tasks import Task
 
 
 def sweep_files(config_dir: str | None = None) -> dict[str, Path]:
-    """Sweep files by name: the shipped ones, and those in the folder `sweeps` of an own configuration folder."""
+    """Sweep files by name: the shipped ones, and those in the folder `sweeps` of the user's configuration folder."""
     folders = [tasks.sweeps_dir()] if config_dir is None else [tasks.sweeps_dir(), Path(config_dir) / "sweeps"]
     return {file.stem: file for folder in folders for file in sorted(folder.glob("*.yaml"))}
 
@@ -29,7 +29,7 @@ def read_sweep(name: str, task: Task, config_dir: str | None) -> list[str]:
     """Overrides of a sweep file; the study is named after it.
 
     Raises:
-        UsageError: There is no such file, it belongs to another task, or it is no mapping of `task` and `keys`.
+        UsageError: There is no such file, it belongs to another task, or it is not a mapping of `task` and `keys`.
     """
     files = sweep_files(config_dir)
     if name not in files:

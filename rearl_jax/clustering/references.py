@@ -117,7 +117,7 @@ class ReferenceBuilder:
 
     Attributes:
         data_id: Identity of the data.
-        tracks: Tracks of the data set; None as long as nobody needed them.
+        tracks: Tracks of the data set; None until they are needed.
     """
 
     def __init__(self, config: ReferenceKeys, tracks: TrackSet | None = None) -> None:

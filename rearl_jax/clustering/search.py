@@ -38,7 +38,7 @@ _ETA = 1.0
 gp_minimize; here on standardised objectives, so that they do not depend on its unit."""
 
 _REFIT = 25
-"""Beyond so many rounds the kernel is fitted anew only every so many."""
+"""From twice this number of rounds on, the kernel is fitted anew only at multiples of this number."""
 
 _VERTICES = 24
 """Vertices at which `bo.penalty` counts in full."""
@@ -55,7 +55,7 @@ class Evaluation:
         objective: Silhouette minus the penalty for vertices; largest is best.
         chosen_by: Acquisition that proposed it, or `random`.
         ei, pi, lcb: Cell each acquisition proposed; -1 in random rounds.
-        gain_ei, gain_pi, gain_lcb: Sums of what the model says of each acquisition's earlier proposals.
+        gain_ei, gain_pi, gain_lcb: Sums of the model's predictions for each acquisition's earlier proposals.
     """
 
     round: int

@@ -1,7 +1,7 @@
 """Configuration records as a flat list of keys: what can be set, with which type, and what it means.
 
 In: a task's dataclass (standard library only). Out: its keys by full name, the nearest key to a misspelt one,
-and finished records with tuples where tuples are declared and every record's own `check` passed.
+and finished records, with the declared tuples in place of lists, that have passed their own `check`.
 """
 
 import difflib
@@ -162,7 +162,7 @@ def _from_plain(hint: Any, value: Any, name: str) -> Any:
 
 
 def _record_from_plain(hint: type, value: Any, name: str) -> Any:
-    """The record of a group; where it is one of several that are chosen by name, the name alone is enough."""
+    """The record of a group; if it is one of several that are chosen by name, the name alone is enough."""
     record_for = getattr(hint, "record_for", None)
     if record_for is None:
         return from_plain(hint, value, f"{name}.")

@@ -85,8 +85,8 @@ def highway_env_drivers(
 
     Args:
         accel_exponent: IDM exponent delta of each vehicle; None for 4 everywhere. `highway-v0` draws U(3.5, 4.5).
-        ndim: Rank of the state's arrays (2 for `[n_vehicles, n_scenarios]`), where no exponent is given.
-        dtype: Floating type, where no exponent is given.
+        ndim: Rank of the state's arrays (2 for `[n_vehicles, n_scenarios]`), if no exponent is given.
+        dtype: Floating type, if no exponent is given.
         ticks_per_second: Clock of the simulation, for the period of lane-change decisions.
 
     Source: highway-env 1.12.1, `vehicle/behavior.py` (IDMVehicle) and `vehicle/kinematics.py` (LENGTH, WIDTH).

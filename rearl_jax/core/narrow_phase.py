@@ -1,7 +1,7 @@
 """Narrow phase of collision detection: candidate pairs tested in full, block by block.
 
 A push is the last one written in highway-env: of all that push a vehicle, the one with the highest list index counts.
-Pairs come in any sequence here, so each push is written only where nobody with a higher index has pushed so far.
+Pairs come in any sequence here, so each push is written only if no vehicle with a higher index has pushed so far.
 
 Source: highway-env 1.12.1, `RoadObject.handle_collisions`.
 """

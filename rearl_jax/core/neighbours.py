@@ -214,13 +214,13 @@ def find_follower(
 
 
 def _nobody_ahead(state: TrafficState) -> Leader:
-    """Nobody ahead of anybody."""
+    """A leader for no vehicle."""
     still = jnp.zeros_like(state.x)
     return Leader(jnp.full_like(state.x, jnp.inf), still, still)
 
 
 def _nobody_behind(state: TrafficState) -> Follower:
-    """Nobody behind anybody."""
+    """A follower for no vehicle."""
     still = jnp.zeros_like(state.x)
     return Follower(jnp.full_like(state.x, jnp.inf), still, still + 1, still, still + 1)
 
@@ -231,7 +231,7 @@ def is_large(n_vehicles: int) -> bool:
 
 
 def sort_if_large(state: TrafficState) -> TrafficState:
-    """The state with its order along the road up to date, where the search for neighbours needs it."""
+    """The state with its order along the road up to date, if the search for neighbours needs it."""
     if not is_large(state.x.shape[0]):
         return state
     return eqx.tree_at(lambda s: s.order, state, sort_along_road(state.x, state.order))

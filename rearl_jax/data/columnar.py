@@ -62,8 +62,8 @@ def read_columns(
 def _table(path: Path, names: Sequence[str], only: tuple[str, str | int] | None) -> pa.Table:
     """The named columns, unchanged.
 
-    The rows are chosen here, batch by batch: pyarrow's own filters ask for the columns' statistics, and where those are
-    damaged it waits for them for ever.
+    The rows are chosen here, batch by batch: pyarrow's own filters ask for the columns' statistics, and wait for ever
+    if those are damaged.
     """
     wanted = None if only is None else pc.field(only[0]) == only[1]
     columns = list(dict.fromkeys([*names, *([] if only is None else only[:1])]))

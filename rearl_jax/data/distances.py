@@ -87,7 +87,7 @@ def mean_distance(
 def distance_headway(vehicles: Vehicles, rows: np.ndarray, present: np.ndarray, n_places: int) -> np.ndarray:
     """Distance from the front bumper to the rear bumper of the nearest vehicle ahead in the lane [m].
 
-    0 without a vehicle ahead, as in highD's column `dhw`, and where the two overlap.
+    0 without a vehicle ahead, as in highD's column `dhw`, and if the two overlap.
 
     Raises:
         ValueError: A vehicle's lane is unknown.

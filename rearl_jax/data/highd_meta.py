@@ -83,7 +83,7 @@ def read_recording_meta(path: Path) -> RecordingMeta:
         raise bad_recording("speed-limit", text, "give it in m/s, -1 for none", path, column="speedLimit", row=1)
     return RecordingMeta(
         frame_rate=frame_rate,
-        # highD writes -1 where there is no speed limit.
+        # highD writes -1 if there is no speed limit.
         speed_limit=limit if limit > 0.0 else None,
         markings={1: markings("upperLaneMarkings"), 2: markings("lowerLaneMarkings")},
     )

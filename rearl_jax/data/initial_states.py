@@ -29,9 +29,9 @@ def first_lanes(scenes: SceneSet) -> Int[np.ndarray, "scenes slots"]:
 def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
     """States with the vehicles of every scene's first snapshot, `[n_vehicles, n_scenes]`.
 
-    x = position along the own driving direction less the least one of the scene, so the carriageways lie side
-    by side and everybody drives towards larger x; lane as in `first_lanes`; speed = rescaled speed, which is the
-    desired speed too, as highway-env sets it.
+    x = position along the own driving direction less the least one of the scene, so the carriageways lie side by side
+    and all vehicles drive towards larger x; lane as in `first_lanes`; speed = rescaled speed, which is the desired
+    speed too, as highway-env sets it.
 
     Raises:
         ValueError: The simulated road has too few lanes or another number of vehicles, or a lane is unknown.

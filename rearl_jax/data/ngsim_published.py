@@ -92,7 +92,7 @@ class PublishedFile:
         """One recording, checked: centre instead of front, SI instead of feet.
 
         Raises:
-            BadRecordingError: The table or a row breaks the schema, or a row is there twice.
+            BadRecordingError: The table or a row breaks the schema, or a row occurs twice.
         """
         rows, broken = self._rows
         chosen = rows.iloc[_recordings_of(rows, self.path)[recording]]
@@ -253,7 +253,7 @@ def _plain(name: str) -> str:
 
 
 def _place_of(path: Path) -> str:
-    """Name of the place as far as the file name tells it."""
+    """Name of the place if the file name contains it."""
     return next((place for place in _LANES if place in _plain(path.name)), "ngsim")
 
 

@@ -210,7 +210,7 @@ def _placed(rows: pd.DataFrame, platoon: Platoon, length: float, file: str) -> t
     position[1:, 0] = np.cumsum(0.5 * (first[1:] + first[:-1])) / FRAME_RATE
     position[:, 1:] = position[:, :1] - np.cumsum(ahead + length, axis=1)
     placed = ~np.isnan(speed) & ~np.isnan(position)
-    # Behind a vehicle without speed nobody is where the sum of gaps says.
+    # Behind a vehicle without speed the sum of gaps gives no position.
     placed = np.logical_and.accumulate(placed, axis=1)
     position += 0.5 * length - np.min(position, where=placed, initial=np.inf)
     # A frame the source does not have gets the number of the row before it.

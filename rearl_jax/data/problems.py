@@ -64,7 +64,7 @@ class Finding:
 
 
 def recording_unnamed(file: str, row: int | None = None) -> BadRecordingError:
-    """The error for a row that belongs to no recording; the row, from 1, where it is known."""
+    """The error for a row that belongs to no recording; the row, from 1, if it is known."""
     return bad_recording(
         "recording-unnamed", "a row has no recording", "complete it", file, column="recording", row=row
     )

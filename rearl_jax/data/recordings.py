@@ -75,7 +75,7 @@ def data_id(data: DataConfig) -> str:
 def file_stamps(data: DataConfig) -> list[tuple[str, int, int]]:
     """Name, size in bytes and time of the last change in nanoseconds of every file of a data set.
 
-    Changes whenever a file is touched, also where `data_id` cannot see it, and on every machine.
+    Changes whenever a file is touched, even if `data_id` stays the same, and differs between machines.
     """
     if isinstance(data, TableInMemory):
         return [(str(data.root), len(data.table), 0)]

@@ -26,7 +26,7 @@ class RecordingInfo:
         road_length: Length of the observed road [m].
         source: Data set the recording belongs to.
         licence: Licence of the data.
-        attribution: Who is to be named.
+        attribution: Name to be cited.
         generated: The recording was made by the generator, not measured.
         speed_limit: Legal speed limit [m/s]; None if there is none or it is unknown.
         lane_markings: Per direction the lateral offsets of the lane markings from the left edge [m], rising.
@@ -99,8 +99,8 @@ class Recording:
     Attributes:
         info: Metadata.
         table: Canonical trajectory table, columns as in `schema.COLUMNS`, sorted by track_id and frame.
-        dropped: What was left out, by cause: `<cause>` rows removed, `<cause>_cuts` places where a track was
-            cut in two, `tracks` tracks removed as a whole. Empty if nothing was.
+        dropped: What was left out, by cause: `<cause>` rows removed, `<cause>_cuts` places at which a track was cut in
+            two, `tracks` tracks removed as a whole. Empty if nothing was.
     """
 
     info: RecordingInfo

@@ -29,8 +29,8 @@ def save_scenes(scenes: SceneSet, study: Study, name: str = "scenes") -> Path:
 def scene_table(scenes: SceneSet) -> pd.DataFrame:
     """Long form: the per-scene columns, `k` (snapshot), `slot`, then every array and the scaled speed.
 
-    Rows are sorted by scene, snapshot and slot. A lane is missing where it is unknown, `next_lane` also where
-    the vehicle has left.
+    Rows are sorted by scene, snapshot and slot. A lane is missing if it is unknown, `next_lane` also if the vehicle has
+    left.
     """
     n_scenes, n_frames, n_slots = scenes.speed.shape
     columns: dict[str, object] = {}

@@ -1,4 +1,4 @@
-"""Scenes of equal shape: one record for all of them, the rescaling of speeds, what their lanes say.
+"""Scenes of equal shape: one record for all of them, the rescaling of speeds, lane-change rates.
 
 The scaled speed is derived from the recorded one and two stored extremes, never stored beside it.
 """
@@ -31,7 +31,7 @@ class SceneCounts:
     Attributes:
         recordings: Recordings read.
         recordings_without_scenes: Recordings that gave no scene.
-        windows: Windows looked at.
+        windows: Windows examined.
         rejected: Windows with too few vehicles in a snapshot.
         accepted: Windows that became scenes.
     """
@@ -48,7 +48,7 @@ class SceneSet:
     """Scenes of equal shape and where they come from.
 
     Axes: scenes, frames (1 Hz snapshots), slots (picked vehicles, the longest recorded first). A slot's
-    vehicle changes as vehicles leave; `track_id` says who it is.
+    vehicle changes as vehicles leave; `track_id` identifies it.
 
     Attributes:
         scene_id: Number of the scene, from 0, in the order of recordings, windows and carriageways.
@@ -147,7 +147,7 @@ class SceneSet:
 
     @cached_property
     def data_id(self) -> str:
-        """Sixteen hexadecimal digits that are equal where settings and every value are equal."""
+        """Sixteen hexadecimal digits that are equal if the settings and all values are equal."""
         digest = hashlib.sha256(json.dumps(dict(self.settings), sort_keys=True).encode())
         for name in ARRAYS:
             values = getattr(self, name)

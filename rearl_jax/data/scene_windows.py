@@ -55,7 +55,7 @@ class WindowCount:
     """Counts of the windows of one recording.
 
     Attributes:
-        windows: Windows looked at (per carriageway where those are scenes of their own).
+        windows: Windows examined (per carriageway if those are scenes of their own).
         accepted: Windows with enough vehicles in every snapshot.
         duration: Length of the recording [s].
         most_vehicles: Largest number of vehicles in any snapshot.
@@ -174,7 +174,7 @@ def windows_of(recording: Recording, keys: SceneKeys) -> tuple[dict[str, np.ndar
         "recording": np.full(len(window), recording.info.id),
         "window": window.astype(np.int64),
         "start_frame": starts[window],
-        # Nominal, not frame / rate: windows side by side stay so where a frame rate is not a whole number.
+        # Nominal, not frame / rate, so that adjacent windows stay adjacent if a frame rate is not a whole number.
         "start_time": window * scenes.stride_seconds,
         "frame_rate": np.full(len(window), float(rate)),
     }

@@ -40,7 +40,7 @@ class Orders(eqx.Module):
 
     Attributes:
         is_asked: Vehicles that needed a decision.
-        action: The action of those whose answer was accepted, NO_ACTION for everybody else.
+        action: The action of those whose answer was accepted, NO_ACTION for all other vehicles.
         n_inadmissible: Vehicles whose answer was an action they may not take.
         n_invalid: Vehicles without a valid answer.
     """
@@ -76,7 +76,7 @@ def no_orders(state: TrafficState) -> Orders:
 
 
 def count(mask: Bool[Array, "vehicles scenarios"]) -> Int[Array, " scenarios"]:
-    """Number of vehicles in each scenario for which something holds."""
+    """Number of marked vehicles in each scenario."""
     return unrolled_sum(mask.astype(jnp.int32), 0)
 
 

@@ -69,7 +69,7 @@ def highway_env_observation(n_lanes: int, n_rows: int = N_ROWS, *, see_behind: b
 class _ObservedVehicle(eqx.Module):
     """One vehicle, as every observer sees it: distance along the road, place and speed.
 
-    The distance is inf where there is nobody.
+    The distance is inf if there is no vehicle.
     """
 
     distance: Float[Array, "observers scenarios"]
@@ -79,7 +79,7 @@ class _ObservedVehicle(eqx.Module):
     vy: Float[Array, "observers scenarios"]
 
     def columns(self, spec: ObservationSpec) -> list[Float[Array, "observers scenarios"]]:
-        """A row of the observation, in the order of `COLUMNS`; all zero where there is nobody."""
+        """A row of the observation, in the order of `COLUMNS`; all zero if there is no vehicle."""
         presence = jnp.isfinite(self.distance)
         values = (self.x, self.y, self.vx, self.vy)
         scaled = [jnp.clip(value / reach, -1.0, 1.0) for value, reach in zip(values, spec.ranges, strict=True)]

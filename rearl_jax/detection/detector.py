@@ -206,9 +206,7 @@ def detect(
 def errors_to_references(
     mean: Float[Array, " scenarios"], table: ReferenceTable, second: Int[Array, ""], definition: MapeDefinition
 ) -> Float[Array, "refs scenarios"]:
-    """Relative error of the mean spacing [m] against every reference at a second [-]; 0 where there is nothing to
-    compare.
-    """
+    """Relative error of the mean spacing [m] against every reference at a second [-]; 0 if either is undefined."""
 
     def against(real_mean: Float[Array, ""], real_spacing: Float[Array, " slots"]) -> Float[Array, " scenarios"]:
         everybody = jnp.broadcast_to(real_spacing[None, :, None], (1, real_spacing.shape[0], mean.shape[0]))

@@ -115,7 +115,7 @@ def _cell(record: Mapping[Any, Any], name: str) -> Cell:
 
 
 def number(value: Any, sign: str = "") -> str:
-    """Text of a value, `-` where there is none.
+    """Text of a value, `-` if it is missing.
 
     Args:
         value: A number, a text, a truth value or a missing one.
@@ -138,7 +138,7 @@ def interval(low: Any, high: Any, sign: str = "") -> str:
 
 
 def percent(share: float | None) -> str:
-    """Text of a share [-] in percent, `-` where there is none."""
+    """Text of a share [-] in percent, `-` if it is missing."""
     return NONE if share is None or pd.isna(share) else f"{100 * share:.1f} %"
 
 

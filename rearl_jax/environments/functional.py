@@ -190,7 +190,7 @@ class FunctionalHighway:
         observation: Float[Array, "rows columns scenarios"],
         measured: TrafficState | None,
     ) -> tuple[Float[Array, "rows columns scenarios"], HighwayState]:
-        """Observation and state of the next episode where one has ended."""
+        """Observation and state of the next episode if one has ended."""
 
         def begun() -> tuple[Array, HighwayState]:
             new = highway.select(ended, highway.begin(keys, self.options, measured), state)

@@ -77,7 +77,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         """Observations and info at the beginning of episodes.
 
         Args:
-            seed: s for s, s + 1, ...; or one for each scenario, None to go on with the episodes that follow.
+            seed: s for s, s + 1, ...; or one for each scenario, None to continue with the episodes that follow.
             options: `reset_mask`, who begins anew; all by default.
 
         Raises:

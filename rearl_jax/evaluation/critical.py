@@ -32,7 +32,7 @@ def adapt(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progr
     """Shares of the driver classes to evaluate, found on the threshold scenes of a subset, and their extra results.
 
     Raises:
-        ImportError, OSError, ValueError: The language model cannot be asked; see `language_model.language_model`.
+        ImportError, OSError, ValueError: The language model cannot be reached; see `language_model.language_model`.
         ValueError: The recordings hold too few cars.
     """
     adaptation, requests = _adapted(config, scenes, subset, bar)

@@ -74,7 +74,7 @@ def document_of(
         config: The task.
         summary: The table `summary.parquet`.
         remarks: What goes with it.
-        decisions: The table `decisions.parquet`; None if nobody intervenes.
+        decisions: The table `decisions.parquet`; None without interventions.
         generated: Whether any of the recordings were generated.
     """
     rows = list(dict.fromkeys(summary["method"]))
@@ -187,7 +187,7 @@ def _estimate(row: Mapping[str, Any] | None, name: str) -> Cell:
 
 
 def _cell(row: Mapping[str, Any] | None, name: str, column: str = "value") -> Cell:
-    """A column of a row of the summary with its interval, with a sign where it is a difference."""
+    """A column of a row of the summary with its interval, with a sign if it is a difference."""
     if row is None or pd.isna(row[column]):
         return Cell(NONE)
     prefix, sign = ("", "") if column == "value" else (f"{column}_", "+")

@@ -29,8 +29,8 @@ class Estimate:
         sd: Standard deviation over runs of the mean over scenes (n - 1 in the denominator).
         low: Lower end of the bootstrap interval of the value, over scenes.
         high: Upper end.
-        compared_with: Row the difference is taken to: `real` where the real scenes have the metric
-            themselves, else `real_vs_real`; None for these rows.
+        compared_with: Row the difference is taken to: `real` if the real scenes have the metric themselves, else
+            `real_vs_real`; None for these rows.
         difference: Value less that of the other row, over the scenes that both have.
         difference_low: Lower end of its paired bootstrap interval.
         difference_high: Upper end.
@@ -101,7 +101,7 @@ def estimates(rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig) 
 def _differences(
     means: dict[tuple[str, str], np.ndarray], others: dict[tuple[str, str], tuple[str, str]]
 ) -> dict[tuple[str, str], np.ndarray]:
-    """Figures less those they are compared with, scene by scene, where any scene has both."""
+    """Figures less those they are compared with, scene by scene, if any scene has both."""
     found = {key: means[key] - means[other] for key, other in others.items() if other in means}
     return {key: values for key, values in found.items() if np.isfinite(values).any()}
 

@@ -37,7 +37,7 @@ class Inputs:
     Attributes:
         scenes: All scenes.
         splits: Use of each scene.
-        references: Representative scenes; None if nobody asked for them.
+        references: Representative scenes; None if they were not needed.
         clusters: The clusterings behind them.
     """
 

@@ -76,8 +76,8 @@ def language_model(config: EvaluateTask, bar: Progress) -> Iterator[LanguageMode
 
     Raises:
         ImportError: decision.server=local, and the server or its model is not installed.
-        OSError: There is no server, or it does not get ready.
-        ValueError: The server does not have the model or refuses us, or the answers kept cannot be read.
+        OSError: There is no server, or it does not become ready.
+        ValueError: The server does not have the model or refuses access, or the answers kept cannot be read.
     """
     if not (config.method.needs_references and config.decision.policy.is_outside):
         yield None

@@ -51,7 +51,7 @@ class Sample:
         frames: Its first rollout, `[n_steps, n_vehicles]`.
         lengths: Lengths of the vehicles in it [m].
         speed_counts: Simulated speeds of all rollouts per bin of `speed_histogram_edges`.
-        action_counts: Actions of all rollouts per bin of the speed before them; None if no policy drives everybody.
+        action_counts: Actions of all rollouts per bin of the speed before them; None if no policy drives all vehicles.
     """
 
     example: int
@@ -206,7 +206,7 @@ def scored_rollouts(
 
 
 def make_scorer(config: EvaluateTask, scenes: SceneSet, n_pairs: int) -> Scorer:
-    """Scorer of the configured metrics for so many pairs of a rollout and a scene."""
+    """Scorer of the configured metrics for a number of pairs of a rollout and a scene."""
     width = min(config.core.chunk, math.ceil(n_pairs / len(jax.local_devices())))
     metrics = MetricsConfig(config.hist, config.thw, config.safety, config.realism, config.spacing)
     return Scorer(scenes, metrics, width=width, dtype=np.dtype(config.core.dtype.name))

@@ -117,7 +117,7 @@ def scores_of(
 
 
 def of_recordings(scores: Scores, scenes: SceneSet) -> Scores:
-    """Scores of recorded scenes, without what recordings cannot tell.
+    """Scores of recorded scenes, without metrics that recordings do not determine.
 
     Their lane-change rate counts every vehicle of a snapshot over the second after it, also those that are
     not among the picked ones of the next snapshot. A scene scored against itself keeps what describes it.
@@ -189,7 +189,7 @@ def _realism_program(realism: RealismConfig) -> Callable[..., Realism]:
 
 
 def with_realism(rows: list[Scores], real: Scores, realism: RealismConfig) -> list[Scores]:
-    """The rows with the likelihood of the real scenes under them, where they have counts.
+    """The rows with the likelihood of the real scenes under them, if they have counts.
 
     A pair's figure is of that rollout alone; the row's figure pools the runs of a scene, as the measure is
     defined. One compiled call serves all rows.

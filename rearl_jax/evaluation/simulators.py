@@ -106,7 +106,7 @@ class Batch(NamedTuple):
         measured: Initial states that are not drawn.
         references: Representative scenes; a last axis of length 1 means the same for all rollouts.
         thresholds: Thresholds of the Hellinger distance and of the spacing error.
-        actor: The network that drives everybody; last axis as for the references.
+        actor: The network that drives all vehicles; last axis as for the references.
         shares: Shares of aggressive and defensive drivers and of trucks.
         traffic: Drivers and effects that are not highway-env's; last axis as for the references.
     """

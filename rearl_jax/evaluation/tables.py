@@ -172,7 +172,7 @@ def written(value: float, name: str) -> str:
 
 
 def metadata(config: EvaluateTask, evaluation: Evaluation) -> dict[str, str]:
-    """What the schema of every table says besides its provenance."""
+    """Metadata of every table besides its provenance."""
     return {
         "seeds": config.seeds,
         "scenes_id": evaluation.scenes.data_id,

@@ -21,7 +21,7 @@ WITH_MODEL = (Method.base, Method.rearl)
 
 
 def inputs_id(config: EvaluateTask, scenes: str | None = None) -> str:
-    """Identity of all that is read: the data, weights where a trained policy drives, and a repaired model.
+    """Identity of all that is read: the data, the weights if a trained policy drives, and a repaired model.
 
     Args:
         config: The task.

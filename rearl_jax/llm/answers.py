@@ -47,7 +47,7 @@ class Answers:
     """The open file; used by one thread at a time."""
 
     def __init__(self, path: Path, *, read_only: bool = False) -> None:
-        """Opens the SQLite file, or makes it; where nothing will be kept (`read_only`) it must be there.
+        """Opens the SQLite file, or creates it; with `read_only` it must exist.
 
         Raises:
             MissingInputError: There is no file to read.

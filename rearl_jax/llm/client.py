@@ -86,8 +86,9 @@ class Client:
         """This client, when the server is ready and the file of answers open.
 
         Raises:
-            ServerError: There is no server, or it does not get ready.
-            InvalidInputError: The server does not have the model or refuses us, or the file of answers cannot be used.
+            ServerError: There is no server, or it does not become ready.
+            InvalidInputError: The server does not have the model or refuses access, or the file of answers cannot be
+                used.
             MissingInputError: There is nothing to replay.
         """
         if self._loop is not None:
@@ -103,7 +104,7 @@ class Client:
         return self
 
     def close(self) -> None:
-        """Stops what is on its way and closes everything; answers that have come are kept."""
+        """Stops pending requests and closes everything; answers received are kept."""
         loop, thread = self._loop, self._thread
         if loop is None or thread is None:
             return

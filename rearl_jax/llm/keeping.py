@@ -16,7 +16,7 @@ class Keeper:
     """The kept answers of one model, for one event loop."""
 
     def __init__(self, answers: Answers, model: str, profile: Profile) -> None:
-        """Nobody else may use the open file meanwhile."""
+        """No other object may use the open file meanwhile."""
         self._answers = answers
         self._model = model
         self._profile = profile

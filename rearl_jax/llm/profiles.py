@@ -96,7 +96,7 @@ def request_digest(body: str, dialect: Dialect) -> str:
 def read_completion(content: bytes) -> Completion:
     """Completion in the body of a response.
 
-    A response without a text counts as the empty text where the model was cut off or said something as its reasoning.
+    A response without a text counts as the empty text if the model was cut off or returned only reasoning.
 
     Raises:
         ValueError: It is not a completion of a chat: no JSON, another shape, no choices, no text.

@@ -38,7 +38,7 @@ class Prompter:
         model: The road.
         options: What the questions show.
         detection: Choices of the detection, whose speed bins the questions show.
-        template: The template; None for that of `options`. To be loaded once where there are several batches.
+        template: The template; None for that of `options`. To be loaded once if there are several batches.
         vehicle_length: Length [m], or lengths that broadcast to `[n_vehicles, n_scenarios]`; highway-env's by default.
 
     Raises:
@@ -130,7 +130,7 @@ class Prompter:
         return found
 
     def _with_block(self, block: str, variables: Mapping[str, object], ready: Mapping[str, Rendered]) -> _Shared:
-        """The variables, and the blocks that are ready with one more, where the template has it."""
+        """The variables, and the rendered blocks with one more, if the template has it."""
         if not self._template.has(block):
             return variables, ready
         return variables, {**ready, block: rendered(self._template.render(block, variables, ready))}

@@ -94,9 +94,9 @@ class Reply(Completion):
     """A completion from the server or from the cache, or the cause why there is none.
 
     Attributes:
-        cause: `answered` where there is a text, to be parsed; else why there is none.
+        cause: `answered` if there is a text, to be parsed; else why there is none.
         latency: From the first sending to the last byte, all tries [s]; 0 from the cache.
-        tries: Times it was sent; 0 from the cache or where it was not sent.
+        tries: Times it was sent; 0 from the cache or if it was not sent.
         status: Last HTTP status; None without one.
         from_cache: Whether our own cache gave it.
     """

@@ -32,10 +32,9 @@ COLUMNS = {
 }
 """Columns of the table and their types in pandas; those not described here are the fields of `Question` and `Reply`.
 
-`second` is that of the simulation, missing where it was not given; `vote` counts from 0; `thinking_length` is that of
-the reasoning [characters]; `action` and `cause` are those of this reply alone; `was_sent` is false where the answer
-was kept or an equal question was sent. `latency` and tokens summed over the rows with `was_sent` are those of the
-server.
+`second` is that of the simulation, missing if it was not given; `vote` counts from 0; `thinking_length` is that of
+the reasoning [characters]; `action` and `cause` are those of this reply alone; `was_sent` is false if the answer was
+stored or an equal question was sent. `latency` and tokens summed over the rows with `was_sent` are those of the server.
 """
 
 

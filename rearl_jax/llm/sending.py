@@ -30,7 +30,7 @@ class Job:
         digest: Hash of what is sent.
         body: What is sent.
         done: The reply, when there is one.
-        deadline: Time of the event loop after which nobody waits for it.
+        deadline: Time of the event loop after which no burst waits for it.
         waiting: Bursts of questions that wait for it.
         started: Time at which it was first sent; None before.
         tries: Times it was sent.
@@ -103,7 +103,7 @@ class Sender:
             job.task.add_done_callback(functools.partial(self._ended, job))
 
     def abandon(self, job: Job) -> None:
-        """Stops a job that nobody waits for any more; it gets no reply."""
+        """Stops a job that no burst waits for any more; it gets no reply."""
         job.done.cancel()
         if job.task is not None:
             job.task.cancel()

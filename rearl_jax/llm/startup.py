@@ -43,7 +43,7 @@ _MAKERS = {"vllm": Profile.vllm, "sglang": Profile.sglang, "llamacpp": Profile.l
 
 
 class ServerError(ProblemError, ConnectionError):
-    """There is no server, or it does not get ready."""
+    """There is no server, or it does not become ready."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ async def meet(connection: Connection, config: LlmConfig) -> Server:
     """Waits until the server is there and knows the model; warns if answers are not constrained.
 
     Raises:
-        ServerError: There is no server, or it does not get ready.
+        ServerError: There is no server, or it does not become ready.
         InvalidInputError: It does not have the model, or refuses what it is sent.
     """
     model, response = await find_model(connection, config)
@@ -179,14 +179,14 @@ def _choose_model(names: list[str], wanted: str, address: str) -> str:
 
 
 async def _recognise(connection: Connection, response: Response) -> Profile:
-    """The dialect of a server by what it says of itself."""
+    """The dialect of a server from its own description."""
     makers = {str(model.get("owned_by")) for model in _entries(response)}
     for maker, profile in _MAKERS.items():
         if maker in makers:
             return profile
     if response.server.lower().startswith("llama.cpp"):
         return Profile.llamacpp
-    # Only Ollama tells its version there.
+    # Only Ollama reports its version there.
     version = await connection.get("/../api/version", _PATIENCE)
     try:
         if version.status == 200 and isinstance(read_json(version.content)["version"], str):

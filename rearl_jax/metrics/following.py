@@ -27,8 +27,8 @@ def find_leaders(
 ) -> Followers:
     """Distance, approach rate and state of each vehicle's leader.
 
-    The leader is the nearest vehicle ahead in the same lane, and on the same carriageway where `direction` is
-    given, at any distance. Vehicles at exactly the same position are not ahead of each other.
+    The leader is the nearest vehicle ahead in the same lane, and on the same carriageway if `direction` is given, at
+    any distance. Vehicles at exactly the same position are not ahead of each other.
 
     Args:
         position: Centre along the driving direction, growing while driving [m].

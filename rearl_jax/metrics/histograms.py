@@ -180,8 +180,7 @@ def noise_floor(
 ) -> Float[Array, " draws"]:
     """Hellinger distances between two independent samples of one distribution.
 
-    What the distance shows when nothing differs: no method can be told from the truth below the mean of
-    these.
+    What the distance shows when nothing differs: below the mean of these no method can be distinguished from the truth.
 
     Args:
         shares: The distribution; sums to 1.

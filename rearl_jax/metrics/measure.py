@@ -1,4 +1,4 @@
-"""Reductions over the frames and vehicles of a scene that say how many samples are behind them."""
+"""Reductions over the frames and vehicles of a scene, with the number of samples behind each."""
 
 from collections.abc import Callable
 from typing import TypeVar

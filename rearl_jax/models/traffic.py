@@ -52,7 +52,7 @@ def populate(
 
     Args:
         state: Initial state.
-        drivers: Its drivers, whose rules of lane changing stay where the population has none of its own.
+        drivers: Its drivers, whose lane-changing parameters are kept if the population has none.
         keys: One random key per scenario.
         population: Population of the drivers.
         model: The road.
@@ -154,7 +154,7 @@ def _seeded(effects: tuple[Effect, ...], keys: Key[Array, " scenarios"]) -> tupl
 def make_room(
     state: TrafficState, length: Float[Array, "vehicles scenarios"], model: TrafficModel
 ) -> Float[Array, "vehicles scenarios"]:
-    """Positions [m] at which nobody starts inside or close behind another on its lane; most stay where they are.
+    """Positions [m] at which no vehicle starts inside or close behind another on its lane; most stay where they are.
 
     Args:
         state: The vehicles.

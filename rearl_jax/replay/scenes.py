@@ -57,7 +57,7 @@ class Replay:
         scenes: All recorded scenes.
         replayed: The chosen ones.
         origin: Where the rollouts come from, in a sentence or two.
-        has_decisions: Whether somebody intervened and it is known which vehicles were asked.
+        has_decisions: Whether the method intervenes and it is known which vehicles were asked.
     """
 
     config: EvaluateTask

@@ -96,7 +96,7 @@ def publish(
         summary: Flat figures.
         remarks: Text that goes with the table.
         draw: Makes the figures, PNG by name; called after the tables are printed.
-        **metadata: What the table says besides its provenance.
+        **metadata: Metadata of the table besides its provenance.
     """
     study.write_table(form.name, table, **metadata, remarks=remarks.to_json())
     generated = scenes is not None and scenes.generated

@@ -50,7 +50,7 @@ class ErrorSeries:
 
 
 def error_series(results: Results, metrics: Sequence[str]) -> list[ErrorSeries]:
-    """All rows, then real against real; base is there even where it is not a row of the table."""
+    """All rows, then real against real; base is included even if it is not a row of the table."""
     found = [_series(item, item.method, item.row.name, item.row.title, metrics) for item in results.rows]
     reference = results.reference
     if all(item.name != BASE for item in found):

@@ -21,7 +21,7 @@ class Difference:
 
     @property
     def sign(self) -> int:
-        """-1 or 1 where the interval excludes zero, else 0."""
+        """-1 or 1 if the interval excludes zero, else 0."""
         if self.low is None or self.high is None:
             return 0
         return -1 if self.high < 0 else int(self.low > 0)

@@ -35,7 +35,7 @@ def long_timings(steps: pd.DataFrame, with_model: pd.DataFrame | None) -> pd.Dat
 
     Columns: `row`, `title`, `batch` (scenarios at a time), `metric` (steps_ms), `ours` (median time of all steps of the
     whole batch [ms]), `low` and `high` (least and greatest), `paper` (of one scenario at a time), `compile_s` (missing
-    where it is not measured), `n_repetitions`, `note`.
+    if it is not measured), `n_repetitions`, `note`.
 
     Args:
         steps: One row per measurement: `program`, `batch`, `wall_s` [s], `compile_s` [s].

@@ -41,7 +41,7 @@ def write_runs(
         rollouts: All rollouts, with eval.seed_scope=run_x_scene.
         scenes: All scenes.
         table_of: Rows of a part.
-        metadata: What the schema of every part says besides the provenance.
+        metadata: Metadata of every part besides the provenance.
         progress: Called with the number of rollouts done and their total.
         on_part: Called with the number of each part just written and its rollouts.
     """

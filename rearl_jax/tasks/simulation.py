@@ -3,7 +3,7 @@
 from rearl_jax.tasks.task import Task
 
 CLOSED_LOOP = ("detection", "reference", "decision", "matcher", "llm", "prompt", "admissible", "exec")
-"""Groups of keys that mean something only where decisions are made."""
+"""Groups of keys that have an effect only on methods with decisions."""
 
 SIMULATION = (
     Task(

@@ -71,7 +71,7 @@ class ProcessSession:
             self._process.stdin.write(json.dumps({"n_scenarios": n_scenarios, "seed": seed}) + "\n")
             self._process.stdin.flush()
         except BrokenPipeError:
-            pass  # it has ended; the missing answer below says why
+            pass  # it has ended; the missing answer is handled below
         return Measurement(**self._answer())
 
     def close(self) -> None:

@@ -1,8 +1,8 @@
 """Differences of two runs of the same scenes, scene by scene and tick by tick. NumPy only.
 
 A run is highway-env's or the core's. "Before contact" means the ticks before any vehicle of the scene has crashed in
-the reference: collisions push vehicles apart along the axis of least overlap, and where two axes tie, or a vehicle
-rests against another, the last place decides about a push of centimetres.
+the reference: collisions push vehicles apart along the axis of least overlap, and if two axes tie, or a vehicle rests
+against another, the last place decides about a push of centimetres.
 """
 
 from dataclasses import dataclass

@@ -31,7 +31,7 @@ PRECISIONS = {"float64": "f64", "float32": "f32"}
 """Floating types and the endings of their keys."""
 
 CONTROL = "control"
-"""Stands in for a precision where highway-env itself takes the place of the core."""
+"""Name in the column of the precision for runs of highway-env itself in place of the core."""
 
 
 def where(table: pd.DataFrame, **values: str | int | bool) -> pd.DataFrame:

@@ -81,7 +81,7 @@ class Adaptation:
 
     @property
     def n_rounds(self) -> int:
-        """Rounds of proposals; 0 where the mixture was given."""
+        """Rounds of proposals; 0 if the mixture was given."""
         proposed = {trial.number for trial in self.trials if trial.cause != START}
         return len(proposed)
 

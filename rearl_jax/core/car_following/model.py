@@ -186,7 +186,9 @@ class Linearisation(NamedTuple):
 
 
 def linearise(model: CarFollowing, speed: Float[Array, "*n"]) -> Linearisation:
-    """Slopes of a model's acceleration where it follows a leader of constant speed [m/s], which must be above 0."""
+    """Slopes of a model's acceleration at the equilibrium behind a leader of constant speed [m/s], which must be above
+    0.
+    """
     point = jnp.broadcast_arrays(model.equilibrium_gap(speed), speed, jnp.zeros_like(speed))
     _, back = jax.vjp(model.acceleration, *point)
     return Linearisation(*back(jnp.ones_like(point[0])))

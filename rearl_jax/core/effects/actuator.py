@@ -30,7 +30,8 @@ class ActuatorLag(Effect):
 
     def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], dt: float) -> Float[Array, "*n"]:
         """Part of the step from the executed to the wanted acceleration."""
-        # Backward Euler: stable for every time, and with a slope where the time is 0, along which it can be searched.
+        # Backward Euler: stable for every time constant, and with a slope at the time constant 0, which the search
+        # needs.
         return wanted + (last - wanted) * self.time / (self.time + dt)
 
 

@@ -11,7 +11,7 @@ from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.stimulus import Stimulus
 
 PASSING_SPEED = 60 / 3.6
-"""Speed [m/s] up to which everybody may be passed on the right, in congestion."""
+"""Speed [m/s] up to which vehicles may be passed on the right, in congestion."""
 
 STRONGEST_SECOND = 9.0
 """Bound of the deceleration because of the second leader [m/s^2], for moments of careless driving: tyre grip."""

@@ -17,7 +17,8 @@ def standard_normal(
 ) -> Float[Array, "vehicles *scenarios"]:
     """Independent standard normal numbers, one per vehicle.
 
-    A vehicle's number depends on its scenario's seed, its own index, stream and count, not on who else is simulated.
+    A vehicle's number depends on its scenario's seed, its own index, stream and count, not on the other simulated
+    vehicles.
 
     Args:
         seed: One per scenario, or one for all.

@@ -10,7 +10,7 @@ from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.stimulus import Stimulus
 
 NO_LIMIT = 100.0
-"""Speed [m/s] that limits nobody."""
+"""Speed [m/s] that limits no vehicle."""
 
 FAR_AWAY = 1.0e5
 """Place [m] no section reaches."""

@@ -34,7 +34,7 @@ class SpeedDependentTimeGap(Effect):
 
 
 class VarianceDrivenTimeGap(Effect):
-    """The time gap grows where the vehicles ahead drive at unequal speeds."""
+    """The time gap grows if the vehicles ahead drive at unequal speeds."""
 
     gain: Float[Array, "*#n"]
 

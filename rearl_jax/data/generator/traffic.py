@@ -173,7 +173,7 @@ class Traffic:
         leader = self.leader_of_entry[:n].copy()
         gap, leader_speed = self._to(leader, np.arange(n))
         if len(self.between):
-            # Between two lanes a driver follows whoever allows the lower speed.
+            # Between two lanes a driver follows the leader that allows the lower speed.
             second = self.leader_of_entry[n:]
             second_gap, second_speed = self._to(second, self.between)
             own, drivers = fleet.speed[self.between], fleet.drivers.take(self.between)
