@@ -1,4 +1,4 @@
-"""Batch highway traffic simulation in JAX, held to measured trajectories.
+"""Batch highway traffic simulation in JAX, compared with measured trajectories.
 
 Scenes of recordings, the shipped ones by default (`data={"format": "highd", "root": FOLDER}` for others):
 

@@ -44,7 +44,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray] | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
-        log.warning("%s is damaged (%s): made again", path, error)
+        log.warning("%s is damaged (%s): computed again", path, error)
         return None
 
 
@@ -54,4 +54,4 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
         with replacing(path) as unfinished, unfinished.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)
     except OSError as error:
-        log.warning("not kept for the next run: %s; set XDG_CACHE_HOME to another folder", error)
+        log.warning("not stored for the next run: %s; set XDG_CACHE_HOME to another folder", error)

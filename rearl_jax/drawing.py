@@ -34,7 +34,7 @@ def panels(
         panel.xaxis.label.set_size(FONT_SIZE)
         panel.yaxis.label.set_size(FONT_SIZE)
     if generated:
-        mark = "GENERATED recordings, no measurements"
+        mark = "GENERATED recordings, not measured"
         figure.suptitle(mark, color="#B00020", fontsize=FONT_SIZE, fontweight="bold")
     return figure, axes
 

@@ -80,7 +80,7 @@ class Study:
         """The summary of a study that is finished and not to be repeated; else None, and config.json is written.
 
         Args:
-            resume: Whether a finished study of the same task, configuration, data and code is left alone.
+            resume: Whether a finished study of the same task, configuration, data and code is skipped.
 
         Raises:
             FolderInUseError: Another process writes to the folder.
@@ -253,7 +253,7 @@ def _inside(root: Path, name: str, kind: str) -> Path:
 def _refuse_repeated(given: Mapping[str, Any], provenance: Mapping[str, Any], where: str) -> None:
     repeated = sorted(given.keys() & provenance.keys())
     if repeated:
-        message = "belongs to the provenance and is written anyway"
+        message = "belongs to the provenance, which is written automatically"
         raise InvalidInputError(Problem("provenance-repeated", message, key=repeated[0], file=where))
 
 

@@ -128,7 +128,7 @@ def _set_compilation_cache() -> None:
                 raise PermissionError(f"no permission to write to {folder}")
         except OSError as error:
             warnings.warn(
-                f"compiled programs are not kept: {error}; set JAX_COMPILATION_CACHE_DIR to another folder",
+                f"compiled programs are not stored: {error}; set JAX_COMPILATION_CACHE_DIR to another folder",
                 stacklevel=3,
             )
             return

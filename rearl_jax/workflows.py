@@ -247,7 +247,7 @@ def _task_record(words: str, keys: Mapping[str, Any]) -> Any:
     """
     for name in ("study", "results"):
         if name in keys:
-            message = f"must be left out, for {words}() writes nothing: call save(FOLDER) of what it returns"
+            message = f"must be left out, for {words}() writes nothing: call save(FOLDER) of its result"
             raise InvalidInputError(Problem("key-implied", message, key=name))
     task = next(task for task in TASKS if task.words == words)
     implied = (word.split("=") for group, word in task.implied.items() if group in keys)

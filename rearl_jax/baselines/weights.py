@@ -86,7 +86,7 @@ def load_policy(path: str | None, core: CoreConfig) -> TrainedPolicy:
         raise InvalidInputError(Problem("not-a-file", "is a folder", remedy, file=path, key="ppo.weights")) from error
     policy = _read(source, content)
     if policy.n_lanes != core.n_lanes:
-        message = f"must be {policy.n_lanes}, the lanes of the road that these weights have learnt on"
+        message = f"must be {policy.n_lanes}, the lanes of the road that these weights were trained on"
         remedy = (
             f"set core.n_lanes={policy.n_lanes}, or train on this road: rearl train ppo core.n_lanes={core.n_lanes}"
         )

@@ -117,8 +117,8 @@ def _how_to_go_on(arguments: list[str]) -> str:
         return ""
     command = shlex.join(["rearl", *arguments])
     if task.goes_on or options.multirun or options.sweep:
-        return f"; what was finished is kept, go on with: {command}"
-    return f"; nothing of an unfinished run is kept, start again with: {command}"
+        return f"; finished parts are stored, continue with: {command}"
+    return f"; nothing of an unfinished run is stored, start again with: {command}"
 
 
 class _Parser(argparse.ArgumentParser):

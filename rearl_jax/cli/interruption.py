@@ -44,7 +44,7 @@ def ended_by_signals() -> Iterator[None]:
 
 
 def name_of(stop: KeyboardInterrupt) -> str:
-    """What has ended the task, in words."""
+    """Name of the signal that ended the task."""
     return str(stop) if isinstance(stop, Ended) else "Ctrl-C"
 
 

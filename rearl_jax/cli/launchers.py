@@ -77,12 +77,12 @@ def launcher_errors(given: Mapping[str, Any]) -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         if given.get("hydra/launcher") == "submitit_slurm":
-            complain("jobs that Slurm has taken go on; `squeue --me` lists them, `scancel` ends them")
+            complain("jobs that Slurm has accepted keep running; `squeue --me` lists them, `scancel` ends them")
         raise
     except Exception as error:
         if type(error).__module__.partition(".")[0] not in ("joblib", "ray", "submitit"):
             raise
-        raise JobError(f"a job did not come to its end: {error}") from error
+        raise JobError(f"a job was not completed: {error}") from error
 
 
 def _joblib(given: Mapping[str, Any], n_jobs: int) -> tuple[dict[str, Any], int]:
@@ -123,7 +123,7 @@ def _check(launcher: str, given: Mapping[str, Any]) -> None:
         problem = Problem("extra-missing", f"needs the extra {extra}", remedy, key="hydra/launcher", value=launcher)
         raise UsageError(problem) from error
     if launcher == "submitit_slurm" and shutil.which("srun") is None:
-        words, remedy = "needs Slurm, which is not here", "call rearl where `srun` is found"
+        words, remedy = "needs Slurm, which this machine does not have", "call rearl on a machine with `srun`"
         raise UsageError(Problem("slurm-missing", words, remedy, key="hydra/launcher", value=launcher))
     if _is_elsewhere(given) and not Path(str(given.get("results.root", ""))).is_absolute():
         words = "must be a folder that all machines of the cluster see, results.root=/FOLDER, and data.root likewise"

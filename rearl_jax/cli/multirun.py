@@ -83,7 +83,7 @@ def _is_of_before(
     overrides = [*fixed, *(f"{key}={value}" for key, value in cell.items())]
     if first_part(found)["config_hash"] == config_hash(compose_task(task, overrides, config_dir)):
         return False
-    log.warning("%s: what is there is of another configuration and is left out", own)
+    log.warning("%s: these results belong to another configuration and are left out", own)
     return True
 
 

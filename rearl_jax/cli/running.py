@@ -35,7 +35,7 @@ def run_task(task: Task, config: Any) -> tuple[Path | None, dict]:
 
 
 def folder_of(config: Any) -> Path | None:
-    """Where the results of a task lie; None if it has written none."""
+    """Folder of the results of a task; None if it has written none."""
     if not hasattr(config, "study"):
         return None
     folder = Path(config.results.root) / config.study

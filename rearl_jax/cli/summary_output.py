@@ -41,7 +41,7 @@ def summary_object(task: Task, folder: Path | None, returned: Mapping[str, Any])
 
 
 def multirun_object(task: Task, folder: Path, cells: Sequence[Mapping[str, str]]) -> dict[str, Any]:
-    """The same of a multirun: the summary of all cells, else that of every finished job."""
+    """The summary of a multirun: that of all cells, else that of every finished job."""
     stored = _read(folder / "summary.json") if task.collect is not None else None
     if stored is None:
         stored = []

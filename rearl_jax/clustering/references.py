@@ -189,7 +189,9 @@ def cluster(
     # Vehicles of evaluation and tuning scenes must not influence the centres.
     training = ~seen_in(tracks, scenes, np.flatnonzero(~allowed))
     if not training.any():
-        message = f"all {len(tracks)} tracks drive through evaluation or tuning scenes, none is left to fit on"
+        message = (
+            f"all {len(tracks)} tracks drive through evaluation or tuning scenes, none is left to fit the clusters"
+        )
         remedy = "read more recordings, set split.evaluation and split.tuning to smaller numbers, or cluster.fit_on=all"
         raise InvalidInputError(Problem("tracks-too-few", message, remedy))
     features = tracks.features(scenes)
@@ -287,5 +289,5 @@ def _stored(path: Path) -> Clusters | None:
             trace=pd.DataFrame(trace) if trace else None,
         )
     except KeyError as error:
-        log.warning("%s is damaged (it lacks %s): clustering again", path, error)
+        log.warning("%s is damaged (it lacks %s): clusters are computed again", path, error)
         return None

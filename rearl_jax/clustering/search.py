@@ -236,12 +236,12 @@ def _taken_up(path: Path, identity: str) -> list[Evaluation]:
         return []
     try:
         if read_metadata(path).get("search") != identity:
-            log.warning("%s is the trace of another search: starting over", path)
+            log.warning("%s is the trace of another search: the search starts again", path)
             return []
         rows = pd.read_parquet(path).to_dict("records")
         return [Evaluation(**{str(name): value for name, value in row.items()}) for row in rows]
     except (OSError, ValueError, TypeError) as error:  # pyarrow's errors are ValueErrors
-        log.warning("%s cannot be read (%s): starting over", path, error)
+        log.warning("%s cannot be read (%s): the search starts again", path, error)
         return []
 
 

@@ -235,7 +235,7 @@ class StudyTable1Task(EvaluateTask):
     def check(self) -> None:
         """Raise InvalidInputError for keys that every row sets itself."""
         if self.method is not Method.base:
-            message = "is set by the rows: leave it alone and choose rows with table1.rows=[...]"
+            message = "is set by the rows: leave it out and choose rows with table1.rows=[...]"
             raise InvalidInputError(Problem("set-by-task", message, key="method", value=self.method.name))
         if self.decision.policy is not PolicyName.matcher:
             message = (
@@ -297,7 +297,9 @@ class StudyTable4Task:
     def check(self) -> None:
         """Raise InvalidInputError for a policy that is not measured here."""
         if self.decision.policy not in (PolicyName.matcher, PolicyName.llm):
-            message = "must be matcher or llm: no other has a row in this table; table4.llm=true adds a language model"
+            message = (
+                "must be matcher or llm, the policies with a row in this table; table4.llm=true adds a language model"
+            )
             raise out_of_range("decision.policy", message, self.decision.policy.name)
 
 

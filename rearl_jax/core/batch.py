@@ -53,7 +53,7 @@ class ScenarioMap(Generic[Arguments, Result]):
         mesh = Mesh(np.array(self._devices), ("scenarios",))
 
         def run(arguments: Arguments) -> Result:
-            # Traced once: the numbers of axes of the results have to be known to say that the last is divided.
+            # Traced once: the ranks of the results must be known to partition their last axes.
             part = jax.tree.map(self._part_of, arguments)
             traced, results = jax.make_jaxpr(function, return_shape=True)(part)
             flat, structure = jaxpr_as_fun(traced), jax.tree.structure(results)
@@ -105,7 +105,7 @@ class ScenarioMap(Generic[Arguments, Result]):
 
 
 def select_scenarios(values: Values, columns: np.ndarray | slice, n_scenarios: int, *, least_ndim: int = 1) -> Values:
-    """Some scenarios' values; what is the same for all, a last axis of length 1, stays.
+    """Values of some scenarios; arrays with a last axis of length 1, which hold for all scenarios, are unchanged.
 
     Args:
         values: Arrays with the scenarios last.
@@ -122,5 +122,5 @@ def select_scenarios(values: Values, columns: np.ndarray | slice, n_scenarios: i
 
 
 def _last_axis(leaf: jax.Array | jax.ShapeDtypeStruct, *, divided: bool) -> PartitionSpec:
-    """Partition along the last axis, or, of what is the same for all, everything to every device."""
+    """Partition along the last axis or, for a value that holds for all scenarios, a copy on every device."""
     return PartitionSpec(*(None,) * (leaf.ndim - 1), "scenarios" if divided else None)

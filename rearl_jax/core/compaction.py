@@ -9,7 +9,7 @@ done everywhere:
 - `compact`: copy a few vehicles of every scenario next to each other, where there are at most so many.
 
 Of all vehicles of all scenarios one in sixteen decides about its lane in a time step, and a handful touches another;
-a few per cent are on their way to another lane, and a conflict between two of those concerns a handful of a thousand
+a few per cent are changing lanes, and a conflict between two of those concerns a handful of a thousand
 scenarios.
 """
 

@@ -2,7 +2,7 @@
 
 Source: Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86; highway-env 1.12.1,
 `IDMVehicle.change_lane_policy` and `IDMVehicle.mobil`. As there, and unlike in the paper: the deciding driver's
-parameters stand in for everybody's, the own safety is not tested, and gains of left and right are not compared.
+parameters replace those of all others, the own safety is not tested, and gains of left and right are not compared.
 """
 
 from collections.abc import Callable

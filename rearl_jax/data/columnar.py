@@ -52,7 +52,7 @@ def read_columns(
     require_columns(found, names, str(path))
     for name in names:
         if found.count(name) > 1:
-            raise bad_recording("column-twice", "the column is there twice", "remove one of them", path, column=name)
+            raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=name)
     with _readable(path):
         table = _table(path, names, only)
         columns = {name: _cast(table[name], name, path, is_text=name in texts) for name in names}

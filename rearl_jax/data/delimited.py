@@ -52,7 +52,7 @@ def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tupl
     require_columns(present, tuple(columns), str(path))
     twice = [name for name, n in Counter(present).items() if n > 1 and name in columns]
     if twice:
-        raise bad_recording("column-twice", "the column is there twice", "remove one of them", path, column=twice[0])
+        raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=twice[0])
     return _Lines(path, present).table(columns, on_bad)
 
 

@@ -71,7 +71,7 @@ def read_us101(path: Path, recording: str, period: int, policy: DataConfig) -> R
         licence=LICENCE,
         attribution=ATTRIBUTION,
         notes=(
-            "only vehicles that change lanes, about a tenth of the traffic: it tells neither density nor "
+            "only vehicles that change lanes, about a tenth of the traffic, from which neither density nor "
             "lane-change rate of the road",
             f"length and class are not in the table: {policy.default_length:g} m and car are assumed for all",
             "lane ranks from the lateral position, running median over 2 s; rank 5 is the auxiliary lane",

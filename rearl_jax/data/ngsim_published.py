@@ -104,7 +104,7 @@ class PublishedFile:
         twice = chosen.duplicated().to_numpy()
         if twice.any():
             remedy = "remove the copies"
-            finding = Finding("exact_duplicate", "track_id", twice, "the row is there twice", remedy)
+            finding = Finding("exact_duplicate", "track_id", twice, "the row occurs twice", remedy)
             if self._policy.on_bad is OnBad.stop:
                 raise finding.error(chosen, info)
             # A copy is not a fault of the vehicle: the first of the two rows stays under drop_track, too.

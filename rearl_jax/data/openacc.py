@@ -61,7 +61,7 @@ def platoon_recordings(path: Path) -> dict[str, Platoon]:
     place = rows["pos"].to_numpy(np.float64)
     wrong = rows["file"].isna().to_numpy() | ~((place >= 1.0) & (place < _MOST_PLACES) & (place == np.rint(place)))
     if wrong.any():
-        text, row = "a row does not say which vehicle of which file it is", int(np.argmax(wrong)) + 1
+        text, row = "a row does not state its vehicle and file", int(np.argmax(wrong)) + 1
         raise bad_recording("vehicle-unnamed", text, "complete it", path, column="pos", row=row)
     has_gap = rows.groupby(["file", "pos"], observed=True)["gap_to_follower_m"].count() > 0
     recordings = {}
@@ -165,13 +165,11 @@ def _plausible(
     _leave_out(lost, rows, "bad_time", "frame", "the time is unknown or a day off", info, policy, losses)
     rows = rows.iloc[np.flatnonzero(inside & ~lost)]
     if rows.empty:
-        raise bad_recording(
-            "time-unknown", "no row says when it was measured", "complete the times", info.file, column="t_s"
-        )
+        raise bad_recording("time-unknown", "no row states its time", "complete the times", info.file, column="t_s")
     frame = np.rint(rows["t_s"].to_numpy(dtype=np.float64) * FRAME_RATE).astype(np.int64)
     rows = rows.assign(frame=frame)
     twice = rows.duplicated(["pos", "frame"]).to_numpy()
-    _leave_out(twice, rows, "duplicate", "frame", "a vehicle is there twice in a frame", info, policy, losses)
+    _leave_out(twice, rows, "duplicate", "frame", "a vehicle occurs twice in a frame", info, policy, losses)
     rows = rows.iloc[np.flatnonzero(~twice)]
 
     speed = rows["speed_mps"].to_numpy(dtype=np.float64, copy=True)
@@ -244,7 +242,7 @@ def _require_units(gaps: np.ndarray, speed: np.ndarray, file: str) -> None:
     expected = np.stack([np.convolve(column, np.ones(n), mode="valid") for column in mean.T], axis=1)
     scale = scale_of((gaps[n:] - gaps[:-n]).ravel(), expected.ravel())
     if scale is not None and is_other_unit(scale):
-        text = f"gaps change {scale[0]:.2f} to {scale[1]:.2f} times as fast as the speeds say"
+        text = f"gaps change {scale[0]:.2f} to {scale[1]:.2f} times as fast as the differences of speeds"
         raise bad_recording("wrong-units", text, "give speeds in m/s and gaps in m", file, column="gap_to_follower_m")
 
 

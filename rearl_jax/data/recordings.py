@@ -97,7 +97,7 @@ def _selected(data: DataConfig) -> list[Entry]:
     if twice:
         raise InvalidInputError(
             Problem(
-                "recording-twice", f"several recordings are called {twice[0]}: give each its own id", file=data.root
+                "recording-twice", f"several recordings have the id {twice[0]}: give each its own id", file=data.root
             )
         )
     return chosen

@@ -35,7 +35,7 @@ class SceneCache:
         try:
             return load_scenes(self.path)
         except (OSError, ValueError, KeyError) as error:  # pyarrow's errors are among the first two
-            log.warning("%s is damaged (%s): cutting the scenes again", self.path, error)
+            log.warning("%s is damaged (%s): the scenes are cut again", self.path, error)
             return None
 
     def write(self, scenes: SceneSet) -> None:
@@ -51,4 +51,4 @@ class SceneCache:
             )
             save_scenes(scenes, study, self.path.stem)
         except OSError as error:
-            log.warning("the scenes are not kept for the next run: %s; set XDG_CACHE_HOME to another folder", error)
+            log.warning("the scenes are not stored for the next run: %s; set XDG_CACHE_HOME to another folder", error)

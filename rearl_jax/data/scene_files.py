@@ -70,7 +70,7 @@ def load_scenes(path: str | Path) -> SceneSet:
     expected = np.arange(int(np.prod(shape)))
     if len(table) != len(expected) or (k * shape[2] + slot != expected % (shape[1] * shape[2])).any():
         message = (
-            f"there are {len(table)} rows, but the metadata says {shape[0]} scenes x {shape[1]} snapshots x {shape[2]} "
+            f"there are {len(table)} rows, the metadata state {shape[0]} scenes x {shape[1]} snapshots x {shape[2]} "
             "slots in this order: the file was changed after it was written"
         )
         raise InvalidInputError(Problem("rows-changed", message, _WRITE, file=str(path)))

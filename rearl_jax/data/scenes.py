@@ -46,7 +46,7 @@ def build_scenes(
     for recording in recordings:
         info = recording.info
         if info.id in seen:
-            message = "two recordings are called so: give every recording its own id"
+            message = "two recordings have this id: give every recording its own id"
             raise InvalidInputError(Problem("recording-twice", message, file=f"recording {info.id}"))
         arrays, seen[info.id] = windows_of(recording, keys)
         if arrays:

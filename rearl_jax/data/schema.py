@@ -48,7 +48,7 @@ COLUMNS = (
     Column("track_id", "int64", "", "vehicle, unique in the recording"),
     Column("frame", "int64", "", "frame number of the source"),
     Column("time", "float64", "s", "since the first frame of the recording"),
-    Column("direction", "int8", "", "carriageway, 1 or 2 as in highD; 1 where there is only one"),
+    Column("direction", "int8", "", "carriageway, 1 or 2 as in highD; 1 if there is only one"),
     Column("x", "float64", "m", "vehicle centre in the ground frame that both carriageways share"),
     Column("y", "float64", "m", "vehicle centre in the ground frame that both carriageways share"),
     Column("position", "float64", "m", "vehicle centre along the own driving direction, from the upstream edge"),
@@ -64,7 +64,7 @@ COLUMNS = (
     Column("length", "float64", "m", "vehicle length"),
     Column("width", "float64", "m", "vehicle width"),
     Column("vehicle_class", "category", "", f"one of {', '.join(CLASSES)}"),
-    Column("leader_id", "Int64", "", "track_id of the leader where the source states it"),
+    Column("leader_id", "Int64", "", "track_id of the leader if the source states it"),
 )
 
 _MADE_HERE = ("recording", "time")

@@ -107,7 +107,7 @@ def _wrong_speed_or_position(table: pd.DataFrame, info: RecordingInfo) -> Findin
     ratio = float(np.median(step / expected))
     if abs(ratio - 1.0) <= RATIO_TOLERANCE:
         return None
-    text = f"vehicles move {ratio:.3f} times as far as speed x time says"
+    text = f"vehicles move {ratio:.3f} times as far as speed x time"
     # A decreasing position has a negative ratio and no unit explains it.
     cause, known = min(UNIT_RATIOS.items(), key=lambda item: abs(np.log(max(ratio, 1e-9) / item[1])))
     if abs(ratio / known - 1.0) <= RATIO_TOLERANCE:

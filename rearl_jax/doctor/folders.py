@@ -16,19 +16,19 @@ _NO_SPACE = 2**29
 
 
 def cache_checks(cache: Path) -> list[Check]:
-    """Lines about the folder of compiled programs and scenes."""
+    """Checks of the folder of compiled programs and scenes."""
     return [_cache(cache), _space("the cache", cache)]
 
 
 def results_checks(results: Path) -> list[Check]:
-    """Lines about the folder of all studies."""
+    """Checks of the folder of all studies."""
     return [_results(results), _space("results", results)]
 
 
 def _cache(cache: Path) -> Check:
     remedy = "set XDG_CACHE_HOME to a folder of your own"
     if problem := _unwritable(cache):
-        return warn("cache", f"{cache}: {problem}; every run compiles and cuts scenes anew", remedy)
+        return warn("cache", f"{cache}: {problem}; every run compiles programs and cuts scenes anew", remedy)
     if cache.is_dir() and not is_private(cache):
         return warn(
             "cache", f"others can write to {cache}, whose programs are run", f"chmod -R o-w {cache}, or {remedy}"
@@ -36,7 +36,7 @@ def _cache(cache: Path) -> Check:
     size, n_files = _size(cache)
     found = f"{cache}, {size / _GIB:.2f} GiB in {n_files} files"
     if size > _LARGE_CACHE:
-        return warn("cache", found, f"rm -r {cache} (what is needed is made again)")
+        return warn("cache", found, f"rm -r {cache} (needed files are created again)")
     return ok("cache", found)
 
 
@@ -53,7 +53,7 @@ def _space(name: str, folder: Path) -> Check:
     if free < _NO_SPACE:
         return fail("disk", found, f"free some space, or move {name} to another disk")
     if free < _LITTLE_SPACE:
-        return warn("disk", found, "large studies take a few GiB: watch it")
+        return warn("disk", found, "large studies need a few GiB")
     return ok("disk", found)
 
 

@@ -9,7 +9,7 @@ from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.evaluation.extras import Extra
 
 _FOLLOWS = {
-    Longitudinal.mdp: "target speeds followed blind to the vehicle ahead, as highway-env's MDPVehicle does",
+    Longitudinal.mdp: "target speeds followed without regard to the vehicle ahead, as by highway-env's MDPVehicle",
     Longitudinal.idm_capped: "target speeds followed no faster than IDM allows",
 }
 

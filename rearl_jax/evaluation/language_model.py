@@ -59,7 +59,7 @@ class LanguageModel:
         return Extra({"requests": requests}, (request_note(requests),), request_figures(requests))
 
     def _show(self, second: int, n_seconds: int) -> None:
-        """What has been asked so far, on the bar; every answer counts, from the server or kept."""
+        """Shows the number of questions answered so far on the bar, from the server or stored."""
         counts, elapsed = self._client.counts, time.perf_counter() - self._begin
         answered = counts.causes.get(Cause.answered, 0)
         left = elapsed * (n_seconds - 1 - second) / max(second, 1)
@@ -135,7 +135,7 @@ def request_note(requests: pd.DataFrame) -> str:
     left = ", ".join(text for text in causes if not text.endswith(" 0")) or "none"
     note = (
         f"language model: {figures['questions']} questions, {figures['requests']} requests sent, {figures['kept']} "
-        f"answers kept from before; vehicles left to IDM and MOBIL: {left}"
+        f"answers stored before; vehicles left to IDM and MOBIL: {left}"
     )
     prompt, cached = figures["prompt_tokens"], figures["cached_tokens"]
     if prompt and cached is not None:

@@ -29,7 +29,7 @@ class Remarks:
 
     Attributes:
         data: The scenes in a sentence or two.
-        notes: What must be read with the table.
+        notes: Notes below the table.
         definitions: How rollouts, reference rows and intervals come about.
         sources: Data sets with their licences.
     """

@@ -82,7 +82,7 @@ class Rollouts:
             self.policy = load_policy(config.ppo.weights, config.core)
         if config.method.needs_references:
             if references is None:
-                message = "needs references to hold the traffic against"
+                message = "needs references to compare the traffic with"
                 raise InvalidInputError(Problem("references-missing", message, key=f"method={config.method.name}"))
             self._references = jax.tree.map(_same_for_all, references)
             self._thresholds = np.array([row.thresholds for row in rows], config.core.dtype.name).T
@@ -161,7 +161,7 @@ class Rollouts:
     def _decided_on_host(self, acts: Interventions) -> Iterator[Simulated]:
         """The same, decided by a policy outside the compiled program."""
         if self._host_policy is None:
-            message = "decides outside the program: say who is to be asked"
+            message = "decides outside the program, so `host_policy` must be given"
             raise InvalidInputError(Problem("policy-outside", message, key=f"decision.policy={acts.policy.name}"))
         config, batch = self.config, self._batch()
         assert batch.thresholds is not None  # the method needs them

@@ -123,7 +123,7 @@ def of_recordings(scores: Scores, scenes: SceneSet) -> Scores:
     not among the picked ones of the next snapshot. A scene scored against itself keeps what describes it.
     """
     if scores.partner is None:
-        message = f"row {scores.row} is a simulation: its lane-change rate is measured already"
+        message = f"row {scores.row} is a simulation: its lane-change rate is already measured"
         raise InvalidInputError(Problem("row-simulated", message))
     if (scenes.lane < 0).any():
         return replace(scores.without(NEEDS_LANES), realism=None)

@@ -59,7 +59,7 @@ def population_of(config: EvaluateTask) -> Population | None:
     if config.model is None:
         return population_of_keys(config.driver, config.mobil, dtype, ticks)
     if not config.driver.is_default:
-        message = "brings its own drivers: leave the keys of driver alone, or leave model out"
+        message = "has its own drivers: leave out the keys of driver, or leave out model"
         raise InvalidInputError(Problem("drivers-twice", message, key=f"model={config.model}"))
     require_one_variant(config)
     return population_of_model(
@@ -80,7 +80,7 @@ def _refuse_drivers(config: EvaluateTask) -> None:
     for key, is_left_alone in is_default.items():
         if not is_left_alone:
             message = (
-                f"means nothing to the drivers of method={config.method.name}: set method=base or method=rearl, or "
+                f"has no effect on the drivers of method={config.method.name}: set method=base or method=rearl, or "
                 f"leave {key} out"
             )
             raise InvalidInputError(Problem("drivers-of-method", message, key=key))
@@ -92,7 +92,7 @@ def calibrated(config: EvaluateTask) -> EvaluateTask:
 
 
 def model_notes(config: EvaluateTask) -> list[str]:
-    """What must be read with results on traffic that is not highway-env's; nothing if it is."""
+    """Notes on results on traffic that is not highway-env's; none if it is."""
     driver_notes = [note for note in (_driver_note(config.driver), _mobil_note(config.mobil)) if note]
     if config.model is None:
         return driver_notes
@@ -110,7 +110,7 @@ def model_notes(config: EvaluateTask) -> list[str]:
     if config.speed.norm is not SpeedNorm.none:
         notes.append(
             f"recorded speeds are rescaled (speed.norm={config.speed.norm.name}), the model's are not: speed.norm=none "
-            "compares like with like"
+            "compares both without rescaling"
         )
     return [*notes, *driver_notes]
 

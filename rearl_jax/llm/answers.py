@@ -66,7 +66,7 @@ class Answers:
                 _uri(path, read_only), uri=True, timeout=_PATIENCE, isolation_level=None, check_same_thread=False
             )
         except (OSError, sqlite3.Error) as error:
-            message = f"answers cannot be kept there ({error})"
+            message = f"answers cannot be stored there ({error})"
             problem = Problem("answers-not-kept", message, "name another file with llm.cache", file=str(path))
             raise InvalidInputError(problem) from None
         try:
@@ -99,7 +99,7 @@ class Answers:
         return found
 
     def keep(self, replies: Mapping[str, Reply], model: str, profile: Profile) -> dict[str, Reply]:
-        """What is kept now for each request: the given reply, by the digest, or an earlier one of another process.
+        """The stored reply to each request, by digest: the given one, or an earlier one of another process.
 
         Raises:
             OSError: The file cannot be written.

@@ -76,7 +76,7 @@ class Response:
         content: Its body.
         error: What went wrong without one; else empty.
         timed_out: Whether it was a time-out.
-        retry_after: Time the server asks to be left alone [s]; None if it does not.
+        retry_after: Pause that the server requests [s]; None if it does not.
         server: How the server calls itself.
     """
 

@@ -57,7 +57,7 @@ class Keeper:
                 if not self._is_failing:
                     self._is_failing = True
                     log.error(
-                        "answers cannot be kept any more (%s): they are used, but the next run will ask for them again",
+                        "answers cannot be stored any more (%s): they are used, but the next run requests them again",
                         error,
                     )
             except Exception as error:  # passed on to the caller, which would otherwise wait for ever

@@ -13,7 +13,7 @@ from rearl_jax.core.meta_actions import MetaAction
 from rearl_jax.llm.records import KEEP_OUT, Cause
 
 WORDS = ("left", "keep", "right", "faster", "slower")
-"""What the questions call the actions; the identifier of an action is its place."""
+"""Names of the actions in questions, in the order of their identifiers."""
 
 _OTHER_NUMBER = len(WORDS)
 """Stands for every number that is not an identifier."""
@@ -50,7 +50,7 @@ _MARKED = re.compile(
     rf"(?![ \t]*+(?:[,/&|-]|or\b|and\b|to\b)?[ \t]*+(?:[0-9]|(?:{_NAME}){_WORD_ENDS}))"
 )
 _ALONE = re.compile(rf"(?P<number>{_NUMBER})")
-# In running text only what nobody writes by accident: not "the car ahead is faster".
+# In running text only unambiguous spellings: not "the car ahead is faster".
 _SPELLED = [spelling for action in MetaAction for spelling in (action.name, action.name.lower())]
 _IDENTIFIER = re.compile(
     rf"(?P<name>{_words([name for name in _SPELLED if name.isupper() or '_' in name])}){_WORD_ENDS}"

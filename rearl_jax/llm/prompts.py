@@ -137,7 +137,7 @@ class Prompter:
 
 
 def _asked(situation: Situation) -> Asked:
-    """Who is asked, in the order of the questions."""
+    """Vehicles that are asked, in the order of the questions."""
     is_asked = np.asarray(situation.detection.mask & situation.admissible.any(axis=0))
     vehicle, scenario = np.nonzero(is_asked)
     order = np.lexsort((vehicle, scenario, np.asarray(situation.detection.reference)[scenario]))

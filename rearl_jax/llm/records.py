@@ -1,4 +1,4 @@
-"""What passes between the simulation, the prompts and the client."""
+"""Records exchanged by the simulation, the prompts and the client."""
 
 from dataclasses import dataclass, fields
 from enum import Enum
@@ -44,7 +44,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked about one vehicle.
+    """Question about one vehicle.
 
     Attributes:
         scenario: Column of the vehicle's scenario in the batch.

@@ -50,7 +50,7 @@ class Counts:
         sent: Chats that were sent.
         tries: Times a chat was sent.
         waiting: Chats that are not sent yet.
-        in_flight: Chats on their way.
+        in_flight: Chats whose reply is pending.
     """
 
     questions: int

@@ -24,7 +24,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(eq=False, slots=True)
 class Job:
-    """One request on its way.
+    """One pending request.
 
     Attributes:
         digest: Hash of what is sent.
@@ -49,7 +49,7 @@ class Job:
     task: "asyncio.Task[None] | None" = None
 
     def reply(self, cause: Cause, completion: Completion | None = None) -> Reply:
-        """The reply this job has come to now."""
+        """The reply to this job at this time."""
         latency = 0.0 if self.started is None else asyncio.get_running_loop().time() - self.started
         answered = vars(completion) if completion else {}
         return Reply(**answered, cause=cause, latency=latency, tries=self.tries, status=self.status)

@@ -138,10 +138,10 @@ def _no_server(connection: Connection, config: LlmConfig, response: Response) ->
         return ServerError(Problem("server-absent", message, "start one there, or set decision.server"))
     if status in (401, 403):
         remedy = f"put its key into the environment variable {config.api_key_env or 'that llm.api_key_env names'}"
-        return InvalidInputError(Problem("server-key", f"the server at {address} does not let us in ({http})", remedy))
+        return InvalidInputError(Problem("server-key", f"the server at {address} refuses access ({http})", remedy))
     if status >= 500:
-        return ServerError(Problem("server-fails", f"the server at {address} is not well ({http})", "restart it"))
-    message = f"what answers at {address} is not an OpenAI-compatible server (HTTP {status} for /models)"
+        return ServerError(Problem("server-fails", f"the server at {address} reports an error ({http})", "restart it"))
+    message = f"the program that answers at {address} is not an OpenAI-compatible server (HTTP {status} for /models)"
     return InvalidInputError(Problem("server-unknown", message, "check decision.server"))
 
 
@@ -194,8 +194,8 @@ async def _recognise(connection: Connection, response: Response) -> Profile:
     except (ValueError, KeyError, TypeError):
         pass
     log.warning(
-        "the server at %s does not say what it is: llm.profile=plain, without constraints and without switching the "
-        "reasoning off; set llm.profile if it is one of vllm, sglang, ollama, llamacpp",
+        "the server at %s does not state its software: llm.profile=plain, without constraints and without switching "
+        "the reasoning off; set llm.profile if it is one of vllm, sglang, ollama, llamacpp",
         connection.address,
     )
     return Profile.plain
@@ -219,14 +219,14 @@ async def _try_constraint(connection: Connection, config: LlmConfig, server: Ser
     text, problem = _text_of(response)
     if text is None:
         log.warning(
-            "whether the server at %s constrains answers could not be tried out: %s",
+            "whether the server at %s constrains answers could not be tested: %s",
             connection.address,
             connection.without_key(problem),
         )
     elif text.strip().strip('"') not in {str(choice) for choice in _CANARY_CHOICES}:
         log.warning(
-            "the server at %s ignores the constraint of llm.profile=%s: answers are not held to the admissible "
-            "actions (asked for %s it said %r)",
+            "the server at %s ignores the constraint of llm.profile=%s: answers are not restricted to the admissible "
+            "actions (asked for %s it answered %r)",
             connection.address,
             server.dialect.profile.name,
             " or ".join(map(str, _CANARY_CHOICES)),

@@ -36,8 +36,8 @@ def look_around(
 ) -> Surroundings:
     """The vehicles around some others, as the core sees them (`core.neighbours`).
 
-    A vehicle between two lanes is on both; the same position counts as ahead; nobody is seen beyond the road. Lengths
-    [m] broadcast to `[n_vehicles, n_scenarios]`, `vehicle` and `scenario` are rows and columns.
+    A vehicle between two lanes is on both; the same position counts as ahead; no vehicle is seen beyond the road.
+    Lengths [m] broadcast to `[n_vehicles, n_scenarios]`, `vehicle` and `scenario` are rows and columns.
     """
     length = np.broadcast_to(np.asarray(length, frame.x.dtype), frame.x.shape)
     own_x, own_lane, own_length = (values[vehicle, scenario] for values in (frame.x, frame.lane, length))

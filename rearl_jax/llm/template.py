@@ -132,7 +132,7 @@ def _check(environment: Environment, tree: nodes.Template, file: Path) -> None:
     blocks = list(tree.find_all(nodes.Block))
     missing = [name for name in ("system", "user") if name not in {block.name for block in blocks}]
     if missing:
-        fault = f"the block {missing[0]} is missing: the shipped {SHIPPED} says what the two blocks are"
+        fault = f"the block {missing[0]} is missing: the shipped {SHIPPED} explains both blocks"
         remedy = f"add {{% block {missing[0]} %}} ... {{% endblock %}}"
         raise InvalidInputError(Problem("block-missing", fault, remedy, file=str(file)))
     for block in blocks:

@@ -189,7 +189,7 @@ def _checked(path: Path, content: Any) -> RepairedModel:
     for place, name in enumerate(called):
         if name in called[:place]:
             raise reader.refuse(
-                "effect-twice", f"effects[{place}].name", f"{name[0]} is there twice: write each effect once"
+                "effect-twice", f"effects[{place}].name", f"{name[0]} occurs twice: write each effect once"
             )
     return RepairedModel(
         Source(**{name: reader.text(source[name], f"source.{name}") for name in names}),
@@ -250,7 +250,7 @@ def _effect(reader: _Reader, value: Any, key: str) -> EffectValues:
     if is_curve:
         _check_curve(reader, parameters, variable, key)
     elif variable is not None:
-        raise reader.refuse("key-unknown", f"{key}.variable", f"means nothing to {name}: leave it out")
+        raise reader.refuse("key-unknown", f"{key}.variable", f"is not used by {name}: leave it out")
     return EffectValues(name, parameters, variable)
 
 

@@ -18,7 +18,7 @@ from rearl_jax.tasks import TASKS, Task
 
 @dataclass(frozen=True)
 class FinishedStudy:
-    """A study that has come to its end.
+    """A finished study.
 
     Attributes:
         path: Its folder.
@@ -45,27 +45,27 @@ class FinishedStudy:
         return config_hash(self.config) != self.provenance["config_hash"]
 
     @property
-    def again(self) -> str:
-        """What to do about a study this version cannot read."""
+    def remedy(self) -> str:
+        """Remedy for a study that this version cannot read."""
         return f"run it again with this version: rearl {self.task.words} study={self.config.study} ..."
 
     def table(self, name: str) -> pd.DataFrame:
         """The Parquet table of that name.
 
         Raises:
-            FileNotFoundError, ValueError: It is not there, or is no Parquet file.
+            FileNotFoundError, ValueError: It is not there, or is not a Parquet file.
         """
         path = self.path / f"{name}.parquet"
         if not path.exists():
-            raise MissingInputError(Problem("file-missing", "the file is missing", self.again, file=str(path)))
+            raise MissingInputError(Problem("file-missing", "the file is missing", self.remedy, file=str(path)))
         try:
             return pd.read_parquet(path)
         except (OSError, ValueError) as error:  # what pyarrow raises for a file that is not Parquet
             message = f"the file cannot be read ({error})"
-            raise InvalidInputError(Problem("not-parquet", message, self.again, file=str(path))) from error
+            raise InvalidInputError(Problem("not-parquet", message, self.remedy, file=str(path))) from error
 
     def metadata(self, name: str) -> dict[str, str]:
-        """What the schema of the Parquet table of that name says, `results.read_metadata`."""
+        """Metadata of the Parquet table of that name, see `results.read_metadata`."""
         return read_metadata(self.path / f"{name}.parquet")
 
     def object(self, name: str) -> Any:
@@ -74,7 +74,7 @@ class FinishedStudy:
         Raises:
             FileNotFoundError, ValueError: It is not there, or is not JSON.
         """
-        return _read_json(self.path / name, self.again)
+        return _read_json(self.path / name, self.remedy)
 
     @property
     def figures(self) -> dict[str, bytes]:
@@ -106,7 +106,7 @@ class FinishedStudy:
                     f"is missing: the study is of version {self.provenance['code_version']}, which wrote other figures"
                 )
                 file = str(self.path / where)
-                raise InvalidInputError(Problem("key-missing", message, self.again, file=file, key=name))
+                raise InvalidInputError(Problem("key-missing", message, self.remedy, file=file, key=name))
 
 
 def read_finished(root: str, name: str) -> FinishedStudy:
@@ -117,7 +117,7 @@ def read_finished(root: str, name: str) -> FinishedStudy:
         name: Folder of the study in it.
 
     Raises:
-        FileNotFoundError: There is no such study, or it did not come to its end.
+        FileNotFoundError: There is no such study, or it is not finished.
         ValueError: The name does not stay inside the folder, or the study is of a version with other keys or tasks.
     """
     parts = PurePosixPath(name).parts
@@ -138,32 +138,32 @@ def read_finished(root: str, name: str) -> FinishedStudy:
         raise MissingInputError(
             Problem("study-unfinished", message, "let it finish, or run its task again", file=str(path))
         )
-    again = "run the study again with this version"
-    summary = _read_json(path / "summary.json", again)
+    rerun = "run the study again with this version"
+    summary = _read_json(path / "summary.json", rerun)
     rows = tuple(summary) if isinstance(summary, list) else (summary,)
     if not rows or not all(isinstance(row, dict) and row.keys() >= set(PROVENANCE) for row in rows):
-        message = "the file does not say where its figures come from"
-        raise InvalidInputError(Problem("provenance-missing", message, again, file=str(path / "summary.json")))
+        message = "the file does not state the origin of its figures"
+        raise InvalidInputError(Problem("provenance-missing", message, rerun, file=str(path / "summary.json")))
     provenance = {key: rows[0][key] for key in PROVENANCE}
     task = next((task for task in TASKS if task.words == provenance["task"]), None)
     if task is None:
         message = f"is {provenance['task']!r}, which this version does not have"
         raise InvalidInputError(Problem("task-unknown", message, file=str(path / "summary.json"), key="task"))
-    stored = _read_json(path / "config.json", again)
+    stored = _read_json(path / "config.json", rerun)
     try:
         config = from_plain(task.load_config(), stored)
     except InvalidInputError as error:
-        remedy = f"the study is of version {provenance['code_version']}: {again}, rearl {task.words} study={name} ..."
+        remedy = f"the study is of version {provenance['code_version']}: {rerun}, rearl {task.words} study={name} ..."
         file = str(path / "config.json")
         raise InvalidInputError(replace(error.problem, file=file, remedy=remedy)) from error
     return FinishedStudy(path, task, config, provenance, rows)
 
 
-def _read_json(path: Path, again: str) -> Any:
+def _read_json(path: Path, remedy: str) -> Any:
     if not path.exists():
-        raise MissingInputError(Problem("file-missing", "the file is missing", again, file=str(path)))
+        raise MissingInputError(Problem("file-missing", "the file is missing", remedy, file=str(path)))
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
         message = f"the file is not JSON ({error})"
-        raise InvalidInputError(Problem("not-json", message, again, file=str(path))) from error
+        raise InvalidInputError(Problem("not-json", message, remedy, file=str(path))) from error

@@ -96,8 +96,8 @@ def _require_same_data(study: FinishedStudy) -> None:
         raise NoReplayError(f"its data cannot be read: {error}") from error
     if found != study.provenance["data_id"]:
         raise NoReplayError(
-            f"the data of the study are {study.provenance['data_id']}, those at data.root are {found} now: put the "
-            "former back, or run the study again"
+            f"the data of the study are {study.provenance['data_id']}, those at data.root are {found} now: restore "
+            "the former, or run the study again"
         )
 
 
@@ -151,7 +151,7 @@ def _replayed(
 
 
 def _mixture(study: FinishedStudy) -> Mixture | None:
-    """Shares of the driver classes that the study came to; None for other methods."""
+    """Shares of the driver classes that the study has found; None for other methods."""
     if study.config.method is not Method.critical:
         return None
     names = tuple(f"ratio_{name}" for name in Mixture._fields)
@@ -172,7 +172,7 @@ def _witness(
         try:
             asked = opened.enter_context(language_model(config, bar))
         except (ImportError, OSError, ValueError) as error:
-            raise NoReplayError(f"the kept answers of its language model cannot be read: {error}") from error
+            raise NoReplayError(f"the stored answers of its language model cannot be read: {error}") from error
         yield Witness(policy_of(acts, rollouts_with(None).decision_keys) if asked is None else asked.make_policy)
 
 
@@ -192,5 +192,5 @@ def _require_same_figures(
             raise NoReplayError(
                 f"simulated again, run {rollout.run} of scene {scene} has a Hellinger distance of {rollout.h:.5f}, but "
                 f"the study has {figure} figure for it: it was made by other code or on another machine "
-                f"({study.provenance['code_version']}, {study.provenance['git_sha']}); {study.again}"
+                f"({study.provenance['code_version']}, {study.provenance['git_sha']}); {study.remedy}"
             )

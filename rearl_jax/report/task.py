@@ -63,7 +63,7 @@ def _completed(document: Document, study: FinishedStudy) -> Document:
         try:
             sources = study.sources
         except (OSError, ValueError) as error:
-            data.append(f"Source and licence of the recordings cannot be told: {error}.")
+            data.append(f"Source and licence of the recordings are unknown: {error}.")
     if study.has_new_keys:
         data.append(_NEW_KEYS)
     return replace(document, sources=sources, data=" ".join(filter(None, data)))

@@ -122,7 +122,10 @@ def document_of(
     verdict, *findings = remarks.notes or (f"{title}.",)
     if remarks.definitions:
         names = ", ".join(text.partition(":")[0] for text in remarks.definitions)
-        findings.append(f"Only signs and orders can be compared with the paper; page.html says what differs: {names}.")
+        findings.append(
+            "Only the signs of differences and the order of methods can be compared with the paper; page.html lists "
+            f"what differs: {names}."
+        )
     others = _other_figures(summary, list(dict.fromkeys(table["row"])))
     return Document(
         title=title,

@@ -31,9 +31,7 @@ _CAPTION = (
     "the row, grey: real against real, dashed: base. The first Hellinger distance is that of the first full window."
 )
 
-_NOT_AT_HAND = (
-    "Fig. 6: the paper's figure is not at hand, so only what it shows is shown, and nothing of it beside ours"
-)
+_NOT_AT_HAND = "Fig. 6: the values of the paper's figure are not known, so only our figures are shown"
 
 
 def _sections(config: StudyFig6Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:

@@ -32,8 +32,8 @@ from rearl_jax.study.published import (
 from rearl_jax.sweep.base_values import kept_base_values
 
 _CAPTION = (
-    "Shares of the values of base below a value; dots: the percentiles that become thresholds. Diamonds: the paper's "
-    "thresholds, those of the Hellinger distance divided by the factor that they likely hold."
+    "Cumulative distributions of the errors of base; dots: the percentiles that become thresholds. Diamonds: the "
+    "paper's thresholds, those of the Hellinger distance divided by the factor that they probably contain."
 )
 
 

@@ -77,7 +77,7 @@ def _against_base(title: str, rows: Sequence[RowDifferences]) -> list[str]:
     parts = [
         f"closer than base: {closer or 'no row'}",
         f"farther: {farther}" if farther else "",
-        f"not told apart from base: {same}" if same else "",
+        f"not distinguished from base: {same}" if same else "",
     ]
     return [f"{title}: {'; '.join(part for part in parts if part)}."]
 
@@ -89,11 +89,11 @@ def _against_real(title: str, rows: Sequence[RowDifferences]) -> list[str]:
     closer, same, _ = _sorted(compared)
     if closer:
         return [
-            f"{title}: closer than real scenes are to each other: {closer}. That is no realism: no simulation should "
-            "be expected there, and whoever copies its references can get there."
+            f"{title}: closer than real scenes are to each other: {closer}. This is not realism: no simulation can be "
+            "expected there, but a method that copies its references can get there."
         ]
     if same:
-        return [f"{title}: not told apart from real against real: {same}; no row is closer."]
+        return [f"{title}: not distinguished from real against real: {same}; no row is closer."]
     return [f"{title}: every row is farther than real scenes are from each other."]
 
 
@@ -105,15 +105,15 @@ def _against_controls(title: str, rows: Sequence[RowDifferences]) -> list[str]:
         closer, same, farther = _sorted(row.less_controls)
         parts = [
             f"closer than its controls {closer}" if closer else "",
-            f"not told apart from its controls {same}" if same else "",
+            f"not distinguished from its controls {same}" if same else "",
             f"farther than its controls {farther}" if farther else "",
         ]
         what = "; ".join(part for part in parts if part)
         if same or farther:
             end = (
-                " Controls do as well, so its choices are not what helps."
+                " Controls do as well, so its choices do not explain the gain."
                 if not closer
-                else (" Not every control does worse, so not all of its choices are shown to help.")
+                else (" Not every control does worse, so a gain by its choices is not shown.")
             )
         else:
             end = " All its controls do worse."
@@ -131,7 +131,7 @@ def _sorted(compared: Mapping[str, Difference]) -> tuple[str, str, str]:
 
 
 def _reliability(errors: Mapping[str, Sequence[RowDifferences]], n_scenes: int, confidence: float) -> list[str]:
-    """How many intervals were looked at, and how few scenes there are."""
+    """Number of intervals computed, and a warning if there are few scenes."""
     found = [
         difference
         for rows in errors.values()
@@ -140,14 +140,14 @@ def _reliability(errors: Mapping[str, Sequence[RowDifferences]], n_scenes: int, 
         if difference is not None and difference.low is not None
     ]
     if not found:
-        return [f"{n_scenes} held-out scene(s) give no intervals: nothing can be told apart."]
+        return [f"{n_scenes} held-out scene(s) give no intervals, so nothing can be distinguished."]
     by_chance = (1 - confidence) * len(found)
     sentences = [
-        f"{len(found)} intervals of {100 * confidence:g} % were looked at; about {by_chance:.1f} of them would exclude "
+        f"{len(found)} intervals of {100 * confidence:g} % were computed; about {by_chance:.1f} of them would exclude "
         "zero by chance alone."
     ]
     if n_scenes < FEW_SCENES:
         sentences.append(
-            f"With only {n_scenes} held-out scenes a bootstrap over scenes is rough: take the intervals as too narrow."
+            f"With only {n_scenes} held-out scenes a bootstrap over scenes is rough, and its intervals are too narrow."
         )
     return sentences

@@ -53,7 +53,7 @@ def fresh_client(llm: LlmConfig, server: str) -> Iterator[Client]:
     """A client without stored answers.
 
     Args:
-        llm: Model, sampling and time-outs; its file of answers is left alone.
+        llm: Model, sampling and time-outs; its file of answers is not used.
         server: Address, or `local`.
 
     Raises:

@@ -34,7 +34,7 @@ EXTRAS = ("trigger_rate", "main_reference_share", "ratio_aggressive", "ratio_def
 
 
 def paper_figure(row: PublishedRow | None, metric: str) -> float | None:
-    """What the paper has under a metric; None if it has none."""
+    """The paper's value of a metric; None if it has none."""
     return None if row is None or metric not in PUBLISHED else getattr(row, PUBLISHED[metric])
 
 
@@ -75,12 +75,12 @@ def verdict(table: pd.DataFrame) -> str:
     """How many rows are closer to the recorded traffic than base."""
     of_h = table[(table["metric"] == "h") & table["less_base_low"].notna()]
     if of_h.empty:
-        return "No row stands beside base with an interval."
+        return "No row has an interval of its difference to base."
     low, high = np.array(of_h[["less_base_low", "less_base_high"]], np.float64).T
     closer, farther = int((high < 0).sum()), int((low > 0).sum())
     return (
         f"By the Hellinger distance of speeds, {closer} of {len(of_h)} rows are closer to the recorded traffic than "
-        f"base, {farther} are farther and {len(of_h) - closer - farther} cannot be told apart from it."
+        f"base, {farther} are farther and {len(of_h) - closer - farther} cannot be distinguished from it."
     )
 
 

@@ -54,10 +54,10 @@ SIMULATION = (
         summary="try pairs of detection thresholds on the tuning scenes",
         goes_on=True,
         description=(
-            "Takes percentiles of what the method base reaches on the threshold scenes as thresholds, simulates the "
+            "Takes percentiles of the errors of base on the threshold scenes as thresholds, simulates the "
             "tuning scenes under every pair of them in one program and picks the pair with the least Hellinger "
-            "distance plus spacing error; says whether the scenes can tell it from the next. Prints a table, writes "
-            "Parquet and figures."
+            "distance plus spacing error; states whether the scenes can distinguish it from the next. Prints a table, "
+            "writes Parquet and figures."
         ),
         examples=(
             "rearl sweep thresholds",
@@ -69,7 +69,7 @@ SIMULATION = (
         words="sweep scale",
         run="rearl_jax.sweep.scale:run",
         config="rearl_jax.config:SweepScaleTask",
-        summary="stream very many rollouts in constant memory and say what they cost",
+        summary="simulate very many rollouts in constant memory and measure their cost",
         goes_on=True,
         description=(
             "Simulates and scores as many rollouts of the held-out scenes as asked for, every one from another initial "

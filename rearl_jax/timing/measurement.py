@@ -102,7 +102,7 @@ class Series:
 
     @property
     def crashed_share(self) -> float | None:
-        """Vehicles that have collided by the end, of all; None if nobody can."""
+        """Vehicles that have collided by the end, of all; None if collisions are off."""
         counts = [run.crashed for run in self.measurements if run.crashed is not None]
         n_agents = sum(run.n_scenarios * self.n_vehicles for run in self.measurements)
         return sum(counts) / n_agents if counts else None

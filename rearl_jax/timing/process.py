@@ -96,7 +96,7 @@ class ProcessSession:
         self.close()
         remedy = f"; {self._remedy}" if self._remedy else ""
         raise RuntimeError(
-            f"the measured program {self._program} ended with code {code}{remedy}. Its last words:\n{last}"
+            f"the measured program {self._program} ended with code {code}{remedy}. Its last output:\n{last}"
         )
 
 

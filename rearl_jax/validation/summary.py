@@ -114,7 +114,7 @@ def shortfalls(summary: dict, config: ValidationConfig) -> list[Problem]:
     for events in ("lane_changes", "aborts", "crashes"):
         least = round(getattr(config, f"least_{events}") * config.share)
         if (n_events := summary[events]) < least:
-            message = f"only {n_events} {events.replace('_', ' ')} happened, too few to prove much (least {least})"
+            message = f"only {n_events} {events.replace('_', ' ')} occurred, which is too few (least {least})"
             remedy = f"raise validation.scenes.*, or lower validation.least_{events}"
             unmet.append(Problem("events-too-few", message, remedy, value=n_events))
     double, single = summary["agree_share_f64"], summary["agree_share_f32"]

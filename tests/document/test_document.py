@@ -28,7 +28,7 @@ def document(*, generated: bool = False) -> Document:
         verdict="Ours is closer.",
         sections=(
             Section("Errors", ("Smaller is closer.",), (TABLE,), ("a note",)),
-            Section("What the words mean", tables=(HIDDEN,), is_folded=True),
+            Section("Definitions", tables=(HIDDEN,), is_folded=True),
         ),
         command="evaluate method=base",
         generated=generated,

@@ -269,5 +269,5 @@ def test_evaluate_critical_from_end_to_end(tmp_path):
     assert page.count("data:image/png;base64,") == 4
     assert (folder / "critical.png").read_bytes().startswith(b"\x89PNG")
     said = " ".join(done.stdout.split())
-    assert "proposed and tried out once" in said
+    assert "proposed and simulated once" in said
     assert f"aggressive {100 * ratios[0]:.0f} %" in said

@@ -179,7 +179,7 @@ def test_a_full_disk_costs_only_the_next_run(tmp_path, monkeypatch, caplog):
                 first = outcomes(client.submit(questions).result())
             assert outcomes(client.submit(questions).result()) == first
         assert len(stub.chats) == 60
-    assert caplog.text.count("answers cannot be kept any more (answers.sqlite: database or disk is full)") == 1
+    assert caplog.text.count("answers cannot be stored any more (answers.sqlite: database or disk is full)") == 1
 
 
 def test_default_place(monkeypatch, tmp_path):

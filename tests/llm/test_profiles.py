@@ -190,7 +190,7 @@ def test_servers_are_recognised(tmp_path, caplog, stub, profile):
         assert client.server.dialect.profile is profile
         client.submit(make_questions(3)).result()
     assert all(CHOICE[profile].keys() <= seen.body.keys() for seen in stub.chats)
-    assert ("does not say what it is" in caplog.text) == (profile is Profile.plain)
+    assert ("does not state its software" in caplog.text) == (profile is Profile.plain)
     assert "ignores the constraint" not in caplog.text
 
 

@@ -62,7 +62,7 @@ def test_summary_is_flat_and_says_the_same(folder):
 
 def test_what_is_printed_never_claims_comparability(table1, folder):
     printed = " ".join(table1[1].split())
-    assert "Only signs and orders can be compared with the paper" in printed
+    assert "Only the signs of differences and the order of methods can be compared with the paper" in printed
     assert "traffic model, Hellinger distance, MAPE, decisions" in printed
     assert "paper: Base" in printed
     assert "closer than base" in printed

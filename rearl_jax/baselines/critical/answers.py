@@ -46,12 +46,12 @@ def read_mixture(text: str) -> Mixture:
     try:
         values = json.loads(answer[begin : end + 1])
     except (ValueError, RecursionError):
-        raise BadAnswerError(Fault.unparsable, "what stands between its braces is not JSON") from None
+        raise BadAnswerError(Fault.unparsable, "the text between its braces is not JSON") from None
     shares = []
     for name in Mixture._fields:
         value = values.get(name)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise BadAnswerError(Fault.unparsable, f"it gives no number for {name!r}")
+            raise BadAnswerError(Fault.unparsable, f"it has no number for {name!r}")
         shares.append(value)
     try:
         mixture = Mixture(*map(float, shares))

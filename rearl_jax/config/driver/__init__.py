@@ -92,7 +92,7 @@ class DriverConfig:
         changed = (item.name for item in fields(self) if getattr(self, item.name) != getattr(usual, item.name))
         for name in changed:
             if name not in self.declaration.names:
-                message = "is found by the calibration: leave it alone"
+                message = "is estimated by the calibration: leave it out"
                 raise InvalidInputError(Problem("found-by-calibration", message, key=f"driver.{name}"))
 
     def _names(self) -> list[str]:
@@ -102,7 +102,7 @@ class DriverConfig:
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its bounds, an unknown key of a class, or shares beyond 1."""
         if type(self) is not record_of(self.model):
-            message = "must be left alone: choose a car-following model with driver=NAME"
+            message = "must be left out: choose a car-following model with driver=NAME"
             raise InvalidInputError(Problem("driver-keys-of-another", message, key="model", value=self.model))
         known = self._names()
         _check_values(self.values(), self.declaration, "")

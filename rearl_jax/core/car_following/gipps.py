@@ -24,7 +24,8 @@ TIME_GAP_OF_REACTIONS = 1.5
 """Time gap at equilibrium over the reaction time [-]: the reaction time and half of it as a margin. Source: ibid."""
 
 SLOWEST_ROOT = 0.1
-"""Least speed [m/s] under the root of the safe speed, for gaps in which nobody could stop; its slope stays finite."""
+"""Least speed [m/s] under the root of the safe speed, for gaps in which no driver could stop; its slope stays finite.
+"""
 
 
 class Gipps(CarFollowing):

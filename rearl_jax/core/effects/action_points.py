@@ -42,13 +42,15 @@ class ActionPoints(Effect):
     name: ClassVar[str] = "action_points"
     kind: ClassVar[str] = "random"
     equation: ClassVar[str] = (
-        "a = f(situation at the last action point); a new one at rate 1 / mean_time, and where the bare model's f has "
+        "a = f(situation at the last action point); a new one at rate 1 / mean_time, and if the bare model's f has "
         "changed by more than threshold"
     )
     source: ClassVar[str] = "after Treiber & Kesting, Transp. Res. B 117 (2018) 613 (action points)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("mean_time", "s", "mean time between decisions at random", off=0.0, low=0.0, high=10.0, scale=1.0),
-        Parameter("threshold", "m/s^2", "change that is acted on at once", 0.5, 0.0, 5.0, 0.3, is_strength=False),
+        Parameter(
+            "threshold", "m/s^2", "change that triggers a decision at once", 0.5, 0.0, 5.0, 0.3, is_strength=False
+        ),
     )
 
     def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> InMind:

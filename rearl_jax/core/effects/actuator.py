@@ -48,7 +48,9 @@ class VehicleLimits(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("acceleration_limit", "m/s^2", "largest acceleration", NO_BOUND, 0.1, NO_BOUND, 4.0),
         Parameter("deceleration_limit", "m/s^2", "largest deceleration", NO_BOUND, 0.1, NO_BOUND, 4.0),
-        Parameter("jerk_limit", "m/s^3", "fastest change of it", NO_JERK_BOUND, 0.1, NO_JERK_BOUND, 20.0),
+        Parameter(
+            "jerk_limit", "m/s^3", "largest rate of change of the acceleration", NO_JERK_BOUND, 0.1, NO_JERK_BOUND, 20.0
+        ),
     )
 
     def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], dt: float) -> Float[Array, "*n"]:

@@ -30,7 +30,7 @@ class ApproachRateGain(Effect):
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Less, the faster the leader is approached."""
+        """Acceleration less a term in the approach rate."""
         return value - self.gain * seen.has_leader * (seen.speed - seen.leader_speed)
 
 
@@ -62,8 +62,12 @@ class GapRelaxation(Effect):
     )
     source: ClassVar[str] = "after Laval & Leclercq, Transp. Res. B 42 (2008) 511; Keane & Gao, ibid. 150 (2021) 301"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("share", "-", "part of the way to the present time gap", off=0.0, low=0.0, high=1.0, scale=0.5),
-        Parameter("relaxation_time", "s", "time in which it is forgotten", 15.0, 1.0, 120.0, 10.0, is_strength=False),
+        Parameter(
+            "share", "-", "share of the difference to the present time gap", off=0.0, low=0.0, high=1.0, scale=0.5
+        ),
+        Parameter(
+            "relaxation_time", "s", "relaxation time of the difference", 15.0, 1.0, 120.0, 10.0, is_strength=False
+        ),
     )
 
     def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> FirstGap:

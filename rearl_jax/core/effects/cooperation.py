@@ -25,8 +25,8 @@ class Cooperation(Effect):
     )
     source: ClassVar[str] = "after Hidas, Transp. Res. C 10 (2002) 351 (courtesy lane changes)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("weight", "-", "how far a gap is opened", off=0.0, low=0.0, high=1.0, scale=0.5),
-        Parameter("limit", "m/s^2", "hardest braking for it", 2.0, 0.2, 6.0, 1.0, is_strength=False),
+        Parameter("weight", "-", "weight of that vehicle", off=0.0, low=0.0, high=1.0, scale=0.5),
+        Parameter("limit", "m/s^2", "largest deceleration for it", 2.0, 0.2, 6.0, 1.0, is_strength=False),
     )
 
     def leaders(
@@ -38,7 +38,9 @@ class Cooperation(Effect):
             ValueError: The stimulus is that of a recording.
         """
         if not isinstance(seen, SimulatedStimulus):
-            raise ValueError("cooperation needs to know who wants to change lanes, which only a simulation does")
+            raise ValueError(
+                "cooperation needs to know which vehicles want to change lanes, which only a simulation does"
+            )
         closing = seen.speed - seen.entrant_speed
         wanted = driver.interaction(seen.entrant_gap, seen.speed, closing)
         bearable = driver.free_acceleration(seen.speed) + self.limit

@@ -22,15 +22,18 @@ class EarlyResponse(Effect):
     kind: ClassVar[str] = "lane_change"
     equation: ClassVar[str] = (
         "I + of_changer max(0, min(I_there, a_free + limit) - I), I the deceleration because of the leader, I_there "
-        "that because of the leader on the lane it wants to be on; of_follower likewise for who is coming over"
+        "that because of the leader on the lane it wants to be on; of_follower likewise for the vehicle changing to "
+        "the own lane"
     )
     source: ClassVar[str] = (
         "after Schakel, Knoop & van Arem, Transp. Res. Rec. 2316 (2012) 47 (synchronisation and gap creation)"
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("of_changer", "-", "weight of the leader on the wanted lane", off=0.0, low=0.0, high=1.0, scale=0.5),
-        Parameter("of_follower", "-", "weight of who is coming over", off=0.0, low=0.0, high=1.0, scale=0.5),
-        Parameter("limit", "m/s^2", "hardest braking for either", 2.0, 0.2, 6.0, 1.0, is_strength=False),
+        Parameter(
+            "of_follower", "-", "weight of the vehicle changing to the own lane", off=0.0, low=0.0, high=1.0, scale=0.5
+        ),
+        Parameter("limit", "m/s^2", "largest deceleration for either", 2.0, 0.2, 6.0, 1.0, is_strength=False),
     )
 
     def leaders(
@@ -42,7 +45,9 @@ class EarlyResponse(Effect):
             ValueError: The stimulus is that of a recording.
         """
         if not isinstance(seen, SimulatedStimulus):
-            raise ValueError("early_response needs to know who wants to change lanes, which only a simulation does")
+            raise ValueError(
+                "early_response needs to know which vehicles want to change lanes, which only a simulation does"
+            )
         bearable = driver.free_acceleration(seen.speed) + self.limit
         there = driver.interaction(seen.wanted_gap, seen.speed, seen.speed - seen.wanted_speed)
         value = value + self.of_changer * seen.has_wanted * jnp.maximum(jnp.minimum(there, bearable) - value, 0.0)

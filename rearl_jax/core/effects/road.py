@@ -16,9 +16,9 @@ FAR_AWAY = 1.0e5
 """Place [m] no section reaches."""
 
 _SECTION = (
-    Parameter("start", "m", "where the section begins", 0.0, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
-    Parameter("end", "m", "where it ends", FAR_AWAY, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
-    Parameter("edge", "m", "how gradually it comes and goes", 6.0, 1.0, 80.0, 6.0, is_strength=False),
+    Parameter("start", "m", "beginning of the section", 0.0, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
+    Parameter("end", "m", "end of the section", FAR_AWAY, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
+    Parameter("edge", "m", "length over which it begins and ends", 6.0, 1.0, 80.0, 6.0, is_strength=False),
 )
 
 
@@ -146,8 +146,10 @@ class Weather(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("slower", "-", "fall of log v0", off=0.0, low=-1.0, high=1.5, scale=0.2),
         Parameter("wider", "-", "growth of log T", off=0.0, low=-1.0, high=1.5, scale=0.2),
-        Parameter("onset", "s", "when half of it has come", 0.0, -FAR_AWAY, FAR_AWAY, 30.0, is_strength=False),
-        Parameter("ramp", "s", "how fast it comes", off=2.0, low=0.3, high=60.0, scale=3.0, is_strength=False),
+        Parameter(
+            "onset", "s", "time at which half of it is reached", 0.0, -FAR_AWAY, FAR_AWAY, 30.0, is_strength=False
+        ),
+        Parameter("ramp", "s", "time scale of its onset", off=2.0, low=0.3, high=60.0, scale=3.0, is_strength=False),
     )
 
     def desired_speed(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:

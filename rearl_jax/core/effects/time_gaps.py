@@ -100,9 +100,11 @@ class Relaxation(Effect):
     )
     source: ClassVar[str] = "after Laval & Leclercq, Transp. Res. B 42 (2008) 511; Keane & Gao, ibid. 150 (2021) 301"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gap_share", "-", "part of the lost gap that is not felt at first", 0.0, 0.0, 2.0, 0.5),
-        Parameter("time_gap_share", "-", "part of the way to the time gap right after it", 0.0, 0.0, 1.5, 0.5),
-        Parameter("relaxation_time", "s", "time in which it is forgotten", 10.0, 1.0, 60.0, 7.0, is_strength=False),
+        Parameter("gap_share", "-", "share of the lost gap that is ignored at first", 0.0, 0.0, 2.0, 0.5),
+        Parameter(
+            "time_gap_share", "-", "share of the difference to the time gap right after the change", 0.0, 0.0, 1.5, 0.5
+        ),
+        Parameter("relaxation_time", "s", "relaxation time of the difference", 10.0, 1.0, 60.0, 7.0, is_strength=False),
     )
 
     def perceive(self, seen: Stimulus, memory: None) -> Stimulus:
@@ -129,7 +131,7 @@ class RearPressure(Effect):
     source: ClassVar[str] = "after Herman, Montroll, Potts & Rothery, Oper. Res. 7 (1959) 86 (look-behind term)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gain", "-", "fall of log T under pressure", off=0.0, low=0.0, high=2.5, scale=0.5),
-        Parameter("pressing_time_gap", "s", "follower's time gap z0 that presses", 1.0, 0.3, 2.5, 0.3, False),
+        Parameter("pressing_time_gap", "s", "follower's time gap z0 below which it presses", 1.0, 0.3, 2.5, 0.3, False),
     )
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:

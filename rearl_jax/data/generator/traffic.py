@@ -245,7 +245,7 @@ class Traffic:
         fleet.drift = kept * fleet.drift + DRIFT_SD * np.sqrt(1.0 - kept**2) * shocks[1]
 
     def move(self) -> None:
-        """Advance positions and speeds with constant acceleration; nobody drives backwards."""
+        """Advance positions and speeds with constant acceleration; no vehicle drives backwards."""
         fleet = self.fleet
         speed = np.maximum(fleet.speed + self.dt * fleet.acceleration, 0.0)
         fleet.position = fleet.position + 0.5 * self.dt * (fleet.speed + speed)
