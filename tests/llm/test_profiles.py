@@ -219,7 +219,7 @@ def test_constraint_is_tried_out_in_spite_of_faults(tmp_path, caplog):
     assert caplog.text == ""
     with Stub(fault=lambda seen: Fault.null_content) as stub:
         Client(config, stub.url).open().close()
-    assert "could not be tried out: the message has no text" in caplog.text
+    assert "could not be tested: the message has no text" in caplog.text
 
 
 @pytest.mark.parametrize(

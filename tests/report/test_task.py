@@ -175,7 +175,7 @@ def test_a_discovery_is_reported_with_its_verdict_and_hostile_names_are_text(dis
     seen = check_alone(page)
     text = words(page)
     assert "Missing in the model: reaction delay." in text
-    assert "Generated recordings, no measurements" in text
+    assert "Generated recordings, not measured" in text
     assert "delay [s] 0.700 0.600 to 0.800 0.90" in text  # value, interval, confidence
     assert "closed-loop gap error [m] 1.50 1.00 to 2.00" in text
     assert "105 drivers who follow somebody" in text

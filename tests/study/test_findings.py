@@ -23,7 +23,7 @@ def test_a_matcher_that_beats_everything():
     assert "This is not realism" in real
     assert "base" not in real
     assert controls.endswith("All its controls do worse.")
-    assert intervals.startswith("5 intervals of 95 % were looked at; about 0.3 of them")
+    assert intervals.startswith("5 intervals of 95 % were computed; about 0.3 of them")
 
 
 def test_controls_that_do_as_well():

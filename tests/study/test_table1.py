@@ -107,7 +107,7 @@ def test_fig6_uses_the_rows_of_table1(table1, rearl, two_rows, tmp_path):
     before = kept.stat().st_mtime_ns
     printed = rearl(root, "study", "fig6", "table1.kept_in=study_table1", *two_rows)
     assert kept.stat().st_mtime_ns == before
-    assert "page.html says what differs: Fig. 6, data" in " ".join(printed.split())
+    assert "page.html lists what differs: Fig. 6, data" in " ".join(printed.split())
     assert text_of(paper_document(read_finished(str(root), "study_fig6"))) in printed
     folder = root / "study_fig6"
     assert not (folder / "rows").exists()
