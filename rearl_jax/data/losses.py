@@ -105,7 +105,7 @@ def split_tracks(table: pd.DataFrame, starts: np.ndarray) -> pd.DataFrame:
     first = np.concatenate([[0], np.flatnonzero(old[1:] != old[:-1]) + 1])
     n_cuts_of_track = n_cuts - np.repeat(n_cuts[first] - starts[first], np.diff(np.append(first, len(old))))
     later = n_cuts_of_track > 0
-    new = np.where(later, np.nanmax(old) + n_cuts, old)  # an unknown id (NaN) is for the schema to find
+    new = np.where(later, np.nanmax(old) + n_cuts, old)  # the schema check finds unknown ids (NaN)
     table = table.assign(track_id=new)
     if "leader_id" in table:
         table["leader_id"] = _followed_leader(table, old, new, np.unique(old[later]))

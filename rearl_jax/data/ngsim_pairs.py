@@ -1,7 +1,7 @@
 """Reader of NGSIM I-80 leader-follower pairs: one row holds follower and leader at one time.
 
 A recording is the union of the members of its pairs. A vehicle that is in several pairs appears once per
-frame; one that leaves the pairs and comes back later comes back under a new id.
+frame; a vehicle that leaves the pairs and returns later gets a new id.
 
 Source: NGSIM I-80, DOI 10.21949/1504477, reconstructed trajectories, arXiv 2201.04755.
 """
@@ -81,7 +81,7 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     _require_ids(pairs, info)
     _require_units(pairs, info)
     lengths = pairs.groupby("leader")["leader_length_m"]
-    with np.errstate(invalid="ignore"):  # infinite lengths are for the schema to find
+    with np.errstate(invalid="ignore"):  # the schema check finds infinite lengths
         span = np.asarray(lengths.transform("max")) - np.asarray(lengths.transform("min"))
     if (span > _SAME).any():
         row = int(np.argmax(span > _SAME))
@@ -167,7 +167,7 @@ def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:
 def _agreeing(members: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses) -> pd.DataFrame:
     """The rows of vehicles on whose position all their pairs agree."""
     where = members.groupby(["track_id", "frame"])["position"]
-    with np.errstate(invalid="ignore"):  # infinite positions are for the schema to find
+    with np.errstate(invalid="ignore"):  # the schema check finds infinite positions
         off = np.asarray(where.transform("max")) - np.asarray(where.transform("min")) > _SAME
     if not off.any():
         return members

@@ -1,6 +1,6 @@
 """Scenes of equal shape: one record for all of them, the rescaling of speeds, lane-change rates.
 
-The scaled speed is derived from the recorded one and two stored extremes, never stored beside it.
+The scaled speed is not stored, but derived from the recorded speed and two stored extremes.
 """
 
 import hashlib
@@ -65,7 +65,7 @@ class SceneSet:
         direction: Carriageway, 1 or 2.
         length: Vehicle length [m].
         speed: Recorded speed along the driving direction [m/s].
-        action: What the vehicle did in the next second: 0 left, 1 keep, 2 right, 3 faster, 4 slower.
+        action: Action of the vehicle in the next second: 0 left, 1 keep, 2 right, 3 faster, 4 slower.
         has_next: The vehicle is still recorded one second later.
         next_lane: Its lane then; -1 = unknown or gone.
         spacing: Mean distance to the other picked vehicles [m].
@@ -74,8 +74,8 @@ class SceneSet:
         speed_min: Recorded speed that becomes 5 m/s [m/s].
         speed_max: Recorded speed that becomes 32 m/s [m/s].
         speed_norm: How speeds are rescaled.
-        infos: Recordings the scenes come from.
-        counts: What was seen on the way.
+        infos: Metadata of the recordings of the scenes.
+        counts: Counts of the recordings and windows read.
         settings: Keys the scenes were made with, as the user writes them.
     """
 
@@ -126,7 +126,7 @@ class SceneSet:
 
     @property
     def block(self) -> np.ndarray:
-        """Number of the scene-long stretch of its recording in which a scene starts, by scene.
+        """Index of the interval of a scene's length, within its recording, in which each scene starts.
 
         Without overlap this is the window; overlapping windows of equal recording and block share traffic.
         """

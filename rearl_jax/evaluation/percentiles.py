@@ -1,4 +1,4 @@
-"""Detection thresholds as percentiles of what the method base reaches on the threshold scenes."""
+"""Detection thresholds as percentiles of the errors of the method base on the threshold scenes."""
 
 import logging
 import math
@@ -56,7 +56,8 @@ def base_values(
     subset: np.ndarray,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> BaseValues:
-    """Values of base on the threshold scenes, `eval.n_runs` rollouts of each; variant=all means no effects.
+    """Values of base on the threshold scenes, `eval.n_runs` rollouts of each; for variant=all they are simulated
+    without effects.
 
     Raises:
         ValueError: There is no value to take a percentile of.

@@ -39,7 +39,7 @@ class Bins(NamedTuple):
 
 
 class ReferenceCar(NamedTuple):
-    """A vehicle of the reference: speed [m/s], mean distance to the others [m], what it did in the following second."""
+    """A vehicle of the reference: speed [m/s], mean distance to the others [m], its action in the following second."""
 
     speed: float
     distance: float
@@ -81,8 +81,8 @@ class Scene(NamedTuple):
 class Car(NamedTuple):
     """The vehicle that is asked about: speed [m/s], acceleration [m/s^2], mean distance to the others [m].
 
-    Ranks count from the highest; equal ones share the better rank. The last action is None if it followed none, the
-    time since the last lane change [s] None if none was seen.
+    Ranks count from the highest value; equal values share the better rank. `last_action` is None without an action in
+    the last second, `since_lane_change` [s] None without a lane change so far.
     """
 
     vehicle: int
@@ -101,7 +101,7 @@ class Car(NamedTuple):
 class Neighbour(NamedTuple):
     """The nearest vehicle at one of the `PLACES` around a vehicle; None if there is none.
 
-    Gap bumper to bumper [m], negative side by side; speed, and the same less that of the vehicle [m/s].
+    Gap bumper to bumper [m], negative side by side; speed, and speed relative to the vehicle [m/s].
     """
 
     place: str
@@ -172,7 +172,7 @@ def cars_of(situation: Situation, asked: Asked, model: TrafficModel) -> Iterator
 
 
 def ranks(values: ArrayLike, asked: Asked) -> Int[np.ndarray, " asked"]:
-    """Place of each vehicle that is asked about in its scenario, 1 for the highest."""
+    """Rank of each vehicle that is asked about in its scenario, 1 for the highest value."""
     values = np.asarray(values)
     own, rank = values[asked], np.ones(len(asked.vehicle), int)
     for other in values:
