@@ -1,4 +1,4 @@
-"""Batch highway traffic simulation in JAX, held to measured trajectories.
+"""Batch highway traffic simulation in JAX, compared with measured trajectories.
 
 Scenes of recordings, the shipped ones by default (`data={"format": "highd", "root": FOLDER}` for others):
 
@@ -21,7 +21,7 @@ The metric table, simulated against measured scenes; trajectories are a DataFram
     print(result.summary.pivot(index="metric", columns="method", values="value"))
     result.save("results/mine")  # tables, figures and page, as `rearl evaluate` writes them
 
-A calibration of drivers, and traffic that drives by it:
+A calibration of drivers, and traffic of the calibrated drivers:
 
     found = rearl_jax.calibrate(data={"format": "table", "root": folder})
     print(found.drivers[["desired_speed", "time_gap", "jam_gap"]].median())
@@ -35,9 +35,9 @@ A discovery of what the drivers' model lacks:
     print(found.verdict["verdict"], [effect["name"] for effect in found.verdict["effects"]])
     found.save("results/mine")
 
-An environment of reinforcement learning in Gymnasium's way, or in gymnax's:
+An environment for reinforcement learning with Gymnasium's interface, or with gymnax's:
 
-    env = rearl_jax.make_env(n_others=20)  # num_envs=64 for as many in lockstep
+    env = rearl_jax.make_env(n_others=20)  # num_envs=64 for 64 scenarios in lockstep
     observation, info = env.reset(seed=0)
     observation, reward, terminated, truncated, info = env.step(rearl_jax.MetaAction.FASTER)
     env = rearl_jax.FunctionalHighway(n_others=20)

@@ -1,4 +1,4 @@
-"""Expensive results kept on disk: made once per machine for the same data, configuration and code."""
+"""Expensive results cached on disk: computed once per machine for the same data, configuration and code."""
 
 import hashlib
 import json
@@ -18,17 +18,17 @@ log = logging.getLogger(__name__)
 
 
 def kept_folder(kind: str) -> Path:
-    """The folder of one kind of kept things, beside that of compiled programs."""
+    """Folder of one kind of cached results, beside the folder of compiled programs."""
     return cache_folder().parent / kind
 
 
 def kept_path(kind: str, keys: Mapping[str, object], packages: tuple[str, ...], ending: str) -> Path:
-    """File of the thing with these keys, made by this version of the code.
+    """File of the cached result with these keys, computed by this version of the code.
 
     Args:
         kind: Name of the folder.
-        keys: Everything the thing depends on besides the code.
-        packages: Parts of rearl_jax whose sources decide what comes out.
+        keys: Everything the result depends on besides the code.
+        packages: Parts of rearl_jax whose source code the result depends on.
         ending: Suffix of the file's name.
     """
     text = json.dumps({**keys, "code": f"{__version__} {code_hash(packages)}"}, sort_keys=True, allow_nan=False)
@@ -36,7 +36,7 @@ def kept_path(kind: str, keys: Mapping[str, object], packages: tuple[str, ...], 
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray] | None:
-    """The arrays stored there; None where there is no file, or, with a warning, where it is damaged."""
+    """The arrays stored there; None if there is no file or, with a warning, if it is damaged."""
     try:
         # Opened here, as NumPy leaves a file open that it cannot read.
         with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
@@ -44,14 +44,14 @@ def read_arrays(path: Path) -> dict[str, np.ndarray] | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
-        log.warning("%s is damaged (%s): made again", path, error)
+        log.warning("%s is damaged (%s): computed again", path, error)
         return None
 
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Stores the arrays whole or not at all; a folder that cannot be written to only costs the next run its time."""
+    """Stores the arrays whole or not at all; if the folder is not writable, the next run computes them again."""
     try:
         with replacing(path) as unfinished, unfinished.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)
     except OSError as error:
-        log.warning("not kept for the next run: %s; set XDG_CACHE_HOME to another folder", error)
+        log.warning("not stored for the next run: %s; set XDG_CACHE_HOME to another folder", error)

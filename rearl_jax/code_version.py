@@ -1,4 +1,4 @@
-"""Version, hash and commit of this code: equal results come from equal code. Standard library only."""
+"""Version, hash and commit of this code: results are reused only for equal code. Standard library only."""
 
 import hashlib
 import subprocess
@@ -12,7 +12,7 @@ PACKAGE = Path(__file__).resolve().parent
 
 @cache
 def code_hash(parts: tuple[str, ...] = (".",)) -> str:
-    """Sixteen hexadecimal digits of the sources of some parts of this package, of all of them by default.
+    """First sixteen hexadecimal digits of the hash of the sources of some parts of this package, by default of all.
 
     Args:
         parts: Folders, as seen from the package.

@@ -1,4 +1,4 @@
-"""Tables on standard output: one look, and a width where standard output has none of its own."""
+"""Tables on standard output: a common style, and a default width for files and pipes."""
 
 import io
 import os
@@ -11,14 +11,14 @@ from rich.table import Table
 
 
 def silence_standard_output() -> None:
-    """Sends to nowhere what is still written to standard output, because nobody reads it any more."""
+    """Discards further output after the reader of standard output has closed it."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.close(nowhere)
 
 
 class Console(AnyConsole):
-    """Standard output of work that goes on when nobody reads it any more, as behind `| head`."""
+    """Standard output of work that continues after its reader has closed it, as behind `| head`."""
 
     def on_broken_pipe(self) -> None:
         silence_standard_output()
@@ -31,7 +31,7 @@ def standard_output(width: int) -> Console:
 
 
 def as_text(width: int, show: Callable[[Console], None]) -> str:
-    """What a function shows on a console of so many columns, without colours."""
+    """Text that a function prints on a console of `width` columns, without colours."""
     console = Console(width=width, file=io.StringIO())
     with console.capture() as captured:
         show(console)
@@ -39,12 +39,12 @@ def as_text(width: int, show: Callable[[Console], None]) -> str:
 
 
 def generated_mark(generated: bool) -> str:
-    """What stands behind a title where the data are generated."""
+    """Suffix of a title if the data are generated, else empty."""
     return " (GENERATED recordings)" if generated else ""
 
 
 def titled_table(title: str, *, generated: bool = False) -> Table:
-    """A table without columns yet; its title is plain text and says so where the data are generated."""
+    """A table without columns yet; its title is plain text and marks generated data."""
     style = {"title_justify": "left", "title_style": "bold", "box": SIMPLE_HEAD, "padding": (0, 1, 0, 0)}
     return Table(title=escape(title + generated_mark(generated)), **style)
 

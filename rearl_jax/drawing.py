@@ -1,7 +1,7 @@
 """What figures share: PNG bytes, colours, panels, the mark of generated data.
 
 Drawn without a display and without global state of matplotlib. Matplotlib is slow to import: modules that draw are
-imported where figures are due, after the tables are printed.
+imported when figures are drawn, after the tables are printed.
 """
 
 from io import BytesIO
@@ -25,7 +25,7 @@ FONT_SIZE = 9
 def panels(
     width: float, height: float, *, rows: int = 1, columns: int = 1, generated: bool
 ) -> tuple[Figure, list[Axes]]:
-    """A figure [inch] with its panels, rows on one horizontal scale; a figure of generated data says so."""
+    """A figure [inch] with its panels, rows on one horizontal scale; a figure of generated data is marked as such."""
     figure = Figure(figsize=(width, height), layout="constrained")
     axes = figure.subplots(rows, columns, sharex=rows > 1, squeeze=False).ravel().tolist()
     for panel in axes:
@@ -34,7 +34,7 @@ def panels(
         panel.xaxis.label.set_size(FONT_SIZE)
         panel.yaxis.label.set_size(FONT_SIZE)
     if generated:
-        mark = "GENERATED recordings, no measurements"
+        mark = "GENERATED recordings, not measured"
         figure.suptitle(mark, color="#B00020", fontsize=FONT_SIZE, fontweight="bold")
     return figure, axes
 

@@ -1,7 +1,7 @@
 """Problems of what a user has given: records with a code, and the errors that carry them.
 
 In: the places that check configurations, recordings, model files, folders of results. Out: one sentence for the user,
-and for programs the code and the fields it is made of. A code keeps its meaning; words are free.
+and for programs the code and the fields it is made of. A code keeps its meaning; the wording may change.
 """
 
 from dataclasses import dataclass, replace
@@ -14,8 +14,8 @@ class Problem:
 
     Attributes:
         code: Short, stable name of the kind of problem, such as `column-missing`.
-        said: What is wrong, in words; with a key the predicate to it, such as `must be at least 1`.
-        remedy: What to do about it; empty where the words say it.
+        fault: What is wrong, in words; with a key the predicate to it, such as `must be at least 1`.
+        remedy: What to do about it; empty if `fault` contains it.
         file: File or folder at fault.
         key: Key at fault, of the configuration or within the file, by its full name.
         column: Column at fault, as named in the file; None for the table as a whole.
@@ -25,7 +25,7 @@ class Problem:
     """
 
     code: str
-    said: str
+    fault: str
     remedy: str = ""
     file: str | None = None
     key: str | None = None
@@ -44,7 +44,7 @@ class Problem:
             place.append(f"line {self.line}")
         if self.row is not None:
             place.append(f"data row {self.row}")
-        sentence = self.said if self.key is None else f"{self.key} {self.said}"
+        sentence = self.fault if self.key is None else f"{self.key} {self.fault}"
         if self.value is not None:
             sentence += f", got {self.value}"
         if self.remedy:
@@ -53,7 +53,7 @@ class Problem:
 
 
 class ProblemError(Exception):
-    """A problem that the user can mend.
+    """A problem that the user can correct.
 
     Attributes:
         problem: Which.

@@ -1,4 +1,4 @@
-"""The progress bar of long work: on standard error, silent where that is no terminal."""
+"""The progress bar of long work: on standard error, shown only if that is a terminal."""
 
 import logging
 import sys
@@ -14,7 +14,7 @@ _MEMORY = 600.0
 
 
 class TimeLeftColumn(ProgressColumn):
-    """The time a line will still take; nothing where that is not known."""
+    """The time a line will still take; nothing if that is not known."""
 
     max_refresh = 0.5
 
@@ -65,5 +65,5 @@ def progress_bar() -> Iterator[Progress]:
             yield bar
         finally:
             for handler, stream in zip(handlers, before, strict=True):
-                if stream is not None:  # None where the stream was the same
+                if stream is not None:  # None if the stream was the same
                     handler.setStream(stream)

@@ -41,8 +41,8 @@ class Study:
     """One folder of results, `root/name`.
 
     The metadata of each table holds `task`, `study`, `config_hash`, `config` (JSON), `code_version`, `code_hash`,
-    `git_sha` (in a git checkout), `data_id` (where data were read), `generated` (`true` where the data are no
-    measurements), and what the writer adds (seeds, definitions). `read_metadata` reads it back.
+    `git_sha` (in a git checkout), `data_id` (if data were read), `generated` (`true` if any data were generated), and
+    what the writer adds (seeds, definitions). `read_metadata` reads it back.
     """
 
     def __init__(
@@ -77,10 +77,10 @@ class Study:
         remove_leftovers(self.path)
 
     def begin(self, *, resume: bool) -> Any:
-        """The summary of a study that is finished and to be left alone; else None, and config.json is written.
+        """The summary of a study that is finished and not to be repeated; else None, and config.json is written.
 
         Args:
-            resume: Whether a finished study of the same task, configuration, data and code is left alone.
+            resume: Whether a finished study of the same task, configuration, data and code is skipped.
 
         Raises:
             FolderInUseError: Another process writes to the folder.
@@ -106,8 +106,8 @@ class Study:
         from pyarrow import parquet
 
         if frame.index.names != [None] or frame.index.nlevels != 1:
-            said = f"the table has the index {frame.index.names}: call reset_index() first"
-            raise InvalidInputError(Problem("table-with-index", said, file=name))
+            message = f"the table has the index {frame.index.names}: call reset_index() first"
+            raise InvalidInputError(Problem("table-with-index", message, file=name))
         provenance = {**self._provenance, "config": json.dumps(self._config, sort_keys=True)}
         _refuse_repeated(metadata, provenance, f"table {name!r}")
         texts = {key: _as_text(value) for key, value in (provenance | metadata).items() if value is not None}
@@ -118,11 +118,11 @@ class Study:
         return self._write(f"{name}.parquet", lambda path: parquet.write_table(table, path))
 
     def owns(self, name: str) -> bool:
-        """True where the table `name` is there, whole, and of the same task, configuration, data and code."""
+        """Whether the table `name` is there, whole, and of the same task, configuration, data and code."""
         path = _inside(self.path, f"{name}.parquet", "file")
         try:
             found = read_metadata(path)
-        except (OSError, ValueError):  # not there, or what pyarrow raises for a file that is no Parquet
+        except (OSError, ValueError):  # not there, or what pyarrow raises for a file that is not Parquet
             return False
         wanted = {key: self._provenance[key] for key in SAME if self._provenance[key] is not None}
         return all(found.get(key) == _as_text(value) for key, value in wanted.items())
@@ -160,7 +160,7 @@ class Study:
                 each with the provenance.
 
         Raises:
-            ValueError: A number is NaN or infinite (write None where there is no figure), a value is of
+            ValueError: A number is NaN or infinite (write None if there is no figure), a value is of
                 another type or nested deeper, or a key repeats the provenance.
         """
         parts = [summary] if isinstance(summary, Mapping) else list(summary)
@@ -237,7 +237,7 @@ def shared_config(config: object) -> Any:
 
 
 def config_hash(config: object) -> str:
-    """Sixteen hexadecimal digits that are equal where everything but `study` and `results` is equal."""
+    """Sixteen hexadecimal digits that are equal if everything but `study` and `results` is equal."""
     text = json.dumps(shared_config(config), sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -245,16 +245,16 @@ def config_hash(config: object) -> str:
 def _inside(root: Path, name: str, kind: str) -> Path:
     parts = PurePosixPath(name).parts
     if not parts or name.startswith("/") or ".." in parts or "\\" in name:
-        said = f"must be the name of a {kind} inside {root}: write letters, digits, - _"
-        raise InvalidInputError(Problem("name-unusable", said, key=kind, value=repr(name)))
+        message = f"must be the name of a {kind} inside {root}: write letters, digits, - _"
+        raise InvalidInputError(Problem("name-unusable", message, key=kind, value=repr(name)))
     return root.joinpath(*parts)
 
 
 def _refuse_repeated(given: Mapping[str, Any], provenance: Mapping[str, Any], where: str) -> None:
     repeated = sorted(given.keys() & provenance.keys())
     if repeated:
-        said = "belongs to the provenance and is written anyway"
-        raise InvalidInputError(Problem("provenance-repeated", said, key=repeated[0], file=where))
+        message = "belongs to the provenance, which is written automatically"
+        raise InvalidInputError(Problem("provenance-repeated", message, key=repeated[0], file=where))
 
 
 def _as_text(value: object) -> str:
@@ -271,8 +271,8 @@ def _summary_value(key: str, value: Any) -> Any:
 
 def _flat_object(key: str, value: Any) -> dict[str, Any]:
     if not isinstance(value, Mapping):
-        said = "must be an object: lists hold one per row"
-        raise InvalidInputError(Problem("wrong-type", said, key=key, file="summary", value=type(value).__name__))
+        message = "must be an object: lists hold one per row"
+        raise InvalidInputError(Problem("wrong-type", message, key=key, file="summary", value=type(value).__name__))
     return {name: _scalar(f"{key}.{name}", item) for name, item in value.items()}
 
 
@@ -280,9 +280,9 @@ def _scalar(key: str, value: Any) -> Any:
     if hasattr(value, "item") and getattr(value, "ndim", None) == 0:  # NumPy and JAX scalars
         value = value.item()
     if value is not None and not isinstance(value, (str, bool, int, float)):
-        said = "must be a number, a text or None"
-        raise InvalidInputError(Problem("wrong-type", said, key=key, file="summary", value=type(value).__name__))
+        message = "must be a number, a text or None"
+        raise InvalidInputError(Problem("wrong-type", message, key=key, file="summary", value=type(value).__name__))
     if isinstance(value, float) and not math.isfinite(value):
-        said = "must be None where there is no figure"
-        raise InvalidInputError(Problem("not-finite", said, key=key, file="summary", value=value))
+        message = "must be None if there is no figure"
+        raise InvalidInputError(Problem("not-finite", message, key=key, file="summary", value=value))
     return value

@@ -57,14 +57,14 @@ def cache_folder() -> Path:
 
 
 def load_average() -> float | None:
-    """Processes that wanted a core in the last minute, on average; None where the system does not tell."""
+    """Processes that wanted a core in the last minute, on average; None if the system does not tell."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 
 def machine_line(machine: Mapping[str, str | int | float], load: float | None) -> str:
-    """What people read of a machine as `describe_machine` has it, and of its load before a measurement."""
-    said = "" if load is None else f", load {load:.1f} at the start"
-    return f"{machine['cpu_model']}, {machine['cpu_cores']} cores, jax {machine['jax_version']}{said}"
+    """One line on a machine from `describe_machine`, with its load before a measurement."""
+    message = "" if load is None else f", load {load:.1f} at the start"
+    return f"{machine['cpu_model']}, {machine['cpu_cores']} cores, jax {machine['jax_version']}{message}"
 
 
 def describe_machine() -> dict[str, str | int | float]:
@@ -128,7 +128,7 @@ def _set_compilation_cache() -> None:
                 raise PermissionError(f"no permission to write to {folder}")
         except OSError as error:
             warnings.warn(
-                f"compiled programs are not kept: {error}; set JAX_COMPILATION_CACHE_DIR to another folder",
+                f"compiled programs are not stored: {error}; set JAX_COMPILATION_CACHE_DIR to another folder",
                 stacklevel=3,
             )
             return

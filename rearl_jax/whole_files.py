@@ -53,7 +53,7 @@ def private_folder(path: Path) -> None:
 
 
 def is_private(path: Path) -> bool:
-    """True if a folder belongs to this user or root and not everybody can write to it; True without user ids."""
+    """True if a folder belongs to this user or root and other users cannot write to it; True without user ids."""
     if not hasattr(os, "getuid"):
         return True
     status = path.stat()

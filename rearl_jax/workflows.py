@@ -1,4 +1,4 @@
-"""The main tasks as functions: tables, arrays or files in, tables and records out.
+"""The main tasks as functions that take tables, arrays or files and return tables and records.
 
 Measured trajectories are a table in memory in the canonical schema (see the page on recordings), or the files that
 `data={"format": "highd", "root": "/data/highD"}` names. All other keys are those of the command line, groups as
@@ -37,7 +37,7 @@ from rearl_jax.tasks import TASKS
 Record = TypeVar("Record")
 
 Measured: TypeAlias = pd.DataFrame | SceneSet | None
-"""Measured trajectories: a table in the canonical schema; scenes, where they were cut before; None for files."""
+"""Measured trajectories: a table in the canonical schema, or scenes that were cut before; None for files."""
 
 
 @dataclass(frozen=True)
@@ -107,12 +107,12 @@ class Discovered:
 
     @property
     def candidates(self) -> pd.DataFrame:
-        """One row per candidate; empty where `discover.oracle` says what is missing."""
+        """One row per candidate; empty if `discover.oracle` says what is missing."""
         return self.discovery.tables.get("candidates", pd.DataFrame())
 
     @property
     def model(self) -> RepairedModel | None:
-        """The repaired model; None where `discover.oracle` says what is missing."""
+        """The repaired model; None if `discover.oracle` says what is missing."""
         return self.discovery.model
 
     def save(self, folder: str | Path) -> None:
@@ -197,7 +197,7 @@ def evaluate(measured: Measured = None, **keys: Any) -> Evaluated:
 
 
 def discover(measured: pd.DataFrame | None = None, **keys: Any) -> Discovered:
-    """What the traffic model lacks in measured trajectories; takes minutes. Example:
+    """Effects that the traffic model lacks according to measured trajectories; takes minutes. Example:
 
         found = discover(data={"format": "highd", "root": "/data/highD"})
         print(found.verdict["verdict"], [effect["name"] for effect in found.verdict["effects"]])
@@ -228,10 +228,11 @@ def calibrate(measured: pd.DataFrame | None = None, **keys: Any) -> Calibration:
 
     Args:
         measured: A table in the canonical schema; None for the recordings that `data` names.
-        **keys: Those of `rearl discover`; what concerns the search for effects means nothing here.
+        **keys: Those of `rearl discover`; keys of the search for effects have no effect here.
 
     Raises:
-        FileNotFoundError, ValueError: A key is unknown, there are no recordings, one is bad, or nobody follows.
+        FileNotFoundError, ValueError: A key is unknown, there are no recordings, one is bad, or no driver follows
+            another.
     """
     config = _with_table(_configured(DiscoverTask, keys), measured)
     with _double_precision():
@@ -239,15 +240,15 @@ def calibrate(measured: pd.DataFrame | None = None, **keys: Any) -> Calibration:
 
 
 def _task_record(words: str, keys: Mapping[str, Any]) -> Any:
-    """The configuration of a task; keys of a group imply others as they do on the command line.
+    """The configuration of a task; keys of a group imply others as on the command line.
 
     Raises:
-        ValueError: As `_configured`, or a key names where the command would write.
+        ValueError: As `_configured`, or a key names the folder the command would write to.
     """
     for name in ("study", "results"):
         if name in keys:
-            said = f"must be left out, for {words}() writes nothing: call save(FOLDER) of what it returns"
-            raise InvalidInputError(Problem("key-implied", said, key=name))
+            message = f"must be left out, for {words}() writes nothing: call save(FOLDER) of its result"
+            raise InvalidInputError(Problem("key-implied", message, key=name))
     task = next(task for task in TASKS if task.words == words)
     implied = (word.split("=") for group, word in task.implied.items() if group in keys)
     return _configured(task.load_config(), dict(implied) | dict(keys))
@@ -266,7 +267,7 @@ def _with_table(config: Record, table: pd.DataFrame | None) -> Record:
 
 
 def _in_folder(config: Any, folder: str | Path) -> Any:
-    """The configuration of a study that is kept there."""
+    """The configuration of a study that is stored in a folder."""
     place = Path(folder)
     return replace(config, study=place.name, results=ResultsConfig(str(place.parent)))
 
@@ -279,14 +280,14 @@ def _configured(kind: type[Record], keys: Mapping[str, Any]) -> Record:
     """
     defaults: Any = kind()
     if "driver" in keys and hasattr(defaults, "driver"):
-        said = keys["driver"]
+        message = keys["driver"]
         defaults = replace(
-            defaults, driver=DriverConfig.record_for({"model": said} if isinstance(said, str) else said)()
+            defaults, driver=DriverConfig.record_for({"model": message} if isinstance(message, str) else message)()
         )
     known = keys_of(defaults)
     for name in _names(keys, known):
         if name not in known:
-            raise InvalidInputError(Problem("key-unknown", f"is no key; nearest: {nearest(name, known)}", key=name))
+            raise InvalidInputError(Problem("key-unknown", f"is not a key; nearest: {nearest(name, known)}", key=name))
     return finished(from_plain(kind, keys))
 
 

@@ -286,7 +286,7 @@ def test_a_failed_job_leaves_nothing_of_another_configuration(cli, capsys):
     (_, same), (_, other) = cli.collected
     assert same == [{"road.lanes": "9"}, {"road.lanes": "3"}]
     assert other == []
-    assert capsys.readouterr().out.count("is of another configuration and is left out") == 2
+    assert capsys.readouterr().out.count("belong to another configuration and are left out") == 2
 
 
 def test_jobs_resume_unless_told_otherwise(cli):

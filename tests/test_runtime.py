@@ -52,7 +52,7 @@ def test_choices_of_the_user_stand(tmp_path):
 def test_a_cache_that_cannot_be_written_is_said_once_and_no_error(tmp_path):
     (tmp_path / ".cache").write_text("a file where a folder should be")
     said = run(f"runtime.start()\nruntime.start()\n{COMPUTE}\nprint('done')", tmp_path)
-    assert said.count("compiled programs are not kept") == 1
+    assert said.count("compiled programs are not stored") == 1
     assert "done" in said
 
 

@@ -29,7 +29,7 @@ def equilibria() -> str:
     rows = [head, "|---|" + "---|" * len(SPEEDS)]
     for name, model in CAR_FOLLOWING.items():
         declared = model.declaration.parameters
-        usual = (DRAWN[one.name] if one.usual is None else one.usual for one in declared)
+        usual = (DRAWN[item.name] if item.usual is None else item.usual for item in declared)
         driver, speed = model(*(jnp.asarray(value) for value in usual)), jnp.asarray(SPEEDS)
         time_gaps = driver.equilibrium_gap(speed) / speed
         margins = linearise(driver, speed).stability_margin()
@@ -46,12 +46,12 @@ def _model(model: DriverModel) -> str:
     words = [part for part in text.split("\n\n")[1:] if not part.startswith(("    ", "Source"))]
     default = " The default." if model.name == DEFAULT else ""
     rows = ["| key | unit | meaning | usual | spread | bounds | source |", "|---|---|---|---|---|---|---|"]
-    for one in model.parameters:
-        usual = "null" if one.usual is None else f"{one.usual:g}"
-        usual += "" if one.truck is None or one.usual is None else f" (truck {one.truck:g})"
+    for item in model.parameters:
+        usual = "null" if item.usual is None else f"{item.usual:g}"
+        usual += "" if item.truck is None or item.usual is None else f" (truck {item.truck:g})"
         rows.append(
-            f"| `driver.{one.name}` | {one.unit} | {one.meaning} | {usual} | {one.spread:g} "
-            f"| {one.low:g} to {one.high:g} | {one.source} |"
+            f"| `driver.{item.name}` | {item.unit} | {item.meaning} | {usual} | {item.spread:g} "
+            f"| {item.low:g} to {item.high:g} | {item.source} |"
         )
     blocks = [f"### `{model.name}`", f"{model.title}.{default}", f"```text\n{equation}\n```", *words, "\n".join(rows)]
     return "\n\n".join([*blocks, f"Source: {model.source}."])

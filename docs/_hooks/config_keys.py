@@ -76,7 +76,7 @@ def _group(name: str, having: Sequence[tuple[Task, Group]]) -> str:
 
 
 def _definition(rows: Sequence[tuple[Task, Key]]) -> str:
-    """One key; where tasks differ in its default or meaning, each way with its tasks."""
+    """One key; if tasks differ in its default or meaning, one entry per variant with the tasks it holds for."""
     ways: dict[Key, list[Task]] = {}
     for task, key in rows:
         ways.setdefault(key, []).append(task)

@@ -9,10 +9,10 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.mathtext import math_to_image
 
 INK = "#010203"
-"""A colour that stands for that of the text."""
+"""Placeholder colour that is replaced by the colour of the text."""
 
 _LEFT_OUT = re.compile(r'<metadata>.*?</metadata>|<g id="patch_1">.*?</g>|<!--.*?-->', re.DOTALL)
-"""The date of the build, the white background, comments."""
+"""Parts removed from the SVG: date of the build, white background, comments."""
 
 
 def formula(source: str, *_: object, **__: object) -> str:
@@ -20,7 +20,7 @@ def formula(source: str, *_: object, **__: object) -> str:
     line = " ".join(source.split())
     drawn = io.BytesIO()
     font = FontProperties(size=13, math_fontfamily="stix")
-    # Glyphs as outlines, and the same names of parts in every build.
+    # Glyphs as outlines, and the same element ids in every build.
     with rc_context({"svg.fonttype": "path", "svg.hashsalt": "rearl_jax"}):
         math_to_image(f"${line}$", drawn, prop=font, format="svg", color=INK)
     svg = drawn.getvalue().decode()

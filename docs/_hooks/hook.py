@@ -37,7 +37,7 @@ GENERATED: dict[str, Callable[..., str]] = {
     "thresholds": code_constants.thresholds,
     "verdicts": kept_results.verdicts,
 }
-"""Functions of the words that follow the name."""
+"""Functions by name; each takes the words that follow the name."""
 
 _LINE = re.compile(r"^<!-- generated: (\S+)(.*?) -->$", re.MULTILINE)
 
@@ -50,7 +50,7 @@ def on_config(config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """The page with what it asks for."""
+    """The page with its `generated` lines replaced and its formulas drawn."""
 
     def made(match: re.Match[str]) -> str:
         name, words = match[1], match[2].split()

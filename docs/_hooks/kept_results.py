@@ -43,5 +43,6 @@ def _of(task: str, file: str) -> Iterator[tuple[str, Any]]:
     """A file of every kept study of a task."""
     for folder in sorted(KEPT.iterdir()):
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-        if isinstance(summary, dict) and summary["task"] == task:  # a list of rows is of another task
+        # A summary that is a list of rows belongs to another task.
+        if isinstance(summary, dict) and summary["task"] == task:
             yield folder.name, json.loads((folder / file).read_text(encoding="utf-8"))

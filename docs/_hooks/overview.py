@@ -1,4 +1,4 @@
-"""The picture of README and of the first page, drawn from kept results: `python docs/_hooks/overview.py`.
+"""Draws the picture of README and of the first page from the stored results: `python docs/_hooks/overview.py`.
 
 Left: share of hidden effects that discovery names, by their strength, in generated recordings. Right: gap error of
 drivers that took no part in the fit, before and after the model was repaired, in measured recordings.
@@ -39,7 +39,7 @@ def draw() -> str:
 
 
 def _named_by_strength() -> list[str]:
-    """Share of data sets with one hidden effect in which it is named, with 95 % intervals."""
+    """Left panel: share of the data sets with one hidden effect in which discovery names it, with 95 % intervals."""
     table = pd.read_parquet(KEPT / "blind_fourth" / "strengths.parquet")
     rows = table[table["effect"] == "all"].set_index("strength")
     first, last = LEFT_PANEL
@@ -57,12 +57,14 @@ def _named_by_strength() -> list[str]:
         ]
     return [
         *parts,
-        _text((first + last) / 2, BOTTOM + 38, "strength relative to the usual one (95 % intervals)", anchor="middle"),
+        _text(
+            (first + last) / 2, BOTTOM + 38, "strength / usual strength of the effect (95 % intervals)", anchor="middle"
+        ),
     ]
 
 
 def _gap_errors() -> list[str]:
-    """Root mean square error of the gap before and after, with the intervals of the verdicts."""
+    """Right panel: root mean square error of the gap before and after the repair of the model, with intervals."""
     first, last = RIGHT_PANEL
     parts = [_text(first - 90, 22, "MEASURED recordings: gap error, other drivers", weight="bold")]
     for error in (0.0, 2.0, 4.0, 6.0, 8.0):

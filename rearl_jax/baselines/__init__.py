@@ -1,1 +1,1 @@
-"""Baselines: other ways to drive the vehicles, trained or chosen without holding the traffic to recorded scenes."""
+"""Baselines: other ways to drive the vehicles, which do not compare the running traffic with recorded scenes."""

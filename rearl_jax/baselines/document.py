@@ -1,4 +1,4 @@
-"""What a training of PPO says: some updates of its learning curve, and how to evaluate the weights."""
+"""Document of a PPO training: some updates of its learning curve, and the command that evaluates the weights."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,7 +12,7 @@ from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import table_of
 
 _ROWS = 10
-"""Updates shown; the file has all."""
+"""Updates that the table shows; `curve.parquet` has all updates."""
 
 
 def document_of(config: TrainPpoTask, curve: pd.DataFrame, summary: Mapping[str, Any], weights: str) -> Document:
@@ -26,18 +26,18 @@ def document_of(config: TrainPpoTask, curve: pd.DataFrame, summary: Mapping[str,
     """
     columns = {"car_steps": "vehicle-seconds", "return": "return", "crashed": "crashed", "speed": "speed, m/s"}
     shown = np.unique(np.linspace(0, len(curve) - 1, _ROWS).round().astype(int))
-    title = f"ppo by vehicle-seconds, {len(curve)} updates of {config.ppo.batch(config.core.n_vehicles):,}"
+    title = f"PPO by vehicle-seconds, {len(curve)} updates of {config.ppo.batch(config.core.n_vehicles):,}"
     updates = table_of(title, curve.iloc[shown], columns | {name: name for name in ACTION_NAMES})
     notes = [
-        f"return: rewards of a vehicle until it crashes, {config.ppo.horizon} at most; actions are drawn while "
-        "training, an evaluation takes the likeliest"
+        f"return: rewards of a vehicle until it crashes, {config.ppo.horizon} at most; actions are drawn in "
+        "training, most probable in an evaluation"
     ]
     if (rate := summary["car_steps_per_s"]) is not None:
         notes.append(
             f"trained for {summary['seconds']:.0f} s, {rate:,.0f} vehicle-seconds per second; compiled in "
             f"{summary['compile_s']:.0f} s"
         )
-    notes.append(f"to evaluate it: rearl evaluate method=ppo ppo.weights={weights}")
+    notes.append(f"command to evaluate the policy: rearl evaluate method=ppo ppo.weights={weights}")
     return Document(
         title="Training of PPO",
         verdict=f"From the first to the last of {len(curve)} updates the return of a vehicle went from "

@@ -41,7 +41,7 @@ class PolicyInput(eqx.Module):
 
     Attributes:
         observation: See `observe_neighbours`.
-        admissible: Mask of the admissible actions; none where the vehicle has crashed.
+        admissible: Mask of the admissible actions; none if the vehicle has crashed.
     """
 
     observation: Float[Array, "features vehicles scenarios"]
@@ -53,7 +53,7 @@ Driven: TypeAlias = tuple[TrafficState, DecisionMemory]
 
 
 def begin(state: TrafficState, model: TrafficModel) -> Driven:
-    """Before the first decision."""
+    """The vehicles before the first decision."""
     return state, initial_decision_memory(state, model)
 
 
@@ -70,7 +70,7 @@ def drive(
     model: TrafficModel,
     options: DrivingOptions,
 ) -> Driven:
-    """One second later, during which everybody has followed its action; who has none drives by IDM and MOBIL."""
+    """The vehicles one second later, after each has followed its action or, without an action, IDM and MOBIL."""
     state, memory = driven
     is_there = state.controller != Controller.ABSENT
     orders = accept(actions, is_there, given.admissible)
@@ -88,7 +88,7 @@ def rollout_with_actor(
     *,
     n_seconds: int,
 ) -> tuple[Frames, Int[Array, "seconds vehicles scenarios"]]:
-    """A frame after every second, and the actions followed during it; everybody takes its likeliest action."""
+    """A frame after every second, and the actions followed during it; each vehicle takes its most probable action."""
     model = options.model(model)
     # As in `core.rollout.rollout`: nothing that is known of a fresh state may be folded into the loop.
     state, drivers = lax.optimization_barrier((state, drivers))

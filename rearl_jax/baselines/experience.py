@@ -1,4 +1,4 @@
-"""Driving to learn from: rollouts with drawn actions, their rewards, and how much better each was than expected."""
+"""Experience for the training: rollouts with actions drawn from the policy, their rewards and advantages."""
 
 import equinox as eqx
 import jax
@@ -60,7 +60,7 @@ def collect(
     *,
     n_seconds: int,
 ) -> Drive:
-    """Rollouts in which everybody draws its actions."""
+    """Rollouts in which the action of each vehicle is drawn from the policy."""
     model = options.model(model)
     # As in `core.rollout.rollout`: nothing that is known of a fresh state may be folded into the loop.
     state, drivers = lax.optimization_barrier((state, drivers))
@@ -103,13 +103,13 @@ def advantages(
     """Generalised advantage estimate of every second.
 
     A_t = d_t + gamma lambda (1 - end_t) A_{t+1} with d_t = r_t + gamma (1 - end_t) V_{t+1} - V_t. A crash ends a
-    vehicle's driving; the end of the rollout does not, there the value stands for what would have come.
+    vehicle's driving; the end of the rollout does not, there the value replaces the rewards that would have followed.
 
     Args:
         reward: r_t.
         value: V_t, expected before each second.
         last_value: Expected after the last one.
-        ends: Whether nothing follows.
+        ends: Whether the vehicle's driving ends with the second.
         gamma: Discount of a second [-].
         decay: lambda [-].
 

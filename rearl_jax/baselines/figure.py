@@ -25,5 +25,5 @@ def draw_curve(curve: pd.DataFrame) -> bytes:
     axes[3].stackplot(steps, shares, labels=ACTION_NAMES, colors=ACTION_COLOURS)
     axes[3].set(ylabel="share of the actions [-]", xlabel="vehicle-seconds [million]", ylim=(0, 1))
     axes[3].legend(frameon=False, fontsize=drawing.FONT_SIZE, ncols=5, loc="upper center", bbox_to_anchor=(0.5, 1.3))
-    drawing.set_title(axes[0], "PPO while it learns; actions are drawn")
+    drawing.set_title(axes[0], "PPO during training; actions are drawn")
     return drawing.png(figure)

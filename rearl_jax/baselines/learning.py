@@ -1,4 +1,4 @@
-"""Proximal policy optimisation: from driving to better weights.
+"""Proximal policy optimisation: gradient steps on the experience of one update.
 
 Source: Schulman et al., Proximal Policy Optimization Algorithms (2017).
 """
@@ -28,7 +28,7 @@ class Decisions(eqx.Module):
         observation: Observation of the vehicle.
         admissible: Mask of the admissible actions.
         action: Action taken.
-        log_share: Logarithm of the probability of that.
+        log_share: Logarithm of the probability of that action.
         advantage: Return beyond the expected one.
         target: Return the critic should expect.
         weight: 1 where there was a decision, else 0.

@@ -12,7 +12,7 @@ neighbours are seen; y is highway-env's for four lanes of 4 m.
 """
 
 OBSERVATION = ObservationSpec((RANGES["x"], RANGES["y"], RANGES["vx"], RANGES["vy"]), see_behind=True, is_placed=False)
-"""Ahead and behind; the observer's own x is 0, as highway-env's is 1 once it has driven 100 m."""
+"""Vehicles ahead and behind; the observer's own x is 0, because highway-env's x stays 1 after the first 100 m."""
 
 N_FEATURES = OBSERVATION.n_features
 """Numbers in an observation."""

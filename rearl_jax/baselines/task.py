@@ -1,8 +1,8 @@
-"""The task `rearl train ppo`: nothing but the traffic model in; weights and a learning curve out.
+"""The task `rearl train ppo`: trains a policy on the traffic model, without recordings.
 
 Writes into the study folder `curve.parquet` (one row per update), `curve.png`, `weights.eqx` (which
 `rearl evaluate method=ppo ppo.weights=FILE` drives with), `config.json` and, last of all, `summary.json`. A killed
-training goes on from `checkpoint.eqx`.
+training continues from `checkpoint.eqx`.
 """
 
 from rearl_jax.baselines.document import document_of
@@ -20,7 +20,7 @@ WEIGHTS = "weights.eqx"
 
 
 def run(config: TrainPpoTask) -> dict:
-    """The summary: what the last update saw, and how fast the training was.
+    """The summary: figures of the last update, and the speed of the training.
 
     Raises:
         InvalidInputError: The weights have become infinite.
@@ -38,7 +38,7 @@ def run(config: TrainPpoTask) -> dict:
     summary = _summary(training, curve, batch)
     print_document(document_of(config, curve, summary, str(weights)))
 
-    # Only now, so that nobody waits for matplotlib to see the table.
+    # Imported after the table is printed, because matplotlib is slow to import.
     from rearl_jax.baselines.figure import draw_curve
 
     study.write_bytes("curve.png", draw_curve(curve))

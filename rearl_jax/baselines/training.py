@@ -1,4 +1,4 @@
-"""Training of the PPO policy: update by update, with a checkpoint every few from which a killed one goes on.
+"""Training of the PPO policy: update by update, with a checkpoint every few from which a killed one continues.
 
 All random numbers of an update follow from the seed and its number alone, so a resumed training equals an
 uninterrupted one bit for bit.
@@ -43,18 +43,18 @@ CHECKPOINT = "checkpoint.eqx"
 """Checkpoint from which a killed training continues; removed when it is done."""
 
 FIRST_RUN = 2**31
-"""Training numbers its updates from here on where an evaluation numbers its runs from 0, so that no vehicle it learns
-with ever stands where one stands that it is tested with, whatever the seeds.
+"""First run number of the updates. An evaluation numbers its runs from 0, so training and evaluation never share an
+initial state, whatever the seeds.
 """
 
 NOISE = 2**31
 """Separates the random numbers of actions and of the order of decisions from those of initial states."""
 
 WEIGHTS_RUN = 2**32 - 1
-"""Number of the run that stands for the initial weights."""
+"""Number from which the random key of the initial weights is made."""
 
 Update: TypeAlias = Callable[[Learner, Int[Array, ""], Int[Array, ""]], tuple[Learner, "Point"]]
-"""From the learner, the seed and the number of an update to the learner after it and what was seen."""
+"""Function of the learner, the seed and the number of an update, to the learner after it and the update's figures."""
 
 
 class Point(eqx.Module):
@@ -99,7 +99,8 @@ def training_keys(
 ) -> tuple[Key[Array, " scenarios"], PRNGKey]:
     """Random keys of an update: of the initial traffic of its scenarios, and of its actions and order.
 
-    The former are made as those of an evaluation are, from seed, run and scene; but no evaluation has such runs.
+    The keys of the traffic are made from seed, run and scene as in an evaluation, but no evaluation has such run
+    numbers.
     """
     run_key = jax.random.fold_in(jax.random.key(seed), jnp.uint32(FIRST_RUN) + update.astype(jnp.uint32))
     keys = jax.vmap(lambda number: jax.random.fold_in(run_key, number))(jnp.arange(n_scenarios, dtype=jnp.uint32))
@@ -107,14 +108,14 @@ def training_keys(
 
 
 def first_learner(config: TrainPpoTask) -> Learner:
-    """Before the first update."""
+    """The learner before the first update."""
     key = jax.random.fold_in(jax.random.key(config.ppo.seed), WEIGHTS_RUN)
     network = jax.jit(functools.partial(make_network, width=config.ppo.width, layers=config.ppo.layers))(key)
     return Learner(network, _optimiser(config.ppo, config.core).init(cast(optax.Params, network)))
 
 
 def make_update(ppo: PpoConfig, admissible: AdmissibleConfig, core: CoreConfig) -> Update:
-    """One update: drive with the learner, then let it learn from that."""
+    """One update: rollouts with the learner's policy, then gradient steps on them."""
     model = traffic_model(core)
     options = DrivingOptions(admissible, ppo.longitudinal)
     optimiser = _optimiser(ppo, core)
@@ -137,7 +138,7 @@ def _optimiser(ppo: PpoConfig, core: CoreConfig) -> optax.GradientTransformation
 
 @dataclass(frozen=True)
 class _Program:
-    """A compiled update, what its second result looks like, and how long compiling took [s]."""
+    """A compiled update, the shapes of its second result, and the time of compiling [s]."""
 
     update: Update
     point: Point
@@ -176,7 +177,7 @@ def point_of(seen: Drive, losses: Losses) -> Point:
 def train(
     config: TrainPpoTask, study: Study, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> Training:
-    """The trained network and what was seen on the way; goes on from the study's checkpoint where there is one.
+    """The trained network and its learning curve; continues from the study's checkpoint if there is one.
 
     Raises:
         InvalidInputError: The weights have become infinite.
@@ -190,8 +191,8 @@ def train(
     for number in range(n_before, n_updates):
         learner, point = program.update(learner, seed, jnp.int32(number))
         if not np.isfinite(point.losses.total):
-            said = f"must be lower: the training has diverged in update {number + 1} of {n_updates}"
-            problem = Problem("diverged", said, key="ppo.learning_rate", value=f"{config.ppo.learning_rate:g}")
+            message = f"must be lower: the training has diverged in update {number + 1} of {n_updates}"
+            problem = Problem("diverged", message, key="ppo.learning_rate", value=f"{config.ppo.learning_rate:g}")
             raise InvalidInputError(problem)
         for values, value in zip(jax.tree.leaves(curve), jax.tree.leaves(point), strict=True):
             values[number] = value
@@ -203,7 +204,7 @@ def train(
 
 
 def _checkpoint(config: TrainPpoTask, learner: Learner, curve: Point, n_done: int) -> bytes:
-    """A line of JSON that says whose checkpoint this is, then all numbers."""
+    """A checkpoint: a line of JSON with the settings of its training, then all numbers."""
     file = io.BytesIO()
     file.write(json.dumps(_identity(config) | {"updates": n_done}).encode() + b"\n")
     eqx.tree_serialise_leaves(file, (learner, curve))
@@ -211,8 +212,8 @@ def _checkpoint(config: TrainPpoTask, learner: Learner, curve: Point, n_done: in
 
 
 def _restored(config: TrainPpoTask, study: Study, learner: Learner, curve: Point) -> tuple[Learner, Point, int]:
-    """Learner, curve and number of updates in the study's checkpoint; what was given, and 0, where there is none of
-    this configuration and code.
+    """Learner, curve and number of updates in the study's checkpoint; the given learner and curve, and 0, if there is
+    no checkpoint of this configuration and code.
     """
     path = study.path / CHECKPOINT
     if not path.exists():
@@ -220,10 +221,10 @@ def _restored(config: TrainPpoTask, study: Study, learner: Learner, curve: Point
     with path.open("rb") as file:
         header = json.loads(file.readline())
         if {key: header[key] for key in _identity(config)} != _identity(config):
-            log.info("%s is of another configuration or code: the training begins anew", path)
+            log.info("%s belongs to another configuration or code: the training begins anew", path)
             return learner, curve, 0
         learner, curve = eqx.tree_deserialise_leaves(file, (learner, curve))
-    log.info("the training goes on after update %d", header["updates"])
+    log.info("the training continues after update %d", header["updates"])
     return learner, curve, header["updates"]
 
 

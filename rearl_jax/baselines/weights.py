@@ -1,4 +1,4 @@
-"""Files of weights: a line of JSON that says how they were trained, then the numbers.
+"""Files of weights: a line of JSON that describes the training, then the numbers.
 
 Source of the format: equinox, documentation of `tree_serialise_leaves`.
 """
@@ -36,8 +36,8 @@ class TrainedPolicy:
     Attributes:
         network: Its weights.
         options: Options of its driving.
-        n_lanes: Lanes of the road it has learnt on.
-        car_steps: Vehicle-seconds it has learnt from.
+        n_lanes: Lanes of the road it was trained on.
+        car_steps: Vehicle-seconds of its training.
         file: Name of its file.
         digest: Twelve hexadecimal digits of its file.
     """
@@ -70,7 +70,7 @@ def load_policy(path: str | None, core: CoreConfig) -> TrainedPolicy:
 
     Raises:
         MissingInputError: There is no such file.
-        InvalidInputError: It holds no weights, is damaged, or has learnt on another road.
+        InvalidInputError: It holds no weights, is damaged, or was trained on another road.
     """
     source = DEFAULT if path is None else Path(path)
     try:
@@ -86,11 +86,11 @@ def load_policy(path: str | None, core: CoreConfig) -> TrainedPolicy:
         raise InvalidInputError(Problem("not-a-file", "is a folder", remedy, file=path, key="ppo.weights")) from error
     policy = _read(source, content)
     if policy.n_lanes != core.n_lanes:
-        said = f"must be {policy.n_lanes}, the lanes of the road that these weights have learnt on"
+        message = f"must be {policy.n_lanes}, the lanes of the road that these weights were trained on"
         remedy = (
             f"set core.n_lanes={policy.n_lanes}, or train on this road: rearl train ppo core.n_lanes={core.n_lanes}"
         )
-        problem = Problem("other-road", said, remedy, file=str(source), key="core.n_lanes", value=core.n_lanes)
+        problem = Problem("other-road", message, remedy, file=str(source), key="core.n_lanes", value=core.n_lanes)
         raise InvalidInputError(problem)
     return policy
 
@@ -105,8 +105,10 @@ def _read(source: Path, content: bytes) -> TrainedPolicy:
         empty = jax.eval_shape(lambda: make_network(jax.random.key(0), width=width, layers=layers))
         network = eqx.tree_deserialise_leaves(file, empty)
     except (KeyError, TypeError) as error:
-        said = "was written by another version of this package"
-        raise InvalidInputError(Problem("weights-of-another-version", said, "train again", file=str(source))) from error
+        message = "was written by another version of this package"
+        raise InvalidInputError(
+            Problem("weights-of-another-version", message, "train again", file=str(source))
+        ) from error
     except (RuntimeError, ValueError, EOFError, OSError) as error:
         raise _damaged(source) from error
     if file.read(1):
@@ -116,8 +118,8 @@ def _read(source: Path, content: bytes) -> TrainedPolicy:
 
 
 def _damaged(source: Path) -> InvalidInputError:
-    said = "does not hold the weights it describes, and nothing else"
-    return InvalidInputError(Problem("weights-damaged", said, "train again", file=str(source)))
+    message = "does not hold the weights it describes, and nothing else"
+    return InvalidInputError(Problem("weights-damaged", message, "train again", file=str(source)))
 
 
 def _description(source: Path, line: bytes) -> dict[str, Any]:
@@ -127,8 +129,8 @@ def _description(source: Path, line: bytes) -> dict[str, Any]:
     except ValueError:
         description = None
     if not isinstance(description, dict) or description.get("format") != FORMAT:
-        said, remedy = f"is no file of PPO weights ({FORMAT})", "name one that `rearl train ppo` has written"
-        raise InvalidInputError(Problem("not-weights", said, remedy, file=str(source)))
+        message, remedy = f"is not a file of PPO weights ({FORMAT})", "name one that `rearl train ppo` has written"
+        raise InvalidInputError(Problem("not-weights", message, remedy, file=str(source)))
     return description
 
 

@@ -1,6 +1,6 @@
-"""The console script `rearl`: the command line and conf/ in; one finished configuration record for a task out.
+"""The console script `rearl`: turns the command line and conf/ into the configuration record of a task.
 
-The only package that knows Hydra; everything below it takes plain records.
+The only package that uses Hydra; all packages below it take plain records.
 """
 
 from rearl_jax.cli.command_line import main

@@ -1,7 +1,7 @@
-"""The words of the command line: which task, which options.
+"""Reads the task and its options from the command line.
 
-Mistakes of the user end with one sentence and exit code 2, mistakes of the program with a traceback and exit code 1;
-Ctrl-C and SIGTERM end a task in an orderly way and say how to go on.
+Errors of the user end with one sentence and exit code 2, errors of the program with a traceback and exit code 1. Ctrl-C
+and SIGTERM end a task in an orderly way and print the command that continues it.
 """
 
 import argparse
@@ -30,14 +30,14 @@ from rearl_jax.problems import Problem
 from rearl_jax.tasks import Task
 
 DONE, FAILED, UNUSABLE, BROKEN_PIPE = 0, 1, 2, 141
-"""Exit codes; what a signal has ended has 128 and its number."""
+"""Exit codes; a task ended by a signal has 128 plus the number of the signal."""
 
 
 def main(argv: list[str] | None = None) -> int:
     """Exit code of `rearl`.
 
-    0 done, 1 a check has failed (faults of the program are raised, which is 1 as well), 2 a fault the user can mend,
-    130 interrupted by Ctrl-C, 143 by SIGTERM, 141 nobody reads standard output any more.
+    0 done, 1 a check has failed (faults of the program are raised, which is 1 as well), 2 an error in the input, 130
+    interrupted by Ctrl-C, 143 by SIGTERM, 141 standard output was closed by its reader.
     """
     arguments = sys.argv[1:] if argv is None else list(argv)
     show_traceback = "--traceback" in arguments or os.environ.get("HYDRA_FULL_ERROR") == "1"
@@ -78,8 +78,8 @@ def _dispatch(arguments: list[str]) -> int:
         print(task_help(task, overrides))
         return DONE
     if options.config and (options.multirun or options.sweep):
-        said = "prints the configuration of one job: leave out -m and --sweep"
-        raise UsageError(Problem("options-conflict", said, key="--config"))
+        conflict = "prints the configuration of one job: leave out -m and --sweep"
+        raise UsageError(Problem("options-conflict", conflict, key="--config"))
     if options.sweep:
         overrides = [*read_sweep(options.sweep, task, options.config_dir), *overrides]
     if options.config:
@@ -109,7 +109,7 @@ def _carry_out(task: Task, overrides: list[str], options: argparse.Namespace) ->
 
 
 def _how_to_go_on(arguments: list[str]) -> str:
-    """What is kept of a task that was ended, and the command that goes on with it."""
+    """What is stored of an interrupted task, and the command that continues it."""
     try:
         options = _parser().parse_intermixed_args(arguments)
         task = _task(options.words)
@@ -117,8 +117,8 @@ def _how_to_go_on(arguments: list[str]) -> str:
         return ""
     command = shlex.join(["rearl", *arguments])
     if task.goes_on or options.multirun or options.sweep:
-        return f"; what was finished is kept, go on with: {command}"
-    return f"; nothing of an unfinished run is kept, start again with: {command}"
+        return f"; finished parts are stored, continue with: {command}"
+    return f"; nothing of an unfinished run is stored, start again with: {command}"
 
 
 class _Parser(argparse.ArgumentParser):
@@ -142,14 +142,14 @@ def _parser() -> argparse.ArgumentParser:
 
 def _task(words: list[str]) -> Task:
     if "=" in words[0]:
-        said = f"name a task before {words[0]!r}: rearl TASK {words[0]}"
-        raise UsageError(Problem("task-missing", said))
+        remedy = f"name a task before {words[0]!r}: rearl TASK {words[0]}"
+        raise UsageError(Problem("task-missing", remedy))
     # `discover blind` before `discover`.
     for task in sorted(tasks.TASKS, key=lambda task: -len(task.words.split())):
         if words[: len(task.words.split())] == task.words.split():
             return task
-    said = " ".join(word for word in words[:2] if "=" not in word)
+    unknown = " ".join(word for word in words[:2] if "=" not in word)
     beginning = [task.words for task in tasks.TASKS if task.words.startswith(f"{words[0]} ")]
-    close = nearest(said, beginning or [task.words for task in tasks.TASKS])
-    listed = f"is no task; nearest: rearl {close}; `rearl --help` lists all tasks"
-    raise UsageError(Problem("task-unknown", listed, key=said))
+    close = nearest(unknown, beginning or [task.words for task in tasks.TASKS])
+    listed = f"is not a task; nearest: rearl {close}; `rearl --help` lists all tasks"
+    raise UsageError(Problem("task-unknown", listed, key=unknown))

@@ -1,6 +1,6 @@
-"""From the words of the command line and conf/ to the finished configuration record of a task.
+"""Composes the configuration record of a task from the command line and conf/.
 
-Mistakes are found before Hydra sees them where that gives a better sentence: one that names the nearest valid key.
+Errors are found before Hydra sees them if that gives a better message, which names the nearest valid key.
 """
 
 import functools
@@ -51,11 +51,11 @@ def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> An
 
 
 _READING = (YAMLError, UnicodeError, OSError, AssertionError, OverflowError, TypeError, ValueError, RecursionError)
-"""What Hydra lets through of a configuration file, or of a value, that it cannot read."""
+"""Exceptions that Hydra does not catch when it cannot read a configuration file or a value."""
 
 
 def _unreadable(overrides: list[str], config_dir: str | None, error: Exception) -> Exception:
-    """What to say where Hydra has failed: the configuration file at fault, else the words."""
+    """The problem when Hydra has failed: the configuration file at fault, else the words of the command line."""
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
@@ -64,38 +64,38 @@ def _unreadable(overrides: list[str], config_dir: str | None, error: Exception) 
     for file in sorted(Path(config_dir).rglob("*.yaml")) if config_dir is not None else ():
         if problem := file_problem(file):
             return UsageError(Problem("file-unreadable", problem, file=str(file)))
-    said = f"cannot be read ({str(error).partition(chr(10))[0]})"
-    return UsageError(Problem("value-unreadable", said, key=" ".join(overrides)))
+    message = f"cannot be read ({str(error).partition(chr(10))[0]})"
+    return UsageError(Problem("value-unreadable", message, key=" ".join(overrides)))
 
 
 def file_problem(file: Path) -> str:
-    """Why a configuration file cannot be used; empty where it can."""
+    """Why a configuration file cannot be used; empty if it can."""
     try:
         content = yaml.safe_load(file.read_text(encoding="utf-8"))
     except UnicodeDecodeError as error:
-        return f"is no text in UTF-8 (byte {error.start})"
+        return f"is not UTF-8 text (byte {error.start})"
     except (YAMLError, ValueError, TypeError, RecursionError) as error:
-        return f"is no readable YAML: {' '.join(str(error).split())}"
+        return f"is not readable YAML: {' '.join(str(error).split())}"
     return "" if content is None or isinstance(content, dict) else "must hold one `key: value` per line"
 
 
 def with_implied(task: Task, overrides: list[str]) -> list[str]:
-    """The overrides, and before them what those of some groups imply unless it is said otherwise.
+    """The overrides, preceded by the values that keys of some groups imply, unless these keys are given.
 
-    A threshold of the detection without `method=...` means `method=rearl`: the default method would ignore it. Where
-    several groups imply a value of the same key, that of the last one in the task's list counts.
+    A threshold of the detection without `method=...` means `method=rearl`: the default method would ignore it. If
+    several groups imply a value of the same key, the last group in the task's list counts.
     """
-    said = [text.partition("=")[0] for text in overrides]
-    groups = {key.split(".")[0] for key in said}
+    given = [text.partition("=")[0] for text in overrides]
+    groups = {key.split(".")[0] for key in given}
     implied = {word.partition("=")[0]: word for group, word in task.implied.items() if group in groups}
-    new = sorted(word for key, word in implied.items() if key not in said)
+    new = sorted(word for key, word in implied.items() if key not in given)
     if new:
         log.info("%s, because of the keys given", ", ".join(new))
     return [*new, *overrides]
 
 
 def opened(task: Task, overrides: list[str]) -> list[str]:
-    """The overrides, those inside a key that holds keys of the user's own written as Hydra wants new keys written."""
+    """The overrides; those inside a key with user-defined keys get the prefix `++`, which Hydra needs for new keys."""
     mappings = {name for name, key in keys_of(defaults_with(task, overrides)).items() if key.type_name == "dict"}
     return [f"++{text}" if _inside(text.partition("=")[0], mappings) else text for text in overrides]
 
@@ -138,7 +138,7 @@ def choices(task: Task, config_dir: str | None = None) -> dict[str, dict[str, st
 
 def first_comment(file: Path) -> str:
     """The comment a file begins with; empty for none."""
-    # A file that is no text is refused where it is chosen, with its name; here it only has nothing to say.
+    # A file that is not text is refused when it is chosen, with its name; here it is passed over.
     first = file.read_text(encoding="utf-8", errors="replace").partition("\n")[0]
     return first.lstrip("# ") if first.startswith("#") else ""
 
@@ -154,7 +154,7 @@ def defaults_with(task: Task, overrides: list[str]) -> Any:
 
 @functools.cache
 def _every_driver_key() -> Any:
-    """A record with the keys of all driver models, for a choice from a file of which nobody knows yet what it is."""
+    """A record with the keys of all driver models, for a chosen file whose driver model is not known yet."""
     return make_dataclass("every_driver", [], bases=tuple(record_of(name) for name in MODELS))()
 
 
@@ -199,15 +199,15 @@ def hydra_errors(task: Task, overrides: list[str]) -> Iterator[None]:
         group, _, name = (error.missing_cfg_file or "").rpartition("/")
         if not (name and error.options):
             raise UsageError(Problem("configuration-unreadable", str(error))) from error
-        said = f"must be one of {', '.join(sorted(error.options))}; nearest: {nearest(name, error.options)}"
-        raise UsageError(Problem("choice-unknown", said, key=group, value=name)) from error
+        message = f"must be one of {', '.join(sorted(error.options))}; nearest: {nearest(name, error.options)}"
+        raise UsageError(Problem("choice-unknown", message, key=group, value=name)) from error
     except (HydraException, OmegaConfBaseException) as error:
         raise UsageError(_problem(task, overrides, error)) from error
 
 
 def _no_such_key(task: Task, name: str, overrides: list[str], file: str | None = None) -> Problem:
     close = nearest(name, keys_of(defaults_with(task, overrides)))
-    return Problem("key-unknown", f"is no key of `rearl {task.words}`; nearest: {close}", key=name, file=file)
+    return Problem("key-unknown", f"is not a key of `rearl {task.words}`; nearest: {close}", key=name, file=file)
 
 
 def _problem(task: Task, overrides: list[str], error: BaseException) -> Problem:

@@ -13,8 +13,8 @@ _OPTIONS = """\
 options:
   -h, --help         tasks, or with a task its keys
   -m, --multirun     one job for every combination of comma-separated values, e.g. -m eval.seed=1,2,3;
-                     hydra/launcher=joblib, ray or submitit_slurm runs them side by side
-  --sweep NAME       the multirun that is written down in sweeps/NAME.yaml
+                     hydra/launcher=joblib, ray or submitit_slurm runs them in parallel
+  --sweep NAME       the multirun stored in sweeps/NAME.yaml
   --json             the summary of the finished task as one line of JSON on standard output, all else on standard error
   --config           print the complete configuration and stop
   --config-dir DIR   look for configuration files in DIR as well
@@ -23,11 +23,11 @@ options:
 
 _EXIT_CODES = """\
 exit codes:
-  0 done    1 a check or the program has failed    2 a fault you can mend: one sentence says which and how
-  130 ended by Ctrl-C, 143 by SIGTERM: the last line says how to go on    141 nobody reads the output any more"""
+  0 done    1 a check or the program has failed    2 an error in the input: one sentence names it and the remedy
+  130 ended by Ctrl-C, 143 by SIGTERM: the last line is the command that continues    141 the output was closed"""
 
 _EXAMPLES = (
-    "rearl doctor                          is everything there and in order?",
+    "rearl doctor                          check the installation",
     "rearl evaluate                        simulate the shipped recordings and compare",
     "rearl evaluate --help                 every key of the task",
     "rearl evaluate --json | jq .rows[0].h",
@@ -41,7 +41,7 @@ def general_help() -> str:
     width = max(len(task.words) for task in tasks.TASKS)
     lines = "\n".join(f"  {task.words:<{width}}  {task.summary}" for task in tasks.TASKS)
     return (
-        "rearl: batch highway traffic simulation, held to measured trajectories\n\n"
+        "rearl: batch highway traffic simulation, compared with measured trajectories\n\n"
         f"usage: rearl TASK [options] [key=value ...]\n\ntasks:\n{lines}\n\n{_OPTIONS}\n\n"
         f"{_listed('examples:', _EXAMPLES)}\n\n{_EXIT_CODES}\n\n"
         "`rearl TASK --help` lists the keys of a task."

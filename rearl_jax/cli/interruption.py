@@ -1,4 +1,4 @@
-"""Signals that end a task in an orderly way: what is open is closed, and the user is told how to go on."""
+"""Signals that end a task in an orderly way: open files are closed, and a message tells how to continue."""
 
 import signal
 import threading
@@ -26,28 +26,28 @@ def ended_by_signals() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    # Whoever ignores a signal, as nohup does, wants it ignored.
-    before = {one: was for one in known if (was := signal.getsignal(one)) is not signal.SIG_IGN}
+    # A signal that is ignored already, as under nohup, stays ignored.
+    before = {handled: was for handled in known if (was := signal.getsignal(handled)) is not signal.SIG_IGN}
 
     def end(number: int, frame: FrameType | None) -> NoReturn:
-        for one in before:
-            signal.signal(one, signal.SIG_DFL)
+        for handled in before:
+            signal.signal(handled, signal.SIG_DFL)
         raise Ended(number)
 
-    for one in before:
-        signal.signal(one, end)
+    for handled in before:
+        signal.signal(handled, end)
     try:
         yield
     finally:
-        for one, was in before.items():
-            signal.signal(one, was)
+        for handled, was in before.items():
+            signal.signal(handled, was)
 
 
 def name_of(stop: KeyboardInterrupt) -> str:
-    """What has ended the task, in words."""
+    """Name of the signal that ended the task."""
     return str(stop) if isinstance(stop, Ended) else "Ctrl-C"
 
 
 def exit_code(stop: KeyboardInterrupt) -> int:
-    """128 and the number of the signal, as of a process that it ends."""
+    """128 plus the number of the signal, the exit code of a process that the signal ends."""
     return 128 + (stop.number if isinstance(stop, Ended) else signal.SIGINT)

@@ -1,7 +1,7 @@
-"""Launchers that run the jobs of a multirun side by side: is the plugin there, how many cores has each job.
+"""Launchers that run the jobs of a multirun in parallel: checks of the plugin, and the cores of each job.
 
-Words of the command line in; what Hydra must be told besides out. Without a launcher the jobs run one after another
-in this process, and Hydra need not be told anything.
+From the words of the command line follow the settings that Hydra needs in addition. Without a launcher the jobs run one
+after another in this process, and no setting is needed.
 """
 
 import os
@@ -26,95 +26,95 @@ _EXTRAS = {
 
 _RAY = {
     "init.include_dashboard": "false",
-    # Lines of jobs side by side cannot be read; what they log is in their folders.
+    # The mixed output of parallel jobs is unreadable; each job has its log in its folder.
     "init.log_to_driver": "false",
     "init.logging_level": "warning",
     "remote.num_gpus": "0",
     # A job that was killed for its memory once would be killed again.
     "remote.max_retries": "0",
 }
-"""What Ray is told unless the user says otherwise, under `hydra.launcher.ray`."""
+"""Default settings of Ray, under `hydra.launcher.ray`; the user may override them."""
 
 _LIMITS = ("JAX_NUM_CPU_DEVICES", "OMP_NUM_THREADS")
 """Variables that keep a job to its cores: JAX's, and that of the numerical libraries below NumPy and scikit-learn."""
 
 _UNKNOWN = -1
-"""Cores of a job that only Slurm knows."""
+"""Stands for a number of cores that only Slurm knows."""
 
 
-def settings(said: Mapping[str, Any], n_jobs: int) -> list[str]:
-    """Words for Hydra that give every job its share of the cores; what the user says comes after them and wins.
+def settings(given: Mapping[str, Any], n_jobs: int) -> list[str]:
+    """Overrides for Hydra that give every job its share of the cores; the user's overrides take precedence.
 
     Args:
-        said: Keys and values of the command line that are the same in all jobs.
+        given: Keys and values of the command line that are the same in all jobs.
         n_jobs: Jobs of the multirun.
 
     Raises:
         UsageError: The launcher is not installed, or cannot be used like this.
     """
-    launcher = said.get("hydra/launcher")
+    launcher = given.get("hydra/launcher")
     if launcher not in _EXTRAS:
         return []
-    _check(launcher, said)
+    _check(launcher, given)
     keys: dict[str, Any] = {}
     if launcher == "joblib":
-        keys, cores = _joblib(said, n_jobs)
+        keys, cores = _joblib(given, n_jobs)
     elif launcher == "ray":
-        keys, cores = _ray(said, n_jobs)
+        keys, cores = _ray(given, n_jobs)
     else:
         # Locally, submitit starts all jobs at once; Slurm confines each to what it was given.
         share = _available_cores() // n_jobs if launcher == "submitit_local" else _UNKNOWN
-        cores = _number(said, "hydra.launcher.cpus_per_task", share)
+        cores = _number(given, "hydra.launcher.cpus_per_task", share)
     if cores != _UNKNOWN:
         keys |= {f"hydra.job.env_set.{name}": max(cores, 1) for name in _LIMITS if name not in os.environ}
     return [f"++{key}={value}" for key, value in keys.items()]
 
 
 @contextmanager
-def launcher_errors(said: Mapping[str, Any]) -> Iterator[None]:
-    """Turn what a launcher raises about a job that was killed or refused into a fault the user can mend."""
+def launcher_errors(given: Mapping[str, Any]) -> Iterator[None]:
+    """Turn the exceptions of a launcher about a job that was killed or refused into an error with a remedy."""
     try:
         yield
     except KeyboardInterrupt:
-        if said.get("hydra/launcher") == "submitit_slurm":
-            complain("jobs that Slurm has taken go on; `squeue --me` lists them, `scancel` ends them")
+        if given.get("hydra/launcher") == "submitit_slurm":
+            complain("jobs that Slurm has accepted keep running; `squeue --me` lists them, `scancel` ends them")
         raise
     except Exception as error:
         if type(error).__module__.partition(".")[0] not in ("joblib", "ray", "submitit"):
             raise
-        raise JobError(f"a job did not come to its end: {error}") from error
+        raise JobError(f"a job was not completed: {error}") from error
 
 
-def _joblib(said: Mapping[str, Any], n_jobs: int) -> tuple[dict[str, Any], int]:
+def _joblib(given: Mapping[str, Any], n_jobs: int) -> tuple[dict[str, Any], int]:
     """Keys for joblib, and the cores of a job; as in joblib, -1 job at a time stands for one per core, -2 for one less.
 
     In batches, as joblib makes them, some cells would wait for others although cores are idle.
     """
-    wanted = _number(said, "hydra.launcher.n_jobs", -1)
+    wanted = _number(given, "hydra.launcher.n_jobs", -1)
     at_once = min(wanted if wanted > 0 else max(_available_cores() + 1 + wanted, 1), n_jobs)
     return {"hydra.launcher.n_jobs": at_once, "hydra.launcher.batch_size": 1}, _available_cores() // at_once
 
 
-def _ray(said: Mapping[str, Any], n_jobs: int) -> tuple[dict[str, Any], int]:
+def _ray(given: Mapping[str, Any], n_jobs: int) -> tuple[dict[str, Any], int]:
     """Keys for Ray, and the cores of a job: those of this machine shared out, or one each on a running cluster.
 
-    Without an address, Ray would take any cluster of this user that it finds. It is told how many cores it has, as
-    a job that asks for more than Ray has found would wait for ever. A running cluster refuses to be told its sizes.
+    Without an address, Ray would take any cluster of this user that it finds. It gets the number of cores, because a
+    job that requests more than Ray has found would wait for ever. A running cluster refuses such settings.
     """
-    keys: dict[str, Any] = {"init.address": _address(said), **_RAY}
-    if _is_elsewhere(said):
+    keys: dict[str, Any] = {"init.address": _address(given), **_RAY}
+    if _is_elsewhere(given):
         share = 1
         keys |= {"init.num_cpus": "null", "init.object_store_memory": "null"}
     else:
-        size = _number(said, "hydra.launcher.ray.init.num_cpus", _available_cores())
+        size = _number(given, "hydra.launcher.ray.init.num_cpus", _available_cores())
         share = max(size // n_jobs, 1)
         keys |= {"init.num_cpus": size}
-    cores = _number(said, "hydra.launcher.ray.remote.num_cpus", share)
+    cores = _number(given, "hydra.launcher.ray.remote.num_cpus", share)
     keys |= {"remote.num_cpus": cores}
     return {f"hydra.launcher.ray.{key}": value for key, value in keys.items()}, cores
 
 
-def _check(launcher: str, said: Mapping[str, Any]) -> None:
+def _check(launcher: str, given: Mapping[str, Any]) -> None:
     extra, plugin = _EXTRAS[launcher]
     try:
         distribution(plugin)
@@ -123,28 +123,28 @@ def _check(launcher: str, said: Mapping[str, Any]) -> None:
         problem = Problem("extra-missing", f"needs the extra {extra}", remedy, key="hydra/launcher", value=launcher)
         raise UsageError(problem) from error
     if launcher == "submitit_slurm" and shutil.which("srun") is None:
-        words, remedy = "needs Slurm, which is not here", "call rearl where `srun` is found"
+        words, remedy = "needs Slurm, which this machine does not have", "call rearl on a machine with `srun`"
         raise UsageError(Problem("slurm-missing", words, remedy, key="hydra/launcher", value=launcher))
-    if _is_elsewhere(said) and not Path(str(said.get("results.root", ""))).is_absolute():
+    if _is_elsewhere(given) and not Path(str(given.get("results.root", ""))).is_absolute():
         words = "must be a folder that all machines of the cluster see, results.root=/FOLDER, and data.root likewise"
         raise UsageError(Problem("folder-not-shared", words, key="results.root"))
 
 
-def _number(said: Mapping[str, Any], key: str, default: int) -> int:
-    value = said.get(key)
+def _number(given: Mapping[str, Any], key: str, default: int) -> int:
+    value = given.get(key)
     if value is not None and not isinstance(value, (int, float)):
         raise UsageError(Problem("wrong-type", "must be a number", key=key, value=value))
     return default if value is None else int(value)
 
 
-def _address(said: Mapping[str, Any]) -> str:
+def _address(given: Mapping[str, Any]) -> str:
     """The running Ray cluster, or `local`: one of this machine for as long as the jobs run."""
-    return str(said.get("hydra.launcher.ray.init.address") or os.environ.get("RAY_ADDRESS") or "local")
+    return str(given.get("hydra.launcher.ray.init.address") or os.environ.get("RAY_ADDRESS") or "local")
 
 
-def _is_elsewhere(said: Mapping[str, Any]) -> bool:
+def _is_elsewhere(given: Mapping[str, Any]) -> bool:
     """Whether the jobs run on a Ray cluster that was started from elsewhere."""
-    return said.get("hydra/launcher") == "ray" and _address(said) != "local"
+    return given.get("hydra/launcher") == "ray" and _address(given) != "local"
 
 
 def _available_cores() -> int:

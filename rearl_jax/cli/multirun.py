@@ -1,7 +1,7 @@
 """Hydra multirun: one job for every combination of the swept values, each in a folder of its own.
 
-Finished jobs are not run again, so a killed multirun goes on where it was. At the end the task puts all cells
-together.
+Finished jobs are not run again, so a killed multirun continues where it stopped. At the end the task combines all
+cells.
 """
 
 import itertools
@@ -37,7 +37,7 @@ _OWN_FOLDER = ("study", "results.root", "results.resume")
 
 
 def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[Path, list[dict[str, str]]]:
-    """Runs all jobs, then puts the finished ones together; their folder, and the values of the swept keys in each.
+    """Runs all jobs, then combines the finished ones; returns their folder, and the values of the swept keys in each.
 
     Raises:
         JobError: A job failed; the others have run.
@@ -52,9 +52,9 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
     fixed = [text for text, item in zip(overrides, parsed, strict=True) if item.key_or_group not in swept]
     failed = None
     cells = cells_of(swept)
-    said = {item.key_or_group: item.value() for item in parsed if item.key_or_group not in swept}
+    given = {item.key_or_group: item.value() for item in parsed if item.key_or_group not in swept}
     try:
-        _launch(task, opened(task, overrides), said, len(cells), config_dir)
+        _launch(task, opened(task, overrides), given, len(cells), config_dir)
     except JobError as error:
         failed = error
     own = [text for text in fixed if not text.lstrip("+~").startswith("hydra")]
@@ -83,7 +83,7 @@ def _is_of_before(
     overrides = [*fixed, *(f"{key}={value}" for key, value in cell.items())]
     if first_part(found)["config_hash"] == config_hash(compose_task(task, overrides, config_dir)):
         return False
-    log.warning("%s: what is there is of another configuration and is left out", own)
+    log.warning("%s: these results belong to another configuration and are left out", own)
     return True
 
 
@@ -91,7 +91,7 @@ def swept_values(overrides: Sequence[Any], groups: Mapping[str, Iterable[str]]) 
     """Values of every swept key, as written.
 
     Args:
-        overrides: The words of the command line as Hydra reads them; of a key that stands there twice the last counts.
+        overrides: The words of the command line as Hydra reads them; if a key is given twice, the last value counts.
         groups: Choices of every config group, which `glob(...)` chooses from.
 
     Raises:
@@ -117,12 +117,12 @@ def cells_of(swept: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
     return [dict(zip(swept, values, strict=True)) for values in itertools.product(*swept.values())]
 
 
-def _launch(task: Task, overrides: list[str], said: Mapping[str, Any], n_jobs: int, config_dir: str | None) -> None:
+def _launch(task: Task, overrides: list[str], given: Mapping[str, Any], n_jobs: int, config_dir: str | None) -> None:
     """Hands the jobs to Hydra's sweeper and launcher."""
     import hydra
     from hydra.core.utils import env_override
 
-    unnamed = sorted({*_OWN_FOLDER, *said})
+    unnamed = sorted({*_OWN_FOLDER, *given})
     defaults = [
         "hydra.output_subdir=null",
         f"hydra.job.name={task.config_name}",
@@ -131,14 +131,14 @@ def _launch(task: Task, overrides: list[str], said: Mapping[str, Any], n_jobs: i
         "hydra.sweep.dir=${results.root}/${study}",
         "hydra.sweep.subdir=${hydra.job.override_dirname}",
     ]
-    shares = settings(said, n_jobs)
+    shares = settings(given, n_jobs)
     folder = [] if config_dir is None else [f"--config-dir={Path(config_dir).resolve()}"]
     register(task)
     # Hydra prints and exits by itself unless it is asked for the whole error; Ray reports its use unless told not to.
     environment = {"HYDRA_FULL_ERROR": "1", "RAY_USAGE_STATS_ENABLED": os.environ.get("RAY_USAGE_STATS_ENABLED", "0")}
     command, sys.argv = sys.argv, ["rearl", "--multirun", *folder, *defaults, *shares, *overrides]
     try:
-        with env_override(environment), hydra_errors(task, overrides), launcher_errors(said):
+        with env_override(environment), hydra_errors(task, overrides), launcher_errors(given):
             hydra.main(config_path=str(tasks.conf_dir()), config_name=task.config_name, version_base="1.3")(run_job)()
     finally:
         sys.argv = command
@@ -164,7 +164,7 @@ def run_job(composed: Any) -> None:
         if not is_for_user(error):
             if is_here:
                 raise
-            # The way back from another process loses the traceback, and not every error survives it.
+            # An error returned from another process loses its traceback, and not every error can be returned.
             raise RuntimeError(f"in the job {name}: {traceback.format_exc()}") from None
         if is_here:
             complain(f"{name}: {error}")

@@ -1,4 +1,4 @@
-"""A task carried out, and which faults are the user's to mend."""
+"""Runs a task, and distinguishes errors of the user from errors of the program."""
 
 import errno
 import gc
@@ -15,16 +15,16 @@ _PACKAGE = str(Path(__file__).resolve().parents[1])
 
 
 class JobError(RuntimeError):
-    """One job of a multirun failed for a reason the user can mend."""
+    """One job of a multirun failed for a reason the user can correct."""
 
 
 def run_task(task: Task, config: Any) -> tuple[Path | None, dict]:
-    """The folder of the task's results and what its function has returned; says where the results are."""
+    """Runs the task; returns the folder of its results and the value of its function, and prints the folder."""
     if task.uses_jax:
         _start_jax(task)
     run = task.load_run()
-    # What is imported stays to the end, and so do traced programs: to look through them all takes 0.2 s as measured, in
-    # the midst of a burst of requests every few seconds.
+    # Imported modules and traced programs stay to the end; garbage collection, which visits them all, takes 0.2 s as
+    # measured and would run every few seconds during requests.
     gc.freeze()
     gc.set_threshold(50_000, 20, 100)
     returned = run(config)
@@ -35,7 +35,7 @@ def run_task(task: Task, config: Any) -> tuple[Path | None, dict]:
 
 
 def folder_of(config: Any) -> Path | None:
-    """Where the results of a task lie; None where it has written none."""
+    """Folder of the results of a task; None if it has written none."""
     if not hasattr(config, "study"):
         return None
     folder = Path(config.results.root) / config.study
@@ -45,7 +45,7 @@ def folder_of(config: Any) -> Path | None:
 def _start_jax(task: Task) -> None:
     from rearl_jax import runtime
 
-    # A multirun logs everybody's news; that JAX found no TPU is none.
+    # A multirun shows the log of every library; that JAX found no TPU is irrelevant.
     logging.getLogger("jax").setLevel(logging.WARNING)
     is_safe = _is_own(runtime.cache_folder())
     runtime.start(x64=task.x64)
@@ -56,7 +56,7 @@ def _start_jax(task: Task) -> None:
 
 
 def _is_own(cache: Path) -> bool:
-    """Whether nobody else can put programs into the cache, which are run as they are found; says so where somebody can.
+    """Whether no other user can put programs into the cache, whose programs run unchecked; warns if another user can.
 
     The folder is made, for this user alone.
     """
@@ -66,7 +66,7 @@ def _is_own(cache: Path) -> bool:
         if all(map(is_private, (cache.parent, cache))):
             return True
     except OSError:
-        return True  # there is no cache, as runtime.start will say
+        return True  # there is no cache, which runtime.start reports
     complain(
         f"others can write to {cache}: compiled programs are neither kept nor taken from there; make it your own "
         "(chmod o-w, chown), or set XDG_CACHE_HOME"
@@ -75,7 +75,7 @@ def _is_own(cache: Path) -> bool:
 
 
 def is_for_user(error: BaseException) -> bool:
-    """Whether an error speaks to the user: raised with a message by this package, or by the file system."""
+    """Whether the message of an error is meant for the user: raised by this package, or by the file system."""
     if isinstance(error, (OSError, JobError)):
         return True
     if not isinstance(error, (ValueError, ImportError)) or error.__traceback__ is None:
@@ -87,19 +87,21 @@ def is_for_user(error: BaseException) -> bool:
 
 
 def explained(error: BaseException) -> str:
-    """What to tell the user about an error: its message, and a remedy where the file system has none of its own."""
+    """Message to the user about an error, with a remedy for errors of the file system."""
     if not isinstance(error, OSError) or error.errno is None:
         return str(error)
-    said = str(error)
+    message = str(error)
     if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        return f"{said}: free some space, or write elsewhere with results.root=FOLDER; then give the same command again"
+        return (
+            f"{message}: free some space, or write elsewhere with results.root=FOLDER; then give the same command again"
+        )
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return f"{said}: allow it, or name other folders, results.root=FOLDER for results, data.root for recordings"
-    return said
+        return f"{message}: allow it, or name other folders, results.root=FOLDER for results, data.root for recordings"
+    return message
 
 
 def complain(message: str) -> None:
-    """One sentence on standard error, red where that is a terminal."""
+    """One sentence on standard error, red if that is a terminal."""
     colour = sys.stderr.isatty() and "NO_COLOR" not in os.environ
     start, stop = ("\033[31m", "\033[0m") if colour else ("", "")
     print(f"{start}rearl: {message}{stop}", file=sys.stderr)

@@ -16,7 +16,7 @@ from rearl_jax.tasks import Task
 def standard_output_apart() -> Iterator[TextIO]:
     """Standard output as it was; inside the block everything else that is written there goes to standard error.
 
-    By descriptor, so that programs that are started and libraries that are not Python's are no exception.
+    By file descriptor, so that the output of child processes and of compiled libraries is redirected too.
     """
     sys.stdout.flush()
     with os.fdopen(os.dup(1), "w", encoding="utf-8") as kept:
@@ -30,7 +30,7 @@ def standard_output_apart() -> Iterator[TextIO]:
 
 
 def summary_object(task: Task, folder: Path | None, returned: Mapping[str, Any]) -> dict[str, Any]:
-    """What a task has found: `task`, `results` (its folder), and the keys of summary.json, a list of them as `rows`."""
+    """The summary of a task: `task`, `results` (its folder), and the keys of summary.json, a list of them as `rows`."""
     stored = None if folder is None else _read(folder / "summary.json")
     first = first_part(stored)
     if not isinstance(first, dict) or first.get("task") != task.words:
@@ -41,7 +41,7 @@ def summary_object(task: Task, folder: Path | None, returned: Mapping[str, Any])
 
 
 def multirun_object(task: Task, folder: Path, cells: Sequence[Mapping[str, str]]) -> dict[str, Any]:
-    """The same of a multirun: the summary of all cells, else that of every finished job."""
+    """The summary of a multirun: that of all cells, else that of every finished job."""
     stored = _read(folder / "summary.json") if task.collect is not None else None
     if stored is None:
         stored = []

@@ -1,1 +1,1 @@
-"""Tracks to clusters of tracks, scenes to clusters of scenes, clusters to representative scenes."""
+"""Clusters of tracks, clusters of scenes by the tracks in them, and representative scenes."""

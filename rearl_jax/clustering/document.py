@@ -1,4 +1,4 @@
-"""What a clustering says: clusters of tracks, representative scenes, and what must be known about them."""
+"""Document of a clustering: clusters of tracks, representative scenes, and notes on them."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -44,8 +44,8 @@ def document_of(
     scenes = table_of("Representative scenes", representatives, columns)
     return Document(
         title="Clusters of tracks and scenes",
-        verdict=f"{summary['n_tracks']:,} tracks fall into {summary['k']} clusters, {summary['n_scenes']:,} scenes "
-        f"into {summary['n_scene_clusters']}, each with a representative scene.",
+        verdict=f"{summary['n_tracks']:,} tracks form {summary['k']} clusters, {summary['n_scenes']:,} scenes "
+        f"form {summary['n_scene_clusters']}, each with a representative scene.",
         sections=(
             Section("Clusters of tracks, by label", tables=(tracks,)),
             Section(

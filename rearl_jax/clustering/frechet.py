@@ -108,7 +108,7 @@ def aligned(
         before = ((vertex - 1, point - 1), (vertex, point - 1), (vertex - 1, point))
         choice = np.stack([reached[*cell, curve] for cell in before]).argmin(axis=0)
         back_vertex, back_point = choice != 1, choice != 2
-        # At the start, the first cell is the only one left; curves that are there stay.
+        # At the start the first cell is the only one left; curves that have reached it stay.
         started = (vertex == 1) & (point == 1)
         vertex = np.where(started, 1, vertex - back_vertex)
         point = np.where(started, 1, point - back_point)

@@ -45,7 +45,7 @@ class Centres:
 class Curves:
     """Curves to cluster, and a sample of them whose simplifications are the first centres to choose from.
 
-    What depends neither on k nor on l is computed once: a search over both asks many times.
+    What depends neither on k nor on l is computed once, because a search over both needs it many times.
     """
 
     def __init__(self, curves: Float32[np.ndarray, "features points curves"], kl: KlConfig) -> None:
@@ -59,8 +59,8 @@ class Curves:
             ValueError: Fewer curves than clusters.
         """
         if curves.shape[2] < kl.k:
-            said = f"must be at most the {curves.shape[2]} tracks: lower it or read more data"
-            raise out_of_range("kl.k", said, kl.k)
+            message = f"must be at most the {curves.shape[2]} tracks: lower it or read more data"
+            raise out_of_range("kl.k", message, kl.k)
         self.curves = np.ascontiguousarray(curves)
         self._distance, self._centre_points = kl.distance, kl.centre_points
         n_curves = curves.shape[2]
@@ -154,7 +154,7 @@ def _gonzalez(curves: Curves, kl: KlConfig) -> Float[np.ndarray, "centres featur
 def moved(
     curves: Curves, centres: Centres, kl: KlConfig, rng: np.random.Generator
 ) -> Float[np.ndarray, "centres features vertices"]:
-    """Centres moved to their members; one without members stays."""
+    """Centres moved to their members; a centre without members stays."""
     labels = centres.labels
     result = centres.vertices.copy()
     for label in range(len(result)):

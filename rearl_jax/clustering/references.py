@@ -1,10 +1,10 @@
-"""Recordings to representative scenes in one pass: what detection holds simulated traffic against.
+"""Representative scenes from recordings in one pass; detection compares simulated traffic with them.
 
     builder = ReferenceBuilder(config)
     scenes = build_scenes(builder.passing(iterate_recordings(config.data)), ...)
     references, clusters = builder.build(scenes, split_scenes(scenes, config.split))
 
-Finished clusterings are kept on disk; where one is found, tracks are not even collected.
+Finished clusterings are stored on disk; if one is found, no tracks are collected.
 """
 
 import logging
@@ -117,11 +117,11 @@ class ReferenceBuilder:
 
     Attributes:
         data_id: Identity of the data.
-        tracks: Tracks of the data set; None as long as nobody needed them.
+        tracks: Tracks of the data set; None until they are needed.
     """
 
     def __init__(self, config: ReferenceKeys, tracks: TrackSet | None = None) -> None:
-        """Looks for the finished clustering; files that were touched since, or other code, have another one.
+        """Looks for the finished clustering; modified files or other code belong to another clustering.
 
         Args:
             config: A task's configuration.
@@ -137,7 +137,7 @@ class ReferenceBuilder:
 
     @property
     def needs_recordings(self) -> bool:
-        """True where the recordings must be passed through: no finished clustering and no tracks are at hand."""
+        """Whether the recordings must be passed through: no finished clustering and no tracks are available."""
         return self._found is None and self.tracks is None
 
     def passing(self, recordings: Iterable[Recording]) -> Iterator[Recording]:
@@ -156,7 +156,7 @@ class ReferenceBuilder:
         Args:
             scenes: All scenes of the recordings passed.
             splits: Which of them are for evaluation and tuning.
-            study: Keeps the trace of a search and takes it up again (`bo.enabled`).
+            study: Stores the trace of a search, so that it can be resumed (`bo.enabled`).
             progress: Called with a stage (`search`, `tracks`), the steps done and their total.
 
         Raises:
@@ -164,9 +164,9 @@ class ReferenceBuilder:
         """
         found = self._found
         if found is not None and not np.array_equal(found.scene_id, scenes.scene_id):
-            said = f"the file belongs to {len(found.scene_id)} scenes, {len(scenes)} were given"
+            message = f"the file belongs to {len(found.scene_id)} scenes, {len(scenes)} were given"
             remedy = "build references from the scenes of the same configuration"
-            raise InvalidInputError(Problem("scenes-differ", said, remedy, file=str(self._path)))
+            raise InvalidInputError(Problem("scenes-differ", message, remedy, file=str(self._path)))
         if found is None:
             self.tracks = self._collector.collected() if self.tracks is None else self.tracks
             found = cluster(self._config, scenes, self.tracks, splits, study, self.data_id, progress)
@@ -186,12 +186,14 @@ def cluster(
 ) -> Clusters:
     """Both clusterings, of tracks and then of scenes; arguments as in `ReferenceBuilder.build`."""
     allowed = may_be_fitted(splits, config.cluster.fit_on)
-    # Vehicles of scenes that may not be seen teach the centres nothing.
+    # Vehicles of evaluation and tuning scenes must not influence the centres.
     training = ~seen_in(tracks, scenes, np.flatnonzero(~allowed))
     if not training.any():
-        said = f"all {len(tracks)} tracks drive through evaluation or tuning scenes, none is left to fit on"
+        message = (
+            f"all {len(tracks)} tracks drive through evaluation or tuning scenes, none is left to fit the clusters"
+        )
         remedy = "read more recordings, set split.evaluation and split.tuning to smaller numbers, or cluster.fit_on=all"
-        raise InvalidInputError(Problem("tracks-too-few", said, remedy))
+        raise InvalidInputError(Problem("tracks-too-few", message, remedy))
     features = tracks.features(scenes)
     scale = FeatureScale.of(features[:, :, training], config.kl.weights)
     by_track, kl, trace = cluster_tracks(config, tracks, features, scale, training, study, identity, progress)
@@ -287,5 +289,5 @@ def _stored(path: Path) -> Clusters | None:
             trace=pd.DataFrame(trace) if trace else None,
         )
     except KeyError as error:
-        log.warning("%s is damaged (it lacks %s): clustering again", path, error)
+        log.warning("%s is damaged (it lacks %s): clusters are computed again", path, error)
         return None

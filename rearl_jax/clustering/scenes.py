@@ -102,18 +102,18 @@ def cluster_scenes(
 
     Source: Bi et al., Eq. 6, k-means with 15 clusters.
     """
-    # Heavy to import, so not before a clustering is really asked for.
+    # Slow to import, so imported only when a clustering is computed.
     from sklearn.cluster import KMeans
 
     has_vector = vectors.sum(axis=1) > 0
     fitted = allowed & has_vector
     if not fitted.any():
-        said = (
+        message = (
             f"none of {len(vectors)} scenes can be clustered: {int(allowed.sum())} are outside the evaluation and "
             f"tuning splits, {int(has_vector.sum())} contain a track of tracks.min_frames"
         )
         remedy = "read more recordings, set split.evaluation and split.tuning to smaller numbers, or cluster.fit_on=all"
-        raise InvalidInputError(Problem("scenes-too-few", said, remedy))
+        raise InvalidInputError(Problem("scenes-too-few", message, remedy))
     if not has_vector.all():
         log.warning("%d scenes have no track of tracks.min_frames and no cluster", int((~has_vector).sum()))
     n_distinct = len(np.unique(np.round(vectors[fitted], _SAME), axis=0))

@@ -1,7 +1,7 @@
 """Bayesian optimisation of k, l and the number of iterations on a sample of the tracks.
 
 The grid is finite, so every proposal is the exact best of what has not been tried. Each round depends only on the
-rounds before it, which the trace holds: a search that goes on from its trace ends like an uninterrupted one.
+rounds before it, which the trace holds: a search resumed from its trace ends like an uninterrupted one.
 """
 
 import hashlib
@@ -38,7 +38,7 @@ _ETA = 1.0
 gp_minimize; here on standardised objectives, so that they do not depend on its unit."""
 
 _REFIT = 25
-"""Beyond so many rounds the kernel is fitted anew only every so many."""
+"""From twice this number of rounds on, the kernel is fitted anew only at multiples of this number."""
 
 _VERTICES = 24
 """Vertices at which `bo.penalty` counts in full."""
@@ -55,7 +55,7 @@ class Evaluation:
         objective: Silhouette minus the penalty for vertices; largest is best.
         chosen_by: Acquisition that proposed it, or `random`.
         ei, pi, lcb: Cell each acquisition proposed; -1 in random rounds.
-        gain_ei, gain_pi, gain_lcb: Sums of what the model says of each acquisition's earlier proposals.
+        gain_ei, gain_pi, gain_lcb: Sums of the model's predictions for each acquisition's earlier proposals.
     """
 
     round: int
@@ -91,7 +91,8 @@ def search(
         curves: All training curves.
         kl: Everything that is not searched.
         bo: The grid and the budget.
-        study: Where the trace is kept after every evaluation and taken up from; None keeps it in memory only.
+        study: Folder in which the trace is stored after every evaluation and from which the search is resumed; None
+            keeps the trace in memory only.
         data_id: Identity of the data; a trace of other data is not taken up.
         progress: Called with the number of evaluations and their total.
     """
@@ -131,7 +132,7 @@ class Objective:
     def __call__(self, k: int, l: int, iterations: int) -> tuple[float, float]:  # noqa: E741
         """Silhouette and objective."""
         if (k, l) not in self._runs:
-            # Fewer iterations are the beginning of more.
+            # A run with fewer iterations is the beginning of a run with more.
             self._runs[k, l] = list(iterates(self._curves, with_cell(self._kl, (k, l, self._most))))
         best = min(self._runs[k, l][: iterations + 1], key=lambda centres: centres.cost)
         silhouette = simplified_silhouette(best.distances)
@@ -185,7 +186,7 @@ def _proposed(
     last = trace[-1]
     gains = np.array([last.gain_ei, last.gain_pi, last.gain_lcb])
     if last.chosen_by != "random":
-        # The model that has seen the last outcome judges what each acquisition wanted then.
+        # The last proposal of each acquisition is judged by the model that includes the last outcome.
         gains = gains + mean[[last.ei, last.pi, last.lcb]]
     mean, deviation = mean[unseen], deviation[unseen]
     ahead = mean - best - _MARGIN
@@ -224,23 +225,23 @@ def _posterior(
 
 
 def _identity(kl: KlConfig, bo: BoConfig, data_id: str) -> str:
-    """Equal for searches that may go on from each other's traces: all but the number of calls is the same."""
+    """Text that is equal for searches that may resume each other's traces: all but the number of calls is the same."""
     keys = {"kl": as_plain(kl), "bo": {**as_plain(bo), "n_calls": None}, "data": data_id}
     return hashlib.sha256(json.dumps(keys, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def _taken_up(path: Path, identity: str) -> list[Evaluation]:
-    """The evaluations of an earlier search; none, with a warning, where the file is damaged or of another search."""
+    """The evaluations of an earlier search; none, with a warning, if the file is damaged or of another search."""
     if not path.exists():
         return []
     try:
         if read_metadata(path).get("search") != identity:
-            log.warning("%s is the trace of another search: starting over", path)
+            log.warning("%s is the trace of another search: the search starts again", path)
             return []
         rows = pd.read_parquet(path).to_dict("records")
         return [Evaluation(**{str(name): value for name, value in row.items()}) for row in rows]
     except (OSError, ValueError, TypeError) as error:  # pyarrow's errors are ValueErrors
-        log.warning("%s cannot be read (%s): starting over", path, error)
+        log.warning("%s cannot be read (%s): the search starts again", path, error)
         return []
 
 

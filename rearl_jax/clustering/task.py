@@ -61,7 +61,7 @@ def run(config: ClusterTask, *, show: bool = True) -> dict:
             bar.update(stages[stage], completed=done, total=total)
 
         references, clusters = builder.build(scenes, splits, study, watch)
-    # Said, but not in the summary: a second run ends with the same files.
+    # Logged, but not in the summary, so that a second run ends with the same files.
     log.info("read in %.1f s, clustered in %.1f s", was_read - begin, time.perf_counter() - was_read)
     metadata = {"scenes_id": scenes.data_id, "seeds": tables.seeds(config)}
     coordinates = tables.embedding(clusters.scenes.vectors, config.cluster.seed)
@@ -76,7 +76,7 @@ def run(config: ClusterTask, *, show: bool = True) -> dict:
     if show:
         print_document(document)
 
-    # Only now, so that nobody waits for matplotlib and jinja2 to see the table.
+    # Imported after the table is printed, because matplotlib and jinja2 are slow to import.
     from rearl_jax.clustering.figures import draw
     from rearl_jax.document.html import page_of
 

@@ -15,7 +15,7 @@ from rearl_jax.problems import InvalidInputError, Problem
 
 @dataclass
 class TrackCollector:
-    """Keeps the feature curves of recordings on their way to something else; of the rows nothing stays.
+    """Collects the feature curves of recordings that are read for another purpose; rows are not kept.
 
     `build_scenes(collector.passing(recordings), ...)` reads every recording once for scenes and tracks.
     """
@@ -28,11 +28,11 @@ class TrackCollector:
         for recording in recordings:
             self.parts.append(track_features(recording, self.keys))
             yield recording
-            # Not to be held while the next one is read.
+            # Released before the next recording is read.
             del recording
 
     def collected(self) -> TrackSet:
-        """All tracks so far; the parts are given up on the way, so that they are not held twice.
+        """All tracks so far; parts are freed meanwhile, so that memory holds them only once.
 
         Raises:
             ValueError: No track is long enough.
@@ -41,12 +41,12 @@ class TrackCollector:
         n_short, n_alone = (sum(getattr(part, name) for part in parts) for name in ("n_short", "n_alone"))
         if not any(map(len, parts)):
             least = self.keys.tracks.min_frames
-            said = (
+            message = (
                 f"no track can be clustered: {n_short} are shorter than tracks.min_frames = {least} frames and "
                 f"{n_alone} are never in company"
             )
             remedy = "lower tracks.min_frames or read more recordings"
-            raise InvalidInputError(Problem("tracks-too-few", said, remedy))
+            raise InvalidInputError(Problem("tracks-too-few", message, remedy))
         names = ("recording", "track_id", "n_frames", "direction", *FEATURES)
         joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
         return TrackSet(**joined, n_short=n_short, n_alone=n_alone)

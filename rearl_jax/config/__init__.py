@@ -195,7 +195,7 @@ class SweepScaleTask(EvaluateTask):
     )
 
     def check(self) -> None:
-        """Raise InvalidInputError for what is no number of rollouts."""
+        """Raise InvalidInputError for what is not a number of rollouts."""
         if not (float(self.n_rollouts).is_integer() and 1 <= self.n_rollouts < 2**31):
             raise out_of_range("n_rollouts", f"must be a whole number from 1 to {2**31 - 1:,}", self.n_rollouts)
 
@@ -235,12 +235,14 @@ class StudyTable1Task(EvaluateTask):
     def check(self) -> None:
         """Raise InvalidInputError for keys that every row sets itself."""
         if self.method is not Method.base:
-            said = "is set by the rows: leave it alone and choose rows with table1.rows=[...]"
-            raise InvalidInputError(Problem("set-by-task", said, key="method", value=self.method.name))
+            message = "is set by the rows: leave it out and choose rows with table1.rows=[...]"
+            raise InvalidInputError(Problem("set-by-task", message, key="method", value=self.method.name))
         if self.decision.policy is not PolicyName.matcher:
-            said = "is set by the rows: choose rows with table1.rows=[...], or table1.llm=true for the language model"
+            message = (
+                "is set by the rows: choose rows with table1.rows=[...], or table1.llm=true for the language model"
+            )
             policy = self.decision.policy.name
-            raise InvalidInputError(Problem("set-by-task", said, key="decision.policy", value=policy))
+            raise InvalidInputError(Problem("set-by-task", message, key="decision.policy", value=policy))
 
 
 @dataclass(unsafe_hash=True)
@@ -269,8 +271,8 @@ class StudyFig7Task(EvaluateTask):
     def check(self) -> None:
         """Raise InvalidInputError for another method."""
         if self.method is not Method.base:
-            said = "must be base, of which thresholds are percentiles"
-            raise InvalidInputError(Problem("set-by-task", said, key="method", value=self.method.name))
+            message = "must be base, of which thresholds are percentiles"
+            raise InvalidInputError(Problem("set-by-task", message, key="method", value=self.method.name))
 
 
 @dataclass(unsafe_hash=True)
@@ -295,8 +297,10 @@ class StudyTable4Task:
     def check(self) -> None:
         """Raise InvalidInputError for a policy that is not measured here."""
         if self.decision.policy not in (PolicyName.matcher, PolicyName.llm):
-            said = "must be matcher or llm: no other has a row in this table; table4.llm=true adds a language model"
-            raise out_of_range("decision.policy", said, self.decision.policy.name)
+            message = (
+                "must be matcher or llm, the policies with a row in this table; table4.llm=true adds a language model"
+            )
+            raise out_of_range("decision.policy", message, self.decision.policy.name)
 
 
 @dataclass(unsafe_hash=True)

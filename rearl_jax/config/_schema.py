@@ -1,7 +1,7 @@
 """Configuration records as a flat list of keys: what can be set, with which type, and what it means.
 
 In: a task's dataclass (standard library only). Out: its keys by full name, the nearest key to a misspelt one,
-and finished records with tuples where tuples are declared and every record's own `check` passed.
+and finished records, with the declared tuples in place of lists, that have passed their own `check`.
 """
 
 import difflib
@@ -128,7 +128,7 @@ def from_plain(record: type[Record], plain: Mapping[str, Any], prefix: str = "")
     hints = get_type_hints(record)
     unknown = sorted(plain.keys() - {item.name for item in fields(record)})  # type: ignore[arg-type]
     if unknown:
-        raise InvalidInputError(Problem("key-unknown", "is no key of this version", key=f"{prefix}{unknown[0]}"))
+        raise InvalidInputError(Problem("key-unknown", "is not a key of this version", key=f"{prefix}{unknown[0]}"))
     return record(**{name: _from_plain(hints[name], value, prefix + name) for name, value in plain.items()})
 
 
@@ -145,8 +145,8 @@ def _from_plain(hint: Any, value: Any, name: str) -> Any:
         return dict(value)
     if isinstance(hint, type) and issubclass(hint, Enum):
         if not (isinstance(value, str) and value in hint.__members__):
-            said = f"must be one of {type_name(hint)}"
-            raise InvalidInputError(Problem("choice-unknown", said, key=name, value=value))
+            message = f"must be one of {type_name(hint)}"
+            raise InvalidInputError(Problem("choice-unknown", message, key=name, value=value))
         return hint[value]
     if get_origin(hint) is tuple:
         parts = get_args(hint)
@@ -162,7 +162,7 @@ def _from_plain(hint: Any, value: Any, name: str) -> Any:
 
 
 def _record_from_plain(hint: type, value: Any, name: str) -> Any:
-    """The record of a group; where it is one of several that are chosen by name, the name alone is enough."""
+    """The record of a group; if it is one of several that are chosen by name, the name alone is enough."""
     record_for = getattr(hint, "record_for", None)
     if record_for is None:
         return from_plain(hint, value, f"{name}.")
@@ -193,7 +193,7 @@ def finished(record: Record, prefix: str = "") -> Record:
             raise _wrong_type(prefix + item.name, type_name(hints[item.name]), repr(value))
         parts = value if isinstance(value, (list, tuple)) else (value,)
         if any(isinstance(part, float) and math.isnan(part) for part in parts):
-            # It would pass every comparison that a check makes the wrong way round.
+            # Every comparison with NaN is false, so a check such as `value < 0` would accept it.
             raise _wrong_type(prefix + item.name, type_name(hints[item.name]), math.nan)
     record = replace(record, **changed)  # type: ignore[type-var]
     check = getattr(record, "check", None)
@@ -218,6 +218,6 @@ def _tuple_of(values: Any, hint: Any, name: str) -> tuple:
         hint = next(part for part in get_args(hint) if get_origin(part) is tuple)
     parts = get_args(hint)
     if Ellipsis not in parts and len(values) != len(parts):
-        said = f"must have {len(parts)} values {type_name(hint)}"
-        raise InvalidInputError(Problem("wrong-length", said, key=name, value=len(values)))
+        message = f"must have {len(parts)} values {type_name(hint)}"
+        raise InvalidInputError(Problem("wrong-length", message, key=name, value=len(values)))
     return tuple(values)

@@ -15,9 +15,9 @@ class Proposer(Enum):
     stats = "stats"
     """The recordings: the shares among the vehicles of the threshold scenes."""
     llm = "llm"
-    """A language model that sees how the traffic of the round before came out; decision.server says where it runs."""
+    """A language model that is shown the figures of the rounds before; decision.server names its server."""
     search = "search"
-    """Nobody: all points of a grid are tried, the best is taken."""
+    """No proposer: all points of a grid are simulated, the best is selected."""
 
 
 @dataclass(unsafe_hash=True)
@@ -43,8 +43,8 @@ class CriticalConfig:
         check_least(self, 1, "rounds", "rollouts", "attempts", "max_tokens")
         check_least(self, 0, "history")
         if self.ratios is not None and (problem := shares_problem(self.ratios)):
-            said = f"must be three shares with a sum of at most 1 ({problem})"
-            raise out_of_range("ratios", said, list(self.ratios))
+            message = f"must be three shares with a sum of at most 1 ({problem})"
+            raise out_of_range("ratios", message, list(self.ratios))
 
 
 def shares_problem(shares: tuple[float, ...]) -> str:

@@ -14,7 +14,7 @@ _DATA = Path(__file__).resolve().parents[1] / "data"
 
 
 class _Formats(EnumMeta):
-    """Formats whose names are known at run time only; type checkers take any name for one."""
+    """Formats whose names are known at run time only; type checkers accept any name."""
 
     if TYPE_CHECKING:
 
@@ -30,7 +30,7 @@ class DataFormat(Enum, metaclass=_Formats):
 
     @property
     def shipped(self) -> Path | None:
-        """Folder of the recordings in this format that come with the package, None where none do.
+        """Folder of the recordings in this format that come with the package, None if none do.
 
         It is the folder in rearl_jax/data that bears the name of the format and holds the recordings' licence.
         """
@@ -75,8 +75,8 @@ class DataConfig:
         """Raise InvalidInputError for a value out of range."""
         if not self.root and not self.format.shipped:
             name = self.format.name
-            said = f"must name the folder of the recordings for data.format={name}"
-            raise InvalidInputError(Problem("root-missing", said, key="root"))
+            message = f"must name the folder of the recordings for data.format={name}"
+            raise InvalidInputError(Problem("root-missing", message, key="root"))
         if not self.recordings:
             raise out_of_range("recordings", "must be a shell pattern such as *", repr(self.recordings))
         check_positive(self, "max_jump")

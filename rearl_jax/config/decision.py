@@ -14,7 +14,7 @@ class PolicyName(Enum):
     """Policy that decides."""
 
     matcher = "matcher"
-    """Imitates the vehicle of the reference whose role is most alike."""
+    """Imitates the most similar vehicle of the reference."""
     idle = "idle"
     """Keeps lane and target speed."""
     random_admissible = "random_admissible"
@@ -38,7 +38,7 @@ class Longitudinal(Enum):
     idm_capped = "idm_capped"
     """Never faster than IDM allows behind the vehicle ahead."""
     mdp = "mdp"
-    """As highway-env's MDPVehicle: ignores other vehicles."""
+    """As in highway-env's MDPVehicle, which ignores other vehicles."""
 
 
 class LaneGate(Enum):
@@ -49,14 +49,14 @@ class LaneGate(Enum):
     exists = "exists"
     """No further condition."""
     mobil_safe = "mobil_safe"
-    """Nobody has to brake harder than MOBIL's safe deceleration."""
+    """No vehicle has to brake harder than MOBIL's safe deceleration."""
 
 
 class MatchSpace(Enum):
     """Quantities that the matcher compares."""
 
     rank = "rank"
-    """Order of speed and spacing among the vehicles, values only a little."""
+    """Ranks of speed and spacing among the vehicles, and with a small weight the values."""
     raw = "raw"
     """Speed and spacing themselves."""
 

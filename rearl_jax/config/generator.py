@@ -86,14 +86,14 @@ class GeneratorConfig:
             if not 0 <= getattr(self, name) < math.inf:
                 raise out_of_range(name, "must be >= 0", getattr(self, name))
         if not (self.first_id >= 1 and self.first_id + self.n_recordings <= 1000):
-            said = f"must be >= 1, and the last of {self.n_recordings} recordings below 1000"
-            raise out_of_range("first_id", said, self.first_id)
+            message = f"must be >= 1, and the last of {self.n_recordings} recordings below 1000"
+            raise out_of_range("first_id", message, self.first_id)
         check_within(self, 0.05, 10.0, "duration_scale")
         for stem in ("duration", "in_view", "truck_share"):
             low, mean, high = (getattr(self, f"{stem}_{part}") for part in ("min", "mean", "max"))
             if not 0.0 < low < mean < high:
-                said = f"must lie between {stem}_min = {low} and {stem}_max = {high}"
-                raise out_of_range(f"{stem}_mean", said, mean)
+                message = f"must lie between {stem}_min = {low} and {stem}_max = {high}"
+                raise out_of_range(f"{stem}_mean", message, mean)
         if not self.truck_share_max < 0.6:
             raise out_of_range("truck_share_max", "must be < 0.6", self.truck_share_max)
         if not self.in_view_max <= 45.0:

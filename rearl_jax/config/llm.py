@@ -84,5 +84,5 @@ class LlmConfig:
         check_positive(self, "connect_timeout", "read_timeout", "deadline")
         check_least(self, 0, "temperature", "startup", "backoff", "breaker_pause")
         if self.thinking is Thinking.on and self.max_tokens < 256:
-            said = "must be larger for thinking=on, such as 4096"
-            raise out_of_range("max_tokens", said, self.max_tokens)
+            message = "must be larger for thinking=on, such as 4096"
+            raise out_of_range("max_tokens", message, self.max_tokens)

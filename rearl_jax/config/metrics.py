@@ -146,8 +146,8 @@ class RealismConfig:
         check_least(self, 0, "collision_weight")
         features = (self.speed, self.acceleration, self.distance, self.ttc)
         if not self.collision_weight + sum(feature.weight for feature in features) > 0:
-            said = "must be > 0 where the weights of the four features are all 0"
-            raise out_of_range("collision_weight", said, self.collision_weight)
+            message = "must be > 0 if the weights of the four features are all 0"
+            raise out_of_range("collision_weight", message, self.collision_weight)
 
 
 @dataclass(unsafe_hash=True)

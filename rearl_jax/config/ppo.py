@@ -1,7 +1,7 @@
 """Configuration of the baseline PPO: training and weights.
 
 Defaults marked "highway-env" are those of its PPO script (HighwayEnv, scripts/sb3_highway_ppo.py), "purejaxrl" those of
-purejaxrl/ppo.py; "own choice" is what neither says.
+purejaxrl/ppo.py; "own choice" is what neither states.
 """
 
 import math

@@ -35,5 +35,5 @@ class ReportConfig:
         if self.scenes is not None and (not self.scenes or len(set(self.scenes)) != len(self.scenes)):
             raise out_of_range("scenes", "must name each scene once", list(self.scenes))
         if self.path == "":
-            said = "must name a file, or be null for page.html in the study's folder"
-            raise out_of_range("path", said, repr(self.path))
+            message = "must name a file, or be null for page.html in the study's folder"
+            raise out_of_range("path", message, repr(self.path))

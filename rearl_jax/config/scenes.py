@@ -64,7 +64,7 @@ class SplitUnit(Enum):
     """Unit that is assigned to a split as a whole."""
 
     scenario = "scenario"
-    """One window; refused where windows overlap."""
+    """One window; refused if windows overlap."""
     recording = "recording"
     """One recording."""
     block = "block"

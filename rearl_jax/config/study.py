@@ -15,7 +15,7 @@ class Table1Config:
         None, "names of the rows, e.g. [base,matcher_rank,idle]; null = all, without a language model unless llm=true"
     )
     llm: bool = key(False, "add the rows with a language model, see decision.server")
-    llm_interval: int = key(10, "time between two detections where a language model decides [s]; own choice for a CPU")
+    llm_interval: int = key(10, "time between two detections with a language model [s]; own choice for a CPU")
     llm_runs: int = key(1, "runs of these rows, each one rollout that is scored on all scenes; own choice for a CPU")
     kept_in: str | None = key(
         None,
@@ -52,12 +52,12 @@ class StepsConfig:
 
     density: float = key(2.0, "vehicles_density of the initial scenes [-]; highway-env, REARL (Bi et al.)")
     seed: int = key(0, "seed of initial scenes and references; every repetition draws new scenes")
-    n_references: int = key(15, "synthetic references the traffic is held against; REARL (Bi et al.)")
+    n_references: int = key(15, "synthetic references that the traffic is compared with; REARL (Bi et al.)")
     reference_seconds: int = key(60, "length of the references [s]; REARL (Bi et al.)")
     reference_vehicles: int = key(10, "vehicles of a reference; REARL (Bi et al.)")
-    steps: int = key(10, "consecutive decision steps whose time is taken; REARL (Bi et al.)")
+    steps: int = key(10, "consecutive decision steps that are timed; REARL (Bi et al.)")
     steps_vehicles: int = key(10, "vehicles per scenario of these steps; REARL (Bi et al.)")
-    steps_batches: tuple[int, ...] = key((1, 256), "scenarios at a time in these steps; empty leaves them out")
+    steps_batches: tuple[int, ...] = key((1, 256), "scenarios at a time in these steps; empty: not measured")
     steps_repetitions: int = key(20, "measurements of these steps")
 
     def check(self) -> None:

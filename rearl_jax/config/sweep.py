@@ -18,7 +18,7 @@ class SweepConfig:
     )
 
     def check(self) -> None:
-        """Raise InvalidInputError for percentiles that are none, or given twice."""
+        """Raise InvalidInputError for values that are not percentiles, or given twice."""
         for name in ("h_pct", "m_pct"):
             values = getattr(self, name)
             if not values or len(set(values)) != len(values) or not all(0 <= value <= 100 for value in values):

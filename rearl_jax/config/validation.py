@@ -28,11 +28,15 @@ class SceneCountsConfig:
     drivers10: int = key(40, "injected: 10 IDM vehicles that differ in every parameter, in size, heading and timer")
 
     def check(self) -> None:
-        """Raise InvalidInputError where a number is negative or all are zero."""
+        """Raise InvalidInputError if a number is negative or all are zero."""
         names = [field.name for field in fields(self)]
         check_least(self, 0, *names)
         if not any(getattr(self, name) for name in names):
-            raise out_of_range(names[0], "must be > 0, or another number of scenes: there is nothing to compare", 0)
+            raise out_of_range(
+                names[0],
+                "must be > 0, or another number of scenes must be, because otherwise there is nothing to compare",
+                0,
+            )
 
 
 @dataclass(unsafe_hash=True)

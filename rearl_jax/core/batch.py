@@ -21,10 +21,10 @@ Values = TypeVar("Values")
 def chunk_for(n_vehicles: int) -> int:
     """Scenarios a core should take at a time: many, so that starting a pass costs little, but few enough for its cache.
 
-    An odd number of cache lines of float32: rows a power of two apart share the same few places of a cache and drive
-    each other out. Measured on a core with 1 MiB of second-level cache: at 10 vehicles 1,200 scenarios take half the
-    time per vehicle that 1,024 or 2,048 take. In larger traffic nine lines are better than fewer, until a chunk holds
-    nearly three times as many vehicles as in small traffic.
+    An odd number of cache lines of float32: rows a power of two apart share the same few cache lines and evict each
+    other. Measured on a core with 1 MiB of second-level cache: at 10 vehicles 1,200 scenarios take half the time per
+    vehicle that 1,024 or 2,048 take. In larger traffic nine lines are better than fewer, until a chunk holds nearly
+    three times as many vehicles as in small traffic.
     """
     wanted = max(12_000 / n_vehicles, min(9.0 * _LINE, 32_000 / n_vehicles))
     odd = 2 * round((wanted / _LINE - 1) / 2) + 1
@@ -53,7 +53,7 @@ class ScenarioMap(Generic[Arguments, Result]):
         mesh = Mesh(np.array(self._devices), ("scenarios",))
 
         def run(arguments: Arguments) -> Result:
-            # Traced once: the numbers of axes of the results have to be known to say that the last is divided.
+            # Traced once: the ranks of the results must be known to partition their last axes.
             part = jax.tree.map(self._part_of, arguments)
             traced, results = jax.make_jaxpr(function, return_shape=True)(part)
             flat, structure = jaxpr_as_fun(traced), jax.tree.structure(results)
@@ -105,7 +105,7 @@ class ScenarioMap(Generic[Arguments, Result]):
 
 
 def select_scenarios(values: Values, columns: np.ndarray | slice, n_scenarios: int, *, least_ndim: int = 1) -> Values:
-    """Some scenarios' values; what is the same for all, a last axis of length 1, stays.
+    """Values of some scenarios; arrays with a last axis of length 1, which hold for all scenarios, are unchanged.
 
     Args:
         values: Arrays with the scenarios last.
@@ -122,5 +122,5 @@ def select_scenarios(values: Values, columns: np.ndarray | slice, n_scenarios: i
 
 
 def _last_axis(leaf: jax.Array | jax.ShapeDtypeStruct, *, divided: bool) -> PartitionSpec:
-    """Partition along the last axis, or, of what is the same for all, everything to every device."""
+    """Partition along the last axis or, for a value that holds for all scenarios, a copy on every device."""
     return PartitionSpec(*(None,) * (leaf.ndim - 1), "scenarios" if divided else None)

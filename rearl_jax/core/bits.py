@@ -5,11 +5,11 @@ from jax import lax
 from jaxtyping import Array, Bool, Int, UInt32
 
 BITS = 32
-"""Members of a set that make one number."""
+"""Members of a set that fit into one number."""
 
 
 def pack(members: Bool[Array, "bits *numbers"]) -> UInt32[Array, "*numbers"]:
-    """Numbers of which the first axis are the bits, at most BITS of them and the lowest first."""
+    """Numbers whose bits are the first axis, at most BITS of them, the lowest bit first."""
     numbers = jnp.zeros(members.shape[1:], jnp.uint32)
     for bit in range(members.shape[0]):
         numbers = numbers | (members[bit].astype(jnp.uint32) << bit)

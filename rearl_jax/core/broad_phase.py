@@ -1,10 +1,10 @@
 """Broad phase of collision detection: pairs of vehicles whose bounding boxes overlap.
 
 In small traffic every pair is a candidate for the box test. In large traffic that would cost a pass over all vehicles
-for every wreck, and among a thousand there are always some. There the vehicles are sorted along the road and swept
-(sweep and prune): everybody is tested against the next WINDOW vehicles ahead. Where traffic is piled up, a vehicle
-further ahead may still be within reach; the few vehicles for which that is so go on, some at a time, from window to
-window until nothing is left within reach.
+for every crashed vehicle, and among a thousand vehicles some have always crashed. There the vehicles are sorted along
+the road and swept (sweep and prune): every vehicle is tested against the next WINDOW vehicles ahead. Where traffic is
+piled up, a vehicle further ahead may still be within reach; these few vehicles are tested further, some at a time,
+window by window until no vehicle is left within reach.
 
 Source: Cohen et al., I-COLLIDE, Symposium on Interactive 3D Graphics (1995) (sweep and prune).
 """
@@ -83,7 +83,7 @@ def _first_window(
 
     Args:
         by_place: Boxes of all vehicles.
-        farthest: Position beyond which nobody can be touched [m].
+        farthest: Position beyond which no vehicle can be touched [m].
     """
     others = by_place.x.shape[1:]
 
@@ -92,7 +92,7 @@ def _first_window(
 
     # Beyond the last vehicle the places are infinitely far away.
     ahead = replace(jax.tree.map(from_next, by_place), x=from_next(by_place.x, jnp.inf))
-    # Positions rise: where the last of a window is out of reach, so are all beyond it.
+    # Positions rise, so if the last vehicle of a window is out of reach, all beyond it are.
     return overlaps_next(by_place, ahead, WINDOW), ahead.x[WINDOW - 1 :] <= farthest
 
 
@@ -109,7 +109,7 @@ def _sweep_further(
     Args:
         has_more: By place, whether a vehicle beyond the first window may be touched.
         by_place: Boxes of all vehicles.
-        farthest: Position beyond which nobody can be touched [m].
+        farthest: Position beyond which no vehicle can be touched [m].
         places: The traffic by place.
         collisions: So far.
         model: The time step.

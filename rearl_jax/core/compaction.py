@@ -3,13 +3,13 @@
 Arrays in JAX have fixed shapes, so "only where needed" takes one of four forms here, all with the result of the work
 done everywhere:
 
-- `if_any`: skip the work where nobody needs it;
+- `if_any`: skip the work if no vehicle needs it;
 - `apply_where`: copy the scenarios concerned into a small batch, treat them, copy them back, until none is left;
 - `process_in_blocks`: list the vehicles concerned and treat blocks of fixed size until the list is done;
 - `compact`: copy a few vehicles of every scenario next to each other, where there are at most so many.
 
 Of all vehicles of all scenarios one in sixteen decides about its lane in a time step, and a handful touches another;
-a few per cent are on their way to another lane, and a conflict between two of those concerns a handful of a thousand
+a few per cent are changing lanes, and a conflict between two of those concerns a handful of a thousand
 scenarios.
 """
 
@@ -35,11 +35,11 @@ SCENARIOS_AT_ONCE = 32
 """Scenarios that `apply_where` treats at a time; own choice."""
 
 ONE_IN_CHANGES_LANES = 16
-"""Room for one vehicle in so many that is on its way to another lane, and for what chance adds."""
+"""A subset has room for one lane-changing vehicle in this many, plus a margin for random variation."""
 
 
 def if_any(is_needed: Bool[Array, "*n"], compute: Callable[[], Value], otherwise: Value) -> Value:
-    """`compute()` where anybody in the batch needs it, else `otherwise`.
+    """`compute()` if any vehicle in the batch needs it, else `otherwise`.
 
     A large batch seldom skips anything. But a branch is compiled as a program of its own and computed once, where XLA
     on a CPU would fuse it into each of its uses and compute it there again.
@@ -230,7 +230,7 @@ class Subset(eqx.Module):
 
 
 def room_for(n_vehicles: int, one_in: int) -> int:
-    """Places of a subset for one vehicle in so many, and for what chance adds."""
+    """Places of a subset for one vehicle in `one_in`, plus a margin for random variation."""
     return n_vehicles // one_in + math.isqrt(n_vehicles) + 2
 
 
@@ -239,7 +239,7 @@ def compact(is_chosen: Bool[Array, "vehicles *scenarios"], one_in: int) -> Subse
 
     Args:
         is_chosen: Which.
-        one_in: There is room for one vehicle in so many, and for what chance adds.
+        one_in: There is room for one vehicle in this many, plus a margin for random variation.
     """
     n_vehicles, others = is_chosen.shape[0], is_chosen.shape[1:]
     places, n_numbers = room_for(n_vehicles, one_in), -(-n_vehicles // bits.BITS)

@@ -1,4 +1,4 @@
-"""Giving way: a change of lanes is broken off where somebody ahead is changing into the same lane.
+"""Giving way: a lane change is aborted if a vehicle ahead is changing into the same lane.
 
 Source: highway-env 1.12.1, `IDMVehicle.change_lane_policy`.
 """
@@ -19,7 +19,7 @@ from rearl_jax.core.neighbours import DerivedState, Leader, for_each_vehicle, is
 from rearl_jax.core.state import TrafficState
 
 NOWHERE = -1_000
-"""A lane that does not exist; the target of whatever fills an empty place of a subset."""
+"""A lane that does not exist; the target lane of the fillers of empty places in a subset."""
 
 _Conflict = tuple[
     Int[Array, "n *s"], Bool[Array, "n *s"], TrafficState, DerivedState, CarFollowing, Float[Array, "#n *#s"]
@@ -33,12 +33,12 @@ def abort_conflicts(
     derived: DerivedState,
     drivers: Drivers,
 ) -> Int[Array, "vehicles *scenarios"]:
-    """Target lanes after changes in progress have been broken off for the sake of others.
+    """Target lanes after lane changes in progress have been aborted for the sake of others.
 
-    A vehicle that is changing gives up where another vehicle, ahead within its desired spacing, is on its way into the
-    same lane. highway-env asks the vehicles one after another, so each sees the new target lanes of those before it in
-    the list and the old ones of those behind. All at once, that is a triangular system of booleans. Fixed-point
-    iteration solves it exactly, in as many rounds as the longest chain of vehicles that give way to each other.
+    A vehicle aborts its lane change if another vehicle, ahead within its desired spacing, is changing into the same
+    lane. highway-env asks the vehicles one after another, so each sees the new target lanes of those before it in the
+    list and the old ones of those behind. All at once, that is a triangular system of booleans. Fixed-point iteration
+    solves it exactly, in as many rounds as the longest chain of vehicles that give way to each other.
 
     Args:
         decided_lane: Target lanes as lane changing has decided.
@@ -71,8 +71,8 @@ def abort_conflicts(
 
 
 def _solve_where_needed(conflict: _Conflict) -> Int[Array, "n *s"]:
-    """Target lanes, solved for in those scenarios alone where a vehicle may have to give way: two are on the way into
-    a lane, and one of them would break it off.
+    """Target lanes, solved for in those scenarios alone where a vehicle may have to give way: two are changing into a
+    lane, and one of them would abort.
     """
     decided_lane, changing, state, derived, *_ = conflict
 

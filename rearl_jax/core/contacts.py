@@ -61,7 +61,7 @@ def may_touch(first: BoundingBox, second: BoundingBox) -> Array:
     """Necessary condition for two vehicles to touch now or in the coming time step.
 
     Rectangles a distance D apart have a gap of at least D / sqrt(2) along one of their edge normals, and the full test
-    lengthens intervals by no more than the relative displacement r of one time step. So they cannot touch where boxes
+    lengthens intervals by no more than the relative displacement r of one time step. So they cannot touch if boxes
     around them are more than sqrt(2) |r| apart in x or in y. |r| is at most the difference of the displacements, as if
     both were along the road, and what the boxes have been enlarged by for their headings.
     """

@@ -1,6 +1,6 @@
 """Per-vehicle parameters: how each driver follows and changes lanes, and the size of the vehicle.
 
-Every leaf has the rank of the state's arrays, `[n_vehicles, *n_scenarios]`; an axis of length 1 says "the same for
+Every leaf has the rank of the state's arrays, `[n_vehicles, *n_scenarios]`; an axis of length 1 means "the same for
 all" and costs nothing. Defaults are those of highway-env's `IDMVehicle`.
 """
 
@@ -34,14 +34,14 @@ class MOBILParams(eqx.Module):
 
 
 class Body(eqx.Module):
-    """Size, class and limits of a vehicle, whoever drives it.
+    """Size, class and limits of a vehicle, whatever its driver.
 
     Attributes:
         length: Length [m].
         width: Width [m].
         accel_limit: Bound of the executed acceleration and deceleration [m/s^2].
         collides: Whether the vehicle looks for collisions; a pair is tested if one of the two does.
-        is_truck: Whether the vehicle is a truck; None where all are cars.
+        is_truck: Whether the vehicle is a truck; None if all are cars.
     """
 
     length: Float[Array, "#vehicles *#scenarios"]
@@ -85,8 +85,8 @@ def highway_env_drivers(
 
     Args:
         accel_exponent: IDM exponent delta of each vehicle; None for 4 everywhere. `highway-v0` draws U(3.5, 4.5).
-        ndim: Rank of the state's arrays (2 for `[n_vehicles, n_scenarios]`), where no exponent is given.
-        dtype: Floating type, where no exponent is given.
+        ndim: Rank of the state's arrays (2 for `[n_vehicles, n_scenarios]`), if no exponent is given.
+        dtype: Floating type, if no exponent is given.
         ticks_per_second: Clock of the simulation, for the period of lane-change decisions.
 
     Source: highway-env 1.12.1, `vehicle/behavior.py` (IDMVehicle) and `vehicle/kinematics.py` (LENGTH, WIDTH).

@@ -1,6 +1,6 @@
 """One driver model of measured and simulated traffic: a car-following model with effects at their hooks.
 
-Effects act in the order in which they are listed; none of them leaves the bare model.
+Effects act in the order in which they are listed; without effects the bare model is left.
 """
 
 import jax.numpy as jnp
@@ -54,8 +54,8 @@ def perceive(
 ) -> tuple[Stimulus, tuple[PyTree, ...]]:
     """Stimulus as the drivers perceive it, and the memory of the effects with it.
 
-    Each effect gets the stimulus as those before it leave it: errors are delayed, a delayed stimulus is kept in mind.
-    Arguments as of `follow`.
+    Each effect gets the stimulus as those before it leave it: so errors of perception are delayed, and a delayed
+    stimulus is held between action points. Arguments as in `follow`.
     """
     updated = []
     for effect, own_memory in zip(effects, memory, strict=True):

@@ -67,7 +67,7 @@ def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, 
 
     On the own lane and on the one it is changing to, a driver accelerates as the effects say; the latter is seen as it
     is, without delay or error. Lanes are compared by car following alone, with the driver's present desired speed and
-    time gap, which stand in for the followers' too as in highway-env; then effects act on the gain.
+    time gap, which replace the followers' as in highway-env; then effects act on the gain.
 
     Raises:
         ValueError: The drivers have no memory yet.

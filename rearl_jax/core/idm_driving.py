@@ -18,8 +18,8 @@ from rearl_jax.core.neighbours import Candidates, DerivedState, find_leader
 from rearl_jax.core.state import Controller, TrafficState
 
 ONE_IN_ASKED = 12
-"""A block of vehicles that search other lanes has room for one in so many: one in 16 decides about its lane in a time
-step, and no more are on their way to another lane.
+"""A block of vehicles that search other lanes has room for one vehicle in this many: one in 16 decides about its lane
+in a time step, and no more are changing lanes.
 """
 
 Values = TypeVar("Values")

@@ -3,8 +3,8 @@
 The steering angle delta of highway-env never appears: its slip angle beta = arctan(tan(delta) / 2) is all that moves
 the vehicle, and where the controller sets delta = arctan(2 tan(arcsin u)) the sine of the slip angle is u itself, cut
 at the value that belongs to the largest steering angle. So in float32 the direction of motion follows from that of the
-heading, which others see as well, by products alone. In float64 the long way round is taken, for the sake of its
-rounding.
+heading, which others see as well, by products alone. In float64 all functions are evaluated as in highway-env, to
+reproduce its rounding.
 
 Source: highway-env 1.12.1, `vehicle/controller.py` (ControlledVehicle) and `vehicle/kinematics.py` (Vehicle.step).
 """
@@ -56,8 +56,8 @@ class Command(eqx.Module):
 
     Attributes:
         acceleration: Along the heading [m/s^2].
-        sine_of_slip: Sine of the slip angle beta between heading and motion that steering asks for [-]; what the
-            largest steering angle makes of it is up to `course`.
+        sine_of_slip: Sine of the slip angle beta between heading and motion that steering asks for [-]; `course` limits
+            it to the largest steering angle.
     """
 
     acceleration: Float[Array, "vehicles *scenarios"]
@@ -125,9 +125,9 @@ def control(
     drivers: Drivers,
     model: TrafficModel,
 ) -> Command:
-    """Command of every vehicle: IDM, meta-action target, coming to rest after a crash, or nothing where absent.
+    """Command of every vehicle: IDM, meta-action target, coming to rest after a crash, or nothing if absent.
 
-    A vehicle that is changing lanes minds the leaders of both lanes.
+    A vehicle that is changing lanes reacts to the leaders of both lanes.
 
     Args:
         state: The traffic.

@@ -102,7 +102,7 @@ def find_ahead(
     bit = lane_bit(lane)
 
     def insert(other: Int[Array, ""], leaders: tuple[Neighbour, ...]) -> tuple[Neighbour, ...]:
-        """Insertion into the sorted leaders: whoever is displaced is compared with the next place."""
+        """Insertion into the sorted leaders: a displaced leader is compared with the next place."""
         candidate = _row(state, vehicles, other)
         is_ahead = ((row(derived.on_lanes, other) & bit) != 0) & (candidate.distance >= 0) & (own_index != other)
         kept = []
@@ -120,7 +120,7 @@ def find_behind(
 ) -> Neighbour:
     """The nearest vehicle behind each vehicle on a lane given for each; of equally near ones the first in the list.
 
-    Arguments as of `find_ahead`.
+    Arguments as in `find_ahead`.
     """
     none = no_neighbour(vehicles)
     if derived.nearest is not None:

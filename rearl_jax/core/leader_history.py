@@ -7,7 +7,7 @@ from jaxtyping import Array, Float, Int
 from rearl_jax.core.order import NOBODY
 
 NEVER_CHANGED = 60.0
-"""Time since the leader changed where it has not, and the longest that is told apart [s]."""
+"""Longest time since the leader changed that is counted, also used if it never changed [s]."""
 
 MOST_GAP_LOST = 60.0
 """Bound of the gap that is lost at once [m]."""
@@ -16,7 +16,7 @@ IN_SIGHT = 200.0
 """Gap [m] from which on a new leader changes nothing."""
 
 TIME_GAPS = (0.25, 9.0)
-"""Range of the time gap right after a change [s]; the upper end where there was none."""
+"""Range of the time gap right after a change [s]; the upper end if there was no change."""
 
 SLOWEST = 5.0
 """Least speed a time gap is computed with [m/s]."""

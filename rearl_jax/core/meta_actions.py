@@ -1,4 +1,4 @@
-"""Meta-actions: what a decision once a second tells a vehicle to do.
+"""Meta-actions: the action of a vehicle for one second.
 
 Source: highway-env 1.12.1, `MDPVehicle.act` and `ControlledVehicle.act`.
 """

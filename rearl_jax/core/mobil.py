@@ -2,7 +2,7 @@
 
 Source: Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86; highway-env 1.12.1,
 `IDMVehicle.change_lane_policy` and `IDMVehicle.mobil`. As there, and unlike in the paper: the deciding driver's
-parameters stand in for everybody's, the own safety is not tested, and gains of left and right are not compared.
+parameters replace those of all others, the own safety is not tested, and gains of left and right are not compared.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ from rearl_jax.core.neighbours import (
 from rearl_jax.core.state import Controller, TrafficState
 
 LEAST_SPEED = 1.0
-"""Speed [m/s] below which nobody decides to change lanes. Source: highway-env 1.12.1, `change_lane_policy`."""
+"""Speed [m/s] below which no vehicle decides to change lanes. Source: highway-env 1.12.1, `change_lane_policy`."""
 
 REACHABLE_LANES = 2.0
 """Lateral distance, in lane widths, within which a lane can be reached. Source: highway-env 1.12.1,
@@ -177,8 +177,8 @@ def decide_lanes(
 ) -> Int[Array, "vehicles *scenarios"]:
     """Target lanes after every driver whose decision is due has taken it.
 
-    The left lane is tested first, then the right one; where both are accepted the right one wins. No decision depends
-    on another's target lane, so all are taken at once.
+    The left lane is tested first, then the right lane; if both are accepted, the right lane is chosen. No decision
+    depends on another's target lane, so all are taken at once.
 
     Args:
         state: The vehicles that decide.

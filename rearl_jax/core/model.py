@@ -28,8 +28,8 @@ class TrafficModel:
         ticks_per_second: Simulation ticks per second [1/s].
         lane_changes: Whether the lane-change stages (MOBIL, aborts) are part of the program.
         collisions: Whether the collision stage is part of the program.
-        cooperative: Whether MOBIL evaluates what a change costs the followers. Only needed where some vehicle's
-            politeness is not zero; without it the program is shorter and the result the same.
+        cooperative: Whether MOBIL evaluates what a change costs the followers. Needed only if the politeness of any
+            vehicle is not zero; otherwise the program is shorter without it and the result the same.
         meta_follows: Whether vehicles under meta-actions keep their distance: they accelerate at most as IDM would
             towards their target speed behind their leader. highway-env's do not.
         speed_levels: Target speeds [m/s] a meta-action can choose.

@@ -1,7 +1,7 @@
 """Narrow phase of collision detection: candidate pairs tested in full, block by block.
 
 A push is the last one written in highway-env: of all that push a vehicle, the one with the highest list index counts.
-Pairs come in any sequence here, so each push is written only where nobody with a higher index has pushed so far.
+Pairs come in any sequence here, so each push is written only if no vehicle with a higher index has pushed so far.
 
 Source: highway-env 1.12.1, `RoadObject.handle_collisions`.
 """
@@ -47,7 +47,7 @@ class Places(NamedTuple):
     Attributes:
         state: The traffic.
         body: Sizes of the vehicles.
-        vehicle: Flat index of the vehicle at each place; None where places are vehicles.
+        vehicle: Flat index of the vehicle at each place; None if places are vehicles.
     """
 
     state: TrafficState
@@ -141,8 +141,8 @@ def _check_pairs(
     touches, will_touch = (jnp.broadcast_to(flags, pair.shape) for flags in (touches, will_touch))
 
     crashed = collisions.crashed.at[pair].max(touches)
-    # A maximum over partners is the same in any sequence of pairs; the push of whoever holds it is written, all other
-    # writes go beyond the end of the array and are dropped.
+    # A maximum over partners is the same in any sequence of pairs; the push of the partner that holds it is written,
+    # all other writes go beyond the end of the array and are dropped.
     partner = collisions.partner.at[pair].max(jnp.where(will_touch, partner_of_each, NOBODY))
     written = jnp.where(will_touch & (partner[pair] == partner_of_each), pair, partner.size)
     push_x, push_y = (

@@ -1,7 +1,7 @@
 """Leaders and followers on every lane, in large traffic.
 
 The order along the road is scanned once from the head of the traffic to its tail, carrying the last vehicle passed on
-each lane: that is the leader on this lane for whoever comes next. A scan in the other direction gives the followers.
+each lane: that is the leader on this lane for the next vehicle. A scan in the other direction gives the followers.
 
 The carry of all lanes is packed into one 32-bit number, or few: each lane has a bit field, which holds the index of a
 vehicle and a flag that says whether there is one. So a step of the scan is one operation for all lanes, and the
@@ -267,7 +267,7 @@ def _correct_abreast(
 ) -> tuple[Words, Words]:
     """Vehicles ahead and behind: those later and earlier in the order, corrected for vehicles abreast, which are few.
 
-    Arguments as of `scan_along_road`, and the next vehicles later and earlier in the order.
+    Arguments as in `scan_along_road`, and the next vehicles later and earlier in the order.
     """
     along, shape, n_scenarios = take_vehicles(x, order), order.shape, math.prod(order.shape[1:])
     is_abreast = jnp.pad(along[1:] == along[:-1], [(1, 0)] + [(0, 0)] * (along.ndim - 1))

@@ -46,7 +46,7 @@ class DerivedState(eqx.Module):
         speed_x: Speed along the road [m/s].
         speed_y: Speed across the road [m/s].
         speed_ratio: max(v, 0) / |v0| with the vehicle's own desired speed v0 under the speed limit [-].
-        on_lanes: The lanes the vehicle is on, as bits (`lane_bit`); none where it is out of sight beyond the road.
+        on_lanes: The lanes the vehicle is on, as bits (`lane_bit`); none if it is out of sight beyond the road.
         nearest: Nearest vehicles on every lane; None in small traffic, where all pairs are compared.
     """
 
@@ -190,7 +190,7 @@ def find_follower(
 ) -> Follower:
     """The nearest vehicle behind each vehicle on a lane given for each; of equally near ones the first in the list.
 
-    Arguments as of `find_leader`.
+    Arguments as in `find_leader`.
 
     Source: highway-env 1.12.1, `Road.neighbour_vehicles`.
     """
@@ -214,24 +214,24 @@ def find_follower(
 
 
 def _nobody_ahead(state: TrafficState) -> Leader:
-    """Nobody ahead of anybody."""
+    """A leader for no vehicle."""
     still = jnp.zeros_like(state.x)
     return Leader(jnp.full_like(state.x, jnp.inf), still, still)
 
 
 def _nobody_behind(state: TrafficState) -> Follower:
-    """Nobody behind anybody."""
+    """A follower for no vehicle."""
     still = jnp.zeros_like(state.x)
     return Follower(jnp.full_like(state.x, jnp.inf), still, still + 1, still, still + 1)
 
 
 def is_large(n_vehicles: int) -> bool:
-    """True where a scan along the sorted vehicles is cheaper than comparing all pairs."""
+    """Whether a scan along the sorted vehicles is cheaper than comparing all pairs."""
     return n_vehicles > LARGEST_SMALL_TRAFFIC
 
 
 def sort_if_large(state: TrafficState) -> TrafficState:
-    """The state with its order along the road up to date, where the search for neighbours needs it."""
+    """The state with its order along the road up to date, if the search for neighbours needs it."""
     if not is_large(state.x.shape[0]):
         return state
     return eqx.tree_at(lambda s: s.order, state, sort_along_road(state.x, state.order))

@@ -55,7 +55,7 @@ def _append(values: Array, last: float | int) -> Array:
 
 
 def _is_inverted(low: _Keyed, high: _Keyed) -> Array:
-    """True where the first of a pair belongs behind the second; equal x stand by falling index."""
+    """Whether the first of a pair belongs behind the second; equal x stand by falling index."""
     return (low[0] > high[0]) | ((low[0] == high[0]) & (low[1] < high[1]))
 
 

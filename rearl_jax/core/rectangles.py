@@ -55,7 +55,7 @@ class Rectangle(eqx.Module):
 def separate(first: Rectangle, second: Rectangle, model: TrafficModel) -> tuple[Array, Array, Array, Array]:
     """Overlap now, overlap within a time step, and the shift of `first` that prevents it (x, y) [m].
 
-    Both directions of each edge normal are tested, as they can give different depths where one interval holds the
+    Both directions of each edge normal are tested, as they can give different depths if one interval contains the
     other; on equal depths the first counts.
 
     Args:
@@ -165,5 +165,5 @@ def _project(corners: list[_Vector], axis: _Vector) -> _Vector:
 
 
 def _gap(low: Array, high: Array, other_low: Array, other_high: Array) -> Array:
-    """Gap between two intervals, negative where they overlap."""
+    """Gap between two intervals, negative if they overlap."""
     return jnp.where(low < other_low, other_low - high, low - other_high)

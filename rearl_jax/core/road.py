@@ -5,7 +5,7 @@ from rearl_jax.core.model import TrafficModel
 
 
 def traffic_model(core: CoreConfig, *, cooperative: bool = False) -> TrafficModel:
-    """The simulated road; `cooperative` where some driver's politeness is not zero."""
+    """The simulated road; `cooperative` if the politeness of any driver is not zero."""
     return TrafficModel(
         n_lanes=core.n_lanes,
         speed_limit=core.speed_limit,

@@ -22,8 +22,8 @@ EXPONENT_RANGE = (3.5, 4.5)
 """Range of the IDM exponent. Source: highway-env 1.12.1, `IDMVehicle.randomize_behavior`."""
 
 _LEAST_DRAWN = 16
-"""Numbers drawn at once at least; the first are the same however many are drawn. Shorter loops XLA unrolls, and takes
-five times as long to compile.
+"""Least number of random numbers drawn at once; the first ones do not depend on how many are drawn. XLA unrolls shorter
+loops, which takes five times as long to compile.
 """
 
 
@@ -36,7 +36,7 @@ def spawn(
     initial_speed: float | None = None,
     dtype: jnp.dtype = jnp.float32,
 ) -> tuple[TrafficState, Drivers]:
-    """IDM traffic of one scenario per key, and its drivers. Same key, same scenario, whatever the batch around it.
+    """IDM traffic of one scenario per key, and its drivers. The same key gives the same scenario in every batch.
 
     Each vehicle draws a lane, a speed and a place 0.9 to 1.1 times s = (12 + v) exp(-5 K / 40) / density ahead of the
     foremost one, K the number of lanes; the list order is the order along the road.

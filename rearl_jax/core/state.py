@@ -19,8 +19,8 @@ from rearl_jax.problems import InvalidInputError, Problem
 class Controller(enum.IntEnum):
     """Driver of a vehicle.
 
-    ABSENT pads a scenario that has fewer vehicles than others: the vehicle stands beyond the end of the road, where
-    nobody sees it. IDM drives by IDM and MOBIL. META follows meta-actions (target lane and target speed).
+    ABSENT pads a scenario that has fewer vehicles than others: the vehicle stands beyond the end of the road, out of
+    sight of all others. IDM drives by IDM and MOBIL. META follows meta-actions (target lane and target speed).
     """
 
     ABSENT = 0
@@ -49,7 +49,7 @@ class TrafficState(eqx.Module):
         push_y: The same across the road [m].
         order: Vehicle indices along the road as last sorted; any permutation is a valid start. Only large traffic uses
             it.
-        memory: Memory of drivers who follow on gaps, a `gap_driving.DriverMemory`; None where nobody does.
+        memory: Memory of drivers who follow on gaps, a `gap_driving.DriverMemory`; None if no driver does.
     """
 
     x: Float[Array, "vehicles *scenarios"]

@@ -18,8 +18,8 @@ def step(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficS
     highway-env's drivers, without effects, evaluate the lanes as there; all others by their car-following model and
     their effects, from a state of `begin_driving`.
 
-    Source: highway-env 1.12.1, `Road.act` followed by `Road.step`; its order of vehicles matters only to who gives way
-    and to who pushes whom, and both are reproduced.
+    Source: highway-env 1.12.1, `Road.act` followed by `Road.step`; its order of vehicles affects only which vehicle
+        gives way and which vehicle pushes which, and both are reproduced.
     """
     return step_in_order(sort_if_large(state), drivers, model)
 

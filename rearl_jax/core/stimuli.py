@@ -139,7 +139,7 @@ def stimulus(
 
 
 def in_front(leader: Neighbour, vehicles: VehicleState) -> dict[str, Float[Array, "vehicles *scenarios"]]:
-    """Fields of `Stimulus` about the vehicle ahead; arguments as of `bumper_gap`."""
+    """Fields of `Stimulus` about the vehicle ahead; arguments as in `bumper_gap`."""
     has_leader = leader.is_there.astype(vehicles.speed.dtype)
     return {
         "has_leader": has_leader,

@@ -1,1 +1,1 @@
-"""Recordings in, canonical tables and scenes out; the only folder that reads trajectory files."""
+"""Reads recordings into canonical tables and cuts scenes from them; the only folder that reads trajectory files."""

@@ -123,9 +123,9 @@ class TableFile:
         try:
             infos = [RecordingInfo.from_json(info, file=str(self.path)) for info in json.loads(stored or "[]")]
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError) as error:
-            text = f"what it states about the recordings cannot be used: {type(error).__name__}: {error}"
+            text = f"its statements about the recordings cannot be used: {type(error).__name__}: {error}"
             raise bad_recording(
-                "metadata-unusable", text, "correct it, or remove it to have it worked out", file
+                "metadata-unusable", text, "correct it, or remove it to have it derived from the rows", file
             ) from None
         return {info.id: info for info in infos}
 
@@ -158,7 +158,7 @@ def write_recording(recording: Recording, path: Path) -> Path:
 
 
 def sidecar(path: Path) -> Path:
-    """File that says of a CSV table what a Parquet file holds in its metadata; need not be there."""
+    """Optional file with the metadata of a CSV table, which a Parquet file holds itself."""
     return path.with_name(f"{path.name}.info.json")
 
 
@@ -175,7 +175,7 @@ def info_of_rows(recording: str, rows: pd.DataFrame, file: str, source: str) -> 
         BadRecordingError: There is no column `time`, or the frame rate cannot be told from it.
     """
     if "time" not in rows:
-        text = "without metadata of the recording the frame rate follows from time"
+        text = "without metadata of the recording the frame rate is derived from the column time"
         raise bad_recording("frame-rate-unknown", text, "add the column time [s]", file, column="time")
     values = {
         name: pd.Series(pd.to_numeric(rows[name], errors="coerce")).to_numpy(np.float64, na_value=np.nan)
@@ -190,7 +190,7 @@ def info_of_rows(recording: str, rows: pd.DataFrame, file: str, source: str) -> 
         seconds = np.diff(time)[rows_after] / np.diff(frame)[rows_after]
     period = float(np.median(seconds[np.isfinite(seconds)])) if np.isfinite(seconds).any() else 0.0
     if period <= 0.0:
-        text = "the frame rate cannot be told: no track has two rows with rising frame and time"
+        text = "the frame rate cannot be determined: no track has two rows with rising frame and time"
         raise bad_recording("frame-rate-unknown", text, "correct frame and time [s]", file, column="time")
     lanes = {}
     for direction in (1, 2):
@@ -208,6 +208,6 @@ def info_of_rows(recording: str, rows: pd.DataFrame, file: str, source: str) -> 
         source=source,
         licence="not stated in the file",
         attribution="not stated in the file",
-        notes=("frame rate, lanes and road length worked out from the rows",),
+        notes=("frame rate, lanes and road length derived from the rows",),
         file=file,
     )

@@ -99,7 +99,9 @@ def wrong_time(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> 
         return None
     row = int(np.argmax(bad))
     text = f"time {table['time'].iloc[row]:g} s is not that of frame {table['frame'].iloc[row]}"
-    return Finding("wrong_time", "time", bad, text, "correct the time, or leave the column out: frames tell it")
+    return Finding(
+        "wrong_time", "time", bad, text, "correct the time, or leave the column out, because it follows from the frames"
+    )
 
 
 def wrong_lane(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
@@ -108,7 +110,7 @@ def wrong_lane(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> 
     bad = ~np.isin(direction, list(info.lane_count))
     if bad.any():
         text = f"direction {direction[np.argmax(bad)]} is none of {sorted(info.lane_count)}"
-        return Finding("wrong_direction", "direction", bad, text, "use 1 and 2 as in highD, 1 where there is only one")
+        return Finding("wrong_direction", "direction", bad, text, "use 1 and 2 as in highD, 1 if there is only one")
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     count = np.zeros(max(info.lane_count) + 1)
     count[list(info.lane_count)] = list(info.lane_count.values())

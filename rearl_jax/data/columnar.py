@@ -16,17 +16,17 @@ def column_names(path: Path) -> list[str]:
     """Names of the columns.
 
     Raises:
-        BadRecordingError: The file is no Parquet.
+        BadRecordingError: The file is not Parquet.
     """
     with _readable(path):
         return list(pq.read_schema(path).names)
 
 
 def stored_text(path: Path, key: str) -> str | None:
-    """A text of the schema's metadata; None where there is none.
+    """A text of the schema's metadata; None if there is none.
 
     Raises:
-        BadRecordingError: The file is no Parquet.
+        BadRecordingError: The file is not Parquet.
     """
     with _readable(path):
         stored = (pq.read_schema(path).metadata or {}).get(key.encode())
@@ -52,7 +52,7 @@ def read_columns(
     require_columns(found, names, str(path))
     for name in names:
         if found.count(name) > 1:
-            raise bad_recording("column-twice", "the column is there twice", "remove one of them", path, column=name)
+            raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=name)
     with _readable(path):
         table = _table(path, names, only)
         columns = {name: _cast(table[name], name, path, is_text=name in texts) for name in names}
@@ -62,8 +62,8 @@ def read_columns(
 def _table(path: Path, names: Sequence[str], only: tuple[str, str | int] | None) -> pa.Table:
     """The named columns, unchanged.
 
-    The rows are chosen here, batch by batch: pyarrow's own filters ask for the columns' statistics, and where those are
-    damaged it waits for them for ever.
+    The rows are chosen here, batch by batch: pyarrow's own filters ask for the columns' statistics, and wait for ever
+    if those are damaged.
     """
     wanted = None if only is None else pc.field(only[0]) == only[1]
     columns = list(dict.fromkeys([*names, *([] if only is None else only[:1])]))
@@ -71,7 +71,7 @@ def _table(path: Path, names: Sequence[str], only: tuple[str, str | int] | None)
     with pq.ParquetFile(path) as file:
         schema = pa.schema([file.schema_arrow.field(name) for name in columns])
         for batch in file.iter_batches(columns=columns):
-            batch.validate(full=True)  # a damaged text is no UTF-8; pandas would notice where it is used
+            batch.validate(full=True)  # a damaged text is not UTF-8; pandas would notice where it is used
             n_read += batch.num_rows
             kept.append(batch if wanted is None else batch.filter(wanted))
         if n_read != file.metadata.num_rows:
@@ -105,6 +105,6 @@ def _readable(path: Path) -> Iterator[None]:
     except FileNotFoundError:
         raise file_missing(path) from None
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        said = str(error).partition("\n")[0]
-        text = f"not a readable Parquet file ({said})"
+        message = str(error).partition("\n")[0]
+        text = f"not a readable Parquet file ({message})"
         raise bad_recording("not-parquet", text, "copy or write it again", path) from None

@@ -1,4 +1,4 @@
-"""Text tables in, Arrow tables out; a broken line is an error with its number, or is skipped and counted."""
+"""Reads text tables into Arrow tables; a broken line is an error with its number, or is skipped and counted."""
 
 import csv as header_csv
 import io
@@ -52,14 +52,14 @@ def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tupl
     require_columns(present, tuple(columns), str(path))
     twice = [name for name, n in Counter(present).items() if n > 1 and name in columns]
     if twice:
-        raise bad_recording("column-twice", "the column is there twice", "remove one of them", path, column=twice[0])
+        raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=twice[0])
     return _Lines(path, present).table(columns, on_bad)
 
 
 def read_blank_separated(
     path: Path, names: Sequence[str], columns: dict[str, pa.DataType], on_bad: OnBad
 ) -> tuple[pa.Table, int]:
-    """The same of a file without a header whose fields stand apart by any number of blanks.
+    """The same of a file without a header whose fields are separated by any number of blanks.
 
     Args:
         path: The file.
@@ -79,7 +79,7 @@ class _Lines:
     Attributes:
         path: The file.
         names: Names of all its columns.
-        content: Comma-separated lines without a header; None where the file itself holds such lines below its header.
+        content: Comma-separated lines without a header; None if the file itself holds such lines below its header.
     """
 
     path: Path
@@ -103,7 +103,7 @@ class _Lines:
         return table, len(broken)
 
     def _parsed(self, columns: dict[str, pa.DataType], broken: list[csv.InvalidRow] | None) -> pa.Table:
-        """The columns; broken lines are put into the list, and are errors where there is none."""
+        """The columns; broken lines are appended to the list, and are errors without a list."""
 
         def skip(row: csv.InvalidRow) -> str:
             assert broken is not None
@@ -132,7 +132,7 @@ class _Lines:
                 try:
                     line.decode()
                 except UnicodeDecodeError as error:
-                    text = f"the line is not text in UTF-8 ({error.reason})"
+                    text = f"the line is not UTF-8 text ({error.reason})"
                     raise bad_recording(
                         "not-text", text, "the file is damaged: copy it again", self.path, line=number
                     ) from None

@@ -87,7 +87,7 @@ def mean_distance(
 def distance_headway(vehicles: Vehicles, rows: np.ndarray, present: np.ndarray, n_places: int) -> np.ndarray:
     """Distance from the front bumper to the rear bumper of the nearest vehicle ahead in the lane [m].
 
-    0 without a vehicle ahead, as in highD's column `dhw`, and where the two overlap.
+    0 without a vehicle ahead, as in highD's column `dhw`, and if the two overlap.
 
     Raises:
         ValueError: A vehicle's lane is unknown.
@@ -95,8 +95,8 @@ def distance_headway(vehicles: Vehicles, rows: np.ndarray, present: np.ndarray, 
     Source: highD format, column dhw.
     """
     if (vehicles.lane[rows][present] < 0).any():
-        said = "is dhw, which needs lanes, but a recording has vehicles without one: set features.d=mean_all"
-        raise InvalidInputError(Problem("lane-missing", said, key="features.d"))
+        message = "is dhw, which needs lanes, but a recording has vehicles without one: set features.d=mean_all"
+        raise InvalidInputError(Problem("lane-missing", message, key="features.d"))
     result = np.empty((len(rows), n_places))
     for part in _parts(len(rows), n_places * rows.shape[1]):
         own, other = rows[part, :n_places, None], rows[part, None, :]

@@ -93,7 +93,7 @@ def require_files(tracks_file: Path) -> tuple[Path, Path, Path]:
 
 
 def recording_id(tracks_file: Path, *, generated: bool = False) -> str:
-    """Id of the recording with this tracks file, such as highd_01; generated_01 if it is no measurement."""
+    """Id of the recording with this tracks file, such as highd_01; generated_01 if it is not a measurement."""
     return f"{'generated' if generated else 'highd'}_{tracks_file.name.removesuffix('_tracks.csv')}"
 
 
@@ -176,7 +176,7 @@ def _read_tracks(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame
 
 
 def _without_value(source: pd.DataFrame, name: str) -> Finding | None:
-    """Rows that do not say whose they are, or in which lane."""
+    """Rows without the number of a vehicle or of a lane."""
     missing = source[name].isna().to_numpy()
     return Finding("not_finite", name, missing, "the value is missing", "complete the row") if missing.any() else None
 
@@ -284,9 +284,9 @@ def _lane_ids(
 
     highD numbers the stripes between markings from the top, starting with 1 above the first one: n_upper and
     n_lower markings make the upper lanes 2 .. n_upper and the lower ones n_upper + 2 .. n_upper + n_lower.
-    Counting from the markings keeps the ranks right where nobody used an outer lane; where ids lie outside of
-    them, the ids that occur count. Not so rare ids that are not even next to the markings: a single one would move
-    the ranks of all others, so they are left to the schema, which has no such lane.
+    Counting from the markings keeps the ranks right if no vehicle used an outer lane; if ids lie outside of them, the
+    ids that occur count. Rare ids that are not even next to the markings do not count, because a single one would move
+    the ranks of all others; the schema check finds them.
     """
     n_upper, n_lower = len(markings[1]), len(markings[2])
     lanes = {1: (2, n_upper), 2: (n_upper + 2, n_upper + n_lower)}

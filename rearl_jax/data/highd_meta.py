@@ -32,7 +32,7 @@ class RecordingMeta:
 
     Attributes:
         frame_rate: Frames per second [1/s].
-        speed_limit: [m/s]; None where there is none.
+        speed_limit: [m/s]; None if there is none.
         markings: y of the lane markings per direction [m], rising; y points down, the first is the topmost.
     """
 
@@ -45,7 +45,7 @@ def read_recording_meta(path: Path) -> RecordingMeta:
     """Frame rate, speed limit and lane markings of one recording.
 
     Raises:
-        BadRecordingError: A column is missing, or a value is no number.
+        BadRecordingError: A column is missing, or a value is not a number.
     """
     present = read_header(path)
     require_columns(present, _NEEDED, str(path))
@@ -75,15 +75,15 @@ def read_recording_meta(path: Path) -> RecordingMeta:
 
     frame_rate = numbers("frameRate", 1)[0]
     if not _SLOWEST <= frame_rate <= _FASTEST:
-        text = f"{frame_rate:g} is no number of frames per second"
+        text = f"{frame_rate:g} is not a number of frames per second"
         raise bad_recording("frame-rate", text, "correct it", path, column="frameRate", row=1)
     limit = numbers("speedLimit", 1)[0] if "speedLimit" in columns and rows["speedLimit"][0].as_py() else -1.0
     if limit > 0.0 and not SPEED_LIMITS[0] <= limit <= SPEED_LIMITS[1]:
-        text = f"{limit:g} m/s is no speed limit of a highway"
+        text = f"{limit:g} m/s is not a speed limit of a highway"
         raise bad_recording("speed-limit", text, "give it in m/s, -1 for none", path, column="speedLimit", row=1)
     return RecordingMeta(
         frame_rate=frame_rate,
-        # highD writes -1 where there is no speed limit.
+        # highD writes -1 if there is no speed limit.
         speed_limit=limit if limit > 0.0 else None,
         markings={1: markings("upperLaneMarkings"), 2: markings("lowerLaneMarkings")},
     )
@@ -119,9 +119,9 @@ def read_tracks_meta(path: Path, policy: DataConfig, losses: Losses) -> pd.DataF
     if policy.on_bad is OnBad.stop:
         remedy = f"use one of {', '.join(CLASSES)}{DROP_HINT}"
         stops += (("unknown-class", "class", ~meta["class"].isin(CLASSES), "has an unknown class", remedy),)
-    for code, column, bad, said, remedy in stops:
+    for code, column, bad, message, remedy in stops:
         if bad.any():
             row = int(np.argmax(bad))
-            text = f"track {meta['id'].iloc[row]} {said} ({meta[column].astype(object).iloc[row]!r})"
+            text = f"track {meta['id'].iloc[row]} {message} ({meta[column].astype(object).iloc[row]!r})"
             raise bad_recording(code, text, remedy, path, column=column, row=row + 1)
     return meta.set_index("id")

@@ -19,8 +19,8 @@ def first_lanes(scenes: SceneSet) -> Int[np.ndarray, "scenes slots"]:
         ValueError: A lane is unknown.
     """
     if (scenes.lane[:, 0] < 0).any():
-        said = "is scene, which needs the lane of every vehicle; these recordings lack some"
-        raise InvalidInputError(Problem("lane-missing", said, key="init.source"))
+        message = "is scene, which needs the lane of every vehicle; these recordings lack some"
+        raise InvalidInputError(Problem("lane-missing", message, key="init.source"))
     lanes = {info.id: info.lane_count for info in scenes.infos}
     first = np.array([lanes[name].get(1, 0) for name in scenes.recording.tolist()])
     return scenes.lane[:, 0] + np.where(scenes.direction[:, 0] == 2, first[:, None], 0)
@@ -29,21 +29,21 @@ def first_lanes(scenes: SceneSet) -> Int[np.ndarray, "scenes slots"]:
 def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
     """States with the vehicles of every scene's first snapshot, `[n_vehicles, n_scenes]`.
 
-    x = position along the own driving direction less the least one of the scene, so the carriageways lie side
-    by side and everybody drives towards larger x; lane as of `first_lanes`; speed = rescaled speed, which is the
-    desired speed too, as highway-env sets it.
+    x = position along the own driving direction less the least one of the scene, so the carriageways lie side by side
+    and all vehicles drive towards larger x; lane as in `first_lanes`; speed = rescaled speed, which is the desired
+    speed too, as highway-env sets it.
 
     Raises:
         ValueError: The simulated road has too few lanes or another number of vehicles, or a lane is unknown.
     """
     if core.n_vehicles != scenes.n_slots:
-        said = f"must be the {scenes.n_slots} vehicles of a snapshot, scenes.slots, for init.source=scene"
-        raise out_of_range("core.n_vehicles", said, core.n_vehicles)
+        message = f"must be the {scenes.n_slots} vehicles of a snapshot, scenes.slots, for init.source=scene"
+        raise out_of_range("core.n_vehicles", message, core.n_vehicles)
     lane = first_lanes(scenes)
     n_lanes = int(lane.max()) + 1
     if n_lanes > core.n_lanes:
-        said = f"must be {n_lanes}, the lanes of these recordings, for init.source=scene"
-        raise out_of_range("core.n_lanes", said, core.n_lanes)
+        message = f"must be {n_lanes}, the lanes of these recordings, for init.source=scene"
+        raise out_of_range("core.n_lanes", message, core.n_lanes)
     position = scenes.position[:, 0]
     model = traffic_model(core)
     return make_state(

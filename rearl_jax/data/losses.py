@@ -1,4 +1,4 @@
-"""Leaving rows out, counted: the two ways data.on_bad offers, and the cutting of tracks they need."""
+"""Removal of bad rows with counts: the two ways that data.on_bad offers, and the cutting of tracks that they need."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -66,7 +66,7 @@ def reject(
         rows = rows | np.isin(track, track[rows])
     table = losses.remove(table, rows, finding.name)
     if table.empty:
-        text = f"no row is left after dropping, the last cause was {finding.name}: {finding.said}"
+        text = f"no row is left after dropping, the last cause was {finding.name}: {finding.message}"
         raise bad_recording("no-row-left", text, finding.remedy, info.file or info.id, column=finding.column)
     return table
 
@@ -89,10 +89,10 @@ def remove_fragments(table: pd.DataFrame, info: RecordingInfo, losses: Losses) -
 
 
 def split_tracks(table: pd.DataFrame, starts: np.ndarray) -> pd.DataFrame:
-    """The table in which a track ends before each marked row and goes on under a new id.
+    """The table in which a track ends before each marked row and continues under a new id.
 
-    New ids follow the largest one. `leader_id` follows the vehicle to its new id frame by frame, and becomes
-    unknown where the leader has no row. The result is sorted by (track_id, frame).
+    New ids follow the largest one. `leader_id` follows the vehicle to its new id frame by frame, and becomes unknown if
+    the leader has no row. The result is sorted by (track_id, frame).
 
     Args:
         table: Rows sorted by (track_id, frame).
@@ -105,7 +105,7 @@ def split_tracks(table: pd.DataFrame, starts: np.ndarray) -> pd.DataFrame:
     first = np.concatenate([[0], np.flatnonzero(old[1:] != old[:-1]) + 1])
     n_cuts_of_track = n_cuts - np.repeat(n_cuts[first] - starts[first], np.diff(np.append(first, len(old))))
     later = n_cuts_of_track > 0
-    new = np.where(later, np.nanmax(old) + n_cuts, old)  # an unknown id (NaN) is for the schema to find
+    new = np.where(later, np.nanmax(old) + n_cuts, old)  # the schema check finds unknown ids (NaN)
     table = table.assign(track_id=new)
     if "leader_id" in table:
         table["leader_id"] = _followed_leader(table, old, new, np.unique(old[later]))

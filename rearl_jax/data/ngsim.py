@@ -26,7 +26,7 @@ ATTRIBUTION = (
 )
 US101_LENGTH = 640.0  # m, 2100 ft; NGSIM US-101 data description
 DEBOUNCE = 21  # frames, 2 s
-_MOST_LANES = 100  # a lane beyond it is no number of a lane
+_MOST_LANES = 100  # a lane beyond it is not a number of a lane
 
 _US101_PERIODS = {0: "us101_0750", 1: "us101_0805", 2: "us101_0820"}
 _US101_COLUMNS = ("period", "vehicle_id", "frame", "x_m", "y_m", "lane_est", "speed_mps", "accel_mps2")
@@ -71,7 +71,7 @@ def read_us101(path: Path, recording: str, period: int, policy: DataConfig) -> R
         licence=LICENCE,
         attribution=ATTRIBUTION,
         notes=(
-            "only vehicles that change lanes, about a tenth of the traffic: it tells neither density nor "
+            "only vehicles that change lanes, about a tenth of the traffic, from which neither density nor "
             "lane-change rate of the road",
             f"length and class are not in the table: {policy.default_length:g} m and car are assumed for all",
             "lane ranks from the lateral position, running median over 2 s; rank 5 is the auxiliary lane",

@@ -1,7 +1,7 @@
 """Reader of NGSIM I-80 leader-follower pairs: one row holds follower and leader at one time.
 
 A recording is the union of the members of its pairs. A vehicle that is in several pairs appears once per
-frame; one that leaves the pairs and comes back later comes back under a new id.
+frame; a vehicle that leaves the pairs and returns later gets a new id.
 
 Source: NGSIM I-80, DOI 10.21949/1504477, reconstructed trajectories, arXiv 2201.04755.
 """
@@ -29,7 +29,7 @@ _SAME = 0.01  # m; rows that share a vehicle must agree on where it is and how l
 
 
 def find_pairs(root: Path) -> Path:
-    """The Parquet file of pairs in the folder; MissingInputError where there is none, or more than one."""
+    """The Parquet file of pairs in the folder; MissingInputError if there is none, or more than one."""
     return only_parquet(
         root, f"the folder with the one file of leader-follower pairs, columns run, {', '.join(_NUMBERS)}"
     )
@@ -81,7 +81,7 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     _require_ids(pairs, info)
     _require_units(pairs, info)
     lengths = pairs.groupby("leader")["leader_length_m"]
-    with np.errstate(invalid="ignore"):  # infinite lengths are for the schema to find
+    with np.errstate(invalid="ignore"):  # the schema check finds infinite lengths
         span = np.asarray(lengths.transform("max")) - np.asarray(lengths.transform("min"))
     if (span > _SAME).any():
         row = int(np.argmax(span > _SAME))
@@ -106,13 +106,13 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
 
 
 def _require_ids(pairs: pd.DataFrame, info: RecordingInfo) -> None:
-    """Raise BadRecordingError where a known id is no whole number."""
+    """Raise BadRecordingError if a known id is not a whole number."""
     for name in ("follower", "leader"):
         values = pairs[name].to_numpy(np.float64, na_value=np.nan)
         bad = ~np.isnan(values) & ~((np.abs(values) < _LARGEST_ID) & (values == np.rint(values)))
         if bad.any():
             row = int(np.argmax(bad))
-            text = f"{values[row]:g} is no number of a vehicle"
+            text = f"{values[row]:g} is not a number of a vehicle"
             raise bad_recording("not-a-number", text, "write a whole number", info.file, column=name, row=row + 1)
 
 
@@ -132,7 +132,7 @@ def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
     if not lengths.size:
         return
     # There are always cars among leaders; in feet all of them would be taken for trucks.
-    middle = np.quantile(lengths, 0.5, method="lower")  # of two middle ones no mean, which huge ones overflow
+    middle = np.quantile(lengths, 0.5, method="lower")  # not a mean of two middle values, which overflows
     if not (lengths.min() <= high and low <= middle < np.inf):
         text = f"lengths from {lengths.min():.2f} m on, {middle:.2f} m in the median, are not those of cars"
         raise bad_recording("wrong-units", text, "convert the lengths to m", info.file, column="leader_length_m")
@@ -167,7 +167,7 @@ def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:
 def _agreeing(members: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses) -> pd.DataFrame:
     """The rows of vehicles on whose position all their pairs agree."""
     where = members.groupby(["track_id", "frame"])["position"]
-    with np.errstate(invalid="ignore"):  # infinite positions are for the schema to find
+    with np.errstate(invalid="ignore"):  # the schema check finds infinite positions
         off = np.asarray(where.transform("max")) - np.asarray(where.transform("min")) > _SAME
     if not off.any():
         return members

@@ -76,7 +76,7 @@ _LATEST = 4.1e12  # ms, the end of the year 2099
 class PublishedFile:
     """A published table; its rows are kept from the first recording that is read on.
 
-    The arterials in the export of all places (Lankershim, Peachtree) are no highways and are passed over.
+    The arterials in the export of all places (Lankershim, Peachtree) are not highways and are passed over.
     """
 
     def __init__(self, path: Path, policy: DataConfig) -> None:
@@ -92,7 +92,7 @@ class PublishedFile:
         """One recording, checked: centre instead of front, SI instead of feet.
 
         Raises:
-            BadRecordingError: The table or a row breaks the schema, or a row is there twice.
+            BadRecordingError: The table or a row breaks the schema, or a row occurs twice.
         """
         rows, broken = self._rows
         chosen = rows.iloc[_recordings_of(rows, self.path)[recording]]
@@ -104,10 +104,10 @@ class PublishedFile:
         twice = chosen.duplicated().to_numpy()
         if twice.any():
             remedy = "remove the copies"
-            finding = Finding("exact_duplicate", "track_id", twice, "the row is there twice", remedy)
+            finding = Finding("exact_duplicate", "track_id", twice, "the row occurs twice", remedy)
             if self._policy.on_bad is OnBad.stop:
                 raise finding.error(chosen, info)
-            # A copy is no fault of the vehicle: the first of the two rows stays under drop_track, too.
+            # A copy is not a fault of the vehicle: the first of the two rows stays under drop_track, too.
             losses.counts["exact_duplicate"] += int(twice.sum())
             table = table.iloc[np.flatnonzero(~twice)]
         table, dropped = validate(table, info, self._policy, losses)
@@ -243,7 +243,7 @@ def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataF
 
 
 def _largest(values: np.ndarray) -> float:
-    """The largest number, at least 1; what is none is for the schema to find."""
+    """The largest number, at least 1; the schema check finds values that are not numbers."""
     return float(np.max(values, where=np.isfinite(values), initial=1.0))
 
 
@@ -253,7 +253,7 @@ def _plain(name: str) -> str:
 
 
 def _place_of(path: Path) -> str:
-    """Name of the place as far as the file name tells it."""
+    """Name of the place if the file name contains it."""
     return next((place for place in _LANES if place in _plain(path.name)), "ngsim")
 
 

@@ -51,7 +51,7 @@ class Platoon:
 
 
 def find_platoons(root: Path) -> Path:
-    """The Parquet file of platoons in the folder; MissingInputError where there is none, or more than one."""
+    """The Parquet file of platoons in the folder; MissingInputError if there is none, or more than one."""
     return only_parquet(root, f"the folder with the one file of OpenACC platoons, columns file, {', '.join(_NUMBERS)}")
 
 
@@ -61,7 +61,7 @@ def platoon_recordings(path: Path) -> dict[str, Platoon]:
     place = rows["pos"].to_numpy(np.float64)
     wrong = rows["file"].isna().to_numpy() | ~((place >= 1.0) & (place < _MOST_PLACES) & (place == np.rint(place)))
     if wrong.any():
-        text, row = "a row does not say which vehicle of which file it is", int(np.argmax(wrong)) + 1
+        text, row = "a row does not state its vehicle and file", int(np.argmax(wrong)) + 1
         raise bad_recording("vehicle-unnamed", text, "complete it", path, column="pos", row=row)
     has_gap = rows.groupby(["file", "pos"], observed=True)["gap_to_follower_m"].count() > 0
     recordings = {}
@@ -165,13 +165,11 @@ def _plausible(
     _leave_out(lost, rows, "bad_time", "frame", "the time is unknown or a day off", info, policy, losses)
     rows = rows.iloc[np.flatnonzero(inside & ~lost)]
     if rows.empty:
-        raise bad_recording(
-            "time-unknown", "no row says when it was measured", "complete the times", info.file, column="t_s"
-        )
+        raise bad_recording("time-unknown", "no row states its time", "complete the times", info.file, column="t_s")
     frame = np.rint(rows["t_s"].to_numpy(dtype=np.float64) * FRAME_RATE).astype(np.int64)
     rows = rows.assign(frame=frame)
     twice = rows.duplicated(["pos", "frame"]).to_numpy()
-    _leave_out(twice, rows, "duplicate", "frame", "a vehicle is there twice in a frame", info, policy, losses)
+    _leave_out(twice, rows, "duplicate", "frame", "a vehicle occurs twice in a frame", info, policy, losses)
     rows = rows.iloc[np.flatnonzero(~twice)]
 
     speed = rows["speed_mps"].to_numpy(dtype=np.float64, copy=True)
@@ -210,7 +208,7 @@ def _placed(rows: pd.DataFrame, platoon: Platoon, length: float, file: str) -> t
     position[1:, 0] = np.cumsum(0.5 * (first[1:] + first[:-1])) / FRAME_RATE
     position[:, 1:] = position[:, :1] - np.cumsum(ahead + length, axis=1)
     placed = ~np.isnan(speed) & ~np.isnan(position)
-    # Behind a vehicle without speed nobody is where the sum of gaps says.
+    # Behind a vehicle without speed the sum of gaps gives no position.
     placed = np.logical_and.accumulate(placed, axis=1)
     position += 0.5 * length - np.min(position, where=placed, initial=np.inf)
     # A frame the source does not have gets the number of the row before it.
@@ -235,7 +233,7 @@ def _placed(rows: pd.DataFrame, platoon: Platoon, length: float, file: str) -> t
 
 
 def _require_units(gaps: np.ndarray, speed: np.ndarray, file: str) -> None:
-    """Raise BadRecordingError where gaps and speeds are in different units: gaps change by the speeds' differences."""
+    """Raise BadRecordingError if gaps and speeds are in different units: gaps change by the speeds' differences."""
     n = 2 * round(FRAME_RATE)  # 2 s, over which the receivers' errors matter little
     if len(speed) <= n:
         return
@@ -244,7 +242,7 @@ def _require_units(gaps: np.ndarray, speed: np.ndarray, file: str) -> None:
     expected = np.stack([np.convolve(column, np.ones(n), mode="valid") for column in mean.T], axis=1)
     scale = scale_of((gaps[n:] - gaps[:-n]).ravel(), expected.ravel())
     if scale is not None and is_other_unit(scale):
-        text = f"gaps change {scale[0]:.2f} to {scale[1]:.2f} times as fast as the speeds say"
+        text = f"gaps change {scale[0]:.2f} to {scale[1]:.2f} times as fast as the differences of speeds"
         raise bad_recording("wrong-units", text, "give speeds in m/s and gaps in m", file, column="gap_to_follower_m")
 
 
@@ -253,7 +251,7 @@ def _leave_out(
     rows: pd.DataFrame,
     name: str,
     column: str,
-    said: str,
+    message: str,
     info: RecordingInfo,
     policy: DataConfig,
     losses: Losses,
@@ -262,7 +260,7 @@ def _leave_out(
     if not bad.any():
         return
     if policy.on_bad is OnBad.stop:
-        raise Finding(name, column, bad, said, "complete the source").error(rows, info)
+        raise Finding(name, column, bad, message, "complete the source").error(rows, info)
     losses.counts[name] += int(bad.sum())
 
 

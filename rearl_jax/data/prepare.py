@@ -1,4 +1,4 @@
-"""The task `rearl prepare`: recordings in; checked canonical tables, counts and scenes out.
+"""The task `rearl prepare`: checked canonical tables, counts and scenes from recordings.
 
 Writes into the study folder `tables/<recording>.parquet` (not for generated recordings, whose own files are
 there and are read just as fast), `recordings.parquet` with one row per recording, `scenes.parquet`,
@@ -68,7 +68,7 @@ class _Seen:
     dropped: Counter[str] = field(default_factory=Counter)
 
     def passing(self, data: DataConfig) -> Iterator[Recording]:
-        """The recordings of the data set, counted and, where asked for, stored on their way."""
+        """The recordings of the data set, counted and, if requested, stored while they are read."""
         for recording in iterate_recordings(data):
             info = recording.info
             if self.keep_tables:
@@ -77,7 +77,7 @@ class _Seen:
             self.rows.append(counts_of(recording))
             self.dropped.update(recording.dropped)
             yield recording
-            # Not to be held while the next one is read.
+            # Released before the next recording is read.
             del recording
 
 
@@ -138,8 +138,8 @@ def _totals(seen: _Seen) -> dict:
 def _generate(config: PrepareTask, progress: Progress) -> None:
     root = config.data.root
     if not root:
-        said = "must name the folder the generated recordings are written to"
-        raise InvalidInputError(Problem("root-unset", said, key="data.root", value="nothing"))
+        message = "must name the folder the generated recordings are written to"
+        raise InvalidInputError(Problem("root-unset", message, key="data.root", value="nothing"))
     task = progress.add_task("generating", total=config.generator.n_recordings)
     generate(
         config.generator,

@@ -22,7 +22,7 @@ class BadRecordingError(InvalidInputError):
 
 def bad_recording(
     code: str,
-    said: str,
+    message: str,
     remedy: str,
     file: Path | str,
     *,
@@ -31,7 +31,7 @@ def bad_recording(
     line: int | None = None,
 ) -> BadRecordingError:
     """The error for a problem of a recording; fields as in `Problem`."""
-    return BadRecordingError(Problem(code, said, remedy, file=str(file), column=column, row=row, line=line))
+    return BadRecordingError(Problem(code, message, remedy, file=str(file), column=column, row=row, line=line))
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Finding:
         name: Key under which dropped rows are counted; with hyphens the code of the problem.
         column: Column at fault, as named in the schema.
         rows: Mask over the rows of the table; for a step (gap, jump) the row after the step.
-        said: What is wrong with the first marked row, in words.
+        message: What is wrong with the first marked row, in words.
         remedy: What to do about it.
         is_step: The rows are sound, the step from the row before is not.
     """
@@ -50,21 +50,21 @@ class Finding:
     name: str
     column: str
     rows: np.ndarray
-    said: str
+    message: str
     remedy: str
     is_step: bool = False
 
     def error(self, table: pd.DataFrame, info: RecordingInfo, hint: str = DROP_HINT) -> BadRecordingError:
         """The error this finding becomes; the index of the table holds the rows of the source, from 0."""
         n_rows = int(self.rows.sum())
-        said = self.said if n_rows == 1 else f"{self.said} (and {n_rows - 1} more rows)"
+        message = self.message if n_rows == 1 else f"{self.message} (and {n_rows - 1} more rows)"
         row = int(table.index[int(np.argmax(self.rows))]) + 1
         code, column = self.name.replace("_", "-"), info.columns.get(self.column, self.column)
-        return bad_recording(code, said, f"{self.remedy}{hint}", info.file or info.id, column=column, row=row)
+        return bad_recording(code, message, f"{self.remedy}{hint}", info.file or info.id, column=column, row=row)
 
 
 def recording_unnamed(file: str, row: int | None = None) -> BadRecordingError:
-    """The error for a row that belongs to no recording; the row, from 1, where it is known."""
+    """The error for a row that belongs to no recording; the row, from 1, if it is known."""
     return bad_recording(
         "recording-unnamed", "a row has no recording", "complete it", file, column="recording", row=row
     )
@@ -97,5 +97,5 @@ def recordings_missing(found: str, root: Path, wanted: str) -> MissingInputError
 
 def file_missing(path: Path) -> MissingInputError:
     """The error for a file of a recording that is not there."""
-    said = "the file is missing: complete the recording or correct data.root"
-    return MissingInputError(Problem("file-missing", said, file=str(path)))
+    message = "the file is missing: complete the recording or correct data.root"
+    return MissingInputError(Problem("file-missing", message, file=str(path)))

@@ -16,7 +16,7 @@ class Entry:
 
     Attributes:
         id: Its name, unique in its data set.
-        read: The recording, checked by `schema.validate`; called when it is its turn.
+        read: The recording, checked by `schema.validate`; called when the recording is needed.
     """
 
     id: str

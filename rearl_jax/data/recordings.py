@@ -35,7 +35,7 @@ def iterate_recordings(data: DataConfig) -> Iterator[Recording]:
     """
     entries = _selected(data)
     while entries:
-        # Taken out of the list, so that what a file keeps in memory goes with its last recording.
+        # Taken out of the list, so that the memory of a file is freed with its last recording.
         yield entries.pop(0).read()
 
 
@@ -45,7 +45,7 @@ def count_recordings(data: DataConfig) -> int:
 
 
 def is_generated(data: DataConfig) -> bool:
-    """True where any of the recordings was made by the generator, whatever they are read as."""
+    """Whether any of the recordings was made by the generator, whatever they are read as."""
     if isinstance(data, TableInMemory):
         return False
     made = reader_of(data.format).generated
@@ -75,7 +75,7 @@ def data_id(data: DataConfig) -> str:
 def file_stamps(data: DataConfig) -> list[tuple[str, int, int]]:
     """Name, size in bytes and time of the last change in nanoseconds of every file of a data set.
 
-    Changes whenever a file is touched, also where `data_id` cannot see it, and on every machine.
+    Changes whenever a file is touched, even if `data_id` stays the same, and differs between machines.
     """
     if isinstance(data, TableInMemory):
         return [(str(data.root), len(data.table), 0)]
@@ -91,13 +91,13 @@ def _selected(data: DataConfig) -> list[Entry]:
     chosen = [entry for entry in entries if fnmatchcase(entry.id, data.recordings)]
     if not chosen:
         names = ", ".join(entry.id for entry in entries[:5]) + (", ..." if len(entries) > 5 else "")
-        said = f"is {data.recordings}, which selects none of {len(entries)} recordings: {names}"
-        raise InvalidInputError(Problem("selects-none", said, key="data.recordings"))
+        message = f"is {data.recordings}, which selects none of {len(entries)} recordings: {names}"
+        raise InvalidInputError(Problem("selects-none", message, key="data.recordings"))
     twice = sorted(name for name, n in Counter(entry.id for entry in chosen).items() if n > 1)
     if twice:
         raise InvalidInputError(
             Problem(
-                "recording-twice", f"several recordings are called {twice[0]}: give each its own id", file=data.root
+                "recording-twice", f"several recordings have the id {twice[0]}: give each its own id", file=data.root
             )
         )
     return chosen
@@ -108,11 +108,11 @@ def _root(data: DataConfig) -> Path:
     root = Path(data.root) if data.root else data.format.shipped
     if root is not None and root.exists():
         return root
-    said = f"must name {reader_of(data.format).expected}"
+    message = f"must name {reader_of(data.format).expected}"
     if data.root:
-        said, file = f"{said}, but there is no such file or folder", str(Path(data.root).absolute())
-        raise MissingInputError(Problem("root-missing", said, key="data.root", file=file))
-    raise MissingInputError(Problem("root-unset", said, key="data.root", value="nothing"))
+        message, file = f"{message}, but there is no such file or folder", str(Path(data.root).absolute())
+        raise MissingInputError(Problem("root-missing", message, key="data.root", file=file))
+    raise MissingInputError(Problem("root-unset", message, key="data.root", value="nothing"))
 
 
 def _files(data: DataConfig) -> list[Path]:

@@ -26,9 +26,9 @@ class RecordingInfo:
         road_length: Length of the observed road [m].
         source: Data set the recording belongs to.
         licence: Licence of the data.
-        attribution: Who is to be named.
+        attribution: Name to be cited.
         generated: The recording was made by the generator, not measured.
-        speed_limit: Legal speed limit [m/s]; None where there is none or it is unknown.
+        speed_limit: Legal speed limit [m/s]; None if there is none or it is unknown.
         lane_markings: Per direction the lateral offsets of the lane markings from the left edge [m], rising.
         notes: What a reader of results must know: values that are assumed, limits of the set.
         file: File or folder the rows come from; for error messages, not exported.
@@ -80,16 +80,16 @@ class RecordingInfo:
             if not (_is_number(value) and 0 < value < _MOST) and not (name == "speed_limit" and value is None):
                 raise out_of_range(name, "must be a number above 0", repr(value))
         if self.speed_limit is not None and not SPEED_LIMITS[0] <= self.speed_limit <= SPEED_LIMITS[1]:
-            said = "must be a limit of a highway in m/s: is it in another unit?"
-            raise out_of_range("speed_limit", said, self.speed_limit)
+            message = "must be a limit of a highway in m/s: is it in another unit?"
+            raise out_of_range("speed_limit", message, self.speed_limit)
         if not self.lane_count or not all(side in (1, 2) and 0 < n < 100 for side, n in self.lane_count.items()):
             raise out_of_range("lane_count", "must be the number of lanes of the directions 1 and 2", self.lane_count)
         for offsets in self.lane_markings.values():
             if not all(_is_number(offset) and abs(offset) < _MOST for offset in offsets):
                 raise out_of_range("lane_markings", "must be numbers", offsets)
         if not isinstance(self.generated, bool) or not all(isinstance(note, str) for note in self.notes):
-            said = "must be true or false, and notes texts"
-            raise out_of_range("generated", said, self.generated)
+            message = "must be true or false, and notes texts"
+            raise out_of_range("generated", message, self.generated)
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,8 @@ class Recording:
     Attributes:
         info: Metadata.
         table: Canonical trajectory table, columns as in `schema.COLUMNS`, sorted by track_id and frame.
-        dropped: What was left out, by cause: `<cause>` rows removed, `<cause>_cuts` places where a track was
-            cut in two, `tracks` tracks removed as a whole. Empty if nothing was.
+        dropped: What was left out, by cause: `<cause>` rows removed, `<cause>_cuts` places at which a track was cut in
+            two, `tracks` tracks removed as a whole. Empty if nothing was.
     """
 
     info: RecordingInfo

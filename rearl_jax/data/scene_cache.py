@@ -21,7 +21,7 @@ class SceneCache:
     """The place of the scenes of one data set under one configuration."""
 
     def __init__(self, data: DataConfig, keys: SceneKeys) -> None:
-        """Finds the place; files that were touched since, or other code, have another one."""
+        """Finds the path; modified files or other code belong to another path."""
         self._data_id, self._generated = data_id(data), is_generated(data)
         self._keys = {name: as_plain(getattr(keys, name)) for name in SCENE_GROUPS}
         stamps = [list(stamp) for stamp in file_stamps(data)]
@@ -29,17 +29,17 @@ class SceneCache:
         self.path = kept_path("scenes", decisive, _SOURCES, ".parquet")
 
     def read(self) -> SceneSet | None:
-        """The scenes; None where they were never kept or, with a warning, where the file is damaged."""
+        """The scenes; None if they were never stored or, with a warning, if the file is damaged."""
         if not self.path.is_file():
             return None
         try:
             return load_scenes(self.path)
         except (OSError, ValueError, KeyError) as error:  # pyarrow's errors are among the first two
-            log.warning("%s is damaged (%s): cutting the scenes again", self.path, error)
+            log.warning("%s is damaged (%s): the scenes are cut again", self.path, error)
             return None
 
     def write(self, scenes: SceneSet) -> None:
-        """Keeps the scenes; a folder that cannot be written to only costs the next run its time."""
+        """Stores the scenes; if the folder is not writable, the next run cuts them again."""
         try:
             study = Study(
                 self.path.parent.parent,
@@ -51,4 +51,4 @@ class SceneCache:
             )
             save_scenes(scenes, study, self.path.stem)
         except OSError as error:
-            log.warning("the scenes are not kept for the next run: %s; set XDG_CACHE_HOME to another folder", error)
+            log.warning("the scenes are not stored for the next run: %s; set XDG_CACHE_HOME to another folder", error)

@@ -29,8 +29,8 @@ def save_scenes(scenes: SceneSet, study: Study, name: str = "scenes") -> Path:
 def scene_table(scenes: SceneSet) -> pd.DataFrame:
     """Long form: the per-scene columns, `k` (snapshot), `slot`, then every array and the scaled speed.
 
-    Rows are sorted by scene, snapshot and slot. A lane is missing where it is unknown, `next_lane` also where
-    the vehicle has left.
+    Rows are sorted by scene, snapshot and slot. A lane is missing if it is unknown, `next_lane` also if the vehicle has
+    left.
     """
     n_scenes, n_frames, n_slots = scenes.speed.shape
     columns: dict[str, object] = {}
@@ -50,30 +50,30 @@ def load_scenes(path: str | Path) -> SceneSet:
 
     Raises:
         FileNotFoundError: There is no such file.
-        ValueError: It is no file of scenes, or rows are missing or out of order.
+        ValueError: It is not a file of scenes, or rows are missing or out of order.
     """
     path = Path(path)
     if not path.is_file():
         raise MissingInputError(Problem("file-missing", "there is no such file", _WRITE, file=str(path)))
     stored = read_metadata(path).get(_METADATA)
     if stored is None:
-        said = f"the file holds no scenes (its metadata has no key {_METADATA})"
-        raise InvalidInputError(Problem("no-scenes", said, _WRITE, file=str(path)))
+        message = f"the file holds no scenes (its metadata has no key {_METADATA})"
+        raise InvalidInputError(Problem("no-scenes", message, _WRITE, file=str(path)))
     meta = json.loads(stored)
     table = pd.read_parquet(path)
     missing = [name for name in (*ARRAYS, "k", "slot") if name not in table.columns]
     if missing:
-        said = "the column is missing"
-        raise InvalidInputError(Problem("column-missing", said, _WRITE, file=str(path), column=missing[0]))
+        message = "the column is missing"
+        raise InvalidInputError(Problem("column-missing", message, _WRITE, file=str(path), column=missing[0]))
     shape = tuple(meta["shape"])
     k, slot = table["k"].to_numpy(np.int64), table["slot"].to_numpy(np.int64)
     expected = np.arange(int(np.prod(shape)))
     if len(table) != len(expected) or (k * shape[2] + slot != expected % (shape[1] * shape[2])).any():
-        said = (
-            f"there are {len(table)} rows, but the metadata says {shape[0]} scenes x {shape[1]} snapshots x {shape[2]} "
+        message = (
+            f"there are {len(table)} rows, the metadata state {shape[0]} scenes x {shape[1]} snapshots x {shape[2]} "
             "slots in this order: the file was changed after it was written"
         )
-        raise InvalidInputError(Problem("rows-changed", said, _WRITE, file=str(path)))
+        raise InvalidInputError(Problem("rows-changed", message, _WRITE, file=str(path)))
     arrays = {}
     for name in ARRAYS:
         column = table[name]

@@ -1,6 +1,6 @@
-"""Scenes of equal shape: one record for all of them, the rescaling of speeds, what their lanes say.
+"""Scenes of equal shape: one record for all of them, the rescaling of speeds, lane-change rates.
 
-The scaled speed is derived from the recorded one and two stored extremes, never stored beside it.
+The scaled speed is not stored, but derived from the recorded speed and two stored extremes.
 """
 
 import hashlib
@@ -31,7 +31,7 @@ class SceneCounts:
     Attributes:
         recordings: Recordings read.
         recordings_without_scenes: Recordings that gave no scene.
-        windows: Windows looked at.
+        windows: Windows examined.
         rejected: Windows with too few vehicles in a snapshot.
         accepted: Windows that became scenes.
     """
@@ -48,7 +48,7 @@ class SceneSet:
     """Scenes of equal shape and where they come from.
 
     Axes: scenes, frames (1 Hz snapshots), slots (picked vehicles, the longest recorded first). A slot's
-    vehicle changes as vehicles leave; `track_id` says who it is.
+    vehicle changes as vehicles leave; `track_id` identifies it.
 
     Attributes:
         scene_id: Number of the scene, from 0, in the order of recordings, windows and carriageways.
@@ -65,7 +65,7 @@ class SceneSet:
         direction: Carriageway, 1 or 2.
         length: Vehicle length [m].
         speed: Recorded speed along the driving direction [m/s].
-        action: What the vehicle did in the next second: 0 left, 1 keep, 2 right, 3 faster, 4 slower.
+        action: Action of the vehicle in the next second: 0 left, 1 keep, 2 right, 3 faster, 4 slower.
         has_next: The vehicle is still recorded one second later.
         next_lane: Its lane then; -1 = unknown or gone.
         spacing: Mean distance to the other picked vehicles [m].
@@ -74,8 +74,8 @@ class SceneSet:
         speed_min: Recorded speed that becomes 5 m/s [m/s].
         speed_max: Recorded speed that becomes 32 m/s [m/s].
         speed_norm: How speeds are rescaled.
-        infos: Recordings the scenes come from.
-        counts: What was seen on the way.
+        infos: Metadata of the recordings of the scenes.
+        counts: Counts of the recordings and windows read.
         settings: Keys the scenes were made with, as the user writes them.
     """
 
@@ -121,12 +121,12 @@ class SceneSet:
 
     @property
     def generated(self) -> bool:
-        """True where any recording was made by the generator, not measured."""
+        """Whether any recording was made by the generator, not measured."""
         return any(info.generated for info in self.infos)
 
     @property
     def block(self) -> np.ndarray:
-        """Number of the scene-long stretch of its recording in which a scene starts, by scene.
+        """Index of the interval of a scene's length, within its recording, in which each scene starts.
 
         Without overlap this is the window; overlapping windows of equal recording and block share traffic.
         """
@@ -147,7 +147,7 @@ class SceneSet:
 
     @cached_property
     def data_id(self) -> str:
-        """Sixteen hexadecimal digits that are equal where settings and every value are equal."""
+        """Sixteen hexadecimal digits that are equal if the settings and all values are equal."""
         digest = hashlib.sha256(json.dumps(dict(self.settings), sort_keys=True).encode())
         for name in ARRAYS:
             values = getattr(self, name)
@@ -179,11 +179,11 @@ def speed_extremes(speed: np.ndarray, norm: SpeedNorm) -> tuple[float, float]:
     else:
         low, high = float(speed.min()), float(speed.max())
     if norm in (SpeedNorm.minmax, SpeedNorm.minmax_p01_999) and not low < high:
-        said = (
+        message = (
             f"cannot spread speeds over {SPEED_RANGE[0]:g} to {SPEED_RANGE[1]:g} m/s that are all {low:g} m/s: set "
             "speed.norm=clip or speed.norm=none"
         )
-        raise InvalidInputError(Problem("speeds-all-equal", said, key="speed.norm"))
+        raise InvalidInputError(Problem("speeds-all-equal", message, key="speed.norm"))
     return low, high
 
 
@@ -224,8 +224,8 @@ def real_lane_change_rate(scenes: SceneSet) -> Float[np.ndarray, " scenes"]:
     """
     unknown = np.argwhere(scenes.lane == UNKNOWN_LANE)
     if len(unknown):
-        said = "a vehicle has no lane: lane changes and time headways cannot be measured"
+        message = "a vehicle has no lane: lane changes and time headways cannot be measured"
         file = f"recording {scenes.recording[unknown[0, 0]]}"
-        raise InvalidInputError(Problem("lane-missing", said, "choose data with lanes", file=file))
+        raise InvalidInputError(Problem("lane-missing", message, "choose data with lanes", file=file))
     changed = scenes.has_next & (scenes.next_lane != UNKNOWN_LANE) & (scenes.next_lane != scenes.lane)
     return changed.mean(axis=(1, 2))

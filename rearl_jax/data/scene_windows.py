@@ -1,4 +1,4 @@
-"""One recording in, its windows and picked vehicles out.
+"""Windows and picked vehicles of one recording.
 
 A window is cut into 1 Hz snapshots. Windows may share snapshots (`scenes.stride`), so everything that depends
 on a snapshot alone is computed once per snapshot and gathered into windows at the end. A snapshot of one
@@ -55,7 +55,7 @@ class WindowCount:
     """Counts of the windows of one recording.
 
     Attributes:
-        windows: Windows looked at (per carriageway where those are scenes of their own).
+        windows: Windows examined (per carriageway if those are scenes of their own).
         accepted: Windows with enough vehicles in every snapshot.
         duration: Length of the recording [s].
         most_vehicles: Largest number of vehicles in any snapshot.
@@ -75,8 +75,8 @@ class Tracks:
     def __init__(self, recording: Recording):
         table = recording.table
         if len(table) == 0:
-            said, remedy = "the table has no rows", "leave it out or check its source file"
-            raise InvalidInputError(Problem("no-rows", said, remedy, file=f"recording {recording.info.id}"))
+            message, remedy = "the table has no rows", "leave it out or check its source file"
+            raise InvalidInputError(Problem("no-rows", message, remedy, file=f"recording {recording.info.id}"))
         self.track_id = table["track_id"].to_numpy(np.int64)
         self.frame = table["frame"].to_numpy(np.int64)
         self.starts = np.flatnonzero(np.diff(self.track_id, prepend=self.track_id[0] - 1))
@@ -90,12 +90,12 @@ class Tracks:
         unsorted = (np.diff(self.track_id) < 0) | (np.diff(self.key) <= 0)
         if unsorted.any():
             row = int(np.flatnonzero(unsorted)[0]) + 1
-            said = (
+            message = (
                 "the table is not sorted by track_id and frame, or holds a frame twice "
                 f"(track {self.track_id[row]}, frame {self.frame[row]})"
             )
             file = f"recording {recording.info.id}"
-            raise InvalidInputError(Problem("unsorted", said, _READ_CHECKED, file=file, row=int(row) + 1))
+            raise InvalidInputError(Problem("unsorted", message, _READ_CHECKED, file=file, row=int(row) + 1))
 
     @property
     def lengths(self) -> np.ndarray:
@@ -123,9 +123,9 @@ def frame_offsets(seconds: np.ndarray, frame_rate: float) -> np.ndarray:
 
 
 def windows_of(recording: Recording, keys: SceneKeys) -> tuple[dict[str, np.ndarray], WindowCount]:
-    """Arrays of the accepted windows of a recording, and what was seen.
+    """Arrays of the accepted windows of a recording, and counts.
 
-    Window w starts w * stride after the recording's first frame, wherever the windows before it ended up; it
+    Window w starts w * stride after the recording's first frame, whether or not the windows before it were accepted; it
     is accepted if every snapshot holds `scenes.min_vehicles` vehicles, short tracks included.
 
     Returns:
@@ -165,16 +165,16 @@ def windows_of(recording: Recording, keys: SceneKeys) -> tuple[dict[str, np.ndar
     bad = ~np.isfinite(arrays["speed"] + arrays["x"] + arrays["y"] + arrays["position"] + arrays["length"])
     if bad.any():
         scene, frame, slot = np.argwhere(bad)[0]
-        said = (
+        message = (
             f"speed, x, y, position or length of track {arrays['track_id'][scene, frame, slot]} is not a number in the "
             f"window from frame {starts[window[scene]]} on"
         )
-        raise InvalidInputError(Problem("not-finite", said, _READ_CHECKED, file=f"recording {recording.info.id}"))
+        raise InvalidInputError(Problem("not-finite", message, _READ_CHECKED, file=f"recording {recording.info.id}"))
     arrays |= {
         "recording": np.full(len(window), recording.info.id),
         "window": window.astype(np.int64),
         "start_frame": starts[window],
-        # Nominal, not frame / rate: windows side by side stay so where a frame rate is no whole number.
+        # Nominal, not frame / rate, so that adjacent windows stay adjacent if a frame rate is not a whole number.
         "start_time": window * scenes.stride_seconds,
         "frame_rate": np.full(len(window), float(rate)),
     }
@@ -247,8 +247,8 @@ def _window_offsets(recording: Recording, span: int, scenes: ScenesConfig) -> np
     """First frames, counted from the recording's first, of the full windows that fit into `span`."""
     rate, stride = recording.info.frame_rate, scenes.stride_seconds
     if stride * rate < 1:
-        said = f"must be at least a frame of recording {recording.info.id}, {1 / rate:g} s"
-        raise out_of_range("scenes.stride", said, stride)
+        message = f"must be at least a frame of recording {recording.info.id}, {1 / rate:g} s"
+        raise out_of_range("scenes.stride", message, stride)
     offsets = frame_offsets(np.arange(int(span / rate / stride) + 1) * stride, rate)
     return offsets[offsets + round(scenes.seconds * rate) <= span]
 

@@ -1,4 +1,4 @@
-"""Recordings in, scenes of equal shape out: 60 one-second snapshots of ten vehicles each.
+"""Cuts scenes of equal shape from recordings: 60 one-second snapshots of ten vehicles each.
 
 Recordings are read one at a time and not kept. Speeds are rescaled with extremes over all accepted scenes,
 which are known only once the last recording has been seen.
@@ -46,8 +46,8 @@ def build_scenes(
     for recording in recordings:
         info = recording.info
         if info.id in seen:
-            said = "two recordings are called so: give every recording its own id"
-            raise InvalidInputError(Problem("recording-twice", said, file=f"recording {info.id}"))
+            message = "two recordings have this id: give every recording its own id"
+            raise InvalidInputError(Problem("recording-twice", message, file=f"recording {info.id}"))
         arrays, seen[info.id] = windows_of(recording, keys)
         if arrays:
             infos.append(info)
@@ -94,13 +94,15 @@ def _counts(seen: Mapping[str, WindowCount]) -> SceneCounts:
 def _no_scene(seen: Mapping[str, WindowCount], scenes: ScenesConfig) -> Problem:
     """Why there is no scene, and which key to change."""
     if not seen:
-        said = "there are no recordings to cut scenes from: check data.format and data.root"
-        return Problem("recordings-missing", said)
+        message = "there are no recordings to cut scenes from: check data.format and data.root"
+        return Problem("recordings-missing", message)
     windows = sum(count.windows for count in seen.values())
     if windows == 0:
         longest, count = max(seen.items(), key=lambda item: item[1].duration)
-        said = f"no recording lasts scenes.seconds = {scenes.seconds} s: the longest, {longest}, {count.duration:.1f} s"
-        return Problem("recordings-too-short", said, "lower scenes.seconds")
+        message = (
+            f"no recording lasts scenes.seconds = {scenes.seconds} s: the longest, {longest}, {count.duration:.1f} s"
+        )
+        return Problem("recordings-too-short", message, "lower scenes.seconds")
     best, count = max(seen.items(), key=lambda item: item[1].best_window)
     most = max(count.most_vehicles for count in seen.values())
     if count.best_window >= 2:
@@ -110,9 +112,9 @@ def _no_scene(seen: Mapping[str, WindowCount], scenes: ScenesConfig) -> Problem:
         remedy = "lower scenes.seconds"
     if scenes.direction is not Direction.pooled:
         remedy += " or scenes.direction=pooled"
-    said = (
+    message = (
         f"none of {windows} windows of {scenes.seconds} s has {scenes.min_vehicles} vehicles in every "
         f"snapshot: at best {count.best_window} in every snapshot of a window (recording {best}), {most} in "
         "a single snapshot"
     )
-    return Problem("vehicles-too-few", said, remedy)
+    return Problem("vehicles-too-few", message, remedy)

@@ -48,7 +48,7 @@ COLUMNS = (
     Column("track_id", "int64", "", "vehicle, unique in the recording"),
     Column("frame", "int64", "", "frame number of the source"),
     Column("time", "float64", "s", "since the first frame of the recording"),
-    Column("direction", "int8", "", "carriageway, 1 or 2 as in highD; 1 where there is only one"),
+    Column("direction", "int8", "", "carriageway, 1 or 2 as in highD; 1 if there is only one"),
     Column("x", "float64", "m", "vehicle centre in the ground frame that both carriageways share"),
     Column("y", "float64", "m", "vehicle centre in the ground frame that both carriageways share"),
     Column("position", "float64", "m", "vehicle centre along the own driving direction, from the upstream edge"),
@@ -64,7 +64,7 @@ COLUMNS = (
     Column("length", "float64", "m", "vehicle length"),
     Column("width", "float64", "m", "vehicle width"),
     Column("vehicle_class", "category", "", f"one of {', '.join(CLASSES)}"),
-    Column("leader_id", "Int64", "", "track_id of the leader where the source states it"),
+    Column("leader_id", "Int64", "", "track_id of the leader if the source states it"),
 )
 
 _MADE_HERE = ("recording", "time")
@@ -80,7 +80,7 @@ def validate(
     """Canonical table of the recording and the counts of what was left out.
 
     The result has exactly COLUMNS, is sorted by (track_id, frame), unique, and no track has a gap. Under
-    data.on_bad=drop_row a bad row is removed and the track cut there: what follows goes on under a new id;
+    data.on_bad=drop_row a bad row is removed and the track cut there: the rest continues under a new id;
     pieces shorter than 1 s are removed too. Under drop_track the vehicle is removed as a whole.
 
     Args:
@@ -104,7 +104,7 @@ def validate(
 
     def checked(table: pd.DataFrame, questions: tuple[Callable, ...]) -> pd.DataFrame:
         for question in questions:
-            # Asked again after every rejection: what is left may show the same problem in another column.
+            # Checked again after every removal, because the rows left may have the same problem in another column.
             while (finding := question(table, info, policy)) is not None:
                 table = reject(table, finding, info, policy, losses)
         return table
@@ -121,7 +121,7 @@ def validate(
 
 
 def _numbers(table: pd.DataFrame, info: RecordingInfo) -> pd.DataFrame:
-    """The columns of the schema, every numeric one as numbers; text that is none is an error with its row."""
+    """The columns of the schema, every numeric one as numbers; text that is not a number is an error with its row."""
     table = table.copy(deep=False)
     table["recording"] = pd.Categorical.from_codes(np.zeros(len(table), dtype=np.int8), [info.id])
     for column in COLUMNS:

@@ -1,8 +1,8 @@
-"""Threshold, tuning and evaluation scenes: windows in, disjoint splits out.
+"""Threshold, tuning and evaluation scenes: disjoint splits of the windows.
 
-Scenes are grouped into units (one window, one recording, one block of time); units are shuffled and handed
-out whole. Two scenes in different splits never contain the same second of the same recording, whatever the
-unit and however much windows overlap: scenes that would are left out and counted.
+Scenes are grouped into units (one window, one recording, one block of time); units are shuffled and assigned as a
+whole. Two scenes in different splits never contain the same second of the same recording, whatever the unit and the
+overlap of windows, because scenes that would do so are left out and counted.
 """
 
 from dataclasses import dataclass
@@ -90,9 +90,9 @@ def split_windows(recording: np.ndarray, start_time: np.ndarray, seconds: float,
     """Splits of windows of recordings.
 
     Units are shuffled with `split.seed`; evaluation takes units until it has its size, then threshold, then
-    tuning, so the evaluation scenes do not depend on the other two sizes. What a whole unit brings beyond the
-    size is dropped at random. A split stops early where it would leave less than one unit for each split
-    after it. A window belongs to the seconds [start, start + seconds).
+    tuning, so the evaluation scenes do not depend on the other two sizes. Scenes of a unit beyond the size are dropped
+    at random. A split stops early if it would leave less than one unit for each split after it. A window belongs to the
+    seconds [start, start + seconds).
 
     Args:
         recording: Recording of every window.
@@ -109,8 +109,8 @@ def split_windows(recording: np.ndarray, start_time: np.ndarray, seconds: float,
     if split.unit is SplitUnit.scenario:
         _refuse_overlap(recording, start_time, seconds)
     if split.unit is SplitUnit.block and split.block_seconds < seconds - _TIME_TOLERANCE:
-        said = f"must be at least the {seconds:g} s of a scene, better several times that, to lie inside a block"
-        raise out_of_range("split.block_seconds", said, split.block_seconds)
+        message = f"must be at least the {seconds:g} s of a scene, better several times that, to lie inside a block"
+        raise out_of_range("split.block_seconds", message, split.block_seconds)
     sizes = split_sizes(len(recording), split)
     first_unit, last_unit, n_units = _units(recording, start_time, seconds, split)
     rng = np.random.default_rng(split.seed)
@@ -140,8 +140,8 @@ def split_sizes(n_scenes: int, split: SplitConfig) -> dict[str, int]:
     """Number of scenes asked for per split, `evaluation`, `threshold`, `tuning`.
 
     The paper's 150, 15 and 50 of 741. For another number N: threshold 0.2 N; tuning and evaluation scaled by
-    N / 741 (not above 15 and 50), at least 5. Where these do not fit into N: evaluation as above, threshold
-    0.2 N, tuning the rest, the last two at least 1. A size given in the configuration is taken as it is.
+    N / 741 (not above 15 and 50), at least 5. If these do not fit into N: evaluation as above, threshold 0.2 N, tuning
+    the rest, the last two at least 1. A size given in the configuration is taken as it is.
 
     Raises:
         ValueError: Fewer scenes than the splits need.
@@ -162,7 +162,7 @@ def split_sizes(n_scenes: int, split: SplitConfig) -> dict[str, int]:
             sizes[name] = max(1, min(sizes[name], spare))
     if sum(sizes.values()) > n_scenes:
         least = sum(given.get(name, size) for name, size in _LEAST_SIZES.items())
-        said = (
+        message = (
             f"{n_scenes} scenes are too few for the splits evaluation, threshold and tuning: {least} are needed with "
             f"the sizes given ({given or 'none given'})"
         )
@@ -170,7 +170,7 @@ def split_sizes(n_scenes: int, split: SplitConfig) -> dict[str, int]:
             "read more recordings, lower scenes.min_vehicles, set scenes.stride below scenes.seconds with "
             "split.unit=block, or set split.evaluation, split.threshold and split.tuning to smaller numbers"
         )
-        raise InvalidInputError(Problem("scenes-too-few", said, remedy))
+        raise InvalidInputError(Problem("scenes-too-few", message, remedy))
     return sizes
 
 
@@ -187,13 +187,13 @@ def _refuse_overlap(recording: np.ndarray, start_time: np.ndarray, seconds: floa
     overlap = same & (step > _TIME_TOLERANCE) & (step < seconds - _TIME_TOLERANCE)
     if overlap.any():
         at = int(np.flatnonzero(overlap)[0])
-        said = (
+        message = (
             f"is scenario, which needs windows that do not overlap, but recording {recording[order][at]} has "
             f"windows of {seconds:g} s that start at {start_time[order][at]:g} s and {start_time[order][at + 1]:g} s: "
             "two splits would share seconds of traffic"
         )
         remedy = "set split.unit=block (or recording), or leave scenes.stride at null"
-        raise InvalidInputError(Problem("windows-overlap", said, remedy, key="split.unit"))
+        raise InvalidInputError(Problem("windows-overlap", message, remedy, key="split.unit"))
 
 
 def _units(
@@ -245,9 +245,9 @@ def _refuse_small(splits: Splits, n_units: int, split: SplitConfig) -> None:
                 SplitUnit.block: "set split.block_seconds lower, or split.unit=scenario without overlap",
             }[split.unit]
             other_seed = ", or set another split.seed" if n_units >= len(_LEAST_SIZES) else ""
-            said = (
+            message = (
                 f"the {name} split got {sizes[name]} of {splits.requested[name]} scenes, at least {needed} are needed: "
                 f"split.unit={split.unit.name} makes only {n_units} units of {len(splits.label)} scenes "
                 f"({splits.n_crossing} of them cross the border of two splits)"
             )
-            raise InvalidInputError(Problem("split-too-small", said, f"{remedy}{other_seed}"))
+            raise InvalidInputError(Problem("split-too-small", message, f"{remedy}{other_seed}"))

@@ -1,4 +1,4 @@
-"""Tracks of a recording in, feature curves (v, x, d) out: what trajectory clustering compares.
+"""Feature curves (v, x, d) of the tracks of a recording, which trajectory clustering compares.
 
 Recorded speeds are kept; the rescaled ones follow with `scale_speed` once all recordings have been seen.
 """
@@ -33,7 +33,7 @@ class TrackSet:
         position: Centre along the own driving direction [m].
         distance: Distance d of the feature vector [m].
         n_short: Tracks left out because they are shorter than `tracks.min_frames`.
-        n_alone: Tracks left out because no other vehicle is ever recorded with them.
+        n_alone: Tracks left out because no other vehicle is recorded in any of their frames.
     """
 
     recording: Shaped[np.ndarray, " tracks"]
@@ -62,8 +62,8 @@ def track_features(recording: Recording, keys: SceneKeys) -> TrackSet:
     """Feature curves of all tracks with at least `tracks.min_frames` frames.
 
     d is taken at every frame over all vehicles recorded there (of the same carriageway with
-    scenes.direction=per_direction); where a vehicle is alone, the value of its nearest earlier, else later,
-    frame in company holds. Curves are interpolated linearly in time.
+    scenes.direction=per_direction); if a vehicle is alone, it has the value of its nearest earlier, else later, frame
+    in company. Curves are interpolated linearly in time.
 
     Source: Bi et al., features F(P_i(t)) = (v, x, d) and the filter L >= 100.
     """

@@ -1,4 +1,4 @@
-"""Checks whether a column is in another unit than the schema says.
+"""Checks whether a column is in another unit than the schema's.
 
 A wrong unit is a property of the table and never of a row, so these checks compare medians over the whole
 recording: steps with speeds, changes of speed with accelerations, sizes with those of road vehicles, lane distances
@@ -14,14 +14,14 @@ from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.units import SI_FACTOR
 
 MOVING = 3.0  # m/s; below it rounding of positions hides the ratio of step and speed
-MIN_STEPS = 20  # fewer moving steps do not tell a unit
+MIN_STEPS = 20  # fewer moving steps do not determine a unit
 RATIO_TOLERANCE = 0.07  # the nearest confusion, feet with km/h, is off by 0.09
 # Median sizes. Length of cars and trucks on motorways: 4.6 m and 14 to 16 m (Krajewski et al. 2018, highD).
 MEDIAN_SIZE = {("length", "car"): (3.0, 7.0), ("length", "truck"): (4.5, 26.0), ("width", "car"): (1.2, 2.9)}
 LANE_WIDTH = (2.2, 5.5)  # m
 ACCELERATION_P99 = 9.0  # m/s^2, about the friction limit of a dry road
 # Two measurements of one quantity: in NGSIM, I-80 and OpenACC they correlate with .92 or more and agree within 25 %.
-ALIKE = 0.8  # correlation from which two measurements tell each other's unit
+ALIKE = 0.8  # correlation from which two measurements reveal each other's unit
 SAME_UNIT = 1.8  # factor between them that no error makes; the least wrong unit has 3.28
 WRONG_SHARE = 0.1  # of the rows have a wrong time: a unit or a frame rate, no matter of single rows
 WINDOW = 1.0  # s over which changes of speed are compared with accelerations, beyond most of their noise
@@ -40,7 +40,7 @@ UNIT_RATIOS = {
 
 
 def wrong_units(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
-    """The first sign that a whole column is in another unit than the schema says."""
+    """The first sign that a whole column is in another unit than the schema's."""
     checks = (_wrong_time, _wrong_speed_or_position, _wrong_ground, _wrong_size, _wrong_lateral, _wrong_across)
     for check in (*checks, _wrong_acceleration):
         finding = check(table, info)
@@ -50,10 +50,10 @@ def wrong_units(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
 
 
 def scale_of(values: np.ndarray, reference: np.ndarray) -> tuple[float, float] | None:
-    """Least and largest factor between two measurements of one quantity; None where they do not tell.
+    """Least and largest factor between two measurements of one quantity; None if they do not determine it.
 
     The errors of either make the slope of a regression on it too small, so the factor lies between the slope and the
-    inverse of the slope the other way round. Negative where one has the other sign.
+    inverse of the slope the other way round. Negative if the two have opposite signs.
     """
     known = np.isfinite(values) & np.isfinite(reference)
     values, reference = values[known], reference[known]
@@ -107,7 +107,7 @@ def _wrong_speed_or_position(table: pd.DataFrame, info: RecordingInfo) -> Findin
     ratio = float(np.median(step / expected))
     if abs(ratio - 1.0) <= RATIO_TOLERANCE:
         return None
-    text = f"vehicles move {ratio:.3f} times as far as speed x time says"
+    text = f"vehicles move {ratio:.3f} times as far as speed x time"
     # A decreasing position has a negative ratio and no unit explains it.
     cause, known = min(UNIT_RATIOS.items(), key=lambda item: abs(np.log(max(ratio, 1e-9) / item[1])))
     if abs(ratio / known - 1.0) <= RATIO_TOLERANCE:
@@ -209,8 +209,8 @@ def _wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | N
 def _moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows after a step of a moving vehicle, that step of position, and what speed x time expects [m].
 
-    A vehicle moves by its speed, or by its positions where those of its whole track do: a speed in another unit may
-    look as if everybody stood.
+    A vehicle moves by its speed, or by its positions if those of its whole track move: in another unit all vehicles may
+    seem to stand.
     """
     track, frame, speed, position = (table[name].to_numpy() for name in ("track_id", "frame", "speed", "position"))
     follows = follows_row_before(track)

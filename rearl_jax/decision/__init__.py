@@ -1,1 +1,1 @@
-"""Decision: vehicles that need one -> admissible actions -> choice of a policy -> execution."""
+"""Decisions: admissible actions of the vehicles that need a decision, choice by a policy, execution."""

@@ -21,7 +21,7 @@ class DecisionMemory(eqx.Module):
     """Memory of execution from second to second.
 
     Attributes:
-        own_speed: Desired speed of each driver before anybody interfered [m/s].
+        own_speed: Desired speed of each driver before the first decision [m/s].
         seconds_left: Seconds the present action is still to be followed [s]; 0 for none.
         last_action: Action each vehicle was given for the last second, NO_ACTION for none.
         lane: Lane at the end of the last second.
@@ -40,7 +40,7 @@ class Orders(eqx.Module):
 
     Attributes:
         is_asked: Vehicles that needed a decision.
-        action: The action of those whose answer was accepted, NO_ACTION for everybody else.
+        action: The action of those whose answer was accepted, NO_ACTION for all other vehicles.
         n_inadmissible: Vehicles whose answer was an action they may not take.
         n_invalid: Vehicles without a valid answer.
     """
@@ -57,7 +57,7 @@ def model_under_decisions(model: TrafficModel, longitudinal: Longitudinal) -> Tr
 
 
 def initial_decision_memory(state: TrafficState, model: TrafficModel) -> DecisionMemory:
-    """Memory before the first second: nobody has been told anything."""
+    """Memory before the first second, in which no vehicle has an action."""
     nothing = jnp.zeros(state.x.shape, jnp.int32)
     return DecisionMemory(
         own_speed=state.desired_speed,
@@ -69,14 +69,14 @@ def initial_decision_memory(state: TrafficState, model: TrafficModel) -> Decisio
 
 
 def no_orders(state: TrafficState) -> Orders:
-    """Orders for a second in which nobody is told anything."""
+    """Orders for a second in which no vehicle gets an action."""
     nobody = jnp.zeros(state.x.shape, bool)
     none = jnp.zeros(state.x.shape[1:], jnp.int32)
     return Orders(nobody, jnp.full(state.x.shape, NO_ACTION, jnp.int32), none, none)
 
 
 def count(mask: Bool[Array, "vehicles scenarios"]) -> Int[Array, " scenarios"]:
-    """Number of vehicles in each scenario for which something holds."""
+    """Number of marked vehicles in each scenario."""
     return unrolled_sum(mask.astype(jnp.int32), 0)
 
 
@@ -103,12 +103,13 @@ def execute(
 ) -> tuple[TrafficState, DecisionMemory]:
     """State and memory at the start of the second in which the orders are followed.
 
-    Who gets an action drives by it for `options.hold` seconds; who was asked and gets none drives by IDM and MOBIL.
-    KEEP, LEFT and RIGHT keep the target speed of a vehicle that followed an action in the second before; otherwise the
-    target speed is the present speed, within the range of the speed levels. FASTER and SLOWER go to the level next to
-    that of the present speed.
+    A vehicle that gets an action follows it for `options.hold` seconds; a vehicle that was asked and gets none drives
+    by IDM and MOBIL. KEEP, LEFT and RIGHT keep the target speed of a vehicle that followed an action in the second
+    before; otherwise the target speed is the present speed, within the range of the speed levels. FASTER and SLOWER go
+    to the level next to that of the present speed.
 
-    Afterwards the target speed stays as desired speed (`options.persist_target`), or the driver's own one returns.
+    Afterwards the target speed stays as desired speed (`options.persist_target`), or the driver's own desired speed
+    returns.
 
     Source: highway-env 1.12.1, `MDPVehicle.act`; REARL (Bi et al.): one step, then back to IDM and MOBIL.
     """

@@ -71,7 +71,7 @@ def rollout_in_lockstep(
     Args:
         state: Initial state.
         drivers: Parameters of all vehicles.
-        keys: Random keys, one per scenario, from which references are drawn where they are drawn.
+        keys: Random keys, one per scenario, from which references are drawn if `ReferenceMode` is `drawn`.
         table: References.
         thresholds: Thresholds of every scenario.
         policies: Policy of the first half of the scenarios, and that of the second.
@@ -109,7 +109,7 @@ class _Half:
 
     Attributes:
         n_real: Scenarios that count; the others fill up.
-        pending: Answers of the policy about the last second, to come; None where it was not asked yet.
+        pending: Answers of the policy about the last second, to come; None if it was not asked yet.
         frames: The traffic after each second so far.
         decisions: Record of detection and decisions of each.
     """

@@ -173,7 +173,7 @@ def rollout_with_policy(
 ) -> tuple[TrafficState, Frames, Decisions]:
     """State after some seconds, a frame after each of them, and what was detected and decided.
 
-    Where nobody is ever asked the frames are those of `core.rollout.rollout`, bit for bit.
+    If no vehicle is ever asked, the frames are those of `core.rollout.rollout`, bit for bit.
 
     Args:
         state: Initial state.
@@ -209,7 +209,7 @@ def rollout_with_policy(
 
 
 def require_references_for(table: ReferenceTable, n_seconds: int) -> None:
-    """Raise ValueError where a rollout is longer than the references."""
+    """Raise ValueError if a rollout is longer than the references."""
     if n_seconds > table.n_seconds:
         raise ValueError(
             f"n_seconds = {n_seconds} exceeds the {table.n_seconds} s of the references: there is nothing to compare "

@@ -31,7 +31,7 @@ LANE_WIDTH = 4.0
 """Lane width [m] the ranges are made for. Source: highway-env 1.12.1, `AbstractLane.DEFAULT_WIDTH`."""
 
 REAR_VIEW = 10.0
-"""Distance behind [m] up to which those are seen who do not look behind. Source: highway-env 1.12.1,
+"""Distance behind [m] up to which vehicles are observed without `see_behind`. Source: highway-env 1.12.1,
 `Road.close_objects_to`: twice the length of a vehicle.
 """
 
@@ -69,7 +69,7 @@ def highway_env_observation(n_lanes: int, n_rows: int = N_ROWS, *, see_behind: b
 class _ObservedVehicle(eqx.Module):
     """One vehicle, as every observer sees it: distance along the road, place and speed.
 
-    The distance is inf where there is nobody.
+    The distance is inf if there is no vehicle.
     """
 
     distance: Float[Array, "observers scenarios"]
@@ -79,7 +79,7 @@ class _ObservedVehicle(eqx.Module):
     vy: Float[Array, "observers scenarios"]
 
     def columns(self, spec: ObservationSpec) -> list[Float[Array, "observers scenarios"]]:
-        """A row of the observation, in the order of `COLUMNS`; all zero where there is nobody."""
+        """A row of the observation, in the order of `COLUMNS`; all zero if there is no vehicle."""
         presence = jnp.isfinite(self.distance)
         values = (self.x, self.y, self.vx, self.vy)
         scaled = [jnp.clip(value / reach, -1.0, 1.0) for value, reach in zip(values, spec.ranges, strict=True)]

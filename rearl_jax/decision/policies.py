@@ -74,7 +74,7 @@ def imitate(
       |v - v*| / speed_range + |d - d*| / max(mean d*, 1 m).
 
     Each vehicle decides alone, so several may imitate the same one. If the imitated vehicle changes lanes in the
-    following second, the change is copied where it is admissible and at least `lane_change_pause` seconds have passed
+    following second, the change is copied if it is admissible and at least `lane_change_pause` seconds have passed
     since the last change of this vehicle. Otherwise the action is FASTER or SLOWER if the speeds differ by more than
     half a speed level, else IDLE; with `spacing_rule`, `spread_or_contract` replaces IDLE where the spacing exceeds its
     threshold.
@@ -130,8 +130,8 @@ def imitate(
 
 
 def spread_or_contract(situation: Situation, spacing: Float[Array, " scenarios"]) -> Int[Array, "vehicles scenarios"]:
-    """FASTER for the front half and SLOWER for the rear half where the mean spacing is below `spacing` [m]; the reverse
-    where it is above.
+    """FASTER for the front half and SLOWER for the rear half if the mean spacing is below `spacing` [m]; the reverse if
+    it is above.
     """
     is_front = relative_rank(situation.frame.x) > 0.5
     is_too_close = situation.detection.mean_spacing < spacing

@@ -1,1 +1,1 @@
-"""Detection: simulated traffic against representative scenes -> who needs a decision."""
+"""Detection: compares simulated traffic with representative scenes and marks the vehicles that need a decision."""

@@ -1,8 +1,8 @@
 """Detection: once a second, the distance of every scenario from its representative scene.
 
-Each scenario is compared with the reference that has been nearest over all seconds so far, or against one that is drawn
-at the beginning. Two figures say how far it is: the Hellinger distance of the speeds of the last seconds, and the
-relative error of the present mean spacing. Where one of them passes its threshold, vehicles need a decision.
+Each scenario is compared with the reference that has been nearest over all seconds so far, or with one that is drawn at
+the beginning. Two figures measure the deviation: the Hellinger distance of the speeds of the last seconds, and the
+relative error of the present mean spacing. If one of them passes its threshold, vehicles need a decision.
 
 Source: REARL (Bi et al.), detection section; the metrics are those of the evaluation.
 """
@@ -34,7 +34,7 @@ class DetectionOptions:
         interval: Time between two detections [s].
         scope: Vehicles of a triggered scenario that need a decision.
         mode: Choice of the reference a scenario is compared with.
-        weights: Weights of spacing error and Hellinger distance, where both count for the choice.
+        weights: Weights of spacing error and Hellinger distance, if both count for the choice.
         hist: Speed histogram and its window.
         definition: Relative error of the mean spacing.
         spacing: Distance between two vehicles.
@@ -67,7 +67,7 @@ def detection_options(
 
 
 class Thresholds(eqx.Module):
-    """Of every scenario.
+    """Detection thresholds of every scenario.
 
     Attributes:
         hellinger: Distance of the speed histograms above which the speeds trigger [-].
@@ -86,7 +86,7 @@ class DetectorMemory(eqx.Module):
         counts: Speeds per bin in all of them.
         counts_before: The same before each of the last frames, frame t in row t modulo the window's length.
         error_sum: Sum over the frames of the relative error of the mean spacing against each reference.
-        drawn: Reference of each scenario for the whole rollout; None where the nearest one is searched.
+        drawn: Reference of each scenario for the whole rollout; None if the nearest one is searched.
     """
 
     second: Int[Array, ""]
@@ -101,7 +101,7 @@ class Detection(eqx.Module):
 
     Attributes:
         reference: The reference the scenario is compared with, k*.
-        hellinger: Hellinger distance of the window's speeds to the reference's; 0 where there is none yet [-].
+        hellinger: Hellinger distance of the window's speeds to the reference's; 0 before the first full window [-].
         mape: Relative error of the mean spacing to the reference's, in the configured definition [-].
         speed_exceeded: Whether the Hellinger distance is above its threshold.
         spacing_exceeded: Whether the error of the spacing is above its threshold.
@@ -206,9 +206,7 @@ def detect(
 def errors_to_references(
     mean: Float[Array, " scenarios"], table: ReferenceTable, second: Int[Array, ""], definition: MapeDefinition
 ) -> Float[Array, "refs scenarios"]:
-    """Relative error of the mean spacing [m] against every reference at a second [-]; 0 where there is nothing to
-    compare.
-    """
+    """Relative error of the mean spacing [m] against every reference at a second [-]; 0 if either is undefined."""
 
     def against(real_mean: Float[Array, ""], real_spacing: Float[Array, " slots"]) -> Float[Array, " scenarios"]:
         everybody = jnp.broadcast_to(real_spacing[None, :, None], (1, real_spacing.shape[0], mean.shape[0]))

@@ -120,8 +120,8 @@ def draw_references(share: Float[Array, " refs"], keys: Key[Array, " scenarios"]
 
     Args:
         share: Share of each reference; only their ratios count.
-        keys: Random keys of the rollouts. The draw is a random stream of its own: whoever uses the same keys second by
-            second gets numbers that know nothing of it.
+        keys: Random keys of the rollouts. The draw is a random stream of its own: numbers derived from the same keys
+            second by second are independent of it.
     """
     # In one precision whatever that of the simulation, so that both are compared with the same references.
     bounds = jnp.cumsum(share.astype(jnp.float32))

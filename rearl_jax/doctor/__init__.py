@@ -1,1 +1,1 @@
-"""`rearl doctor`: is everything there and in order? One module per subject; each check is one line with a remedy."""
+"""`rearl doctor`: checks of the installation. One module per subject; each check is one line with a remedy."""

@@ -1,4 +1,4 @@
-"""What a check has found."""
+"""Results of the checks."""
 
 from dataclasses import dataclass
 from enum import Enum

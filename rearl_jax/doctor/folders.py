@@ -1,4 +1,4 @@
-"""The cache and the folder of results: there, writable, not too full."""
+"""Checks of the cache and of the folder of results: existence, permissions, free space."""
 
 import os
 import shutil
@@ -12,23 +12,23 @@ _GIB = 2**30
 _LARGE_CACHE = 20 * _GIB
 _LITTLE_SPACE = 5 * _GIB
 _NO_SPACE = 2**29
-"""Below this not even a small study can be sure to be written."""
+"""Free space [bytes] below which even the files of a small study may not fit."""
 
 
 def cache_checks(cache: Path) -> list[Check]:
-    """Lines about the folder of compiled programs and scenes."""
+    """Checks of the folder of compiled programs and scenes."""
     return [_cache(cache), _space("the cache", cache)]
 
 
 def results_checks(results: Path) -> list[Check]:
-    """Lines about the folder of all studies."""
+    """Checks of the folder of all studies."""
     return [_results(results), _space("results", results)]
 
 
 def _cache(cache: Path) -> Check:
     remedy = "set XDG_CACHE_HOME to a folder of your own"
     if problem := _unwritable(cache):
-        return warn("cache", f"{cache}: {problem}; every run compiles and cuts scenes anew", remedy)
+        return warn("cache", f"{cache}: {problem}; every run compiles programs and cuts scenes anew", remedy)
     if cache.is_dir() and not is_private(cache):
         return warn(
             "cache", f"others can write to {cache}, whose programs are run", f"chmod -R o-w {cache}, or {remedy}"
@@ -36,7 +36,7 @@ def _cache(cache: Path) -> Check:
     size, n_files = _size(cache)
     found = f"{cache}, {size / _GIB:.2f} GiB in {n_files} files"
     if size > _LARGE_CACHE:
-        return warn("cache", found, f"rm -r {cache} (what is needed is made again)")
+        return warn("cache", found, f"rm -r {cache} (needed files are created again)")
     return ok("cache", found)
 
 
@@ -53,7 +53,7 @@ def _space(name: str, folder: Path) -> Check:
     if free < _NO_SPACE:
         return fail("disk", found, f"free some space, or move {name} to another disk")
     if free < _LITTLE_SPACE:
-        return warn("disk", found, "large studies take a few GiB: watch it")
+        return warn("disk", found, "large studies need a few GiB")
     return ok("disk", found)
 
 
@@ -66,10 +66,10 @@ def _existing(folder: Path) -> Path:
 
 
 def _unwritable(folder: Path) -> str:
-    """Why nothing can be written there; empty where a file can. Nothing is left behind."""
+    """Why nothing can be written there; empty if a file can. Nothing is left behind."""
     place = _existing(folder)
     if not place.is_dir():
-        return f"{place} is no folder"
+        return f"{place} is not a folder"
     try:
         with tempfile.TemporaryFile(dir=place) as file:
             file.write(b"rearl")

@@ -33,7 +33,7 @@ _LITTLE_MEMORY = 4 * _GIB
 
 
 def machine_checks() -> list[Check]:
-    """Lines about the machine and the interpreter."""
+    """Checks of the machine and the interpreter."""
     return [_python(), *_jax(), _cores(), _memory()]
 
 
@@ -46,19 +46,21 @@ def _python() -> Check:
 
 
 def _jax() -> list[Check]:
-    """Asked in a process of its own: a driver may crash or hang."""
+    """Queried in a process of its own, because a driver may crash or hang."""
     try:
         done = subprocess.run(
             [sys.executable, "-c", _PROBE], capture_output=True, text=True, timeout=_PATIENCE, check=False
         )
     except subprocess.TimeoutExpired:
-        remedy = "another process may hold the accelerator; JAX_PLATFORMS=cpu goes without it"
+        remedy = "another process may hold the accelerator; JAX_PLATFORMS=cpu works without it"
         return [fail("jax", f"no answer within {_PATIENCE:g} s", remedy)]
     try:
         answer: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
     except (IndexError, ValueError):
-        said = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
-        return [fail("jax", said, "pip install --force-reinstall jax jaxlib, or JAX_PLATFORMS=cpu without accelerator")]
+        message = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+        return [
+            fail("jax", message, "pip install --force-reinstall jax jaxlib, or JAX_PLATFORMS=cpu without accelerator")
+        ]
     found = f"jax {answer['jax']}, jaxlib {answer['jaxlib']}"
     checks = [ok("jax", found)]
     if answer["sum"] != 4.0:
@@ -67,7 +69,7 @@ def _jax() -> list[Check]:
         ]
     devices = f"{answer['n']} x {answer['kind']} ({answer['platform']})"
     if answer["platform"] == "cpu" and _has_nvidia() and not os.environ.get("JAX_PLATFORMS"):
-        remedy = "pip install 'jax[cuda13]' (or cuda12, as the driver is), if it is to be used"
+        remedy = "pip install 'jax[cuda13]' (or cuda12, as the driver is), if JAX is to use it"
         return [*checks, warn("devices", f"{devices}; there is an NVIDIA GPU that JAX does not use", remedy)]
     return [*checks, ok("devices", devices)]
 
@@ -81,14 +83,14 @@ def _cores() -> Check:
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
     found = f"{n_cores} for this process, load {load:.1f}"
     if load > 1.5 * n_cores:
-        return warn("cores", found, "other programs compete: figures of speed will be too low")
+        return warn("cores", found, "other programs use the cores, so measured speeds will be too low")
     return ok("cores", found)
 
 
 def _memory() -> Check:
     total, free = _memory_bytes()
     if total is None:
-        return ok("memory", "not told by this system")
+        return ok("memory", "not reported by this system")
     found = f"{total / _GIB:.1f} GiB" + ("" if free is None else f", {free / _GIB:.1f} GiB of it free")
     if (total if free is None else free) < _LITTLE_MEMORY:
         return warn("memory", found, "close other programs, or ask for fewer rollouts at a time (eval.n_runs)")
@@ -96,7 +98,7 @@ def _memory() -> Check:
 
 
 def _memory_bytes() -> tuple[int | None, int | None]:
-    """All of it, and what new programs can have; None where the system does not tell."""
+    """Total memory, and the memory available to new programs; None if the system does not report them."""
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
     except OSError:

@@ -22,11 +22,11 @@ _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
 def program_checks() -> list[Check]:
-    """Lines about packages and programs."""
+    """Checks of packages and programs."""
     try:
         wanted = _requirements()
     except PackageNotFoundError:
-        return [fail("packages", "rearl_jax is not installed, only its files are found", "pip install -e .")]
+        return [fail("packages", "rearl_jax is not installed, it is imported from its folder", "pip install -e .")]
     missing = _missing(wanted.pop("", []))
     if missing:
         packages = fail("packages", f"missing: {', '.join(missing)}", f"pip install {' '.join(missing)}")
@@ -55,7 +55,7 @@ def _extra(name: str, packages: list[str]) -> Check:
     missing = _missing(packages)
     if missing:
         found = f"not installed, {use} (missing: {', '.join(missing)})"
-        return warn(f"extra {name}", found, f"pip install 'rearl_jax[{name}]', if it is wanted")
+        return warn(f"extra {name}", found, f"pip install 'rearl_jax[{name}]', if you need it")
     return ok(f"extra {name}", f"installed, {use}")
 
 

@@ -1,4 +1,4 @@
-"""The recordings: found, and one of them read."""
+"""Check of the recordings: they are found, and one of them is read."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""The server of a language model, where one is configured."""
+"""Check of the server of a language model, if one is configured."""
 
 import asyncio
 from dataclasses import replace
@@ -13,7 +13,7 @@ from rearl_jax.problems import ProblemError
 
 
 def server_checks(decision: DecisionConfig, llm: LlmConfig) -> list[Check]:
-    """One line where a language model decides or a server is named, else none. Nothing is asked of the model."""
+    """One line if a language model decides or a server is named, else none. No question is sent to the model."""
     if decision.server == LOCAL:
         return [_local()] if decision.policy is PolicyName.llm else []
     try:

@@ -1,6 +1,6 @@
 """The task `rearl doctor`: one line per check on standard output; writes nothing.
 
-JAX is asked in a process of its own, so that this one works where JAX does not.
+JAX is queried in a process of its own, so that this task works even if JAX does not.
 """
 
 from collections import Counter
@@ -37,7 +37,8 @@ def run(config: DoctorTask) -> dict[str, Any]:
     return {
         **{f"n_{status.value}": counts[status] for status in Status},
         "checks": [
-            {"name": one.name, "status": one.status.value, "found": one.found, "remedy": one.remedy} for one in checks
+            {"name": check.name, "status": check.status.value, "found": check.found, "remedy": check.remedy}
+            for check in checks
         ],
     }
 

@@ -1,1 +1,1 @@
-"""What a task says: one document, shown in the terminal and as one HTML page, with its figures in Parquet beside it."""
+"""The document of a task, shown in the terminal and as one HTML page, with its figures in Parquet beside it."""

@@ -38,7 +38,7 @@ class DataSource:
 
 @dataclass(frozen=True)
 class Document:
-    """Everything a study says, for the terminal and for the page.
+    """Everything that the terminal and the page show of a study.
 
     Attributes:
         title: Its title.

@@ -42,7 +42,7 @@ def page_of(
         config: Record of its task.
         figures: PNG files by name.
         data_id: Identity of the data; None without data.
-        made_by: Provenance as `results.PROVENANCE` names it, of results that were made before; None for those of now.
+        made_by: Provenance as `results.PROVENANCE` names it, of stored results; None for results of this run.
         player: Scenes replayed; None for none.
     """
     environment = Environment(
@@ -84,7 +84,7 @@ def command(task: str, config: Any) -> str:
         task: The task and what is always said with it, such as `evaluate method=base`.
         config: Its record.
     """
-    usual, said = type(config)(), {word.partition("=")[0] for word in task.split()}
+    usual, given = type(config)(), {word.partition("=")[0] for word in task.split()}
     if hasattr(config, "driver") and config.driver.model != usual.driver.model:
         task = f"{task} driver={config.driver.model}"
         usual = replace(usual, driver=record_of(config.driver.model)())
@@ -92,6 +92,6 @@ def command(task: str, config: Any) -> str:
     changed = [
         f"{name}={key.default}"
         for name, key in chosen.items()
-        if key.default != defaults[name].default and name not in said
+        if key.default != defaults[name].default and name not in given
     ]
     return " ".join(["rearl", task, *map(shlex.quote, changed)])

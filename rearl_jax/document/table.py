@@ -1,4 +1,4 @@
-"""Tables that people read, and numbers as text."""
+"""Tables of a document, and numbers as text."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ MOST_ROWS = 60
 """Rows of a table made from a frame; the Parquet file has all of them."""
 
 _DIGITS = 3
-"""Significant digits of a number for which nobody chose any."""
+"""Default number of significant digits."""
 
 _SHORT = 40
 """Characters of a cell that stays on one line."""
@@ -55,7 +55,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """A table that people read.
+    """A table of a document.
 
     Attributes:
         title: Its title, plain text.
@@ -115,7 +115,7 @@ def _cell(record: Mapping[Any, Any], name: str) -> Cell:
 
 
 def number(value: Any, sign: str = "") -> str:
-    """Text of a value, `-` where there is none.
+    """Text of a value, `-` if it is missing.
 
     Args:
         value: A number, a text, a truth value or a missing one.
@@ -132,13 +132,13 @@ def number(value: Any, sign: str = "") -> str:
 
 
 def interval(low: Any, high: Any, sign: str = "") -> str:
-    """Text of an interval, empty where an end is missing."""
+    """Text of an interval, empty if an end is missing."""
     ends = (number(low, sign), number(high, sign))
     return "" if NONE in ends else f"{ends[0]} to {ends[1]}"
 
 
 def percent(share: float | None) -> str:
-    """Text of a share [-] in percent, `-` where there is none."""
+    """Text of a share [-] in percent, `-` if it is missing."""
     return NONE if share is None or pd.isna(share) else f"{100 * share:.1f} %"
 
 

@@ -10,10 +10,10 @@ from rearl_jax.console import Console, print_notes, standard_output, titled_tabl
 from rearl_jax.document.document import Document
 from rearl_jax.document.table import Alignment, Cell, Emphasis, Row, Table
 
-GENERATED = "GENERATED recordings, no measurements: nothing here is about real traffic"
+GENERATED = "GENERATED recordings, not measured: the figures say nothing about real traffic"
 
 _LEAST_WIDTH = 100
-"""Columns of a file or a pipe at least, for the sentences."""
+"""Least width of a file or a pipe [columns], for the sentences."""
 
 _STYLES = {Emphasis.plain: None, Emphasis.strong: "bold", Emphasis.subdued: "dim italic"}
 

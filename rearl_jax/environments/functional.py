@@ -109,7 +109,7 @@ class FunctionalHighway:
             key: Random key of the next episode, if one begins.
             state: The scenario.
             action: Action of the controlled vehicle, see `MetaAction`.
-            params: As of `default_params`.
+            params: As in `default_params`.
         """
         params = self.default_params if params is None else params
         after, outcome = self._second(state, action, params)
@@ -155,11 +155,11 @@ class FunctionalHighway:
         return self.get_obs(state, params, key)
 
     def is_terminated(self, state: HighwayState, params: HighwayParams) -> Bool[Array, ""]:
-        """True where the controlled vehicle has crashed."""
+        """Whether the controlled vehicle has crashed."""
         return state.traffic.crashed[highway.EGO]
 
     def is_truncated(self, state: HighwayState, params: HighwayParams) -> Bool[Array, ""]:
-        """True where the episode has lasted its full duration."""
+        """Whether the episode has lasted its full duration."""
         return state.time >= params.max_steps_in_episode
 
     def action_space(self, params: HighwayParams | None = None) -> Any:
@@ -190,7 +190,7 @@ class FunctionalHighway:
         observation: Float[Array, "rows columns scenarios"],
         measured: TrafficState | None,
     ) -> tuple[Float[Array, "rows columns scenarios"], HighwayState]:
-        """Observation and state of the next episode where one has ended."""
+        """Observation and state of the next episode if one has ended."""
 
         def begun() -> tuple[Array, HighwayState]:
             new = highway.select(ended, highway.begin(keys, self.options, measured), state)
@@ -200,7 +200,7 @@ class FunctionalHighway:
 
 
 def _drawn_start(key: PRNGKey, params: HighwayParams) -> TrafficState | None:
-    """One of the measured cases; None where there are none."""
+    """One of the measured cases; None if there are none."""
     if params.starts is None:
         return None
     case = jax.random.randint(key, (), 0, params.starts.x.shape[-1])

@@ -136,7 +136,7 @@ def begin(
     """The first state of an episode for each key.
 
     Traffic is drawn as `core.spawn` places it and the controlled vehicle, the rearmost, begins at `EGO_SPEED`. That is
-    highway-env's traffic, but for where it stands on its road of 10 km: `ego_spacing` moves all vehicles alike.
+    highway-env's traffic, except for its position on its road of 10 km: `ego_spacing` moves all vehicles alike.
 
     Args:
         keys: Random keys.

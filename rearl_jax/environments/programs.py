@@ -35,7 +35,7 @@ class FirstObservation(NamedTuple):
     """Observation at the beginning of an episode, where no decision was made.
 
     Attributes:
-        observation: As of `highway.Outcome`.
+        observation: As in `highway.Outcome`.
         speed: Speed of the controlled vehicle [m/s].
     """
 

@@ -47,7 +47,7 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
         """Observation and info at the beginning of an episode.
 
         Args:
-            seed: Seed of this and all later episodes; None to go on with those that follow.
+            seed: Seed of this and all later episodes; None to continue with those that follow.
             options: Without meaning here.
         """
         super().reset(seed=seed)

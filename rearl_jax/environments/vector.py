@@ -27,11 +27,11 @@ from rearl_jax.problems import out_of_range
 
 
 class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """Scenarios with a controlled vehicle each; what `HighwayEnv` says of one holds for each.
+    """Scenarios with a controlled vehicle each; the description of `HighwayEnv` holds for each.
 
     Seeded with s, scenario i has the episodes of a `HighwayEnv` seeded with s + i, as in Gymnasium's `SyncVectorEnv`.
-    Who has finished begins anew by `autoreset_mode`: in the next step, whose action is ignored and whose reward is 0;
-    in the same step, with `final_obs` and `final_info` in the info; or (disabled) only by
+    A finished scenario begins anew by `autoreset_mode`: in the next step, whose action is ignored and whose reward is
+    0; in the same step, with `final_obs` and `final_info` in the info; or (disabled) only by
     `reset(options={"reset_mask": ...})`.
 
     Source of the modes: Gymnasium 1.4, `SyncVectorEnv`.
@@ -77,11 +77,11 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         """Observations and info at the beginning of episodes.
 
         Args:
-            seed: s for s, s + 1, ...; or one for each scenario, None to go on with the episodes that follow.
+            seed: s for s, s + 1, ...; or one for each scenario, None to continue with the episodes that follow.
             options: `reset_mask`, who begins anew; all by default.
 
         Raises:
-            ValueError: There are too few seeds, or the mask is no mask of the scenarios.
+            ValueError: There are too few seeds, or the mask is not a mask of the scenarios.
         """
         seed = int(seed) if isinstance(seed, np.integer) else seed
         super().reset(seed=seed if isinstance(seed, int) else None)
@@ -186,7 +186,7 @@ def _scenarios_first(observation: Any) -> Float[np.ndarray, "scenarios rows colu
 
 
 def _info(speed: np.ndarray, crashed: np.ndarray, of: np.ndarray) -> dict[str, Any]:
-    """Figures by name, and under `_name` whose there are; 0 for all others."""
+    """Values by name, and under `_name` the mask of the scenarios that have the value; 0 for all others."""
     values = {"speed": speed.astype(np.float64), "crashed": crashed}
     zeroed = {name: np.where(of, value, value.dtype.type(0)) for name, value in values.items()}
     return zeroed | {f"_{name}": of.copy() for name in values}

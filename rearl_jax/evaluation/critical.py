@@ -32,7 +32,7 @@ def adapt(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progr
     """Shares of the driver classes to evaluate, found on the threshold scenes of a subset, and their extra results.
 
     Raises:
-        ImportError, OSError, ValueError: The language model cannot be asked; see `language_model.language_model`.
+        ImportError, OSError, ValueError: The language model cannot be reached; see `language_model.language_model`.
         ValueError: The recordings hold too few cars.
     """
     adaptation, requests = _adapted(config, scenes, subset, bar)
@@ -65,7 +65,7 @@ def _asked(
 ) -> tuple[Adaptation, pd.DataFrame]:
     """The search with proposals of a language model, and the requests to it."""
     critical = config.critical
-    # One answer that is no identifier: no votes, no constraint to identifiers, and room for the object.
+    # One answer that is not an identifier: no votes, no constraint to identifiers, and room for the object.
     llm = replace(config.llm, votes=1, constrained=False, max_tokens=max(config.llm.max_tokens, critical.max_tokens))
     with open_client(config, llm, understand_mixture) as client:
         recorded = recorded_shares(config, scenes, subset, bar)

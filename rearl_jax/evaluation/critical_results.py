@@ -57,7 +57,7 @@ def rounds_table(adaptation: Adaptation) -> pd.DataFrame:
 
 
 def _origin(config: EvaluateTask, adaptation: Adaptation, n_scenes: int) -> str:
-    """Where the shares come from, and what they came to there."""
+    """Origin of the shares, and their errors on the threshold scenes."""
     if not adaptation.trials:
         return "set by critical.ratios"
     kept = adaptation.trials[adaptation.kept].assessment
@@ -66,7 +66,7 @@ def _origin(config: EvaluateTask, adaptation: Adaptation, n_scenes: int) -> str:
         f"MAPE {config.mape.definition.name} {kept.mape:.3f}"
     )
     if adaptation.proposer == Proposer.stats.name:
-        return f"as in the recordings (the same in every round, so proposed and tried out once); {came_to}"
+        return f"as in the recordings (the same in every round, so proposed and simulated once); {came_to}"
     if adaptation.proposer == Proposer.search.name:
         return f"the best of {len(adaptation.trials)} mixtures by H + MAPE; {came_to}"
     first = next(trial for trial in adaptation.trials if trial.cause == START).assessment
@@ -88,5 +88,5 @@ def _answer_note(adaptation: Adaptation, requests: pd.DataFrame) -> str:
     causes = ", ".join(f"{cause} {failed.count(cause)}" for cause in dict.fromkeys(failed)) or "none"
     return (
         f"language model: {figures['questions']} questions, {figures['requests']} requests sent, {figures['kept']} "
-        f"answers kept from before; rounds that left the shares as they were: {causes}"
+        f"answers stored before; rounds without new shares: {causes}"
     )

@@ -1,4 +1,4 @@
-"""What an evaluation says: methods beside each other, then all metrics, interventions and definitions."""
+"""Document of an evaluation: methods beside each other, then all metrics, interventions and definitions."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -28,12 +28,12 @@ CAPTIONS = {
         "held-out one of median mean speed unless eval.example names another."
     ),
     "actions_by_speed": (
-        "What the policy that drives all vehicles does: above, how often each speed was driven; below, the share of "
-        "each action among those taken at that speed. Crashed vehicles take none."
+        "Actions of the policy that drives all vehicles. Above: how often each speed was driven; below: the share of "
+        "each action among those taken at that speed. Crashed vehicles take no action."
     ),
     "critical": (
         "How the shares of the driver classes were found before the evaluation, on other scenes and other initial "
-        "states: every mixture that was tried out, and how far its traffic was from the threshold scenes."
+        "states: every mixture that was simulated, and the errors of its traffic on the threshold scenes."
     ),
 }
 """Text below each figure."""
@@ -51,9 +51,9 @@ _BETTER = {"lower": "lower", "higher": "higher", "none": "neither; compare with 
 
 _READING = (
     "H Hellinger distance of speeds; MAPE relative error of the mean spacing, definitions A, B, C; smaller is closer, "
-    "but nothing can be expected below real against real",
-    "THW time headway, LCR lane changes per vehicle and second: they describe traffic; compare with the row real, more "
-    "is not better",
+    "but no method can be expected below real against real",
+    "THW time headway, LCR lane changes per vehicle and second: they describe traffic, so more is not better; "
+    "compare with the row real",
 )
 
 Figures: TypeAlias = Mapping[tuple[str, str], Mapping[str, Any]]
@@ -73,8 +73,8 @@ def document_of(
     Args:
         config: The task.
         summary: The table `summary.parquet`.
-        remarks: What goes with it.
-        decisions: The table `decisions.parquet`; None where nobody intervenes.
+        remarks: Text that goes with the table.
+        decisions: The table `decisions.parquet`; None without interventions.
         generated: Whether any of the recordings were generated.
     """
     rows = list(dict.fromkeys(summary["method"]))
@@ -101,7 +101,7 @@ def document_of(
             Section("Methods", tables=(methods,), notes=_notes(config, figures, rows, counts, remarks)),
             Section("All metrics", tables=(_all_metrics(figures, rows, main),), is_folded=True),
             *([] if decisions is None else [_interventions(decisions, main)]),
-            Section("What the words mean", tables=(_metrics(),), notes=remarks.definitions, is_folded=True),
+            Section("Definitions", tables=(_metrics(),), notes=remarks.definitions, is_folded=True),
         ),
         command=f"evaluate method={config.method.name}",
         generated=generated,
@@ -133,7 +133,7 @@ def _verdict(figures: Figures, main: str) -> str:
     return (
         f"The speeds of {title_of(main)} are a Hellinger distance of {_inline(method)} from the recorded ones"
         + ("" if change.value == NONE else f", a change of {_inline(change)} to base")
-        + f"; recorded scenes are {others.value} from each other, and chance alone makes {chance.value}."
+        + f"; recorded scenes are {others.value} from each other, and chance alone gives {chance.value}."
     )
 
 
@@ -187,7 +187,7 @@ def _estimate(row: Mapping[str, Any] | None, name: str) -> Cell:
 
 
 def _cell(row: Mapping[str, Any] | None, name: str, column: str = "value") -> Cell:
-    """A column of a row of the summary with its interval, with a sign where it is a difference."""
+    """A column of a row of the summary with its interval, with a sign if it is a difference."""
     if row is None or pd.isna(row[column]):
         return Cell(NONE)
     prefix, sign = ("", "") if column == "value" else (f"{column}_", "+")
@@ -213,8 +213,8 @@ def _interventions(decisions: pd.DataFrame, main: str) -> Section:
         lines.append(Row(title_of(str(row)), tuple(cells)))
     headings = ("triggered seconds", "decisions", *ACTION_NAMES, "not admissible", "invalid")
     explained = (
-        "Share of the seconds of all rollouts in which the detection triggered; vehicles that were asked in them; what "
-        "they were told, and how many answers could not be followed."
+        "Share of the seconds of all rollouts in which the detection triggered; vehicles that were asked in them; the "
+        "actions they followed, and how many answers could not be followed."
     )
     return Section(
         "Interventions", (explained,), (Table("Decisions of the policy", headings, tuple(lines)),), is_folded=True

@@ -9,7 +9,7 @@ from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.evaluation.extras import Extra
 
 _FOLLOWS = {
-    Longitudinal.mdp: "target speeds followed blind to the vehicle ahead, as highway-env's MDPVehicle does",
+    Longitudinal.mdp: "target speeds followed without regard to the vehicle ahead, as by highway-env's MDPVehicle",
     Longitudinal.idm_capped: "target speeds followed no faster than IDM allows",
 }
 
@@ -42,7 +42,7 @@ def driving_extra(
     *,
     generated: bool,
 ) -> Extra:
-    """Note and figure; arguments as of `driving_note` and `figures.draw_actions`."""
+    """Note and figure; arguments as in `driving_note` and `figures.draw_actions`."""
 
     def draw() -> bytes:
         from rearl_jax.evaluation.figures import draw_actions

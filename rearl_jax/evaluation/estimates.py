@@ -1,7 +1,7 @@
-"""Figures of pairs in, one estimate per row and metric out: mean, spread over runs, interval over scenes.
+"""One estimate per row and metric from the figures of pairs: mean, spread over runs, interval over scenes.
 
-Every interval comes from the same resamples of the scenes (paired bootstrap), so that the difference of two
-rows is resampled scene by scene: what makes a scene hard for both does not widen it.
+Every interval comes from the same resamples of the scenes (paired bootstrap), so that the difference of two rows is
+resampled scene by scene; differences between scenes that both rows share do not widen its interval.
 """
 
 from collections.abc import Iterator
@@ -22,15 +22,15 @@ _MAX_WEIGHTS = 4_000_000
 
 @dataclass(frozen=True)
 class Estimate:
-    """One metric of one row; None where there is no such figure.
+    """One metric of one row; None if there is no such figure.
 
     Attributes:
         value: Mean over scenes of the mean over runs.
         sd: Standard deviation over runs of the mean over scenes (n - 1 in the denominator).
         low: Lower end of the bootstrap interval of the value, over scenes.
         high: Upper end.
-        compared_with: Row the difference is taken to: `real` where the real scenes have the metric
-            themselves, else `real_vs_real`; None for these rows.
+        compared_with: Row the difference is taken to: `real` if the real scenes have the metric themselves, else
+            `real_vs_real`; None for these rows.
         difference: Value less that of the other row, over the scenes that both have.
         difference_low: Lower end of its paired bootstrap interval.
         difference_high: Upper end.
@@ -101,7 +101,7 @@ def estimates(rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig) 
 def _differences(
     means: dict[tuple[str, str], np.ndarray], others: dict[tuple[str, str], tuple[str, str]]
 ) -> dict[tuple[str, str], np.ndarray]:
-    """Figures less those they are compared with, scene by scene, where any scene has both."""
+    """Figures less those they are compared with, scene by scene, if any scene has both."""
     found = {key: means[key] - means[other] for key, other in others.items() if other in means}
     return {key: values for key, values in found.items() if np.isfinite(values).any()}
 
@@ -141,7 +141,7 @@ def grouped_mean(values: np.ndarray, group: np.ndarray, n_groups: int) -> np.nda
 def intervals(values: np.ndarray, eval: EvaluationConfig) -> list[tuple[float | None, float | None]]:
     """Ends of the percentile bootstrap interval of each column's mean, the same resamples for every column.
 
-    A missing value (NaN) does not count. None where fewer than two rows have a value.
+    A missing value (NaN) does not count. None if fewer than two rows have a value.
 
     Args:
         values: One row per scene, one column per figure.

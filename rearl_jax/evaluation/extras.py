@@ -1,4 +1,4 @@
-"""What a method adds to the results that every evaluation has."""
+"""Results of a method beyond those of every evaluation."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ class Extra:
 
     Attributes:
         tables: Parquet tables by name.
-        notes: What must be read with the table.
+        notes: Notes below the table.
         summary: Keys of the method's object in summary.json; the other rows get None.
         figures: Functions that draw PNG files, by name; called when the table is printed, as drawing takes a while to
             import. `document.py` has a caption for each.

@@ -118,7 +118,7 @@ def draw_actions(
         counts: How often each action was taken, from `driven.count_actions`.
         edges: Edges of the bins of the speed [m/s].
         method: Who drives.
-        generated: Whether the data are no measurements.
+        generated: Whether the data were generated, not measured.
     """
     total = counts.sum(axis=0)
     figure, (often, shares) = drawing.panels(6.4, 4.8, rows=2, generated=generated)
@@ -132,7 +132,7 @@ def draw_actions(
     shares.set(xlabel="speed before the action [m/s]", ylabel="share of the actions [-]", ylim=(0, 1))
     shares.set_xlim(edges[0], edges[-1])
     shares.legend(frameon=False, ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=drawing.FONT_SIZE)
-    drawing.set_title(often, f"What {method} does by speed; empty: nobody was so fast or slow")
+    drawing.set_title(often, f"Actions of {method} by speed; empty: no vehicle had this speed")
     return drawing.png(figure)
 
 

@@ -1,4 +1,4 @@
-"""Rollouts whose decisions are made outside the compiled program, on the host: initial states in, frames out."""
+"""Rollouts whose decisions are made outside the compiled program, on the host."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from rearl_jax.detection.table import ReferenceTable
 from rearl_jax.evaluation.simulators import Simulated, lengths_of
 
 BURST = 2_048
-"""Scenarios in lockstep at most: all their questions of a second are asked at once."""
+"""Largest number of scenarios in lockstep, whose questions of a second are sent together."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
-"""Recordings in; what a study works on out: scenes, their splits, representative scenes.
+"""Input of a study from recordings: scenes, their splits, representative scenes.
 
-Scenes come from disk where they were cut before. Within a process the last data set is remembered, so that the jobs
+Scenes come from disk if they were cut before. Within a process the last data set is remembered, so that the jobs
 of one study read it once.
 """
 
@@ -32,12 +32,12 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a study works on.
+    """Input of a study.
 
     Attributes:
         scenes: All scenes.
-        splits: What each of them is for.
-        references: Representative scenes; None where nobody asked for them.
+        splits: Use of each scene.
+        references: Representative scenes; None if they were not needed.
         clusters: The clusterings behind them.
     """
 
@@ -52,23 +52,23 @@ class Inputs:
 
 
 def inputs_of_scenes(config: EvaluateTask, scenes: SceneSet) -> Inputs:
-    """What a study works on whose scenes are given.
+    """Input of a study whose scenes are given.
 
     Raises:
         InvalidInputError: There are too few scenes, or the method needs representative scenes, whose clusters take
             whole tracks.
     """
     if config.method.needs_references:
-        said = "needs representative scenes, which are clustered from whole recordings"
+        message = "needs representative scenes, which are clustered from whole recordings"
         remedy = "give a table of trajectories instead of scenes, or name the recordings with data"
-        raise InvalidInputError(Problem("recordings-needed", said, remedy, key="method", value=config.method.name))
+        raise InvalidInputError(Problem("recordings-needed", message, remedy, key="method", value=config.method.name))
     return Inputs(scenes, split_scenes(scenes, config.split))
 
 
 def read_inputs(
     config: EvaluateTask | ClusterTask, study: Study | None, bar: Progress, *, with_references: bool
 ) -> Inputs:
-    """Scenes, splits and, where asked for, references.
+    """Scenes, splits and, if needed, references.
 
     Args:
         config: The task.
@@ -83,7 +83,7 @@ def read_inputs(
     key = _key(config)
     known = _LAST.get(key)
     if with_references:
-        # Here, because the method base does without scikit-learn, which takes its time to import.
+        # Imported here, because scikit-learn is slow to import and the method base does not need it.
         from rearl_jax.clustering.references import ReferenceBuilder
 
         builder = ReferenceBuilder(config, None if known is None else known.tracks)
@@ -117,7 +117,7 @@ def _key(config: EvaluateTask | ClusterTask) -> tuple:
 
 
 def _read(config: EvaluateTask | ClusterTask, builder: "ReferenceBuilder | None", bar: Progress) -> SceneSet:
-    """Scenes from disk or, where they or the tracks are missing there, from the recordings."""
+    """Scenes from disk or, if they or the tracks are missing there, from the recordings."""
     cache = SceneCache(config.data, config)
     needs_recordings = builder is not None and builder.needs_recordings
     scenes = None if needs_recordings else cache.read()

@@ -1,4 +1,4 @@
-"""Detections and decisions: the log of all rollouts, as a table, figures of the summary and one sentence."""
+"""Detections and decisions of all rollouts, as a table, as keys of the summary and as one sentence."""
 
 from dataclasses import dataclass
 
@@ -31,15 +31,15 @@ class DecisionLog:
 
 
 def intervention_extra(scene_id: np.ndarray, log: DecisionLog, window: int) -> Extra:
-    """Table, note and figures of the summary; arguments as of `decision_table`."""
+    """Table, note and keys of the summary; arguments as in `decision_table`."""
     table = decision_table(scene_id, log, window)
     return Extra({"decisions": table}, (intervention_note(log),), intervention_figures(log))
 
 
 def variants_extra(scene_id: np.ndarray, logs: dict[str, DecisionLog], window: int, n_vehicles: int) -> Extra:
-    """Decisions of several rows in one table, with the row under `method`, and one sentence per row.
+    """Decisions of several rows in one table, whose column `method` names the row, and one sentence per row.
 
-    The arguments are those of `decision_table`, the logs by row, and `intervention_rates`.
+    Arguments as in `decision_table` and `intervention_rates`; the logs are given by row.
     """
     tables, notes = [], []
     for name, log in logs.items():
@@ -52,13 +52,13 @@ def variants_extra(scene_id: np.ndarray, logs: dict[str, DecisionLog], window: i
 
 
 def decision_table(scene_id: np.ndarray, log: DecisionLog, window: int) -> pd.DataFrame:
-    """One row per rollout and second: `scene_id`, `run`, `frame`; what was found at its end: `reference`, `h`,
-    `mape`, `triggered`; vehicles during it: `asked`, those that followed `left`, `keep`, `right`, `faster`,
-    `slower`, and `inadmissible`, `invalid`.
+    """One row per rollout and second: `scene_id`, `run`, `frame`; results of the detection at the end of the second:
+    `reference`, `h`, `mape`, `triggered`; counts of vehicles in the second: `asked`, the followed actions `left`,
+    `keep`, `right`, `faster`, `slower`, and the rejected answers `inadmissible`, `invalid`.
 
     Args:
         scene_id: Number of every scene.
-        log: What was detected and decided.
+        log: Detections and decisions of the row.
         window: Length of the window of h [s]; h is missing before the first full one.
     """
     decisions = log.decisions
@@ -83,14 +83,14 @@ def decision_table(scene_id: np.ndarray, log: DecisionLog, window: int) -> pd.Da
 
 
 def _long(values: np.ndarray | jax.Array) -> np.ndarray:
-    """Values rollout by rollout, each with all its seconds."""
+    """Values `[n_steps, n_rollouts]` as one column, rollout after rollout."""
     return np.asarray(values).T.reshape(-1)
 
 
 def intervention_figures(log: DecisionLog) -> dict[str, int | float]:
-    """Figures of a method that intervenes: `trigger_rate` (share of the seconds of all rollouts in which the
-    detection triggered), `decisions` (vehicles asked, summed), `inadmissible` and `invalid` (answers not followed),
-    `main_reference` (the reference most rollouts end at) and `main_reference_share` (how many do).
+    """Figures of a method that intervenes: `trigger_rate` (share of the seconds of all rollouts in which the detection
+    triggered), `decisions` (vehicles asked, summed over seconds), `inadmissible` and `invalid` (answers not followed),
+    `main_reference` (the reference at which most rollouts end) and `main_reference_share` (share of these rollouts).
     """
     decisions = log.decisions
     ends_at = np.bincount(np.asarray(decisions.reference)[-1])
@@ -105,8 +105,8 @@ def intervention_figures(log: DecisionLog) -> dict[str, int | float]:
 
 
 def intervention_rates(log: DecisionLog, n_vehicles: int) -> Figures:
-    """Figures of a row beside others in which was intervened: those of `intervention_figures`, `triggered_seconds` (of
-    all rollouts together), `interventions` (seconds in which a vehicle followed an action, summed over vehicles) and
+    """Figures of one of several rows with interventions: those of `intervention_figures`, `triggered_seconds` (summed
+    over all rollouts), `interventions` (seconds in which a vehicle followed an action, summed over vehicles) and
     `interventions_per_vehicle_minute`.
     """
     decisions = log.decisions

@@ -59,7 +59,7 @@ class LanguageModel:
         return Extra({"requests": requests}, (request_note(requests),), request_figures(requests))
 
     def _show(self, second: int, n_seconds: int) -> None:
-        """What has been asked so far, on the bar; every answer counts, from the server or kept."""
+        """Shows the number of questions answered so far on the bar, from the server or stored."""
         counts, elapsed = self._client.counts, time.perf_counter() - self._begin
         answered = counts.causes.get(Cause.answered, 0)
         left = elapsed * (n_seconds - 1 - second) / max(second, 1)
@@ -76,8 +76,8 @@ def language_model(config: EvaluateTask, bar: Progress) -> Iterator[LanguageMode
 
     Raises:
         ImportError: decision.server=local, and the server or its model is not installed.
-        OSError: There is no server, or it does not get ready.
-        ValueError: The server does not have the model or refuses us, or the answers kept cannot be read.
+        OSError: There is no server, or it does not become ready.
+        ValueError: The server does not have the model or refuses access, or the answers kept cannot be read.
     """
     if not (config.method.needs_references and config.decision.policy.is_outside):
         yield None
@@ -103,7 +103,7 @@ def open_client(config: EvaluateTask, llm: LlmConfig, read: Read = understand) -
 
 
 def request_figures(requests: pd.DataFrame) -> dict[str, int | float | None]:
-    """Figures of the questions asked, None where there is none.
+    """Figures of the questions asked, None if there is none.
 
     `questions`; `requests` (sent to the server); `kept` (answers from the cache); `left_out` (vehicles left to IDM and
     MOBIL) and `cause_...` for every cause; of what was sent `latency_median` and `latency_p95` [s], `prompt_tokens`,
@@ -135,7 +135,7 @@ def request_note(requests: pd.DataFrame) -> str:
     left = ", ".join(text for text in causes if not text.endswith(" 0")) or "none"
     note = (
         f"language model: {figures['questions']} questions, {figures['requests']} requests sent, {figures['kept']} "
-        f"answers kept from before; vehicles left to IDM and MOBIL: {left}"
+        f"answers stored before; vehicles left to IDM and MOBIL: {left}"
     )
     prompt, cached = figures["prompt_tokens"], figures["cached_tokens"]
     if prompt and cached is not None:

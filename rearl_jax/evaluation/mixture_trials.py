@@ -28,7 +28,7 @@ def assess(
 ) -> list[Assessment]:
     """Errors, crashes and near misses of `critical.rollouts` rollouts of each mixture.
 
-    Initial states are of their own, drawn as highway-env does whatever `init.source` says, and the same in every call.
+    Initial states are drawn as in highway-env, whatever `init.source` is, and are the same in every call.
 
     Raises:
         ValueError: There is no Hellinger distance or no spacing error.

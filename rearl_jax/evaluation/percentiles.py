@@ -1,4 +1,4 @@
-"""Detection thresholds as percentiles of what the method base reaches on the threshold scenes."""
+"""Detection thresholds as percentiles of the errors of the method base on the threshold scenes."""
 
 import logging
 import math
@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class BaseValues:
-    """What the detection would see of the method base, pooled over scenes, runs and seconds.
+    """Values that the detection would compute for the method base, pooled over scenes, runs and seconds.
 
     Attributes:
         h: Hellinger distances of all full windows [-].
@@ -56,7 +56,8 @@ def base_values(
     subset: np.ndarray,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> BaseValues:
-    """Values of base on the threshold scenes, `eval.n_runs` rollouts of each; variant=all means no effects.
+    """Values of base on the threshold scenes, `eval.n_runs` rollouts of each; for variant=all they are simulated
+    without effects.
 
     Raises:
         ValueError: There is no value to take a percentile of.
@@ -75,7 +76,7 @@ def base_values(
 def thresholds_of(config: EvaluateTask, inputs: Inputs, bar: Progress) -> tuple[float, float]:
     """Thresholds of the Hellinger distance and of the spacing error: given ones, else percentiles of base.
 
-    Infinite where the cue is not used or the method detects nothing; base is simulated only for a percentile.
+    Infinite if the cue is not used or the method detects nothing; base is simulated only for a percentile.
     """
     if not config.method.needs_references:
         return NEVER

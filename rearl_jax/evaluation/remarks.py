@@ -1,4 +1,4 @@
-"""What is said about an evaluation besides its tables: data, sources, notes, definitions."""
+"""Text of an evaluation besides its tables: data, sources, notes, definitions."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -29,7 +29,7 @@ class Remarks:
 
     Attributes:
         data: The scenes in a sentence or two.
-        notes: What must be read with the table.
+        notes: Notes below the table.
         definitions: How rollouts, reference rows and intervals come about.
         sources: Data sets with their licences.
     """

@@ -33,7 +33,7 @@ from rearl_jax.evaluation.traffic import is_cooperative, population_of
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 NO_SCENE = -1
-"""In the place of a scene_id: rollouts that share no initial state with those of any scene, whatever seed and run."""
+"""Replaces the scene_id for rollouts that share no initial state with those of any scene, whatever seed and run."""
 
 
 class Rollouts:
@@ -61,7 +61,7 @@ class Rollouts:
             held_out: Indices of those to be simulated.
             references: Representative scenes, for methods that intervene.
             host_policy: Makes the policies that decide outside the compiled program; needed for
-                `PolicyName.is_outside`, and whoever wants to see every decision of another policy gives one too.
+                `PolicyName.is_outside`, also given to record every decision of another policy.
             apart: Whether initial states are drawn that no evaluation has; needs eval.seed_scope=run.
         """
         config = rows[0].config
@@ -82,15 +82,15 @@ class Rollouts:
             self.policy = load_policy(config.ppo.weights, config.core)
         if config.method.needs_references:
             if references is None:
-                said = "needs references to hold the traffic against"
-                raise InvalidInputError(Problem("references-missing", said, key=f"method={config.method.name}"))
+                message = "needs references to compare the traffic with"
+                raise InvalidInputError(Problem("references-missing", message, key=f"method={config.method.name}"))
             self._references = jax.tree.map(_same_for_all, references)
             self._thresholds = np.array([row.thresholds for row in rows], config.core.dtype.name).T
         self._state = None
         if config.init.source is InitialSource.scene:
             if is_shared:
-                said = "must be run_x_scene for init.source=scene, which starts every rollout from its own scene"
-                raise out_of_range("eval.seed_scope", said, config.eval.seed_scope.name)
+                message = "must be run_x_scene for init.source=scene, which starts every rollout from its own scene"
+                raise out_of_range("eval.seed_scope", message, config.eval.seed_scope.name)
             self._state = jax.tree.map(np.asarray, measured_state(scenes.select(held_out), config.core))
 
     def __len__(self) -> int:
@@ -161,8 +161,8 @@ class Rollouts:
     def _decided_on_host(self, acts: Interventions) -> Iterator[Simulated]:
         """The same, decided by a policy outside the compiled program."""
         if self._host_policy is None:
-            said = "decides outside the program: say who is to be asked"
-            raise InvalidInputError(Problem("policy-outside", said, key=f"decision.policy={acts.policy.name}"))
+            message = "decides outside the program, so `host_policy` must be given"
+            raise InvalidInputError(Problem("policy-outside", message, key=f"decision.policy={acts.policy.name}"))
         config, batch = self.config, self._batch()
         assert batch.thresholds is not None  # the method needs them
         model = traffic_model(config.core, cooperative=is_cooperative(config))
@@ -189,10 +189,10 @@ def _mixture(row: Row) -> Sequence[float]:
     """Its shares of the driver classes, else those that are configured."""
     shares = row.config.critical.ratios if row.mixture is None else row.mixture
     if shares is None:
-        said = (
+        message = (
             "must be the shares of the driver classes for method=critical: set "
             "critical.ratios=[AGGRESSIVE,DEFENSIVE,TRUCK]; `rearl evaluate method=critical` finds such shares and "
             "prints them"
         )
-        raise InvalidInputError(Problem("key-missing", said, key="critical.ratios"))
+        raise InvalidInputError(Problem("key-missing", message, key="critical.ratios"))
     return shares

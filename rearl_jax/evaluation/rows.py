@@ -51,7 +51,7 @@ def compares_variants(config: EvaluateTask) -> bool:
 
 
 def rows_of(config: EvaluateTask, thresholds: tuple[float, float] = NEVER, mixture: Mixture | None = None) -> Rows:
-    """The method and, where it is another one, base beside it; or the four rows of a repaired model."""
+    """The method and, for methods other than base, base beside it; or the four rows of a repaired model."""
     if compares_variants(config):
         variants = ((Variant.calibrated, ""), (Variant.repaired, WITH_EFFECT))
         rows = (

@@ -51,7 +51,7 @@ class Sample:
         frames: Its first rollout, `[n_steps, n_vehicles]`.
         lengths: Lengths of the vehicles in it [m].
         speed_counts: Simulated speeds of all rollouts per bin of `speed_histogram_edges`.
-        action_counts: Actions of all rollouts per bin of the speed before them; None where no policy drives everybody.
+        action_counts: Actions of all rollouts per bin of the speed before them; None if no policy drives all vehicles.
     """
 
     example: int
@@ -72,7 +72,7 @@ class Evaluation:
         rows: The simulated rows first, then the reference rows.
         sample: What the figures show of the main row.
         main: Name of the row that figures and differences are about.
-        logs: What was detected and decided, by row; empty where nothing is detected.
+        logs: What was detected and decided, by row; empty if nothing is detected.
         extras: What methods add to the usual results.
         figures: What a row has in summary.json besides its estimates and what the extras say, by row.
     """
@@ -94,7 +94,7 @@ class Evaluation:
 
     @property
     def log(self) -> DecisionLog | None:
-        """What was detected and decided in that row; None where nothing is detected."""
+        """What was detected and decided in that row; None if nothing is detected."""
         return self.logs.get(self.main)
 
     def row(self, name: str) -> Scores:
@@ -206,7 +206,7 @@ def scored_rollouts(
 
 
 def make_scorer(config: EvaluateTask, scenes: SceneSet, n_pairs: int) -> Scorer:
-    """Scorer of the configured metrics for so many pairs of a rollout and a scene."""
+    """Scorer of the configured metrics for a number of pairs of a rollout and a scene."""
     width = min(config.core.chunk, math.ceil(n_pairs / len(jax.local_devices())))
     metrics = MetricsConfig(config.hist, config.thw, config.safety, config.realism, config.spacing)
     return Scorer(scenes, metrics, width=width, dtype=np.dtype(config.core.dtype.name))
@@ -305,6 +305,6 @@ def named_scenes(scenes: SceneSet, held_out: np.ndarray, scene_ids: Collection[i
     missing = sorted(set(scene_ids) - set(ids.tolist()))
     if missing:
         known = ", ".join(map(str, ids[:20])) + (", ..." if len(ids) > 20 else "")
-        said = f"must be held-out scenes: {known}"
-        raise InvalidInputError(Problem("scene-not-held-out", said, key=key, value=missing[0]))
+        message = f"must be held-out scenes: {known}"
+        raise InvalidInputError(Problem("scene-not-held-out", message, key=key, value=missing[0]))
     return held_out[np.isin(ids, list(scene_ids))]

@@ -21,7 +21,7 @@ REAL, REAL_VS_REAL, NOISE_FLOOR = "real", "real_vs_real", "noise_floor"
 """Reference rows: the scenes themselves, other scenes in their place, and chance alone."""
 
 TITLES = {REAL: "real", REAL_VS_REAL: "real against real", NOISE_FLOOR: "noise floor"}
-"""What people read for a reference row; methods are their own title."""
+"""Titles of the reference rows; the title of a method is its name."""
 
 WITH_EFFECT = "_effect"
 """Ends the names of rows on the traffic of a repaired model with its effects, beside those without."""
@@ -37,7 +37,7 @@ NEEDS_LANES = tuple(name for name, metric in METRICS.items() if metric.needs_lan
 
 
 def title_of(row: str) -> str:
-    """What people read for a row."""
+    """Title of a row in tables and figures."""
     if row.endswith(WITH_EFFECT):
         return f"{row.removesuffix(WITH_EFFECT)} + effect"
     return TITLES.get(row, row)
@@ -54,8 +54,8 @@ class Scores:
         values: Figure by metric; NaN where there was nothing to measure.
         counts: Samples behind it, by metric.
         partner: Index of the recorded scene that stands for a simulated one; None for a simulation.
-        series: Figures by window and frame; None where there are none.
-        realism: Bin counts of the realism features; None where there are none.
+        series: Figures by window and frame; None if there are none.
+        realism: Bin counts of the realism features; None if there are none.
         pooled: Metrics whose runs are pooled before they are scored: one figure per scene, in the order of
             the held-out scenes.
         n_rollouts: Simulations behind the row.
@@ -76,7 +76,7 @@ class Scores:
 
     @property
     def title(self) -> str:
-        """What people read."""
+        """Title in tables and figures."""
         return title_of(self.row)
 
     def without(self, names: tuple[str, ...]) -> "Scores":
@@ -117,14 +117,14 @@ def scores_of(
 
 
 def of_recordings(scores: Scores, scenes: SceneSet) -> Scores:
-    """Scores of recorded scenes, without what recordings cannot tell.
+    """Scores of recorded scenes, without metrics that recordings do not determine.
 
     Their lane-change rate counts every vehicle of a snapshot over the second after it, also those that are
     not among the picked ones of the next snapshot. A scene scored against itself keeps what describes it.
     """
     if scores.partner is None:
-        said = f"row {scores.row} is a simulation: its lane-change rate is measured already"
-        raise InvalidInputError(Problem("row-simulated", said))
+        message = f"row {scores.row} is a simulation: its lane-change rate is already measured"
+        raise InvalidInputError(Problem("row-simulated", message))
     if (scenes.lane < 0).any():
         return replace(scores.without(NEEDS_LANES), realism=None)
     values = scores.values | {"lcr": real_lane_change_rate(scenes)[scores.partner]}
@@ -189,7 +189,7 @@ def _realism_program(realism: RealismConfig) -> Callable[..., Realism]:
 
 
 def with_realism(rows: list[Scores], real: Scores, realism: RealismConfig) -> list[Scores]:
-    """The rows with the likelihood of the real scenes under them, where they have counts.
+    """The rows with the likelihood of the real scenes under them, if they have counts.
 
     A pair's figure is of that rollout alone; the row's figure pools the runs of a scene, as the measure is
     defined. One compiled call serves all rows.

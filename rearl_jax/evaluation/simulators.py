@@ -1,7 +1,7 @@
 """How rollouts are simulated; what a method is.
 
 Initial states depend on the seed, the run and the scene alone: every method and every batch size sees the
-same ones (common random numbers), so that differences between methods are not differences of luck.
+same ones (common random numbers), so that differences between methods are not due to chance.
 """
 
 import functools
@@ -49,7 +49,7 @@ FIXED_SPEED = 25.0
 
 
 def simulate_base(state: TrafficState, drivers: Drivers, model: TrafficModel, n_seconds: int) -> Frames:
-    """Frames of IDM and MOBIL traffic that nobody interferes with."""
+    """Frames of IDM and MOBIL traffic without interventions."""
     return rollout(state, drivers, model, n_seconds=n_seconds)[1]
 
 
@@ -59,8 +59,8 @@ class Simulated(eqx.Module):
     Attributes:
         frames: The traffic.
         length: Lengths of the vehicles [m].
-        decisions: What was decided about it; None where nothing is detected.
-        actions: The action every vehicle followed in every second; None where no policy drives them all.
+        decisions: What was decided about it; None if nothing is detected.
+        actions: The action every vehicle followed in every second; None if no policy drives them all.
     """
 
     frames: Frames
@@ -71,7 +71,7 @@ class Simulated(eqx.Module):
 
 @dataclass(frozen=True)
 class Interventions:
-    """What of the interventions changes the program: policy, detection, execution."""
+    """Options of the interventions that change the program: policy, detection, execution."""
 
     policy: PolicyName
     matcher: MatcherConfig
@@ -99,16 +99,16 @@ def rollout_key(seed: Int[Array, ""], run: Int[Array, ""], scene_id: Int[Array, 
 
 
 class Batch(NamedTuple):
-    """What a chunk of rollouts is computed from; None what the method does without.
+    """Input from which a chunk of rollouts is computed; None for input that the method does not need.
 
     Attributes:
         starts: `seed`, `run` and `scene_id` of each.
         measured: Initial states that are not drawn.
         references: Representative scenes; a last axis of length 1 means the same for all rollouts.
         thresholds: Thresholds of the Hellinger distance and of the spacing error.
-        actor: The network that drives everybody; last axis as of the references.
+        actor: The network that drives all vehicles; last axis as for the references.
         shares: Shares of aggressive and defensive drivers and of trucks.
-        traffic: Drivers and effects that are not highway-env's; last axis as of the references.
+        traffic: Drivers and effects that are not highway-env's; last axis as for the references.
     """
 
     starts: Mapping[str, Array | np.ndarray]
@@ -158,7 +158,7 @@ def program(
     cooperative: bool,
 ) -> ScenarioMap:
     """Program from seeds (and measured states) to rollouts; compiled once for all studies of a process."""
-    # Without it, what a lane change costs others would be nothing to polite drivers.
+    # Without it, polite drivers would ignore what a lane change costs others.
     model = traffic_model(core, cooperative=cooperative)
 
     def simulate(batch: Batch) -> Simulated:
@@ -196,7 +196,7 @@ def decision_keys(keys: Key[Array, " scenarios"]) -> Key[Array, " scenarios"]:
 def beginnings(core: CoreConfig, speed: InitialSpeed, detection: DetectionOptions) -> Callable[[Batch], tuple]:
     """Program from a batch to initial states, drivers, keys of the decisions and the references' table.
 
-    Rollouts begin with it whose decisions are made on the host. Compiled once for all studies of a process.
+    Rollouts with decisions on the host begin with it. Compiled once for all studies of a process.
     """
 
     def start(batch: Batch) -> tuple:

@@ -143,7 +143,7 @@ def summary_rows(
 
     Keys: method, every metric by its name with `_sd` (over runs), `_low` and `_high` (bootstrap interval over
     scenes), n_scenes, n_rollouts, seconds; for a method beside base also `_less_base`, `_less_base_low`,
-    `_less_base_high`; and those that the method adds, None in the other rows. None where there is no figure.
+    `_less_base_high`; and those that the method adds, None in the other rows. None if there is no figure.
     """
     methods = [row.row for row in evaluation.rows if row.row not in TITLES]
     compared = _LESS_BASE if BASE in methods and len(methods) > 1 else ()
@@ -172,7 +172,7 @@ def written(value: float, name: str) -> str:
 
 
 def metadata(config: EvaluateTask, evaluation: Evaluation) -> dict[str, str]:
-    """What the schema of every table says besides its provenance."""
+    """Metadata of every table besides its provenance."""
     return {
         "seeds": config.seeds,
         "scenes_id": evaluation.scenes.data_id,

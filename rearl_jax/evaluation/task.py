@@ -1,8 +1,8 @@
-"""The task `rearl evaluate`: recordings in; table, Parquet, figures and one page out.
+"""The task `rearl evaluate`: simulated traffic compared with recorded scenes in tables, figures and one page.
 
 Writes into the study folder `runs.parquet` (one row per scored pair), `frames.parquet` (one per pair and
 frame), `summary.parquet` (one per method and metric), PNG figures, `page.html`, `config.json` and, last of all,
-`summary.json` (one object per row of the table). Methods add what is theirs (`extras.Extra`): `decisions.parquet` (one
+`summary.json` (one object per row of the table). Some methods add tables (`extras.Extra`): `decisions.parquet` (one
 row per rollout and second, where a policy intervenes), `requests.parquet` (one per question to a language model),
 `rounds.parquet` (one per mixture of driver classes that was tried out).
 """
@@ -65,20 +65,20 @@ def run(config: EvaluateTask, *, show: bool = True) -> dict:
 
 
 def check(config: EvaluateTask) -> None:
-    """Raise InvalidInputError where two keys contradict each other."""
+    """Raise InvalidInputError if two keys contradict each other."""
     if config.hist.window > config.scenes.seconds:
-        said = f"must be at most {config.scenes.seconds} s, the length of a scene"
-        raise out_of_range("hist.window", said, config.hist.window)
+        message = f"must be at most {config.scenes.seconds} s, the length of a scene"
+        raise out_of_range("hist.window", message, config.hist.window)
 
 
 def compute(
     config: EvaluateTask, bar: Progress, *, scenes: SceneSet | None = None, study: Study | None = None
 ) -> Evaluation:
-    """Everything that is measured; nothing is printed.
+    """The evaluation with all its figures; nothing is printed.
 
     Args:
         config: The task; it has passed `check`.
-        bar: Shows how far it is.
+        bar: Shows the progress.
         scenes: Scenes to evaluate on; None for those of `config.data`.
         study: Keeps the trace of a search for the clusters' parameters; None to keep nothing.
 
@@ -134,7 +134,7 @@ def write_tables(study: Study, evaluation: Evaluation, found: dict[tuple[str, st
 
 
 def documented(evaluation: Evaluation, found: dict[tuple[str, str], Estimate]) -> Document:
-    """What the evaluation says; arguments as of `write_tables`."""
+    """The document of the evaluation; arguments as in `write_tables`."""
     summary = tables.summary_table(evaluation, found, evaluation.config.eval.confidence)
     decisions = (extra.tables["decisions"] for extra in evaluation.extras if "decisions" in extra.tables)
     return document_of(
@@ -147,8 +147,8 @@ def documented(evaluation: Evaluation, found: dict[tuple[str, str], Estimate]) -
 
 
 def write_pages(study: Study, evaluation: Evaluation, found: dict[tuple[str, str], Estimate]) -> list[dict]:
-    """The objects of summary.json, written last, after figures and page; arguments as of `write_tables`."""
-    # Only now, so that nobody waits for matplotlib to see the table.
+    """The objects of summary.json, written last, after figures and page; arguments as in `write_tables`."""
+    # Imported after the table is printed, because matplotlib is slow to import.
     from rearl_jax.evaluation.figures import draw
     from rearl_jax.evaluation.page import render
 

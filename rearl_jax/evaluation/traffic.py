@@ -21,7 +21,7 @@ WITH_MODEL = (Method.base, Method.rearl)
 
 
 def inputs_id(config: EvaluateTask, scenes: str | None = None) -> str:
-    """Identity of all that is read: the data, weights where a trained policy drives, and a repaired model.
+    """Identity of all that is read: the data, the weights if a trained policy drives, and a repaired model.
 
     Args:
         config: The task.
@@ -59,8 +59,8 @@ def population_of(config: EvaluateTask) -> Population | None:
     if config.model is None:
         return population_of_keys(config.driver, config.mobil, dtype, ticks)
     if not config.driver.is_default:
-        said = "brings its own drivers: leave the keys of driver alone, or leave model out"
-        raise InvalidInputError(Problem("drivers-twice", said, key=f"model={config.model}"))
+        message = "has its own drivers: leave out the keys of driver, or leave out model"
+        raise InvalidInputError(Problem("drivers-twice", message, key=f"model={config.model}"))
     require_one_variant(config)
     return population_of_model(
         read_model(config.model),
@@ -71,7 +71,7 @@ def population_of(config: EvaluateTask) -> Population | None:
 
 
 def is_cooperative(config: EvaluateTask) -> bool:
-    """Whether some driver minds what a change of lanes costs others."""
+    """Whether any driver considers what a lane change costs others."""
     return config.method is Method.critical or config.mobil.politeness != 0
 
 
@@ -79,11 +79,11 @@ def _refuse_drivers(config: EvaluateTask) -> None:
     is_default = {"model": config.model is None, "driver": config.driver.is_default, "mobil": config.mobil.is_default}
     for key, is_left_alone in is_default.items():
         if not is_left_alone:
-            said = (
-                f"means nothing to the drivers of method={config.method.name}: set method=base or method=rearl, or "
+            message = (
+                f"has no effect on the drivers of method={config.method.name}: set method=base or method=rearl, or "
                 f"leave {key} out"
             )
-            raise InvalidInputError(Problem("drivers-of-method", said, key=key))
+            raise InvalidInputError(Problem("drivers-of-method", message, key=key))
 
 
 def calibrated(config: EvaluateTask) -> EvaluateTask:
@@ -92,10 +92,10 @@ def calibrated(config: EvaluateTask) -> EvaluateTask:
 
 
 def model_notes(config: EvaluateTask) -> list[str]:
-    """What must be read with results on traffic that is not highway-env's; nothing where it is."""
-    said = [note for note in (_driver_note(config.driver), _mobil_note(config.mobil)) if note]
+    """Notes on results on traffic that is not highway-env's; none if it is."""
+    driver_notes = [note for note in (_driver_note(config.driver), _mobil_note(config.mobil)) if note]
     if config.model is None:
-        return said
+        return driver_notes
     model = read_model(config.model)
     effects = ", ".join(_written(effect) for effect in model.effects) or "none"
     traffic = {
@@ -110,9 +110,9 @@ def model_notes(config: EvaluateTask) -> list[str]:
     if config.speed.norm is not SpeedNorm.none:
         notes.append(
             f"recorded speeds are rescaled (speed.norm={config.speed.norm.name}), the model's are not: speed.norm=none "
-            "compares like with like"
+            "compares both without rescaling"
         )
-    return [*notes, *said]
+    return [*notes, *driver_notes]
 
 
 def _driver_note(driver: DriverConfig) -> str:
@@ -122,7 +122,10 @@ def _driver_note(driver: DriverConfig) -> str:
     usual = record_of(driver.model)()
     changed = {name: value for name, value in driver.values().items() if value != usual.values()[name]}
     parts = [f"{name} {value:g}" for name, value in changed.items() if value is not None]
-    classes = [f"{name}: " + ", ".join(f"{k} {v:g}" for k, v in said.items()) for name, said in driver.classes.items()]
+    classes = [
+        f"{name}: " + ", ".join(f"{k} {v:g}" for k, v in parameters.items())
+        for name, parameters in driver.classes.items()
+    ]
     words = ", ".join(parts) or "with its usual values"
     return f"drivers: {driver.model} ({words})" + "".join(f"; {part}" for part in classes)
 

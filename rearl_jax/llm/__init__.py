@@ -1,1 +1,1 @@
-"""Language model: what is asked, how it is sent, what is understood of the answer."""
+"""Language model: questions, requests to the server, and the reading of answers."""

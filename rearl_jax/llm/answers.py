@@ -1,7 +1,7 @@
-"""The answers of language models, kept in an SQLite file: what was once answered is never asked again.
+"""The answers of language models, stored in an SQLite file: a request that was answered is never sent again.
 
-A file may be shared by several processes of one machine. The first answer to a request stays: who comes later is
-given that one, so every run that uses the file uses the same answers.
+A file may be shared by several processes of one machine. The first answer to a request is kept and given to all later
+processes, so every run that uses the file uses the same answers.
 """
 
 import os
@@ -17,10 +17,10 @@ from rearl_jax.llm.records import TEXTS, TOKEN_COUNTS, Cause, Reply
 from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
 
 _FORMAT = 1
-"""Number of the table's form, in the file's user_version."""
+"""Version of the table's layout, stored as the file's user_version."""
 
 _APPLICATION = 0x5245414C
-"""Marks the file as one of these: REAL."""
+"""Application id that marks a file of answers: the letters REAL."""
 
 _PATIENCE = 60.0
 """Longest wait for another process that is writing [s]."""
@@ -47,7 +47,7 @@ class Answers:
     """The open file; used by one thread at a time."""
 
     def __init__(self, path: Path, *, read_only: bool = False) -> None:
-        """Opens the SQLite file, or makes it; where nothing will be kept (`read_only`) it must be there.
+        """Opens the SQLite file, or creates it; with `read_only` it must exist.
 
         Raises:
             MissingInputError: There is no file to read.
@@ -66,8 +66,8 @@ class Answers:
                 _uri(path, read_only), uri=True, timeout=_PATIENCE, isolation_level=None, check_same_thread=False
             )
         except (OSError, sqlite3.Error) as error:
-            said = f"answers cannot be kept there ({error})"
-            problem = Problem("answers-not-kept", said, "name another file with llm.cache", file=str(path))
+            message = f"answers cannot be stored there ({error})"
+            problem = Problem("answers-not-kept", message, "name another file with llm.cache", file=str(path))
             raise InvalidInputError(problem) from None
         try:
             self._prepare(read_only)
@@ -99,7 +99,7 @@ class Answers:
         return found
 
     def keep(self, replies: Mapping[str, Reply], model: str, profile: Profile) -> dict[str, Reply]:
-        """What is kept now for each request: the given reply, by the digest, or an earlier one of another process.
+        """The stored reply to each request, by digest: the given one, or an earlier one of another process.
 
         Raises:
             OSError: The file cannot be written.
@@ -151,7 +151,7 @@ class Answers:
 
     def _prepare(self, read_only: bool) -> None:
         database = self._database
-        database.execute("BEGIN")  # one view of the file, which another process may be making
+        database.execute("BEGIN")  # one snapshot of the file, which another process may be creating
         (application,) = database.execute("PRAGMA application_id").fetchone()
         (form,) = database.execute("PRAGMA user_version").fetchone()
         (tables,) = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
@@ -172,15 +172,18 @@ class Answers:
         database.execute("COMMIT")
 
     def _unreadable(self, error: Exception) -> InvalidInputError:
-        said, remedy = f"this is no readable file of answers ({error})", "remove it, or name another with llm.cache"
-        return InvalidInputError(Problem("answers-unreadable", said, remedy, file=str(self._path)))
+        message, remedy = (
+            f"this is not a readable file of answers ({error})",
+            "remove it, or name another with llm.cache",
+        )
+        return InvalidInputError(Problem("answers-unreadable", message, remedy, file=str(self._path)))
 
 
 def _check(values: Iterable[object]) -> None:
     """Whether kept values are of their columns' types: SQLite takes and gives any.
 
     Raises:
-        ValueError: A text is no text, or a count of tokens no whole number.
+        ValueError: A text is not text, or a count of tokens no whole number.
     """
     for name, value in zip(_FIELDS, values, strict=True):
         if not isinstance(value, str if name in TEXTS else int | None):

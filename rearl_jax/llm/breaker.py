@@ -1,4 +1,4 @@
-"""Circuit breaker: requests that succeed or fail -> whether the server counts as down.
+"""Circuit breaker: decides from successful and failed requests whether the server counts as down.
 
 After some failures in a row nothing is sent for a while. Then one request, the probe, shows whether the server is back.
 """
@@ -11,7 +11,7 @@ class Breaker:
     """Circuit breaker; not safe for several threads. Its user sends one probe at a time."""
 
     def __init__(self, failures: int, pause: float, clock: Callable[[], float] = time.monotonic) -> None:
-        """Closed at first; so many failed requests in a row open it, and after a pause [s] there is a probe."""
+        """Closed at first; `failures` failed requests in a row open it, and after `pause` [s] a probe is sent."""
         self._failures = failures
         self._pause = pause
         self._clock = clock

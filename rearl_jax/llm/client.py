@@ -1,8 +1,8 @@
-"""Questions -> answers of a language model behind an OpenAI-compatible server.
+"""Client that gets answers to questions from a language model behind an OpenAI-compatible server.
 
-The client asks each chat once, keeps every answer, and gives back an answer to every question whatever the server
-does: where there is none, the cause. It works in an event loop in a thread of its own, so a simulation can go on
-while its questions are on their way.
+The client asks each chat once, stores every answer, and gives back an answer to every question whatever the server
+does; without an answer it gives the cause. It works in an event loop in a thread of its own, so a simulation can
+continue while its questions are pending.
 """
 
 import asyncio
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _Result = TypeVar("_Result")
 
 Read: TypeAlias = Callable[[str, tuple[int, ...], str], tuple[int, Cause]]
-"""From the text of an answer, the question's choices and why the server stopped to an action and what became of it."""
+"""Function of the text of an answer, the question's choices and why the server stopped, to an action and a cause."""
 
 
 _Asked: TypeAlias = tuple[Question, tuple[str, ...]]
@@ -48,11 +48,11 @@ class Client:
         Args:
             config: Model, sampling, time-outs, where answers are kept.
             base_url: Address of the server, with or without `/v1` at its end; not used for a replay.
-            replay: Whether only kept answers are given, without a server.
-            read: What a text means; KEEP_OUT for an answer that is no action.
+            replay: Whether only stored answers are given, without a server.
+            read: What a text means; KEEP_OUT for an answer that is not an action.
 
         Raises:
-            InvalidInputError: The address is none, or a key of the configuration is out of range.
+            InvalidInputError: The address is not one of a server, or a key of the configuration is out of range.
         """
         config.check()
         self._config = config
@@ -86,8 +86,9 @@ class Client:
         """This client, when the server is ready and the file of answers open.
 
         Raises:
-            ServerError: There is no server, or it does not get ready.
-            InvalidInputError: The server does not have the model or refuses us, or the file of answers cannot be used.
+            ServerError: There is no server, or it does not become ready.
+            InvalidInputError: The server does not have the model or refuses access, or the file of answers cannot be
+                used.
             MissingInputError: There is nothing to replay.
         """
         if self._loop is not None:
@@ -103,7 +104,7 @@ class Client:
         return self
 
     def close(self) -> None:
-        """Stops what is on its way and closes everything; answers that have come are kept."""
+        """Stops pending requests and closes everything; answers received are kept."""
         loop, thread = self._loop, self._thread
         if loop is None or thread is None:
             return
@@ -132,7 +133,8 @@ class Client:
     def submit(self, questions: Sequence[Question], *, second: int | None = None) -> Future[list[Answer]]:
         """Answers in the order of the questions, within the deadline of the configuration.
 
-        Equal questions are sent once, and in the order of the questions, so that equal beginnings meet.
+        Equal questions are sent once, and in the order of the questions, so that the server can reuse the beginning of
+        one question for the next.
 
         Raises:
             RuntimeError: The client is not open.
@@ -160,7 +162,7 @@ class Client:
 
     @property
     def counts(self) -> Counts:
-        """How far the client is; cheap, from any thread."""
+        """Progress of the client; cheap, from any thread."""
         causes = dict(self._causes)
         of_sender = {name: getattr(self._sender, name, 0) for name in ("sent", "tries", "waiting", "in_flight")}
         return Counts(self._questions, sum(causes.values()), causes, self._kept, **of_sender)
@@ -202,18 +204,18 @@ class Client:
         await asyncio.get_running_loop().shutdown_asyncgens()
 
     async def _answer(self, asked: list[_Asked], bodies: Mapping[str, str], second: int | None) -> list[Answer]:
-        """The answers of one burst of questions; what is not back at its deadline is late."""
+        """The answers of one burst of questions; an answer that has not arrived by the deadline is late."""
         self._enter()
         self._questions += len(asked)
         loop = asyncio.get_running_loop()
         deadline = loop.time() + self._config.deadline
         new = [Job(digest, body) for digest, body in bodies.items() if digest not in self._jobs]
-        # From here on another burst with the same chat waits for this job, also while it is looked up.
+        # From here on another burst with the same chat waits for this job, even before it is looked up.
         self._jobs |= {job.digest: job for job in new}
         jobs = {digest: self._jobs[digest] for digest in bodies}
         for job in jobs.values():
             job.waiting += 1
-            job.deadline = deadline  # that of the last burst is the latest
+            job.deadline = deadline  # bursts come in the order of time, so the last deadline is the latest
         try:
             if new:
                 # Not stopped with this burst: others may wait for the same chats already.
@@ -237,7 +239,7 @@ class Client:
         task.add_done_callback(self._work.discard)
 
     async def _look_up(self, jobs: list[Job]) -> None:
-        """Answers from the file, the others on their way."""
+        """Takes answers from the file, and gives the other jobs to the sender."""
         assert self._keeper is not None
         self._enter()
         problem, found = None, {}
@@ -262,7 +264,7 @@ class Client:
             self._sender.add(missing)
 
     def _finish(self, job: Job, reply: Reply) -> None:
-        """Gives out a reply, when it is kept."""
+        """Sets the result of a job, after an answer is stored."""
         if job.done.done():
             return
         if reply.cause is Cause.answered and self._keeper is not None:
@@ -271,20 +273,20 @@ class Client:
             job.done.set_result(reply)
 
     def _leave(self, job: Job) -> None:
-        """One burst does not wait for a job any more; the last one stops it."""
+        """Counts a burst that no longer waits for a job; without a waiting burst the job is stopped."""
         job.waiting -= 1
         if job.waiting:
             return
         del self._jobs[job.digest]
         if job.done.done():
-            job.done.exception()  # looked at: asyncio complains of those that nobody sees
+            job.done.exception()  # retrieved, because asyncio logs exceptions that are never retrieved
         elif self._sender is not None:
             self._sender.abandon(job)
 
     def _conclude(
         self, asked: list[_Asked], replies: Mapping[str, Reply], sent: set[str], second: int | None
     ) -> list[Answer]:
-        """What the replies mean for every question; a row for each."""
+        """The answer to every question from its replies; each reply becomes a row of the table."""
         answers = []
         for question, digests in asked:
             votes = []

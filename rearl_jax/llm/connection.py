@@ -1,4 +1,4 @@
-"""HTTP connections to one server: failures come back as data, and the key of the server stays in here."""
+"""HTTP connections to one server: failures are returned as data, and no other module sees the key of the server."""
 
 import email.utils
 import math
@@ -16,7 +16,7 @@ from rearl_jax.config.llm import LlmConfig
 from rearl_jax.problems import InvalidInputError, Problem
 
 LARGEST_BODY = 4 * 2**20
-"""A response that is larger is broken [bytes]: the longest reasoning is a hundredth of it."""
+"""Size beyond which a response counts as broken [bytes]; the longest reasoning has a hundredth of it."""
 
 _IDLE = 4.0
 """Time after which an unused connection is not used again [s]: less than the 5 s after which uvicorn closes it."""
@@ -28,11 +28,11 @@ _SHORTEST_SECRET = 8
 def server_address(base_url: str) -> str:
     """The address under which `/models` and `/chat/completions` are found.
 
-    Taken as it is where its path ends in a version such as `/v1`; `/chat/completions` behind it is left out, and
-    where there is no version `/v1` is added.
+    Unchanged if its path ends in a version such as `/v1`; `/chat/completions` behind it is left out, and without a
+    version `/v1` is added.
 
     Raises:
-        InvalidInputError: It is no address of a server, or holds a password.
+        InvalidInputError: It is not an address of a server, or holds a password.
     """
     try:
         parts = urlsplit(base_url.strip())
@@ -40,14 +40,14 @@ def server_address(base_url: str) -> str:
     except ValueError:
         is_address = False
     if not is_address:
-        said, remedy = "is no address of a server", "write it like http://127.0.0.1:8000/v1"
-        # Not repeated where it could hold a password.
+        message, remedy = "is not an address of a server", "write it like http://127.0.0.1:8000/v1"
+        # Not repeated if it could hold a password.
         shown = None if "@" in base_url else repr(base_url)
-        raise InvalidInputError(Problem("server-address", said, remedy, key="decision.server", value=shown))
+        raise InvalidInputError(Problem("server-address", message, remedy, key="decision.server", value=shown))
     if "@" in parts.netloc:
-        said = "holds a user name or password"
+        message = "holds a user name or password"
         remedy = "leave it out and put the key of the server into the environment variable that llm.api_key_env names"
-        raise InvalidInputError(Problem("password-in-address", said, remedy, key="decision.server"))
+        raise InvalidInputError(Problem("password-in-address", message, remedy, key="decision.server"))
     path = parts.path.rstrip("/").removesuffix("/chat/completions").rstrip("/")
     if not re.search(r"/v\d+\w*$", path):
         path += "/v1"
@@ -55,15 +55,15 @@ def server_address(base_url: str) -> str:
 
 
 def read_key(variable: str) -> str:
-    """The key of the server from an environment variable; empty where it is not set.
+    """The key of the server from an environment variable; empty if it is not set.
 
     Raises:
         InvalidInputError: It holds characters that no HTTP header can hold.
     """
     key = os.environ.get(variable, "").strip() if variable else ""
     if not (key.isascii() and key.isprintable()):
-        said = f"the environment variable {variable} holds characters that no key of a server has"
-        raise InvalidInputError(Problem("server-key", said, "set it to the key of the server"))
+        message = f"the environment variable {variable} holds characters that no key of a server has"
+        raise InvalidInputError(Problem("server-key", message, "set it to the key of the server"))
     return key
 
 
@@ -72,11 +72,11 @@ class Response:
     """What came back.
 
     Attributes:
-        status: HTTP status; None where there was no whole response.
+        status: HTTP status; None if there was no whole response.
         content: Its body.
         error: What went wrong without one; else empty.
         timed_out: Whether it was a time-out.
-        retry_after: Time the server asks to be left alone [s]; None where it does not.
+        retry_after: Pause that the server requests [s]; None if it does not.
         server: How the server calls itself.
     """
 

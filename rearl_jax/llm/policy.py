@@ -1,4 +1,4 @@
-"""The language model as a policy: situations in, questions out, answers back as one array of actions."""
+"""The language model as a policy: turns a situation into questions, and the answers into one array of actions."""
 
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -15,7 +15,7 @@ from rearl_jax.llm.records import Answer, Cause, Question
 
 
 class LanguageModelPolicy:
-    """A `HostPolicy` that asks a language model about every vehicle that needs a decision, and about no other."""
+    """A `HostPolicy` that asks a language model about those vehicles that need a decision."""
 
     def __init__(
         self,
@@ -27,13 +27,14 @@ class LanguageModelPolicy:
     ) -> None:
         """One policy serves one half of a batch for a whole rollout.
 
-        `first` is the number of its first scenario; `watch` is told every second whose questions have been asked.
+        `first` is the number of its first scenario; `watch` is called with the number of every second whose questions
+        have been submitted.
         """
         self._client, self._prompter, self._thresholds = client, prompter, thresholds
         self._first, self._watch = first, watch
 
     def ask(self, situation: Situation) -> Future[np.ndarray]:
-        """The actions understood and admissible, NO_ACTION for all other vehicles, once the answers are there."""
+        """Future of the actions that the answers choose; NO_ACTION for vehicles without an admissible answer."""
         questions = self._prompter.questions(situation, self._thresholds)
         n_vehicles, n_scenarios = situation.detection.mask.shape
         numbered = [replace(question, scenario=question.scenario + self._first) for question in questions]
@@ -44,7 +45,7 @@ class LanguageModelPolicy:
         def finish(done: Future[list[Answer]]) -> None:
             try:
                 actions.set_result(actions_of(questions, done.result(), (n_vehicles, n_scenarios)))
-            except Exception as error:  # whoever waits for the actions gets it
+            except Exception as error:  # raised for the caller that waits for the actions
                 actions.set_exception(error)
 
         answers.add_done_callback(finish)

@@ -1,7 +1,7 @@
-"""A chat -> the body of a request in a server's dialect; the body of a response -> the completion.
+"""Body of a request in a server's dialect from a chat, and the completion from the body of a response.
 
-Chat completions are spoken by every server, what goes beyond them differs: how an answer is restricted to a choice
-and how the reasoning is switched off. What servers return differs in names only, so one reader knows all of them.
+Every server supports chat completions; servers differ in how an answer is restricted to a choice and how the reasoning
+is switched off. What servers return differs in names only, so one reader knows all of them.
 """
 
 import hashlib
@@ -25,7 +25,7 @@ class Dialect:
 
     Attributes:
         profile: Its name.
-        choice: Fields that restrict the answer to some texts; None where the server has none.
+        choice: Fields that restrict the answer to some texts; None if the server has none.
         no_thinking: Fields that switch the reasoning off.
     """
 
@@ -88,7 +88,7 @@ def request_body(
 def request_digest(body: str, dialect: Dialect) -> str:
     """SHA-256 of the canonical JSON of a body, which names the model, and of the dialect it is written in.
 
-    The server's address is no part of it, so that answers can be taken to another machine.
+    The server's address is not part of it, so that answers can be taken to another machine.
     """
     return hashlib.sha256(f'{{"body":{body},"profile":"{dialect.profile.name}"}}'.encode()).hexdigest()
 
@@ -96,13 +96,13 @@ def request_digest(body: str, dialect: Dialect) -> str:
 def read_completion(content: bytes) -> Completion:
     """Completion in the body of a response.
 
-    A response without a text counts as the empty text where the model was cut off or said something as its reasoning.
+    A response without a text counts as the empty text if the model was cut off or returned only reasoning.
 
     Raises:
-        ValueError: It is no completion of a chat: no JSON, another shape, no choices, no text.
+        ValueError: It is not a completion of a chat: no JSON, another shape, no choices, no text.
     """
-    said = _object(read_json(content), "the response")
-    choices = said.get("choices")
+    body = _object(read_json(content), "the response")
+    choices = body.get("choices")
     if not isinstance(choices, list) or not choices:
         raise ValueError("the response has no choices")
     choice = _object(choices[0], "the choice")
@@ -113,7 +113,7 @@ def read_completion(content: bytes) -> Completion:
         text = ""
     if not isinstance(text, str):
         raise ValueError("the message has no text")
-    usage, timings = _mapping(said.get("usage")), _mapping(said.get("timings"))
+    usage, timings = _mapping(body.get("usage")), _mapping(body.get("timings"))
     details = _mapping(usage.get("prompt_tokens_details"))
     cached = _count(details.get("cached_tokens"))
     return Completion(
@@ -127,15 +127,15 @@ def read_completion(content: bytes) -> Completion:
 
 
 def read_error(content: bytes, longest: int = 300) -> str:
-    """What a server says about an error, on one line."""
+    """The error message of a server, on one line."""
     try:
-        said = read_json(content)
+        reported = read_json(content)
     except ValueError:
-        said = content.decode("utf-8", "replace")
-    if isinstance(said, dict):
-        error = said.get("error", said)
-        said = error.get("message", error) if isinstance(error, dict) else error
-    line = " ".join(_text(said if isinstance(said, str) else str(said)).split())
+        reported = content.decode("utf-8", "replace")
+    if isinstance(reported, dict):
+        error = reported.get("error", reported)
+        reported = error.get("message", error) if isinstance(error, dict) else error
+    line = " ".join(_text(reported if isinstance(reported, str) else str(reported)).split())
     return line if len(line) <= longest else f"{line[:longest]} ..."
 
 
@@ -153,7 +153,7 @@ def read_json(content: bytes) -> Any:
 
 def _object(value: Any, name: str) -> Mapping[str, Any]:
     if not isinstance(value, dict):
-        raise ValueError(f"{name} is no JSON object")
+        raise ValueError(f"{name} is not a JSON object")
     return value
 
 

@@ -1,7 +1,7 @@
-"""The traffic and its references -> the questions of one second, one per vehicle that needs a decision.
+"""The questions of one second, one per vehicle that needs a decision, from the traffic and its references.
 
-What vehicles share comes first in a question, so that a server that keeps the beginnings of texts reads the rest only:
-the system message (the whole study), ROAD, REFERENCE (every scenario held against the same reference), SCENE (one
+What vehicles share comes first in a question, so that a server with a prefix cache reads the rest only:
+the system message (the whole study), ROAD, REFERENCE (every scenario compared with the same reference), SCENE (one
 scenario), then the vehicle. Shared parts are rendered once; questions with equal beginnings follow each other.
 """
 
@@ -38,7 +38,7 @@ class Prompter:
         model: The road.
         options: What the questions show.
         detection: Choices of the detection, whose speed bins the questions show.
-        template: The template; None for that of `options`. To be loaded once where there are several batches.
+        template: The template; None for that of `options`. To be loaded once if there are several batches.
         vehicle_length: Length [m], or lengths that broadcast to `[n_vehicles, n_scenarios]`; highway-env's by default.
 
     Raises:
@@ -75,9 +75,9 @@ class Prompter:
     def questions(self, situation: Situation, thresholds: Thresholds) -> list[Question]:
         """A question for every vehicle that needs a decision, sorted by (reference, scenario, vehicle).
 
-        To be called once for every simulated second, also where nobody is asked. A vehicle without any admissible
-        action is not asked, because no answer could be followed: it keeps out like one without a valid answer, and
-        `decision.execution.accept` counts it among those (`n_invalid`). There are as many of them as
+        To be called once for every simulated second, also if no vehicle is asked. A vehicle without any admissible
+        action is not asked, because no answer could be followed: it stays with IDM and MOBIL like a vehicle without a
+        valid answer, and `decision.execution.accept` counts it among those (`n_invalid`). There are as many of them as
         `situation.detection.mask` has vehicles more than there are questions.
 
         Raises:
@@ -130,14 +130,14 @@ class Prompter:
         return found
 
     def _with_block(self, block: str, variables: Mapping[str, object], ready: Mapping[str, Rendered]) -> _Shared:
-        """The variables, and the blocks that are ready with one more, where the template has it."""
+        """The variables, and the rendered blocks with one more, if the template has it."""
         if not self._template.has(block):
             return variables, ready
         return variables, {**ready, block: rendered(self._template.render(block, variables, ready))}
 
 
 def _asked(situation: Situation) -> Asked:
-    """Who is asked, in the order of the questions."""
+    """Vehicles that are asked, in the order of the questions."""
     is_asked = np.asarray(situation.detection.mask & situation.admissible.any(axis=0))
     vehicle, scenario = np.nonzero(is_asked)
     order = np.lexsort((vehicle, scenario, np.asarray(situation.detection.reference)[scenario]))

@@ -1,4 +1,4 @@
-"""What passes between the simulation, the prompts and the client."""
+"""Records exchanged by the simulation, the prompts and the client."""
 
 from dataclasses import dataclass, fields
 from enum import Enum
@@ -8,14 +8,14 @@ KEEP_OUT = -1
 
 
 class Cause(Enum):
-    """What became of a question: answered, or why the vehicle is left to IDM and MOBIL."""
+    """Result of a question: answered, or why the vehicle is left to IDM and MOBIL."""
 
     answered = "answered"
     """One admissible action was understood."""
     unparsable = "unparsable"
     """The text holds no action, or several."""
     out_of_range = "out_of_range"
-    """A number that is no action."""
+    """A number that is not an action."""
     inadmissible = "inadmissible"
     """An action the vehicle may not take now."""
     truncated = "truncated"
@@ -27,7 +27,7 @@ class Cause(Enum):
     refused = "refused"
     """The server answered with an error that asking again does not mend."""
     failed = "failed"
-    """The server answered with errors, broken replies or not at all, as often as it was asked."""
+    """Every try failed: the server sent errors, broken replies or nothing."""
     broken = "broken"
     """Not sent: the circuit breaker is open, because the server was down."""
     not_kept = "not_kept"
@@ -44,7 +44,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked about one vehicle.
+    """Question about one vehicle.
 
     Attributes:
         scenario: Column of the vehicle's scenario in the batch.
@@ -66,12 +66,12 @@ class Completion:
     The one declaration of these fields: the file of the answers takes its columns from here.
 
     Attributes:
-        text: Text of the answer; None where there is none.
+        text: Text of the answer; None if there is none.
         thinking: Text the server returned as reasoning; logged, never an action.
         finish: Why the server stopped (`stop`, `length`, ...); empty if it did not say.
-        prompt_tokens: Tokens of the chat; None where the server does not say.
-        cached_tokens: Those of them that the server had in its prefix cache; None where it does not say.
-        answer_tokens: Tokens of the answer; None where the server does not say.
+        prompt_tokens: Tokens of the chat; None if the server does not say.
+        cached_tokens: Those of them that the server had in its prefix cache; None if it does not say.
+        answer_tokens: Tokens of the answer; None if the server does not say.
     """
 
     text: str | None = None
@@ -94,9 +94,9 @@ class Reply(Completion):
     """A completion from the server or from the cache, or the cause why there is none.
 
     Attributes:
-        cause: `answered` where there is a text, to be parsed; else why there is none.
+        cause: `answered` if there is a text, to be parsed; else why there is none.
         latency: From the first sending to the last byte, all tries [s]; 0 from the cache.
-        tries: Times it was sent; 0 from the cache or where it was not sent.
+        tries: Times it was sent; 0 from the cache or if it was not sent.
         status: Last HTTP status; None without one.
         from_cache: Whether our own cache gave it.
     """
@@ -110,7 +110,7 @@ class Reply(Completion):
 
 @dataclass(frozen=True)
 class Answer:
-    """What a question came to.
+    """Result of a question.
 
     Attributes:
         action: The action to execute, KEEP_OUT for none.

@@ -1,4 +1,4 @@
-"""Questions and what they came to -> one row per request, as a table, and the counts so far.
+"""Table of the questions and their results with one row per request, and the counts so far.
 
 A row holds what the table shows and nothing else: a study has a hundred thousand questions of some thousand characters.
 """
@@ -32,16 +32,15 @@ COLUMNS = {
 }
 """Columns of the table and their types in pandas; those not described here are the fields of `Question` and `Reply`.
 
-`second` is that of the simulation, missing where it was not given; `vote` counts from 0; `thinking_length` is that of
-the reasoning [characters]; `action` and `cause` are those of this reply alone; `was_sent` is false where the answer
-was kept or an equal question was sent. `latency` and tokens summed over the rows with `was_sent` are those of the
-server.
+`second` is that of the simulation, missing if it was not given; `vote` counts from 0; `thinking_length` is that of
+the reasoning [characters]; `action` and `cause` are those of this reply alone; `was_sent` is false if the answer was
+stored or an equal question was sent. `latency` and tokens summed over the rows with `was_sent` are those of the server.
 """
 
 
 @dataclass(frozen=True)
 class Counts:
-    """How far a client is.
+    """Progress of a client.
 
     Attributes:
         questions: Questions submitted so far.
@@ -51,7 +50,7 @@ class Counts:
         sent: Chats that were sent.
         tries: Times a chat was sent.
         waiting: Chats that are not sent yet.
-        in_flight: Chats on their way.
+        in_flight: Chats whose reply is pending.
     """
 
     questions: int

@@ -1,4 +1,4 @@
-"""Requests that wait -> replies: in their order, no more at a time than allowed, tried again where that can help.
+"""Sends waiting requests in their order, a limited number at a time, and again if that can help.
 
 Everything here runs in one event loop. A reply with a cause comes out whatever the server does.
 """
@@ -24,13 +24,13 @@ log = logging.getLogger(__name__)
 
 @dataclass(eq=False, slots=True)
 class Job:
-    """One request on its way.
+    """One pending request.
 
     Attributes:
         digest: Hash of what is sent.
         body: What is sent.
         done: The reply, when there is one.
-        deadline: Time of the event loop after which nobody waits for it.
+        deadline: Time of the event loop after which no burst waits for it.
         waiting: Bursts of questions that wait for it.
         started: Time at which it was first sent; None before.
         tries: Times it was sent.
@@ -49,10 +49,10 @@ class Job:
     task: "asyncio.Task[None] | None" = None
 
     def reply(self, cause: Cause, completion: Completion | None = None) -> Reply:
-        """The reply this job has come to now."""
+        """The reply to this job at this time."""
         latency = 0.0 if self.started is None else asyncio.get_running_loop().time() - self.started
-        said = vars(completion) if completion else {}
-        return Reply(**said, cause=cause, latency=latency, tries=self.tries, status=self.status)
+        answered = vars(completion) if completion else {}
+        return Reply(**answered, cause=cause, latency=latency, tries=self.tries, status=self.status)
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Sender:
             job.task.add_done_callback(functools.partial(self._ended, job))
 
     def abandon(self, job: Job) -> None:
-        """Stops a job that nobody waits for any more; it gets no reply."""
+        """Stops a job that no burst waits for any more; it gets no reply."""
         job.done.cancel()
         if job.task is not None:
             job.task.cancel()
@@ -118,7 +118,7 @@ class Sender:
         self._waiting.discard(job)
         self._tasks.discard(task)
         if not task.cancelled() and (error := task.exception()) is not None and not job.done.done():
-            job.done.set_exception(error)  # a mistake of ours: whoever asked must see it
+            job.done.set_exception(error)  # an error of this package, which the caller must see
 
     async def _run(self, job: Job) -> None:
         async with self._slots:
@@ -214,7 +214,7 @@ class Sender:
         return replace(completion, **{name: hide(getattr(completion, name)) for name in TEXTS})
 
     def _learn(self, last: _Try, is_probe: bool) -> None:
-        """Tells the breaker what a request came to."""
+        """Reports the result of a request to the breaker."""
         if last.is_alive:
             if self._breaker.succeeded():
                 self._is_down.clear()
@@ -230,13 +230,13 @@ class Sender:
             )
 
     async def _sleep(self, pause: float) -> None:
-        """Waits for a pause [s], or until the server counts as down."""
+        """Waits until a pause [s] is over or the server counts as down."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(pause):
                 await self._is_down.wait()
 
     def _report(self, job: Job, result: _Try) -> None:
-        """Says what went wrong when it goes wrong in this way for the first time."""
+        """Logs each kind of failure when it occurs for the first time."""
         if result.cause not in self._reported:
             self._reported.add(result.cause)
             log.warning(

@@ -1,7 +1,7 @@
-"""The server's address and the configuration -> which model is asked, in which dialect; or a problem for the user.
+"""Finds from the server's address and the configuration which model is asked, in which dialect; or raises a problem.
 
-Before the first question the server must be there, have loaded the model and know it by its name; and it is tried out
-whether it restricts answers to the choices, which many servers pass over in silence.
+Before the first question the server must respond, have loaded the model and list its name. A test request shows whether
+it restricts answers to the choices, because many servers silently ignore the restriction.
 """
 
 import logging
@@ -36,14 +36,14 @@ _PATIENCE = 10.0
 
 _CANARY = (Message("user", "What is the capital of France? Reply with its name only."),)
 _CANARY_CHOICES = (7, 8)
-"""No model says so of its own accord."""
+"""Choices that no model answers to that question unless it is restricted to them."""
 
 _MAKERS = {"vllm": Profile.vllm, "sglang": Profile.sglang, "llamacpp": Profile.llamacpp}
 """Servers that name themselves as the owner of their models."""
 
 
 class ServerError(ProblemError, ConnectionError):
-    """There is no server, or it does not get ready."""
+    """There is no server, or it does not become ready."""
 
 
 @dataclass(frozen=True)
@@ -55,10 +55,10 @@ class Server:
 
 
 async def meet(connection: Connection, config: LlmConfig) -> Server:
-    """Waits until the server is there and knows the model; warns where answers are not constrained.
+    """Waits until the server is there and knows the model; warns if answers are not constrained.
 
     Raises:
-        ServerError: There is no server, or it does not get ready.
+        ServerError: There is no server, or it does not become ready.
         InvalidInputError: It does not have the model, or refuses what it is sent.
     """
     model, response = await find_model(connection, config)
@@ -91,10 +91,10 @@ def replayed(answers: Answers, config: LlmConfig) -> Server:
     ]
     if len(fitting) != 1:
         listed = ", ".join(f"llm.model={model} llm.profile={profile.name}" for model, profile in kept) or "nothing"
-        said = f"fits {len(fitting)} of the kept models, not one, with llm.profile={config.profile.name} ({listed})"
+        message = f"fits {len(fitting)} of the kept models, not one, with llm.profile={config.profile.name} ({listed})"
         remedy = "set llm.model and llm.profile to one of them"
         file, name = str(answers_path(config)), repr(config.model)
-        raise InvalidInputError(Problem("kept-model", said, remedy, file=file, key="llm.model", value=name))
+        raise InvalidInputError(Problem("kept-model", message, remedy, file=file, key="llm.model", value=name))
     ((model, profile),) = fitting
     return Server(model, DIALECTS[profile])
 
@@ -111,8 +111,10 @@ async def _models(connection: Connection, config: LlmConfig) -> Response:
     )
     response = await waited(asked, connection.get, "/models", _PATIENCE)
     if _is_loading(response):
-        said = f"the server at {connection.address} is still loading after {config.startup:g} s"
-        raise ServerError(Problem("server-loading", said, "start rearl again when it is ready, or raise llm.startup"))
+        message = f"the server at {connection.address} is still loading after {config.startup:g} s"
+        raise ServerError(
+            Problem("server-loading", message, "start rearl again when it is ready, or raise llm.startup")
+        )
     if not _is_list(response):
         raise _no_server(connection, config, response)
     return response
@@ -128,23 +130,23 @@ def _say_once(state: RetryCallState, connection: Connection, config: LlmConfig) 
 
 
 def _no_server(connection: Connection, config: LlmConfig, response: Response) -> ProblemError:
-    """The problem with a response to the question for models that is no list of models."""
+    """The problem with a response to the question for models that is not a list of models."""
     address, status = connection.address, response.status
     http = f"HTTP {status}: {connection.without_key(read_error(response.content))}"
     if status is None:
-        said = f"no server answers at {address} ({response.error})"
-        return ServerError(Problem("server-absent", said, "start one there, or set decision.server"))
+        message = f"no server answers at {address} ({response.error})"
+        return ServerError(Problem("server-absent", message, "start one there, or set decision.server"))
     if status in (401, 403):
         remedy = f"put its key into the environment variable {config.api_key_env or 'that llm.api_key_env names'}"
-        return InvalidInputError(Problem("server-key", f"the server at {address} does not let us in ({http})", remedy))
+        return InvalidInputError(Problem("server-key", f"the server at {address} refuses access ({http})", remedy))
     if status >= 500:
-        return ServerError(Problem("server-fails", f"the server at {address} is not well ({http})", "restart it"))
-    said = f"what answers at {address} is no OpenAI-compatible server (HTTP {status} for /models)"
-    return InvalidInputError(Problem("server-unknown", said, "check decision.server"))
+        return ServerError(Problem("server-fails", f"the server at {address} reports an error ({http})", "restart it"))
+    message = f"the program that answers at {address} is not an OpenAI-compatible server (HTTP {status} for /models)"
+    return InvalidInputError(Problem("server-unknown", message, "check decision.server"))
 
 
 def _entries(response: Response) -> list[dict[str, Any]]:
-    """The models of a list of models; ValueError where it is none."""
+    """The models of a list of models; ValueError if it is not such a list."""
     listed = read_json(response.content)
     models = listed.get("data") if isinstance(listed, dict) else None
     # Ollama without a model says null.
@@ -171,20 +173,20 @@ def _choose_model(names: list[str], wanted: str, address: str) -> str:
     for name in (wanted, f"{wanted}:latest"):  # Ollama's name for a model without a tag
         if name in names:
             return name
-    said = f"must be one of the models of the server at {address} ({listed})"
-    problem = Problem("choice-unknown", said, "set it to one of them, or load it there", key="llm.model")
+    message = f"must be one of the models of the server at {address} ({listed})"
+    problem = Problem("choice-unknown", message, "set it to one of them, or load it there", key="llm.model")
     raise InvalidInputError(replace(problem, value=repr(wanted)))
 
 
 async def _recognise(connection: Connection, response: Response) -> Profile:
-    """The dialect of a server by what it says of itself."""
+    """The dialect of a server from its own description."""
     makers = {str(model.get("owned_by")) for model in _entries(response)}
     for maker, profile in _MAKERS.items():
         if maker in makers:
             return profile
     if response.server.lower().startswith("llama.cpp"):
         return Profile.llamacpp
-    # Only Ollama tells its version there.
+    # Only Ollama reports its version there.
     version = await connection.get("/../api/version", _PATIENCE)
     try:
         if version.status == 200 and isinstance(read_json(version.content)["version"], str):
@@ -192,15 +194,15 @@ async def _recognise(connection: Connection, response: Response) -> Profile:
     except (ValueError, KeyError, TypeError):
         pass
     log.warning(
-        "the server at %s does not say what it is: llm.profile=plain, without constraints and without switching the "
-        "reasoning off; set llm.profile if it is one of vllm, sglang, ollama, llamacpp",
+        "the server at %s does not state its software: llm.profile=plain, without constraints and without switching "
+        "the reasoning off; set llm.profile if it is one of vllm, sglang, ollama, llamacpp",
         connection.address,
     )
     return Profile.plain
 
 
 async def _try_constraint(connection: Connection, config: LlmConfig, server: Server) -> None:
-    """Asks something whose answer is none of the choices: a server that ignores constraints gives itself away."""
+    """Sends a question whose answer is none of the choices, which shows whether the server ignores constraints."""
     if not is_constrained(config, server.dialect):
         return
     body = request_body(
@@ -209,22 +211,22 @@ async def _try_constraint(connection: Connection, config: LlmConfig, server: Ser
     tried = retrying(config, lambda response: not response.is_refusal and _text_of(response)[0] is None)
     response = await tried(connection.post, "/chat/completions", body.encode())
     if response.is_refusal:
-        said = connection.without_key(read_error(response.content))
-        refused = f"is refused by the server at {connection.address} (HTTP {response.status}: {said})"
+        message = connection.without_key(read_error(response.content))
+        refused = f"is refused by the server at {connection.address} (HTTP {response.status}: {message})"
         remedy = "set llm.profile, llm.thinking=none or llm.constrained=false"
         name = server.dialect.profile.name
         raise InvalidInputError(Problem("dialect-refused", refused, remedy, key="llm.profile", value=name))
     text, problem = _text_of(response)
     if text is None:
         log.warning(
-            "whether the server at %s constrains answers could not be tried out: %s",
+            "whether the server at %s constrains answers could not be tested: %s",
             connection.address,
             connection.without_key(problem),
         )
     elif text.strip().strip('"') not in {str(choice) for choice in _CANARY_CHOICES}:
         log.warning(
-            "the server at %s ignores the constraint of llm.profile=%s: answers are not held to the admissible "
-            "actions (asked for %s it said %r)",
+            "the server at %s ignores the constraint of llm.profile=%s: answers are not restricted to the admissible "
+            "actions (asked for %s it answered %r)",
             connection.address,
             server.dialect.profile.name,
             " or ".join(map(str, _CANARY_CHOICES)),

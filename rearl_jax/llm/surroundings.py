@@ -1,4 +1,4 @@
-"""One frame -> who is next to each of some vehicles, ahead and behind, on its own lane and the two beside it."""
+"""Neighbours of some vehicles in one frame, ahead and behind, on the own lane and the two lanes beside it."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ class Surroundings(NamedTuple):
     """The nearest vehicle at each of the `PLACES` around some vehicles.
 
     Attributes:
-        gap: Bumper to bumper [m], negative where the two are side by side; inf where nobody is.
+        gap: Bumper to bumper [m], negative if the two are side by side; inf if there is no vehicle.
         speed: Its speed [m/s].
         relative_speed: Its speed less that of the vehicle [m/s].
     """
@@ -36,8 +36,8 @@ def look_around(
 ) -> Surroundings:
     """The vehicles around some others, as the core sees them (`core.neighbours`).
 
-    A vehicle between two lanes is on both; the same position counts as ahead; nobody is seen beyond the road. Lengths
-    [m] broadcast to `[n_vehicles, n_scenarios]`, `vehicle` and `scenario` are rows and columns.
+    A vehicle between two lanes is on both; the same position counts as ahead; no vehicle is seen beyond the road.
+    Lengths [m] broadcast to `[n_vehicles, n_scenarios]`, `vehicle` and `scenario` are rows and columns.
     """
     length = np.broadcast_to(np.asarray(length, frame.x.dtype), frame.x.shape)
     own_x, own_lane, own_length = (values[vehicle, scenario] for values in (frame.x, frame.lane, length))

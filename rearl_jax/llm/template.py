@@ -1,4 +1,4 @@
-"""A Jinja file of the prompts -> its blocks, rendered; whatever is wrong with the file becomes one sentence.
+"""Blocks of the Jinja file of the prompts, rendered; an error in the file becomes one sentence.
 
 The shipped file, `prompt.txt.j2`, says which blocks and variables there are.
 """
@@ -60,8 +60,8 @@ class PromptTemplate:
         try:
             return "".join(self._template.blocks[block](context))
         except Exception as error:  # a template can raise anything; all of it is the fault of that file
-            said = str(error) if isinstance(error, UndefinedError) else f"{type(error).__name__}: {error}"
-            problem = Problem("template-fails", said, file=self.file, line=self._line(error))
+            fault = str(error) if isinstance(error, UndefinedError) else f"{type(error).__name__}: {error}"
+            problem = Problem("template-fails", fault, file=self.file, line=self._line(error))
             raise InvalidInputError(problem) from error
 
     def _line(self, error: BaseException) -> int:
@@ -88,7 +88,7 @@ def load_template(path: str) -> PromptTemplate:
 
     Raises:
         MissingInputError: There is no such file.
-        InvalidInputError: It is no template, lacks a block or uses a variable that does not exist; the problem names
+        InvalidInputError: It is not a template, lacks a block or uses a variable that does not exist; the problem names
             file and line.
     """
     file, loader = (
@@ -97,12 +97,12 @@ def load_template(path: str) -> PromptTemplate:
         else (Path(SHIPPED), PackageLoader("rearl_jax.llm", ""))
     )
     if path and not file.is_file():
-        said = (
+        fault = (
             "must name a Jinja file with the blocks system and user, or be empty for the shipped one, but there is no "
             f"file {file}"
         )
-        raise MissingInputError(Problem("file-missing", said, key="prompt.template"))
-    # Somebody else's template writes text and does nothing else.
+        raise MissingInputError(Problem("file-missing", fault, key="prompt.template"))
+    # Sandboxed, so that a template of unknown origin can only write text.
     environment = ImmutableSandboxedEnvironment(
         loader=loader, undefined=StrictUndefined, finalize=_written, trim_blocks=True, lstrip_blocks=True
     )
@@ -111,11 +111,11 @@ def load_template(path: str) -> PromptTemplate:
         tree = environment.parse(source, file.name, str(file))
         template = environment.get_template(file.name)
     except TemplateSyntaxError as error:
-        said = str(error.message)
-        raise InvalidInputError(Problem("template-syntax", said, file=str(file), line=error.lineno)) from error
+        fault = str(error.message)
+        raise InvalidInputError(Problem("template-syntax", fault, file=str(file), line=error.lineno)) from error
     except UnicodeDecodeError as error:
-        said = f"the file is no text in UTF-8 (byte {error.start}): save it as UTF-8"
-        raise InvalidInputError(Problem("not-text", said, file=str(file))) from error
+        fault = f"the file is not UTF-8 text (byte {error.start}): save it as UTF-8"
+        raise InvalidInputError(Problem("not-text", fault, file=str(file))) from error
     _check(environment, tree, file)
     return PromptTemplate(template, str(file))
 
@@ -132,14 +132,14 @@ def _check(environment: Environment, tree: nodes.Template, file: Path) -> None:
     blocks = list(tree.find_all(nodes.Block))
     missing = [name for name in ("system", "user") if name not in {block.name for block in blocks}]
     if missing:
-        said = f"the block {missing[0]} is missing: the shipped {SHIPPED} says what the two blocks are"
+        fault = f"the block {missing[0]} is missing: the shipped {SHIPPED} explains both blocks"
         remedy = f"add {{% block {missing[0]} %}} ... {{% endblock %}}"
-        raise InvalidInputError(Problem("block-missing", said, remedy, file=str(file)))
+        raise InvalidInputError(Problem("block-missing", fault, remedy, file=str(file)))
     for block in blocks:
         allowed = VARIABLES.get(block.name, _USER)
         alone = nodes.Template([block], lineno=1)
         alone.set_environment(environment)
         for name in sorted(meta.find_undeclared_variables(alone) - allowed):
             line = next((used.lineno for used in block.find_all(nodes.Name) if used.name == name), block.lineno)
-            said = f"the block {block.name} has no variable {name!r}; it may use {', '.join(sorted(allowed))}"
-            raise InvalidInputError(Problem("variable-unknown", said, file=str(file), line=line))
+            fault = f"the block {block.name} has no variable {name!r}; it may use {', '.join(sorted(allowed))}"
+            raise InvalidInputError(Problem("variable-unknown", fault, file=str(file), line=line))

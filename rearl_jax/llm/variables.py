@@ -1,4 +1,4 @@
-"""One second of the traffic, as NumPy arrays -> what a template is told of it, as plain numbers and words.
+"""Variables of a template for one second of the traffic, as plain numbers and words, from NumPy arrays.
 
 The records' fields are the names that templates use.
 """
@@ -39,7 +39,7 @@ class Bins(NamedTuple):
 
 
 class ReferenceCar(NamedTuple):
-    """A vehicle of the reference: speed [m/s], mean distance to the others [m], what it did in the following second."""
+    """A vehicle of the reference: speed [m/s], mean distance to the others [m], its action in the following second."""
 
     speed: float
     distance: float
@@ -81,8 +81,8 @@ class Scene(NamedTuple):
 class Car(NamedTuple):
     """The vehicle that is asked about: speed [m/s], acceleration [m/s^2], mean distance to the others [m].
 
-    Ranks count from the highest; equal ones share the better rank. The last action is None where it followed none, the
-    time since the last lane change [s] None where none was seen.
+    Ranks count from the highest value; equal values share the better rank. `last_action` is None without an action in
+    the last second, `since_lane_change` [s] None without a lane change so far.
     """
 
     vehicle: int
@@ -99,9 +99,9 @@ class Car(NamedTuple):
 
 
 class Neighbour(NamedTuple):
-    """Who is nearest at one of the `PLACES` around a vehicle; None where nobody is.
+    """The nearest vehicle at one of the `PLACES` around a vehicle; None if there is none.
 
-    Gap bumper to bumper [m], negative side by side; speed, and the same less that of the vehicle [m/s].
+    Gap bumper to bumper [m], negative side by side; speed, and speed relative to the vehicle [m/s].
     """
 
     place: str
@@ -172,7 +172,7 @@ def cars_of(situation: Situation, asked: Asked, model: TrafficModel) -> Iterator
 
 
 def ranks(values: ArrayLike, asked: Asked) -> Int[np.ndarray, " asked"]:
-    """Place of each vehicle that is asked about in its scenario, 1 for the highest."""
+    """Rank of each vehicle that is asked about in its scenario, 1 for the highest value."""
     values = np.asarray(values)
     own, rank = values[asked], np.ones(len(asked.vehicle), int)
     for other in values:

@@ -27,8 +27,8 @@ def find_leaders(
 ) -> Followers:
     """Distance, approach rate and state of each vehicle's leader.
 
-    The leader is the nearest vehicle ahead in the same lane, and on the same carriageway where `direction` is
-    given, at any distance. Vehicles at exactly the same position are not ahead of each other.
+    The leader is the nearest vehicle ahead in the same lane, and on the same carriageway if `direction` is given, at
+    any distance. Vehicles at exactly the same position are not ahead of each other.
 
     Args:
         position: Centre along the driving direction, growing while driving [m].
@@ -36,7 +36,7 @@ def find_leaders(
         lane: Lane index.
         length: Vehicle length [m]; the gap is the centre distance less half of both lengths.
         crashed: Whether the vehicle has crashed; crashed vehicles lead like others.
-        direction: Carriageway; None where there is one.
+        direction: Carriageway; None if there is one.
 
     Source: REARL (Bi et al.), time headway over leader-follower pairs; the paper names no distance limit.
     """

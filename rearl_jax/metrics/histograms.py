@@ -13,7 +13,7 @@ from rearl_jax.metrics.measure import safe_sqrt, unrolled_sum
 
 
 class Distances(eqx.Module):
-    """Distances per window; where `valid` is false a histogram was empty, and the value 0 means nothing."""
+    """Distances per window; if `valid` is false a histogram was empty, and the value 0 means nothing."""
 
     value: Float[Array, "*windows"]
     valid: Bool[Array, "*windows"]
@@ -90,7 +90,7 @@ def speed_counts(speed: Float[Array, " vehicles *scenarios"], hist: HistConfig) 
     """Number of vehicles per speed bin in one frame.
 
     Args:
-        speed: Speed [m/s], scaled where it comes from a recording.
+        speed: Speed [m/s], scaled if it comes from a recording.
         hist: Bins and what happens outside them.
     """
     return bin_counts(speed, speed_edges(hist), drop=hist.oob is OutOfBounds.drop)
@@ -180,8 +180,7 @@ def noise_floor(
 ) -> Float[Array, " draws"]:
     """Hellinger distances between two independent samples of one distribution.
 
-    What the distance shows when nothing differs: no method can be told from the truth below the mean of
-    these.
+    What the distance shows when nothing differs: below the mean of these no method can be distinguished from the truth.
 
     Args:
         shares: The distribution; sums to 1.

@@ -1,4 +1,4 @@
-"""Reductions over the frames and vehicles of a scene that say how many samples are behind them."""
+"""Reductions over the frames and vehicles of a scene, with the number of samples behind each."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -14,8 +14,8 @@ Carry = TypeVar("Carry")
 class Measure(eqx.Module):
     """A figure and the number of samples behind it.
 
-    `value` is finite for finite inputs; where `count` is 0 it is 0 and means nothing. Pool several as
-    sum(value * count) / sum(count) where the metric is a mean or a share.
+    `value` is finite for finite inputs; if `count` is 0 it is 0 and means nothing. Pool several as sum(value * count) /
+    sum(count) if the metric is a mean or a share.
     """
 
     value: Float[Array, "*scenarios"]

@@ -1,4 +1,4 @@
-"""What is said of a metric: its name, unit and definition, which way is better, and what it can be measured on."""
+"""Description of a metric: its name, unit and definition, which way is better, and what it can be measured on."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -22,7 +22,7 @@ class Metric:
 
     Attributes:
         name: Column of the result tables.
-        title: What people read.
+        title: Title in tables and figures.
         unit: "1" for none.
         direction: Which way is better.
         definition: One line.

@@ -36,7 +36,7 @@ def previous_values(
 
     Args:
         values: Any quantity per frame and slot.
-        track_id: Which vehicle a slot holds, unique within a frame; None where a slot always holds the same
+        track_id: Which vehicle a slot holds, unique within a frame; None if a slot always holds the same
             vehicle. In recordings the selected vehicles and their order change from frame to frame.
     """
     earlier = values[:-1]
@@ -60,9 +60,9 @@ def rate_of_change(
 
     Args:
         values: Quantity to differentiate.
-        track_id: Which vehicle a slot holds; None where that never changes.
+        track_id: Which vehicle a slot holds; None if that never changes.
         frame_interval: Time between frames [s].
-        known: Where the quantity itself is known; None where it is everywhere.
+        known: Where the quantity itself is known; None if it is everywhere.
     """
     previous, valid = previous_values(values, track_id)
     if known is not None:
@@ -88,7 +88,7 @@ def jerk_statistics(
     Args:
         acceleration: `rate_of_change` of the speed [m/s^2].
         crashed: Whether the vehicle has crashed.
-        track_id: Which vehicle a slot holds; None where that never changes.
+        track_id: Which vehicle a slot holds; None if that never changes.
         frame_interval: Time between frames [s].
         threshold: Large jerk [m/s^3], positive.
 
@@ -119,7 +119,7 @@ def lane_changes(
     Args:
         lane: Lane index.
         crashed: Whether the vehicle has crashed.
-        track_id: Which vehicle a slot holds; None where that never changes.
+        track_id: Which vehicle a slot holds; None if that never changes.
         dtype: Floating-point type of the result.
 
     Source: REARL (Bi et al.): lane-change rate, clipped to [0, 1]; the denominator uses all 60 frames.

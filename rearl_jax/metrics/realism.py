@@ -66,8 +66,8 @@ def distance_to_nearest(
 ) -> Float[Array, "steps vehicles *scenarios"]:
     """Signed distance of each vehicle's rectangle to the nearest other one [m]; inf for a lone vehicle.
 
-    Rectangles stand along the road (a heading of 5 degrees shifts a corner by 0.2 m). Negative where they
-    overlap: minus the shortest way out.
+    Rectangles stand along the road (a heading of 5 degrees shifts a corner by 0.2 m). Negative if they overlap: minus
+    the shortest shift that separates them.
 
     Args:
         x: Centre along the road in the ground frame [m].
@@ -140,7 +140,7 @@ def likelihood(
 ) -> Measure:
     """Measure exp(mean over real values of log p(bin)), p the smoothed simulated histogram.
 
-    The count is the number of real values, and 0 where there are no simulated ones.
+    The count is the number of real values, and 0 if there are no simulated values.
 
     Args:
         simulated: Bin counts of the simulation, summed over its runs.

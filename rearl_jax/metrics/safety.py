@@ -27,7 +27,7 @@ class Conflicts(eqx.Module):
 
 
 class Collisions(eqx.Module):
-    """Share of vehicles crashed in the last frame, and 1 where any vehicle crashed in any frame."""
+    """Share of vehicles crashed in the last frame, and 1 if any vehicle crashed in any frame."""
 
     share: Measure
     any: Measure
@@ -66,7 +66,7 @@ def time_headways(
 def time_to_collision(followers: Followers, *, cap: float) -> Float[Array, "steps vehicles *scenarios"]:
     """Time to collision gap / dv of a follower that closes in on its leader [s], at most `cap`.
 
-    `cap` too where nothing can be hit: no leader, not closing in, or the vehicles overlap already.
+    Also `cap` if no collision is possible: no leader, not closing in, or the vehicles overlap already.
 
     Source: Hayward, Highway Research Record 384 (1972) 24; the cap as in the Waymo Sim Agents challenge.
     """

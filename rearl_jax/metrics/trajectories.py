@@ -1,4 +1,4 @@
-"""What metrics are measured on: the vehicles of one scene, and the real scene it is compared with."""
+"""Input of the metrics: the vehicles of one scene, and the real scene it is compared with."""
 
 import equinox as eqx
 from jaxtyping import Array, Bool, Float, Int
@@ -13,10 +13,10 @@ class Trajectories(eqx.Module):
         speed: [m/s].
         scaled_speed: The same rescaled to the simulator's range; equal to it in a simulation.
         lane: Lane index within the carriageway.
-        crashed: Whether the vehicle has crashed; nobody has in a recording.
+        crashed: Whether the vehicle has crashed; false in recordings.
         length, width: Size of the vehicle [m].
-        direction: Carriageway; None where there is one.
-        track_id: Vehicle in a slot; None where it never changes.
+        direction: Carriageway; None if there is one.
+        track_id: Vehicle in a slot; None if it never changes.
     """
 
     x: Float[Array, "steps vehicles *scenarios"]

@@ -1,1 +1,1 @@
-"""Repaired traffic models: what discovery found out about drivers, as a file, and as traffic that drives by it."""
+"""Repaired traffic models: the drivers and effects that discovery has found, as a file and as simulated traffic."""

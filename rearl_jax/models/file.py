@@ -41,7 +41,7 @@ RANGES = {
     "length": (1.0, 40.0),
     "length_sd": (0.0, 10.0),
 }
-"""Bounds of a class's numbers, units as of `DriverClass`."""
+"""Bounds of the numbers of a class of drivers, in the units of `DriverClass`."""
 
 
 class BadModelError(InvalidInputError):
@@ -81,12 +81,12 @@ def read_model(path: str | Path) -> RepairedModel:
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        said = "must name a file that is there; `rearl discover` writes model.yaml"
-        raise MissingInputError(Problem("file-missing", said, key="model", value=str(path))) from None
+        message = "must name a file that is there; `rearl discover` writes model.yaml"
+        raise MissingInputError(Problem("file-missing", message, key="model", value=str(path))) from None
     except IsADirectoryError:
         raise IsADirectoryError(f"model={path} is a folder: name the file model.yaml in it") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise BadModelError(Problem("not-yaml", f"the file is no YAML: {error}", file=str(path))) from error
+        raise BadModelError(Problem("not-yaml", f"the file is not YAML: {error}", file=str(path))) from error
     return _checked(path, content)
 
 
@@ -105,13 +105,13 @@ def _plain(value: Any) -> Any:
 
 
 class _Reader:
-    """Parts of a file, each with the name it is complained about by."""
+    """Checks the parts of a model file; errors name the file and the key of the part."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def refuse(self, code: str, key: str, said: str) -> BadModelError:
-        return BadModelError(Problem(code, said, file=str(self._path), key=key))
+    def refuse(self, code: str, key: str, message: str) -> BadModelError:
+        return BadModelError(Problem(code, message, file=str(self._path), key=key))
 
     def mapping(self, value: Any, key: str, names: Sequence[str], optional: Sequence[str] = ()) -> dict[str, Any]:
         """A mapping with exactly these keys."""
@@ -120,18 +120,18 @@ class _Reader:
         for name in value:
             if name not in (*names, *optional):
                 known = (*names, *optional)
-                raise self.refuse("key-unknown", f"{key}.{name}", f"is no key; nearest: {nearest(str(name), known)}")
+                raise self.refuse("key-unknown", f"{key}.{name}", f"is not a key; nearest: {nearest(str(name), known)}")
         for name in names:
             if name not in value:
-                said = "is missing: write it, or let `rearl discover` write the file"
-                raise self.refuse("key-missing", f"{key}.{name}", said)
+                message = "is missing: write it, or let `rearl discover` write the file"
+                raise self.refuse("key-missing", f"{key}.{name}", message)
         return value
 
     def number(self, value: Any, key: str, low: float, high: float) -> float:
         """A number within bounds."""
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            said = f"must be a finite number, got {value!r} (YAML wants 1.0e-3, not 1e-3)"
-            raise self.refuse("not-a-number", key, said)
+            message = f"must be a finite number, got {value!r} (YAML wants 1.0e-3, not 1e-3)"
+            raise self.refuse("not-a-number", key, message)
         if not low <= value <= high:
             raise self.refuse("out-of-range", key, f"must be within {low:g} and {high:g}, got {value:g}")
         return float(value)
@@ -143,7 +143,7 @@ class _Reader:
         return [self.number(item, f"{key}[{place}]", low, high) for place, item in enumerate(value)]
 
     def text(self, value: Any, key: str) -> str:
-        """A text that says something."""
+        """A text that is not empty."""
         if not isinstance(value, str) or not value:
             raise self.refuse("wrong-type", key, f"must be a text, got {value!r}")
         return value
@@ -160,7 +160,7 @@ def _checked(path: Path, content: Any) -> RepairedModel:
             "schema",
             f"is {whole['schema']!r}, but this version reads {SCHEMA}: write the model again with it",
         )
-    car_following = whole.get("car_following", "idm")  # what a file that does not say drives by
+    car_following = whole.get("car_following", "idm")  # the model of files without this key
     if car_following not in CALIBRATED:
         close = nearest(str(car_following), CALIBRATED)
         raise reader.refuse(
@@ -189,7 +189,7 @@ def _checked(path: Path, content: Any) -> RepairedModel:
     for place, name in enumerate(called):
         if name in called[:place]:
             raise reader.refuse(
-                "effect-twice", f"effects[{place}].name", f"{name[0]} is there twice: write each effect once"
+                "effect-twice", f"effects[{place}].name", f"{name[0]} occurs twice: write each effect once"
             )
     return RepairedModel(
         Source(**{name: reader.text(source[name], f"source.{name}") for name in names}),
@@ -250,7 +250,7 @@ def _effect(reader: _Reader, value: Any, key: str) -> EffectValues:
     if is_curve:
         _check_curve(reader, parameters, variable, key)
     elif variable is not None:
-        raise reader.refuse("key-unknown", f"{key}.variable", f"means nothing to {name}: leave it out")
+        raise reader.refuse("key-unknown", f"{key}.variable", f"is not used by {name}: leave it out")
     return EffectValues(name, parameters, variable)
 
 

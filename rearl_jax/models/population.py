@@ -88,7 +88,7 @@ def population_of_model(
 def population_of_keys(
     driver: DriverConfig, mobil: MobilConfig, dtype: np.dtype, ticks_per_second: int
 ) -> Population | None:
-    """The drivers that keys describe; None where they are highway-env's.
+    """The drivers that keys describe; None if they are highway-env's.
 
     Args:
         driver: Car following, sizes, classes.
@@ -98,7 +98,9 @@ def population_of_keys(
     """
     if driver.is_default and mobil.is_default:
         return None
-    others = {name: _class(driver, name, float(said["share"])) for name, said in driver.classes.items()}
+    others = {
+        name: _class(driver, name, float(keys_of_class["share"])) for name, keys_of_class in driver.classes.items()
+    }
     rest = max(1.0 - sum(drivers.share for drivers in others.values()), 0.0)
     classes = {CAR if CAR not in others else "": _class(driver, None, rest), **others}
     medians = [_medians(driver, name) for name in (None, *others)]

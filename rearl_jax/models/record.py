@@ -44,7 +44,7 @@ class EffectValues:
     Attributes:
         name: One of `core.effects.EFFECTS`.
         parameters: Values of all its parameters, by name; a list for a curve.
-        variable: Variable a curve depends on, as of `dependence`; None for effects that are no curves.
+        variable: Variable a curve depends on, one of `core.effects.VARIABLES`; None for effects that are not curves.
     """
 
     name: str

@@ -1,7 +1,7 @@
-"""Traffic that drives by a population of drivers and its effects.
+"""Traffic of a population of drivers with its effects.
 
-What a driver is drawn with depends on the scenario's key alone, so that the same scenario has the same quantiles of
-drivers with and without effects, and whatever the values of the keys (common random numbers).
+The quantiles of a driver's parameters depend only on the random key of the scenario. So a scenario has the same
+quantiles with and without effects, and for all values of the configuration keys (common random numbers).
 """
 
 from dataclasses import fields, replace
@@ -28,7 +28,7 @@ POPULATION_STREAM = 3
 """Separates the random numbers of the drivers from those of the initial state."""
 
 SEED_STREAM = 100
-"""The same of the effects' random numbers; one stream for each effect."""
+"""First of the streams of the effects' random numbers, one for each effect."""
 
 FURTHEST = 2.5
 """Standard deviations at which a driver's parameters and a vehicle's length are cut; own choice."""
@@ -46,13 +46,13 @@ def populate(
     population: Population,
     model: TrafficModel,
 ) -> tuple[TrafficState, Drivers]:
-    """The same vehicles at the same places with the same speeds, but of the population's lengths and drivers.
+    """The given vehicles at their positions and speeds, with lengths and drivers drawn from the population.
 
     Vehicles that would start inside each other are moved forward.
 
     Args:
         state: Initial state.
-        drivers: Its drivers, whose rules of lane changing stay where the population has none of its own.
+        drivers: Its drivers, whose lane-changing parameters are kept if the population has none.
         keys: One random key per scenario.
         population: Population of the drivers.
         model: The road.
@@ -66,15 +66,15 @@ def populate(
         place = jax.random.uniform(class_key, (n_vehicles,), dtype)
         return place, own, jax.random.normal(length_key, (n_vehicles,), dtype)
 
-    place, own, long = jax.vmap(draw, out_axes=-1)(keys)
+    place, own, length_deviates = jax.vmap(draw, out_axes=-1)(keys)
     number = class_numbers(place, jnp.asarray(population.shares))
-    own, long = jnp.clip(own, -FURTHEST, FURTHEST), jnp.clip(long, -FURTHEST, FURTHEST)
+    own, length_deviates = (jnp.clip(deviates, -FURTHEST, FURTHEST) for deviates in (own, length_deviates))
     tables = jax.tree.map(jnp.asarray, (population.median, population.factor, population.noise, population.length))
     median, factor, noise, length = (jnp.moveaxis(table[number], (0, 1), (-2, -1)) for table in tables)
     values = dict(zip(names, median * jnp.exp(jnp.sum(factor * own[None], axis=1)), strict=True))
     values = {name: _with_drawn(name, value, state, drivers) for name, value in _within_bounds(values, population)}
     values |= {name: getattr(drivers.car_following, name) for name in population.drawn}
-    lengths = jnp.maximum(length[0] + length[1] * long, 1.0)
+    lengths = jnp.maximum(length[0] + length[1] * length_deviates, 1.0)
     effects = _seeded(population.effects, keys)
     if population.is_noisy:
         effects = (*effects, AccelerationNoise(noise[0], noise[1], _seeds(keys, SEED_STREAM)))
@@ -102,7 +102,7 @@ def _within_bounds(values: dict[str, Array], population: Population) -> list[tup
 
 
 def _with_drawn(name: str, value: Array, state: TrafficState, drivers: Drivers) -> Array:
-    """A parameter, where a class of drivers leaves it (nan) as it was drawn with the initial state."""
+    """A parameter, with the value drawn with the initial state for classes of drivers that leave it open (nan)."""
     drawn = state.desired_speed if name == "desired_speed" else getattr(drivers.car_following, name, None)
     return value if drawn is None else jnp.where(jnp.isnan(value), drawn, value)
 
@@ -110,7 +110,7 @@ def _with_drawn(name: str, value: Array, state: TrafficState, drivers: Drivers) 
 def class_numbers(
     place: Float[Array, "vehicles scenarios"], shares: Float[Array, " others"]
 ) -> Int[Array, "vehicles scenarios"]:
-    """Class of each vehicle: the first where nothing else is drawn.
+    """Class of each vehicle: the first unless another one is drawn.
 
     Args:
         place: Drawn from U(0, 1).
@@ -154,7 +154,7 @@ def _seeded(effects: tuple[Effect, ...], keys: Key[Array, " scenarios"]) -> tupl
 def make_room(
     state: TrafficState, length: Float[Array, "vehicles scenarios"], model: TrafficModel
 ) -> Float[Array, "vehicles scenarios"]:
-    """Positions [m] at which nobody starts inside or close behind another on its lane; most stay where they are.
+    """Positions [m] at which no vehicle starts inside or close behind another on its lane; most are unchanged.
 
     Args:
         state: The vehicles.

@@ -29,8 +29,8 @@ def embedded(value: Any) -> str:
 def replay_data(replay: Replay) -> dict[str, Any]:
     """What the player draws.
 
-    `lanes`, `laneWidth` [cm]: the simulated road; `seconds`: frames of a scene; `decisions`: whether it is known which
-    vehicles were asked; `scenes`: objects with `id`, `recording`, `start` [s], `run`, `h`, `sim` and `real`. Both have
+    `lanes`, `laneWidth` [cm]: the simulated road; `seconds`: frames of a scene; `decisions`: whether the asked vehicles
+    are known; `scenes`: objects with `id`, `recording`, `start` [s], `run`, `h`, `sim` and `real`. Both have
     `vehicles`: pieces `{t, x, y, l}`, first frame, positions along and across the road as differences [cm], length
     [cm]; and `speed`, the mean of each frame [m/s]. `sim` has `crash` (frame of each vehicle's crash, -1 for none) and
     `asked`, `[frame, vehicle, action]`.
@@ -86,7 +86,7 @@ def _means(speed: np.ndarray) -> list[float]:
 
 def _lateral(scenes: SceneSet, index: int, lane_width: float) -> tuple[Float[np.ndarray, "frames slots"], int]:
     """Where recorded vehicles are drawn across the road [m], and for how many lanes: the middle of their lane, the
-    carriageways side by side; where lanes are unknown, the measured place.
+    carriageways side by side; if lanes are unknown, the measured place.
     """
     lane, direction = scenes.lane[index].astype(np.int64), scenes.direction[index]
     if (lane == UNKNOWN_LANE).any():

@@ -18,7 +18,7 @@ class Decision:
         rollout: Number of the rollout.
         second: Frame at whose end it was asked; the answer is followed in the second after it.
         vehicle: Number of the vehicle.
-        action: What it is told, in the order of `MetaAction`; NO_ACTION where the answer cannot be followed.
+        action: Action it gets, in the order of `MetaAction`; NO_ACTION if the answer cannot be followed.
     """
 
     rollout: int
@@ -37,7 +37,7 @@ class ReplayedScene:
         frames: The rollout, `[n_steps, n_vehicles]`.
         lengths: Lengths of its vehicles [m].
         h: Its Hellinger distance [-].
-        decisions: Who was asked when, and told what.
+        decisions: Which vehicle was asked when, and its action.
     """
 
     index: int
@@ -57,7 +57,7 @@ class Replay:
         scenes: All recorded scenes.
         replayed: The chosen ones.
         origin: Where the rollouts come from, in a sentence or two.
-        has_decisions: Whether somebody intervened and it is known which vehicles were asked.
+        has_decisions: Whether the method intervenes and it is known which vehicles were asked.
     """
 
     config: EvaluateTask

@@ -19,7 +19,7 @@ def discovery_document(study: FinishedStudy) -> Document:
     """
     verdict, maps = study.object("verdict.json"), None
     study.needs(verdict, _VERDICT, "verdict.json")
-    if (study.path / "maps.parquet").exists():  # not written where discover.page is false
+    if (study.path / "maps.parquet").exists():  # not written if discover.page is false
         maps = study.table("maps")
         study.needs(maps, _MAPS, "maps.parquet")
     return discovery.document_of(study.config, verdict, maps)

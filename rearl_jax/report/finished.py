@@ -1,4 +1,4 @@
-"""The folder of a finished study: what it was asked for, what it found, its tables and figures."""
+"""The folder of a finished study: its configuration, its summary, its tables and figures."""
 
 import json
 from collections.abc import Mapping
@@ -18,13 +18,13 @@ from rearl_jax.tasks import TASKS, Task
 
 @dataclass(frozen=True)
 class FinishedStudy:
-    """A study that has come to its end.
+    """A finished study.
 
     Attributes:
         path: Its folder.
         task: The task that wrote it.
         config: The task's record, as in config.json.
-        provenance: What every file says about where it comes from.
+        provenance: Origin of the figures, as in every file.
         rows: The objects of summary.json; one for most tasks, one per row of the table for `evaluate`.
     """
 
@@ -36,7 +36,7 @@ class FinishedStudy:
 
     @property
     def generated(self) -> bool:
-        """Whether the recordings are no measurements."""
+        """Whether the recordings were generated, not measured."""
         return bool(self.provenance["generated"])
 
     @property
@@ -45,36 +45,36 @@ class FinishedStudy:
         return config_hash(self.config) != self.provenance["config_hash"]
 
     @property
-    def again(self) -> str:
-        """What to do about a study this version cannot read."""
+    def remedy(self) -> str:
+        """Remedy for a study that this version cannot read."""
         return f"run it again with this version: rearl {self.task.words} study={self.config.study} ..."
 
     def table(self, name: str) -> pd.DataFrame:
         """The Parquet table of that name.
 
         Raises:
-            FileNotFoundError, ValueError: It is not there, or is no Parquet file.
+            FileNotFoundError, ValueError: It is not there, or is not a Parquet file.
         """
         path = self.path / f"{name}.parquet"
         if not path.exists():
-            raise MissingInputError(Problem("file-missing", "the file is missing", self.again, file=str(path)))
+            raise MissingInputError(Problem("file-missing", "the file is missing", self.remedy, file=str(path)))
         try:
             return pd.read_parquet(path)
-        except (OSError, ValueError) as error:  # what pyarrow raises for a file that is no Parquet
-            said = f"the file cannot be read ({error})"
-            raise InvalidInputError(Problem("not-parquet", said, self.again, file=str(path))) from error
+        except (OSError, ValueError) as error:  # what pyarrow raises for a file that is not Parquet
+            message = f"the file cannot be read ({error})"
+            raise InvalidInputError(Problem("not-parquet", message, self.remedy, file=str(path))) from error
 
     def metadata(self, name: str) -> dict[str, str]:
-        """What the schema of the Parquet table of that name says, `results.read_metadata`."""
+        """Metadata of the Parquet table of that name, see `results.read_metadata`."""
         return read_metadata(self.path / f"{name}.parquet")
 
     def object(self, name: str) -> Any:
         """The content of the JSON file `name`.
 
         Raises:
-            FileNotFoundError, ValueError: It is not there, or is no JSON.
+            FileNotFoundError, ValueError: It is not there, or is not JSON.
         """
-        return _read_json(self.path / name, self.again)
+        return _read_json(self.path / name, self.remedy)
 
     @property
     def figures(self) -> dict[str, bytes]:
@@ -93,7 +93,7 @@ class FinishedStudy:
         return data_sources([next(iterate_recordings(self.config.data)).info])
 
     def needs(self, found: Mapping[str, Any] | pd.DataFrame, names: tuple[str, ...], where: str) -> None:
-        """Raise ValueError where keys or columns are not there, as in studies of an older version.
+        """Raise ValueError if keys or columns are not there, as in studies of an older version.
 
         Args:
             found: An object or a table of the study.
@@ -102,11 +102,11 @@ class FinishedStudy:
         """
         for name in names:
             if name not in found:
-                said = (
+                message = (
                     f"is missing: the study is of version {self.provenance['code_version']}, which wrote other figures"
                 )
                 file = str(self.path / where)
-                raise InvalidInputError(Problem("key-missing", said, self.again, file=file, key=name))
+                raise InvalidInputError(Problem("key-missing", message, self.remedy, file=file, key=name))
 
 
 def read_finished(root: str, name: str) -> FinishedStudy:
@@ -117,53 +117,53 @@ def read_finished(root: str, name: str) -> FinishedStudy:
         name: Folder of the study in it.
 
     Raises:
-        FileNotFoundError: There is no such study, or it did not come to its end.
+        FileNotFoundError: There is no such study, or it is not finished.
         ValueError: The name does not stay inside the folder, or the study is of a version with other keys or tasks.
     """
     parts = PurePosixPath(name).parts
     if not parts or name.startswith("/") or ".." in parts:
-        said = f"must be the name of a study inside {root}, e.g. evaluate"
-        raise InvalidInputError(Problem("name-unusable", said, key="study", value=repr(name)))
+        message = f"must be the name of a study inside {root}, e.g. evaluate"
+        raise InvalidInputError(Problem("name-unusable", message, key="study", value=repr(name)))
     path = Path(root).joinpath(*parts)
     if not path.is_dir():
         there = sorted(file.parent.relative_to(root).as_posix() for file in Path(root).glob("*/summary.json"))
         known = f"finished studies there: {', '.join(there[:10])}" if there else "no study there is finished"
-        said = f"must name a folder in {root}; {known} (results.root names the folder)"
-        raise MissingInputError(Problem("study-missing", said, key="study", value=name))
+        message = f"must name a folder in {root}; {known} (results.root names the folder)"
+        raise MissingInputError(Problem("study-missing", message, key="study", value=name))
     if not (path / "config.json").exists():
-        said = "this is no folder of a study, it has no config.json: set study or results.root"
-        raise MissingInputError(Problem("no-study", said, file=str(path)))
+        message = "this is not a folder of a study, it has no config.json: set study or results.root"
+        raise MissingInputError(Problem("no-study", message, file=str(path)))
     if not (path / "summary.json").exists():
-        said = "the study is not finished, it has no summary.json, which is written last"
+        message = "the study is not finished, it has no summary.json, which is written last"
         raise MissingInputError(
-            Problem("study-unfinished", said, "let it finish, or run its task again", file=str(path))
+            Problem("study-unfinished", message, "let it finish, or run its task again", file=str(path))
         )
-    again = "run the study again with this version"
-    summary = _read_json(path / "summary.json", again)
+    rerun = "run the study again with this version"
+    summary = _read_json(path / "summary.json", rerun)
     rows = tuple(summary) if isinstance(summary, list) else (summary,)
     if not rows or not all(isinstance(row, dict) and row.keys() >= set(PROVENANCE) for row in rows):
-        said = "the file does not say where its figures come from"
-        raise InvalidInputError(Problem("provenance-missing", said, again, file=str(path / "summary.json")))
+        message = "the file does not state the origin of its figures"
+        raise InvalidInputError(Problem("provenance-missing", message, rerun, file=str(path / "summary.json")))
     provenance = {key: rows[0][key] for key in PROVENANCE}
     task = next((task for task in TASKS if task.words == provenance["task"]), None)
     if task is None:
-        said = f"is {provenance['task']!r}, which this version does not have"
-        raise InvalidInputError(Problem("task-unknown", said, file=str(path / "summary.json"), key="task"))
-    stored = _read_json(path / "config.json", again)
+        message = f"is {provenance['task']!r}, which this version does not have"
+        raise InvalidInputError(Problem("task-unknown", message, file=str(path / "summary.json"), key="task"))
+    stored = _read_json(path / "config.json", rerun)
     try:
         config = from_plain(task.load_config(), stored)
     except InvalidInputError as error:
-        remedy = f"the study is of version {provenance['code_version']}: {again}, rearl {task.words} study={name} ..."
+        remedy = f"the study is of version {provenance['code_version']}: {rerun}, rearl {task.words} study={name} ..."
         file = str(path / "config.json")
         raise InvalidInputError(replace(error.problem, file=file, remedy=remedy)) from error
     return FinishedStudy(path, task, config, provenance, rows)
 
 
-def _read_json(path: Path, again: str) -> Any:
+def _read_json(path: Path, remedy: str) -> Any:
     if not path.exists():
-        raise MissingInputError(Problem("file-missing", "the file is missing", again, file=str(path)))
+        raise MissingInputError(Problem("file-missing", "the file is missing", remedy, file=str(path)))
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
-        said = f"the file is no JSON ({error})"
-        raise InvalidInputError(Problem("not-json", said, again, file=str(path))) from error
+        message = f"the file is not JSON ({error})"
+        raise InvalidInputError(Problem("not-json", message, remedy, file=str(path))) from error

@@ -1,7 +1,7 @@
-"""Some rollouts of a finished evaluation simulated again, and checked against what the study has kept of them.
+"""Some rollouts of a finished evaluation, simulated again and checked against the stored figures.
 
-The study keeps figures, no trajectories. A rollout follows from seed, run and scene alone, so the same functions give
-the same one again; where they do not, nothing is shown.
+The study stores figures, not trajectories. A rollout follows from seed, run and scene alone, so the same functions give
+the same rollout again; if they do not, nothing is shown.
 """
 
 from collections.abc import Callable, Iterator
@@ -58,8 +58,8 @@ def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -
     """
     config, row = _one_method(study.config)
     if options.run >= config.eval.n_runs:
-        said = f"must be within the runs of the study, 0 to {config.eval.n_runs - 1}"
-        raise out_of_range("report.run", said, options.run)
+        fault = f"must be within the runs of the study, 0 to {config.eval.n_runs - 1}"
+        raise out_of_range("report.run", fault, options.run)
     _require_same_data(study)
     set_precision(config.core.dtype)
     folder = Study(str(study.path.parent), study.path.name, study.config, study.task.words, generated=study.generated)
@@ -83,21 +83,21 @@ def _one_method(config: EvaluateTask) -> tuple[EvaluateTask, str]:
         config = replace(config, method=Method.rearl, variant=Variant.repaired)
         row = f"{Method.rearl.name}{WITH_EFFECT}"
     if config.decision.policy is PolicyName.llm:
-        # The answers were kept: nobody has to be asked again.
+        # The answers are stored, so no language model is asked again.
         config = replace(config, decision=replace(config.decision, policy=PolicyName.replay))
     return config, row
 
 
 def _require_same_data(study: FinishedStudy) -> None:
-    """Raise NoReplayError where the recordings are not there, or not those of the study."""
+    """Raise NoReplayError if the recordings are not there, or not those of the study."""
     try:
         found = inputs_id(study.config)
     except (OSError, ValueError) as error:
         raise NoReplayError(f"its data cannot be read: {error}") from error
     if found != study.provenance["data_id"]:
         raise NoReplayError(
-            f"the data of the study are {study.provenance['data_id']}, those at data.root are {found} now: put the "
-            "former back, or run the study again"
+            f"the data of the study are {study.provenance['data_id']}, those at data.root are {found} now: restore "
+            "the former, or run the study again"
         )
 
 
@@ -151,7 +151,7 @@ def _replayed(
 
 
 def _mixture(study: FinishedStudy) -> Mixture | None:
-    """Shares of the driver classes that the study came to; None for other methods."""
+    """Shares of the driver classes that the study has found; None for other methods."""
     if study.config.method is not Method.critical:
         return None
     names = tuple(f"ratio_{name}" for name in Mixture._fields)
@@ -163,7 +163,7 @@ def _mixture(study: FinishedStudy) -> Mixture | None:
 def _witness(
     config: EvaluateTask, rollouts_with: Callable[[MakePolicy | None], Rollouts], bar: Progress
 ) -> Iterator[Witness | None]:
-    """Writes down who is asked; None where nobody is."""
+    """Records which vehicles are asked; None if no vehicle is."""
     acts = interventions(config)
     if acts is None:
         yield None
@@ -172,14 +172,14 @@ def _witness(
         try:
             asked = opened.enter_context(language_model(config, bar))
         except (ImportError, OSError, ValueError) as error:
-            raise NoReplayError(f"the kept answers of its language model cannot be read: {error}") from error
+            raise NoReplayError(f"the stored answers of its language model cannot be read: {error}") from error
         yield Witness(policy_of(acts, rollouts_with(None).decision_keys) if asked is None else asked.make_policy)
 
 
 def _require_same_figures(
     study: FinishedStudy, method: str, scenes: SceneSet, replayed: tuple[ReplayedScene, ...]
 ) -> None:
-    """Raise NoReplayError where a rollout scores otherwise than it did in the study."""
+    """Raise NoReplayError if a rollout scores otherwise than it did in the study."""
     runs = study.table("runs")
     study.needs(runs, ("method", "scene_id", "run", "h"), "runs.parquet")
     rows = runs.loc[(runs["method"] == method) & runs["h"].notna(), ["scene_id", "run", "h"]]
@@ -192,5 +192,5 @@ def _require_same_figures(
             raise NoReplayError(
                 f"simulated again, run {rollout.run} of scene {scene} has a Hellinger distance of {rollout.h:.5f}, but "
                 f"the study has {figure} figure for it: it was made by other code or on another machine "
-                f"({study.provenance['code_version']}, {study.provenance['git_sha']}); {study.again}"
+                f"({study.provenance['code_version']}, {study.provenance['git_sha']}); {study.remedy}"
             )

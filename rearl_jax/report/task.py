@@ -1,7 +1,7 @@
-"""The task `rearl report`: the folder of a finished study in, its page written anew.
+"""The task `rearl report`: writes the page of a finished study anew.
 
-Nothing else of the study is changed. Of `rearl evaluate` some scenes are simulated again for the replay; where that
-cannot be done the page is written without them and says why.
+Nothing else of the study is changed. Of `rearl evaluate` some scenes are simulated again for the replay; if that is
+impossible, the page is written without them and states why.
 """
 
 import logging
@@ -32,13 +32,13 @@ def run(config: ReportTask) -> dict:
 
     Raises:
         FileNotFoundError: There is no such study, it is not finished, or a file of it is missing.
-        ValueError: It is of another version or of a task without reports, or scenes asked for are none of it.
+        ValueError: It is of another version or of a task without reports, or requested scenes do not belong to it.
     """
     study = read_finished(config.results.root, config.study)
     words = study.task.words
     if words not in DOCUMENTS:
-        said = f"must be of {', '.join(DOCUMENTS)}, on which there are reports; it is of `rearl {words}`"
-        raise InvalidInputError(Problem("no-report", said, key="study", value=config.study))
+        message = f"must be of {', '.join(DOCUMENTS)}, on which there are reports; it is of `rearl {words}`"
+        raise InvalidInputError(Problem("no-report", message, key="study", value=config.study))
     document = _completed(DOCUMENTS[words](study), study)
     replay, no_replay = _replay(study, config)
     if no_replay:
@@ -57,13 +57,13 @@ def run(config: ReportTask) -> dict:
 
 
 def _completed(document: Document, study: FinishedStudy) -> Document:
-    """The document with the licence of the recordings, where it is without, and what is unknown."""
+    """The document, with the licence of the recordings added if it is missing, and notes on what is unknown."""
     sources, data = document.sources, [document.data]
     if not sources:
         try:
             sources = study.sources
         except (OSError, ValueError) as error:
-            data.append(f"Source and licence of the recordings cannot be told: {error}.")
+            data.append(f"Source and licence of the recordings are unknown: {error}.")
     if study.has_new_keys:
         data.append(_NEW_KEYS)
     return replace(document, sources=sources, data=" ".join(filter(None, data)))

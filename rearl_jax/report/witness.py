@@ -1,6 +1,6 @@
-"""Policies whose every decision is written down: who was asked in which second, and what they were told.
+"""Policies that record every decision: which vehicle was asked in which second, and its action.
 
-The closed loop inside the compiled program keeps counts alone. Here its policy decides outside, in lockstep, which
+The closed loop inside the compiled program stores only counts. Here its policy decides outside, in lockstep, which
 gives the same traffic bit for bit.
 """
 
@@ -27,7 +27,7 @@ from rearl_jax.replay.scenes import Decision
 
 @dataclass
 class Witness:
-    """Makes policies that write down what they decide.
+    """Makes policies that record what they decide.
 
     Attributes:
         make: Makes the policies themselves.
@@ -49,7 +49,7 @@ class _Witnessed:
     decisions: list[Decision]
 
     def ask(self, situation: Situation) -> Future[np.ndarray]:
-        """The policy's own answer, once it is written down."""
+        """The policy's own answer, once it is recorded."""
         answer = self.policy.ask(situation)
         told: Future[np.ndarray] = Future()
         told.set_result(self._written_down(situation, np.asarray(answer.result())))

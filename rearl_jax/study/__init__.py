@@ -1,1 +1,1 @@
-"""The results of the paper, one command each: ours through the other tasks, beside what the paper prints."""
+"""Studies of the paper's tables and figures, one command each: this package's figures beside the paper's."""

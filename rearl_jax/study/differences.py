@@ -1,4 +1,4 @@
-"""What differs between a study and the paper besides the method, each as `name: text`, for a comparison of figures."""
+"""Differences between a study and the paper besides the method, each as `name: text`, for a comparison of figures."""
 
 from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.config.clustering import FitOn
@@ -40,7 +40,7 @@ def of_model(config: EvaluateTask) -> list[str]:
         "first snapshots of the scenes" if config.init.source is InitialSource.scene else "drawn as highway-env does"
     )
     return [
-        f"traffic model: IDM and MOBIL as in highway-env, written anew; {config.core.n_vehicles} vehicles on "
+        f"traffic model: IDM and MOBIL as in highway-env, reimplemented; {config.core.n_vehicles} vehicles on "
         f"{config.core.n_lanes} lanes, initial states {start} (init.speed={config.init.speed.name}); the paper does "
         "not state its version, its parameters or its initial speeds",
     ]
@@ -50,36 +50,36 @@ def of_errors(config: EvaluateTask) -> list[str]:
     """Definitions of Hellinger distance and spacing error."""
     scale = legacy_scale(config.hist)
     definition = config.mape.definition
-    written = "which the paper writes down (Eq. 8)" if definition is MapeDefinition.A else "not the paper's Eq. 8 (A)"
+    written = "the paper's Eq. 8" if definition is MapeDefinition.A else "not the paper's Eq. 8 (A)"
     return [
-        f"Hellinger distance: H is not scaled; H legacy = {scale:.3f} H. All of the paper's lie below {scale:.3f}, so "
-        "they are likely on that scale; the paper does not say so, and its figures stand under H legacy here",
+        f"Hellinger distance: H is not scaled; H legacy = {scale:.3f} H. All values in the paper are below "
+        f"{scale:.3f}, so they are probably on that scale, which the paper does not state; see H legacy here",
         f"MAPE: definition {definition.name} decides, {written}; the paper's percentiles fit definition C better, so "
-        "which one its figures have is open; they stand under MAPE A here",
+        "the definition of its figures is open; they are listed under MAPE A here",
     ]
 
 
 def of_decisions(*, asks_model: bool, interval: int, n_runs: int) -> list[str]:
     """Who decides in the closed loop."""
-    said = [
-        "decisions: the matcher, a rule, stands in for the paper's language models; its rows stand beside REARL "
-        "Qwen3-32B only because some row must"
+    sentences = [
+        "decisions: the matcher, a rule, replaces the paper's language models; its rows are listed beside REARL "
+        "Qwen3-32B for lack of a better match"
     ]
     if asks_model:
-        said.append(
+        sentences.append(
             f"language model: asked every {interval} s in {n_runs} rollout(s), each scored on all scenes, so its "
-            "interval says nothing about other initial states; another model than the paper's unless llm.model names "
+            "interval does not cover other initial states; another model than the paper's unless llm.model names "
             "one of them"
         )
-    return said
+    return sentences
 
 
 def of_traffic_figures() -> list[str]:
     """Time headway and lane-change rate."""
     return [
-        "time headway and lane-change rate: they describe traffic, more is not better; the paper's lane-change rate of "
-        "CRITICAL, .563, is one lane change per vehicle every 1.8 s and unexplained",
-        "PPO and CRITICAL: built from the paper's sentences and public code, without the paper's weights or prompts",
+        "time headway and lane-change rate: they describe traffic, so more is not better; the paper's lane-change rate "
+        "of CRITICAL, .563, is one lane change per vehicle every 1.8 s and unexplained",
+        "PPO and CRITICAL: built from the paper's description and public code, without the paper's weights or prompts",
     ]
 
 

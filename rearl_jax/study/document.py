@@ -1,4 +1,4 @@
-"""What a study beside the paper says, from its long table: ours beside the paper's, and what differs between them."""
+"""Document of a study of the paper, from its long table: our figures beside the paper's, and the differences."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -96,14 +96,14 @@ def publish(
         summary: Flat figures.
         remarks: Text that goes with the table.
         draw: Makes the figures, PNG by name; called after the tables are printed.
-        **metadata: What the table says besides its provenance.
+        **metadata: Metadata of the table besides its provenance.
     """
     study.write_table(form.name, table, **metadata, remarks=remarks.to_json())
     generated = scenes is not None and scenes.generated
     document = document_of(form, config, table, summary, remarks, generated=generated)
     print_document(document)
 
-    # Only now, so that nobody waits for matplotlib and jinja2 to see the table.
+    # Imported after the table is printed, because matplotlib and jinja2 are slow to import.
     from rearl_jax.document.html import page_of
 
     figures = draw()
@@ -116,13 +116,16 @@ def publish(
 def document_of(
     form: Form, config: Any, table: pd.DataFrame, summary: Mapping[str, Any], remarks: Remarks, *, generated: bool
 ) -> Document:
-    """The document of a study; arguments as of `publish`."""
+    """The document of a study; arguments as in `publish`."""
     sources = ", ".join(source.name for source in remarks.sources)
     title = f"{form.title}, on {sources}" if sources else form.title
     verdict, *findings = remarks.notes or (f"{title}.",)
     if remarks.definitions:
         names = ", ".join(text.partition(":")[0] for text in remarks.definitions)
-        findings.append(f"Only signs and orders can be compared with the paper; page.html says what differs: {names}.")
+        findings.append(
+            "Only the signs of differences and the order of methods can be compared with the paper; page.html lists "
+            f"what differs: {names}."
+        )
     others = _other_figures(summary, list(dict.fromkeys(table["row"])))
     return Document(
         title=title,
@@ -163,7 +166,7 @@ def beside_paper(
         if not name.startswith("paper_"):
             rows.append(Row(row_title, cells))
         paper = tuple(cell(figures.get(metric), metric, "paper", digits=digits.get(metric)) for metric in headings)
-        if any(one.value != NONE for one in paper) and (paper_row is None or last[paper_row] == name):
+        if any(cell.value != NONE for cell in paper) and (paper_row is None or last[paper_row] == name):
             row_title = TABLE1[paper_row].title if paper_row else row_title
             rows.append(Row(f"paper: {row_title}", paper, Emphasis.subdued))
     return Table(title, tuple(headings.values()), tuple(rows))

@@ -1,4 +1,4 @@
-"""Errors second by second: the frames of evaluations in, mean and band of every second out."""
+"""Errors second by second: mean and band of every second from the frames of evaluations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class ErrorSeries:
 
     Attributes:
         name: Row of the table, or `real_vs_real`.
-        title: What people read.
+        title: Title in tables and figures.
         errors: By name of the error.
     """
 
@@ -50,7 +50,7 @@ class ErrorSeries:
 
 
 def error_series(results: Results, metrics: Sequence[str]) -> list[ErrorSeries]:
-    """All rows, then real against real; base is there even where it is no row of the table."""
+    """All rows, then real against real; base is included even if it is not a row of the table."""
     found = [_series(item, item.method, item.row.name, item.row.title, metrics) for item in results.rows]
     reference = results.reference
     if all(item.name != BASE for item in found):

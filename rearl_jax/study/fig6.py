@@ -31,9 +31,7 @@ _CAPTION = (
     "the row, grey: real against real, dashed: base. The first Hellinger distance is that of the first full window."
 )
 
-_NOT_AT_HAND = (
-    "Fig. 6: the paper's figure is not at hand, so only what it shows is shown, and nothing of it beside ours"
-)
+_NOT_AT_HAND = "Fig. 6: the values of the paper's figure are not known, so only our figures are shown"
 
 
 def _sections(config: StudyFig6Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
@@ -106,7 +104,7 @@ def thirds(table: pd.DataFrame) -> pd.DataFrame:
 
 def _findings(parts: pd.DataFrame, metrics: tuple[str, str]) -> list[str]:
     """Whether the errors rise or fall in the course of a rollout."""
-    said = []
+    sentences = []
     for metric in metrics:
         changes = {"higher": [], "lower": []}
         first, last = (parts[parts["metric"] == f"{metric}_{third}"] for third in ("first", "last"))
@@ -114,8 +112,8 @@ def _findings(parts: pd.DataFrame, metrics: tuple[str, str]) -> list[str]:
             if pd.notna(before) and pd.notna(after) and before != after:
                 changes["higher" if after > before else "lower"].append(f"{title} ({after - before:+.3f})")
         higher, lower = (", ".join(titles) or "no row" for titles in changes.values())
-        said.append(f"{HEADINGS[metric]}, last less first third: higher in {higher}; lower in {lower}.")
-    return said
+        sentences.append(f"{HEADINGS[metric]}, last less first third: higher in {higher}; lower in {lower}.")
+    return sentences
 
 
 def _long(series: list[ErrorSeries], metrics: tuple[str, str]) -> pd.DataFrame:

@@ -32,8 +32,8 @@ from rearl_jax.study.published import (
 from rearl_jax.sweep.base_values import kept_base_values
 
 _CAPTION = (
-    "Shares of the values of base below a value; dots: the percentiles that become thresholds. Diamonds: the paper's "
-    "thresholds, those of the Hellinger distance divided by the factor that they likely hold."
+    "Cumulative distributions of the errors of base; dots: the percentiles that become thresholds. Diamonds: the "
+    "paper's thresholds, those of the Hellinger distance divided by the factor that they probably contain."
 )
 
 
@@ -112,17 +112,17 @@ def percentile_records(config: StudyFig7Task, base: BaseValues) -> list[dict[str
 
 def _findings(config: StudyFig7Task, base: BaseValues) -> list[str]:
     n_runs, window = config.eval.n_runs, config.hist.window
-    said = [
+    sentences = [
         f"{len(base.scene)} threshold scenes x {n_runs} runs give {len(base.h):,} Hellinger distances (windows of "
         f"{window} s) and {len(base.mape):,} spacing errors; the paper has {N_VALUES_H:,} and {N_VALUES_MAPE:,}."
     ]
     ours = [base.threshold_m(percentile) for percentile in THRESHOLDS_MAPE]
     theirs = list(THRESHOLDS_MAPE.values())
-    said.append(
+    sentences.append(
         f"Spread of the spacing error, 10 % by 5 % percentile: ours {ours[1] / ours[0]:.2f}, the paper's "
         f"{theirs[1] / theirs[0]:.2f}; the ratio depends on the definition of the error and on the data."
     )
-    return said
+    return sentences
 
 
 def _draw(config: StudyFig7Task, base: BaseValues, *, generated: bool) -> dict[str, bytes]:

@@ -29,9 +29,9 @@ from rearl_jax.study.published import N_SCENE_CLUSTERS, N_TRACK_CLUSTERS
 _CAPTIONS = {
     "fig8": (
         "All scenes on a t-SNE map of their label shares, coloured by cluster; stars are the representatives. "
-        "Distances on such a map mean little, neighbourhoods do."
+        "Distances on such a map have little meaning, neighbourhoods do."
     ),
-    "fig8_clusters": "What the clusters hold: mean label shares of their scenes, and how many scenes they have.",
+    "fig8_clusters": "Mean label shares of the scenes of each cluster, and its number of scenes.",
 }
 
 _COMPARED = {
@@ -113,20 +113,20 @@ def _draw(folder: Path, found: dict, *, generated: bool) -> dict[str, bytes]:
 
 
 def _findings(found: dict) -> list[str]:
-    said = [
-        f"{found['n_scenes']:,} scenes fall into {found['n_scene_clusters']} clusters, their tracks into {found['k']}; "
+    sentences = [
+        f"{found['n_scenes']:,} scenes form {found['n_scene_clusters']} clusters, their tracks {found['k']}; "
         f"the paper has {PAPER_SCENES}, {N_SCENE_CLUSTERS} and {N_TRACK_CLUSTERS}."
     ]
     if found["n_scene_clusters"] < N_SCENE_CLUSTERS:
-        said.append(
+        sentences.append(
             f"There are fewer clusters of scenes because they are fitted on {found['n_fitted_scenes']} scenes, "
             f"{found['n_distinct']} of them different."
         )
     members = [row["n_members"] for row in found["references"]]
-    said.append(
+    sentences.append(
         f"The largest cluster holds {max(members)} of {sum(members)} fitted scenes, the smallest {min(members)}."
     )
-    return said
+    return sentences
 
 
 def _long(found: dict) -> pd.DataFrame:

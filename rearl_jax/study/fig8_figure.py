@@ -27,7 +27,7 @@ def draw_clusters(scenes: pd.DataFrame, k: int, *, generated: bool) -> bytes:
     Args:
         scenes: `scene_clusters.parquet` of a clustering.
         k: Number of labels.
-        generated: Whether the recordings are no measurements.
+        generated: Whether the recordings were generated, not measured.
     """
     labels = scenes["cluster"].to_numpy(np.float64, na_value=np.nan)
     clusters = np.unique(labels[np.isfinite(labels)]).astype(int)

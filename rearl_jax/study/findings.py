@@ -1,19 +1,19 @@
 """What follows from the figures of Table 1, in sentences that are computed from them and from nothing else.
 
-"Closer" and "farther" are said only where an interval excludes zero. That nothing is said about time headway and
-lane-change rate being better is on purpose: they describe the traffic.
+"Closer" and "farther" are used only if an interval excludes zero. Time headway and lane-change rate are never called
+better, because they describe the traffic.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 FEW_SCENES = 20
-"""Held-out scenes below which a bootstrap over scenes is said to be rough; own choice."""
+"""Held-out scenes below which the sentences call a bootstrap over scenes rough; own choice."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """A figure less another one, with its interval; no ends where fewer than two scenes have both."""
+    """A figure less another one, with its interval; no ends if fewer than two scenes have both."""
 
     value: float
     low: float | None = None
@@ -21,7 +21,7 @@ class Difference:
 
     @property
     def sign(self) -> int:
-        """-1 or 1 where the interval excludes zero, else 0."""
+        """-1 or 1 if the interval excludes zero, else 0."""
         if self.low is None or self.high is None:
             return 0
         return -1 if self.high < 0 else int(self.low > 0)
@@ -38,7 +38,7 @@ class RowDifferences:
     """An error of one row less that of others.
 
     Attributes:
-        title: What people call the row.
+        title: Title of the row.
         less_base: Less base from the same initial states; None for base itself.
         less_real: Less real against real.
         less_controls: Less each control, by its title; empty for rows that have none.
@@ -59,14 +59,14 @@ def findings(
         errors: Differences of every row, by the title of the error (smaller is closer).
         n_scenes: Held-out scenes behind the intervals.
         confidence: Probability the intervals are made for.
-        generated: Whether the recordings are no measurements.
+        generated: Whether the recordings were generated, not measured.
     """
-    said = ["GENERATED recordings: the following says nothing about real traffic."] if generated else []
+    sentences = ["GENERATED recordings: the following says nothing about real traffic."] if generated else []
     for title, rows in errors.items():
-        said += _against_base(title, rows)
-        said += _against_real(title, rows)
-        said += _against_controls(title, rows)
-    return said + _reliability(errors, n_scenes, confidence)
+        sentences += _against_base(title, rows)
+        sentences += _against_real(title, rows)
+        sentences += _against_controls(title, rows)
+    return sentences + _reliability(errors, n_scenes, confidence)
 
 
 def _against_base(title: str, rows: Sequence[RowDifferences]) -> list[str]:
@@ -77,7 +77,7 @@ def _against_base(title: str, rows: Sequence[RowDifferences]) -> list[str]:
     parts = [
         f"closer than base: {closer or 'no row'}",
         f"farther: {farther}" if farther else "",
-        f"not told apart from base: {same}" if same else "",
+        f"not distinguished from base: {same}" if same else "",
     ]
     return [f"{title}: {'; '.join(part for part in parts if part)}."]
 
@@ -89,36 +89,36 @@ def _against_real(title: str, rows: Sequence[RowDifferences]) -> list[str]:
     closer, same, _ = _sorted(compared)
     if closer:
         return [
-            f"{title}: closer than real scenes are to each other: {closer}. That is no realism: no simulation should "
-            "be expected there, and whoever copies its references can get there."
+            f"{title}: closer than real scenes are to each other: {closer}. This is not realism: no simulation can be "
+            "expected there, but a method that copies its references can get there."
         ]
     if same:
-        return [f"{title}: not told apart from real against real: {same}; no row is closer."]
+        return [f"{title}: not distinguished from real against real: {same}; no row is closer."]
     return [f"{title}: every row is farther than real scenes are from each other."]
 
 
 def _against_controls(title: str, rows: Sequence[RowDifferences]) -> list[str]:
-    said = []
+    sentences = []
     for row in rows:
         if not row.less_controls:
             continue
         closer, same, farther = _sorted(row.less_controls)
         parts = [
             f"closer than its controls {closer}" if closer else "",
-            f"not told apart from its controls {same}" if same else "",
+            f"not distinguished from its controls {same}" if same else "",
             f"farther than its controls {farther}" if farther else "",
         ]
         what = "; ".join(part for part in parts if part)
         if same or farther:
             end = (
-                " Controls do as well, so its choices are not what helps."
+                " Controls do as well, so its choices do not explain the gain."
                 if not closer
-                else (" Not every control does worse, so not all of its choices are shown to help.")
+                else (" Not every control does worse, so a gain by its choices is not shown.")
             )
         else:
             end = " All its controls do worse."
-        said.append(f"{title}: {row.title} is {what}.{end}")
-    return said
+        sentences.append(f"{title}: {row.title} is {what}.{end}")
+    return sentences
 
 
 def _sorted(compared: Mapping[str, Difference]) -> tuple[str, str, str]:
@@ -131,7 +131,7 @@ def _sorted(compared: Mapping[str, Difference]) -> tuple[str, str, str]:
 
 
 def _reliability(errors: Mapping[str, Sequence[RowDifferences]], n_scenes: int, confidence: float) -> list[str]:
-    """How many intervals were looked at, and how few scenes there are."""
+    """Number of intervals computed, and a warning if there are few scenes."""
     found = [
         difference
         for rows in errors.values()
@@ -140,14 +140,14 @@ def _reliability(errors: Mapping[str, Sequence[RowDifferences]], n_scenes: int, 
         if difference is not None and difference.low is not None
     ]
     if not found:
-        return [f"{n_scenes} held-out scene(s) give no intervals: nothing can be told apart."]
+        return [f"{n_scenes} held-out scene(s) give no intervals, so nothing can be distinguished."]
     by_chance = (1 - confidence) * len(found)
-    said = [
-        f"{len(found)} intervals of {100 * confidence:g} % were looked at; about {by_chance:.1f} of them would exclude "
+    sentences = [
+        f"{len(found)} intervals of {100 * confidence:g} % were computed; about {by_chance:.1f} of them would exclude "
         "zero by chance alone."
     ]
     if n_scenes < FEW_SCENES:
-        said.append(
-            f"With only {n_scenes} held-out scenes a bootstrap over scenes is rough: take the intervals as too narrow."
+        sentences.append(
+            f"With only {n_scenes} held-out scenes a bootstrap over scenes is rough, and its intervals are too narrow."
         )
-    return said
+    return sentences

@@ -1,7 +1,7 @@
-"""Time of consecutive decision steps where a language model decides: real questions to a real server.
+"""Time of consecutive decision steps with a language model as policy: real questions to a real server.
 
-The steps are those of the program `loop` of the decision steps (traffic, references, everybody asked every second);
-only the policy is another one. Answers kept from earlier would cost nothing, so none are used.
+The steps are those of the program `loop` of the decision steps (traffic, references, every vehicle asked every second);
+only the policy differs. Stored answers would cost no time, so none are used.
 """
 
 import tempfile
@@ -50,16 +50,16 @@ class ModelSteps:
 
 @contextmanager
 def fresh_client(llm: LlmConfig, server: str) -> Iterator[Client]:
-    """A client that knows no answer from before.
+    """A client without stored answers.
 
     Args:
-        llm: Model, sampling and time-outs; its file of answers is left alone.
+        llm: Model, sampling and time-outs; its file of answers is not used.
         server: Address, or `local`.
 
     Raises:
         ImportError: server=local, and the server or its model is not installed.
-        OSError: There is no server, or it does not get ready.
-        ValueError: The server does not have the model or refuses us.
+        OSError: There is no server, or it does not become ready.
+        ValueError: The server does not have the model or refuses access.
     """
     with tempfile.TemporaryDirectory() as folder, server_at(server) as address:
         with Client(replace(llm, cache=str(Path(folder) / "answers.sqlite")), address) as client:
@@ -95,7 +95,7 @@ def _measure(client: Client, prompt: PromptConfig, batch: Batch, repetition: int
 
     before = len(client.requests_frame())
     begin = time.perf_counter()
-    # Nobody is asked after the last second, so the last decisions are made one second earlier.
+    # No decision follows the last second, so the last decisions are made one second earlier.
     rollout_in_lockstep(
         batch.state,
         batch.drivers,

@@ -1,4 +1,4 @@
-"""What a threshold sweep left behind: every pair with intervals, and which pairs no other beats in both errors."""
+"""Results of a threshold sweep: every pair with intervals, and which pairs no other beats in both errors."""
 
 import json
 import math
@@ -20,7 +20,7 @@ _OF_PAIRS = ("h_pct", "m_pct", "threshold_h", "threshold_m", "win_share")
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Indices of the points that no other point is at least equal to in both values and below in one."""
+    """Indices of the Pareto-optimal points: no other point is as low in both values and lower in one."""
     return [
         index
         for index, (x, y) in enumerate(points)
@@ -45,10 +45,10 @@ def read_pairs(folder: Path, config: StudyTable3Task) -> pd.DataFrame:
         records.append({"row": name} | {key: pair[key] for key in _OF_PAIRS} | _figures(runs, own, config))
     records.append({"row": BASE} | _figures(runs, np.isnan(h_pct), config))
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    return marked(pd.DataFrame(records), (summary["best_h_pct"], summary["best_m_pct"]))
+    return with_choice(pd.DataFrame(records), (summary["best_h_pct"], summary["best_m_pct"]))
 
 
-def marked(pairs: pd.DataFrame, best: tuple[float, float]) -> pd.DataFrame:
+def with_choice(pairs: pd.DataFrame, best: tuple[float, float]) -> pd.DataFrame:
     """The pairs, base last, with `score`, `is_pareto` and `is_best`; `best` are percentiles of the sweep's choice."""
     points = list(zip(pairs["h"], pairs["mape"], strict=True))[:-1]
     return pairs.assign(
@@ -59,7 +59,7 @@ def marked(pairs: pd.DataFrame, best: tuple[float, float]) -> pd.DataFrame:
 
 
 def _figures(runs: pd.DataFrame, own: np.ndarray, config: StudyTable3Task) -> dict[str, float | None]:
-    """Mean over scenes of the mean over runs, and its interval, by metric; NaN and None where there is none."""
+    """Mean over scenes of the mean over runs, and its interval, by metric; NaN and None without a value."""
     scene = runs["scene_id"].to_numpy(int)[own]
     subset, group = np.unique(scene, return_inverse=True)
     columns = {name: name for name in FIGURES} | {"mape": config.mape.column}

@@ -1,6 +1,6 @@
 """Parts of a study: other tasks, carried out by their own functions in sub-folders of the study.
 
-A part that is finished for the same configuration, data and code is left alone, so a killed study goes on.
+A part that is finished for the same configuration, data and code is not run again, so a killed study can be continued.
 """
 
 from collections.abc import Callable

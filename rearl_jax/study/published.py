@@ -1,7 +1,7 @@
 """What REARL (Bi et al.) prints: figures from highD, under definitions that it partly leaves open.
 
-Only signs and orders can be compared with them: highD is not shipped, and the scale of the Hellinger distance and the
-unit of the inference time are not stated.
+Only the signs of differences and the order of methods can be compared with them: highD is not shipped, and the scale of
+the Hellinger distance and the unit of the inference time are not stated.
 """
 
 from dataclasses import dataclass

@@ -29,7 +29,7 @@ _ESTIMATE = tuple(item.name for item in fields(Estimate))
 
 @dataclass(frozen=True)
 class Evaluated:
-    """One row as `rearl evaluate` left it.
+    """One row as `rearl evaluate` wrote it.
 
     Attributes:
         row: The row.
@@ -51,7 +51,7 @@ class Evaluated:
         return self.figures["method"]
 
     def estimate(self, metric: str) -> Estimate | None:
-        """Estimate of the method; None where there is no figure."""
+        """Estimate of the method; None if there is no figure."""
         return self.estimates.get((self.method, metric))
 
     def scene_means(self, metric: str) -> dict[int, float]:
@@ -111,7 +111,7 @@ class Results:
 
 
 def paired_difference(row: Evaluated, other: Evaluated, metric: str, eval: EvaluationConfig) -> Difference | None:
-    """A metric of one row less that of another from the same initial states; None where no scene has both."""
+    """A metric of one row less that of another from the same initial states; None if no scene has both."""
     mine, theirs = row.scene_means(metric), other.scene_means(metric)
     less = np.array([mine[scene] - theirs[scene] for scene in mine if scene in theirs])
     if not len(less):
@@ -127,7 +127,8 @@ def evaluate_rows(config: StudyTable1Task) -> Results:
         FileNotFoundError, ValueError: See `rearl_jax.evaluation.task.run`; or there is no row of a name.
     """
     rows = chosen_rows(config.table1, config.model)
-    records = [row_record(row, config) for row in rows]  # all of them first: a wrong one stops before hours of work
+    # All records first, so that an invalid one stops before hours of work.
+    records = [row_record(row, config) for row in rows]
     found = []
     for number, (row, record) in enumerate(zip(rows, records, strict=True), 1):
         log.info("row %d of %d: %s", number, len(rows), row.title)

@@ -33,9 +33,9 @@ class Row:
 
     Attributes:
         name: Its name in `table1.rows`, and its folder.
-        title: What people read.
+        title: Title in tables and figures.
         changes: Values of keys, as they are written on the command line.
-        paper: Its row in `published.TABLE1`; None where the paper has none.
+        paper: Its row in `published.TABLE1`; None if the paper has none.
         role: What it is compared with.
         asks_model: Whether a language model is asked.
         is_repaired: Whether it is on the traffic of a repaired model; all others are on highway-env's.
@@ -108,11 +108,11 @@ def chosen_rows(table1: Table1Config, model: str | None = None) -> list[Row]:
         return [row for row in ROWS if (table1.llm or not row.asks_model) and (model or not row.is_repaired)]
     for name in table1.rows:
         if name not in known:
-            said = f"must be among {', '.join(known)}; nearest: {nearest(name, known)}"
-            raise InvalidInputError(Problem("choice-unknown", said, key="table1.rows", value=name))
+            message = f"must be among {', '.join(known)}; nearest: {nearest(name, known)}"
+            raise InvalidInputError(Problem("choice-unknown", message, key="table1.rows", value=name))
         if known[name].is_repaired and model is None:
-            said = f"must be MODEL.YAML for the row {name}, which is on the traffic of a repaired model"
-            raise InvalidInputError(Problem("key-missing", said, key="model"))
+            message = f"must be MODEL.YAML for the row {name}, which is on the traffic of a repaired model"
+            raise InvalidInputError(Problem("key-missing", message, key="model"))
     return [row for row in ROWS if row.name in table1.rows or (table1.llm and row.asks_model)]
 
 
@@ -148,13 +148,13 @@ def changed(record: Record, key: str, value: Any) -> Record:
     """
     name, _, rest = key.partition(".")
     if name not in {item.name for item in fields(record)}:  # type: ignore[arg-type]
-        raise InvalidInputError(Problem("key-unknown", f"is no key of {type(record).__name__}", key=name))
+        raise InvalidInputError(Problem("key-unknown", f"is not a key of {type(record).__name__}", key=name))
     old = getattr(record, name)
     if rest:
         value = changed(old, rest, value)
     elif isinstance(old, Enum):
         if value not in type(old).__members__:
-            said = f"must be one of {', '.join(type(old).__members__)}"
-            raise InvalidInputError(Problem("choice-unknown", said, key=key, value=value))
+            message = f"must be one of {', '.join(type(old).__members__)}"
+            raise InvalidInputError(Problem("choice-unknown", message, key=key, value=value))
         value = type(old)[value]
     return replace(record, **{name: value})  # type: ignore[type-var]

@@ -40,8 +40,8 @@ def run(config: StudyTable1Task) -> dict:
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=results.has_references)
     compared, confidence, generated = results.differences(config), config.eval.confidence, inputs.scenes.generated
-    said = findings(compared, n_scenes=results.n_scenes, confidence=confidence, generated=generated)
-    table, summary = long_rows(results), summary_of(config, results, said)
+    sentences = findings(compared, n_scenes=results.n_scenes, confidence=confidence, generated=generated)
+    table, summary = long_rows(results), summary_of(config, results, sentences)
     publish(
         study,
         FORM,
@@ -49,7 +49,7 @@ def run(config: StudyTable1Task) -> dict:
         inputs.scenes,
         table,
         summary,
-        remarks_on_rows(config, results, inputs, [verdict(table), *said]),
+        remarks_on_rows(config, results, inputs, [verdict(table), *sentences]),
         partial(_draw, config, results, generated=generated),
         seeds=config.seeds,
     )
@@ -71,7 +71,7 @@ def remarks_on_rows(
         config: The task.
         results: The rows.
         inputs: Scenes and references behind them.
-        findings: As of `remarks_on`.
+        findings: As in `remarks_on`.
         *others: Differences besides those of the rows.
     """
     n_scored, references = len(inputs.held_out(config.eval)), inputs.references

@@ -1,4 +1,4 @@
-"""Table 1 as one long table, as flat figures, and as people read it."""
+"""Table 1 as one long table, as flat figures, and as tables of the document."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -34,7 +34,7 @@ EXTRAS = ("trigger_rate", "main_reference_share", "ratio_aggressive", "ratio_def
 
 
 def paper_figure(row: PublishedRow | None, metric: str) -> float | None:
-    """What the paper has under a metric; None where it has none."""
+    """The paper's value of a metric; None if it has none."""
     return None if row is None or metric not in PUBLISHED else getattr(row, PUBLISHED[metric])
 
 
@@ -75,12 +75,12 @@ def verdict(table: pd.DataFrame) -> str:
     """How many rows are closer to the recorded traffic than base."""
     of_h = table[(table["metric"] == "h") & table["less_base_low"].notna()]
     if of_h.empty:
-        return "No row stands beside base with an interval."
+        return "No row has an interval of its difference to base."
     low, high = np.array(of_h[["less_base_low", "less_base_high"]], np.float64).T
     closer, farther = int((high < 0).sum()), int((low > 0).sum())
     return (
         f"By the Hellinger distance of speeds, {closer} of {len(of_h)} rows are closer to the recorded traffic than "
-        f"base, {farther} are farther and {len(of_h) - closer - farther} cannot be told apart from it."
+        f"base, {farther} are farther and {len(of_h) - closer - farther} cannot be distinguished from it."
     )
 
 
@@ -138,7 +138,7 @@ def _records(item: Evaluated, method: str, row: str, title: str, paper: str | No
 
 def summary_of(config: StudyTable1Task, results: Results, findings: list[str]) -> dict:
     """Flat figures: `n_rows`, `n_scenes`, `mape`, `findings`, and for every row `ROW_METRIC` with `_low`, `_high`,
-    `_less_base`, `_less_base_low`, `_less_base_high` and `_paper`; None where there is no figure.
+    `_less_base`, `_less_base_low`, `_less_base_high` and `_paper`; None if there is no figure.
     """
     summary: dict[str, Any] = {
         "n_rows": len(results.rows),

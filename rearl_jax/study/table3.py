@@ -56,7 +56,7 @@ def run(config: StudyTable3Task) -> dict:
         *differences.of_model(config),
         *differences.of_errors(config),
         *differences.of_decisions(asks_model=False, interval=1, n_runs=1),
-        "choice of the pair: least sum of both errors; the paper does not say how it chose",
+        "choice of the pair: smallest sum of both errors; the paper does not state its criterion",
     )
     use = f"{len(splits.tuning)} of them simulated under every pair"
     summary = summary_of(config, pairs, sweep)

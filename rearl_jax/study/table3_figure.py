@@ -11,9 +11,9 @@ def draw_pairs(pairs: pd.DataFrame, n_scenes: int, *, generated: bool) -> bytes:
     """PNG of all pairs: left beside base with intervals, right among each other.
 
     Args:
-        pairs: As of `pair_results.read_pairs`, base last.
+        pairs: As in `pair_results.read_pairs`, base last.
         n_scenes: Tuning scenes.
-        generated: Whether the recordings are no measurements.
+        generated: Whether the recordings were generated, not measured.
     """
     pairs, base = pairs.iloc[:-1], pairs.iloc[-1:]
     best, front = pairs.loc[pairs["is_best"]], pairs.loc[pairs["is_pareto"]].sort_values("h")

@@ -1,4 +1,4 @@
-"""The threshold pairs as one long table, as flat figures, and as people read them."""
+"""The threshold pairs as one long table, as flat figures, and as tables of the document."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -42,10 +42,10 @@ def sections(config: StudyTable3Task, table: pd.DataFrame, summary: Mapping[str,
 
 
 def conclusions(pairs: pd.DataFrame, summary: Mapping[str, Any], n_scenes: int) -> list[str]:
-    """What the pairs say, computed from them; `summary` is that of the sweep."""
+    """Sentences about the pairs, computed from them; `summary` is that of the sweep."""
     best, base = pairs.loc[pairs["is_best"]].iloc[0], pairs.iloc[-1]
     can = "can" if summary["is_distinguishable"] else "cannot"
-    said = [
+    sentences = [
         f"Best pair: ours {best['row']}, the paper's {BEST_PAIR[0]:g} % / {BEST_PAIR[1]:g} %.",
         f"These {n_scenes} scenes {can} tell ours from the next best: it leads by {summary['lead']:.4f} "
         f"({summary['lead_low']:.4f} to {summary['lead_high']:.4f}).",
@@ -53,19 +53,19 @@ def conclusions(pairs: pd.DataFrame, summary: Mapping[str, Any], n_scenes: int) 
     published = pairs.loc[(pairs["h_pct"] == BEST_PAIR[0]) & (pairs["m_pct"] == BEST_PAIR[1]) & ~pairs["is_best"]]
     for pair in published.to_dict("records"):
         place = 1 + (pairs["score"][:-1] < pair["score"]).sum()
-        said.append(
+        sentences.append(
             f"The paper's pair is number {place} of {len(pairs) - 1} here and best in {100 * pair['win_share']:.0f} % "
             "of the resamples."
         )
     shared = len(_front(pairs) & set(PARETO_PAIRS))
     front = ", ".join(pairs.loc[pairs["is_pareto"]].sort_values("h")["row"])
-    said.append(
+    sentences.append(
         f"Pairs that no other beats in both errors: {front}; {shared} of the paper's {len(PARETO_PAIRS)} are among "
         "them."
     )
     if base["score"] <= best["score"]:
-        said.append("No pair is closer to the recorded scenes than base.")
-    return said
+        sentences.append("No pair is closer to the recorded scenes than base.")
+    return sentences
 
 
 def _front(pairs: pd.DataFrame) -> set[tuple[float, float]]:

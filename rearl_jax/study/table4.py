@@ -34,18 +34,18 @@ MODEL_STEPS = "llm_steps"
 """Name of the table of the measurements with a language model."""
 
 _DIFFERENCES = (
-    "unit: the paper's figures are of 10 decisions; whether of all ten or of one of them, and of how many vehicles, it "
-    "does not say",
-    "machine: the paper's is another one, and a language model's time is that of its server",
-    "program: here a whole batch is one compiled program; how the paper runs its simulation it does not say",
-    "what a step holds: here the simulated second too, except in the rows detection and decision alone, which look at "
-    "recorded traffic",
-    "references: synthetic, so no data are read and nothing is said about traffic",
+    "unit: the paper gives a time for 10 decisions without stating whether it is that of all ten or of one, and "
+    "for how many vehicles",
+    "machine: the paper used another machine; the time of a language model is that of its server",
+    "program: here a whole batch is one compiled program; the paper does not state how it runs its simulation",
+    "content of a step: here it includes the simulated second, except in the rows of detection alone and of decisions "
+    "alone, which read recorded traffic",
+    "references: synthetic, because the time does not depend on recorded data",
 )
 
 _CAPTION = (
-    "Elapsed time of the consecutive decision steps, median of the measurements with least and greatest, whole batch. "
-    "Diamonds: the paper's figures, of an ambiguous unit and from another machine."
+    "Elapsed time of the consecutive decision steps, whole batch: median, least and greatest of the measurements. "
+    "Diamonds: the paper's figures, whose unit is ambiguous, from another machine."
 )
 
 FORM = Form("table4", "Inference time beside Table 4 of the paper", sections, {"table4": _CAPTION})
@@ -55,22 +55,22 @@ def run(config: StudyTable4Task) -> dict:
     """The summary, as in summary.json.
 
     Raises:
-        ImportError, OSError, ValueError: The language model asked for cannot be asked, see `fresh_client`.
+        ImportError, OSError, ValueError: The language model cannot be reached, see `fresh_client`.
     """
     if not config.loop.steps_batches:
-        said = "must name scenarios at a time: this table is made of decision steps"
-        raise InvalidInputError(Problem("key-missing", said, key="loop.steps_batches"))
+        message = "must hold at least one batch size"
+        raise InvalidInputError(Problem("key-missing", message, key="loop.steps_batches"))
     study = Study(config.results.root, config.study, config, "study table4")
     study.write_config()
-    with_model = _measured_with_model(config) if config.table4.llm else None
-    steps, measured_on = _measured(config)
+    with_model = _timings_with_model(config) if config.table4.llm else None
+    steps, measured_on = _timings(config)
     table = long_timings(steps, with_model)
     n_steps = config.loop.steps
     machine, load = measured_on["machine"], measured_on["load_average"]
     measured = f"Measured on {machine}" + ("" if load is None else f", load {load:.1f} at the start")
     data = (
-        f"No data were read: {_references(config)}. {measured}; median of {config.loop.steps_repetitions} measurements "
-        "after a warm-up."
+        f"No recordings were read; there are {_references(config)}. {measured}; median of "
+        f"{config.loop.steps_repetitions} measurements after a warm-up."
     )
     summary = {"machine": machine, "load_average": load} | summary_of(table, n_steps)
     publish(
@@ -96,13 +96,13 @@ def _draw(table: pd.DataFrame, n_steps: int) -> dict[str, bytes]:
 def _references(config: StudyTable4Task) -> str:
     loop = config.loop
     return (
-        f"{loop.n_references} synthetic ones of {loop.reference_seconds} s with {loop.reference_vehicles} vehicles"
-        f" from seed {loop.seed}"
+        f"{loop.n_references} synthetic references of {loop.reference_seconds} s with {loop.reference_vehicles} "
+        f"vehicles from seed {loop.seed}"
     )
 
 
-def _measured(config: StudyTable4Task) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """One row per program, batch and measurement, and the machine; from disk where it was measured before."""
+def _timings(config: StudyTable4Task) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """One row per program, batch and measurement, and the machine; read from disk if it was measured before."""
     part = Study(config.results.root, f"{config.study}/steps", config.loop, "study table4")
     path = part.path / f"{STEPS}.parquet"
     if not part.owns(STEPS):
@@ -120,8 +120,8 @@ def _measured(config: StudyTable4Task) -> tuple[pd.DataFrame, dict[str, Any]]:
     return pd.read_parquet(path), json.loads(read_metadata(path)["measured_on"])
 
 
-def _measured_with_model(config: StudyTable4Task) -> pd.DataFrame:
-    """One row per batch and measurement, as `ModelSteps` has them; from disk where it was measured before."""
+def _timings_with_model(config: StudyTable4Task) -> pd.DataFrame:
+    """One row per batch and measurement, as `ModelSteps` has them; read from disk if it was measured before."""
     part = Study(config.results.root, f"{config.study}/llm", config, "study table4")
     if not part.owns(MODEL_STEPS):
         rows = []

@@ -1,4 +1,4 @@
-"""Inference times as one long table, as flat figures, and as people read them."""
+"""Inference times as one long table, as flat figures, and as tables of the document."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,7 +24,7 @@ TITLES = {
     LOOP: "REARL, whole loop with matcher",
     MODEL: "REARL, whole loop with language model",
 }
-"""Rows of the table in their order, and what people read for them."""
+"""Rows of the table in their order, and their titles."""
 
 PAPER = {BASE: "idm_mobil", PPO: "ppo", MODEL: "rearl"}
 """The paper's figure a row stands beside; its REARL asks a language model, so the matcher's rows stand beside none."""
@@ -35,7 +35,7 @@ def long_timings(steps: pd.DataFrame, with_model: pd.DataFrame | None) -> pd.Dat
 
     Columns: `row`, `title`, `batch` (scenarios at a time), `metric` (steps_ms), `ours` (median time of all steps of the
     whole batch [ms]), `low` and `high` (least and greatest), `paper` (of one scenario at a time), `compile_s` (missing
-    where it is not measured), `n_repetitions`, `note`.
+    if it is not measured), `n_repetitions`, `note`.
 
     Args:
         steps: One row per measurement: `program`, `batch`, `wall_s` [s], `compile_s` [s].
@@ -84,24 +84,24 @@ def sections(config: StudyTable4Task, table: pd.DataFrame, summary: Mapping[str,
 
 
 def conclusions(table: pd.DataFrame, n_steps: int) -> list[str]:
-    """What the times say, computed from them; no ratio is taken to the paper's."""
-    said = []
+    """Sentences about the times, computed from them; none compares them with the paper's by a ratio."""
+    sentences = []
     ms = {(row, batch): ours for row, batch, ours in zip(table["row"], table["batch"], table["ours"], strict=True)}
     for batch in sorted({batch for program, batch in ms if program == BASE}):
         ratio = {program: ms[program, batch] / ms[BASE, batch] for program in TITLES if (program, batch) in ms}
         times = ", ".join(f"{TITLES[program]} {ratio[program]:.2f}" for program in (PPO, LOOP) if program in ratio)
         parts = (f"{TITLES[name]} {100 * ratio[name]:.0f} %" for name in (DETECTION, DECISION) if name in ratio)
-        said.append(f"Batch {batch}: times IDM+MOBIL: {times}; of its time: {' and '.join(parts)}.")
+        sentences.append(f"Batch {batch}: times IDM+MOBIL: {times}; of its time: {' and '.join(parts)}.")
     for timing in table.loc[table["row"] == MODEL].to_dict("records"):
-        said.append(
+        sentences.append(
             f"Language model ({timing['note']}), batch {timing['batch']}: {timing['ours'] / n_steps:,.0f} ms per "
             "decision step, waiting for the server included."
         )
-    said.append(
+    sentences.append(
         f"The paper orders IDM+MOBIL < PPO < REARL: {PAPER_MS['idm_mobil']:g} < {PAPER_MS['ppo']:g} < "
         f"{PAPER_MS['rearl']:,g} ms."
     )
-    return said
+    return sentences
 
 
 def summary_of(table: pd.DataFrame, n_steps: int) -> dict[str, Any]:

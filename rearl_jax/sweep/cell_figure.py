@@ -22,7 +22,7 @@ def draw_cells(config: EvaluateTask, names: list[str], table: pd.DataFrame, *, g
         config: What all cells share.
         names: Names of the cells, drawn from top to bottom.
         table: `cells.parquet`.
-        generated: Whether the recordings are no measurements.
+        generated: Whether the recordings were generated, not measured.
     """
     metrics = [config.mape.column if name == "mape" else name for name in METRICS_DRAWN]
     height = 1.4 + 0.28 * len(names)

@@ -1,4 +1,4 @@
-"""The cells of a multirun of `rearl evaluate` in; one table of all cells, one figure and a summary out.
+"""The cells of a multirun of `rearl evaluate`, combined into one table, one figure and a summary.
 
 Writes into the study folder `cells.parquet` (one row per cell, row of the table and metric), `runs.parquet` (one row
 per cell and scored pair), `cells.png`, `config.json` and, last of all, `summary.json`.
@@ -37,12 +37,12 @@ class Cell:
 
     @property
     def name(self) -> str:
-        """What people read: the values of the swept keys."""
+        """Title in tables and figures: the values of the swept keys."""
         return ", ".join(f"{key.rpartition('.')[2]}={value}" for key, value in self.keys.items())
 
 
 def collect(config: EvaluateTask, swept: list[dict[str, str]]) -> None:
-    """Puts the finished cells together.
+    """Combines the finished cells.
 
     Args:
         config: What all cells share.
@@ -73,7 +73,7 @@ def collect(config: EvaluateTask, swept: list[dict[str, str]]) -> None:
     names = [cell.name for cell in cells]
     print_document(document_of(config, table, generated=generated))
 
-    # Only now, so that nobody waits for matplotlib to see the table.
+    # Imported after the table is printed, because matplotlib is slow to import.
     from rearl_jax.sweep.cell_figure import draw_cells
 
     study.write_bytes("cells.png", draw_cells(config, names, table, generated=generated))

@@ -1,4 +1,4 @@
-"""What a multirun of `rearl evaluate` says: a row per cell, and the rows it must be read against."""
+"""Document of a multirun of `rearl evaluate`: a row per cell, and the rows to compare it with."""
 
 import pandas as pd
 

@@ -1,4 +1,4 @@
-"""What a sweep of thresholds says: every pair beside base, and whether the scenes can tell the best from the next."""
+"""Document of a sweep of thresholds: every pair beside base, and whether the scenes distinguish the best two."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -36,7 +36,7 @@ def document_of(
         config: The task.
         pairs: The table `table3.parquet`.
         summary: The figures of `summary.json`.
-        base: Means of base by metric; empty where they are not known.
+        base: Means of base by metric; empty if they are not known.
         generated: Whether any of the recordings were generated.
         sources: Data sets with their licences.
     """

@@ -1,4 +1,4 @@
-"""Scores of every threshold pair in, the pair that is best on the tuning scenes out, and how sure that is."""
+"""The threshold pair that is best on the tuning scenes, from the scores of all pairs, and how certain the choice is."""
 
 import itertools
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class Pair:
 
     @property
     def name(self) -> str:
-        """What people read."""
+        """Title in tables and figures."""
         return f"{self.h_pct:g} % / {self.m_pct:g} %"
 
 
@@ -94,8 +94,8 @@ def choose(
     total = h + mape
     total = total[:, np.isfinite(total).all(axis=0)]
     if not total.size:
-        said = "in every tuning scene some pair of thresholds has no figure: raise eval.n_runs, or use more data"
-        raise InvalidInputError(Problem("no-figure", said))
+        message = "in every tuning scene some pair of thresholds has no figure: raise eval.n_runs, or use more data"
+        raise InvalidInputError(Problem("no-figure", message))
     score = total.mean(axis=1)
     order = np.argsort(score, kind="stable")
     best, runner_up = int(order[0]), int(order[min(1, len(order) - 1)])

@@ -1,4 +1,4 @@
-"""Many rollouts in; one table on disk out, part by part: what a killed study had finished is not simulated again."""
+"""Results of many rollouts in one table on disk, part by part; finished parts are not simulated again."""
 
 import logging
 import math
@@ -32,16 +32,16 @@ def write_runs(
     progress: Callable[[int, int], None],
     on_part: Callable[[int, int], None] = lambda number, n_rollouts: None,
 ) -> None:
-    """Simulates and scores the rollouts and writes `runs/part-*.parquet`; parts that are there are left alone.
+    """Simulates and scores the rollouts and writes `runs/part-*.parquet`; finished parts are not simulated again.
 
-    The parts do not depend on the machine, so a study may go on elsewhere.
+    The parts do not depend on the machine, so a study may be continued on another machine.
 
     Args:
         study: Where the table goes.
         rollouts: All rollouts, with eval.seed_scope=run_x_scene.
         scenes: All scenes.
         table_of: Rows of a part.
-        metadata: What the schema of every part says besides the provenance.
+        metadata: Metadata of every part besides the provenance.
         progress: Called with the number of rollouts done and their total.
         on_part: Called with the number of each part just written and its rollouts.
     """

@@ -1,8 +1,8 @@
 """The task `rearl sweep scale`: very many rollouts simulated and scored in constant memory, and what they cost.
 
 Writes into the study folder `cost.parquet` (one row per batch size), `runs/part-*.parquet` (one row per rollout),
-`progress.parquet` (one row per part), `scale.png`, `config.json` and, last of all, `summary.json`. A killed study goes
-on where it was.
+`progress.parquet` (one row per part), `scale.png`, `config.json` and, last of all, `summary.json`. A killed study
+continues where it stopped.
 """
 
 import json
@@ -46,8 +46,8 @@ def run(config: SweepScaleTask) -> dict:
     """
     config.check()
     if config.eval.seed_scope is not SeedScope.run_x_scene:
-        said = "must be run_x_scene: every rollout is scored against its own scene"
-        raise out_of_range("eval.seed_scope", said, config.eval.seed_scope.name)
+        message = "must be run_x_scene: every rollout is scored against its own scene"
+        raise out_of_range("eval.seed_scope", message, config.eval.seed_scope.name)
     require_one_variant(config)
     set_precision(config.core.dtype)
     generated = is_generated(config.data)
@@ -58,7 +58,7 @@ def run(config: SweepScaleTask) -> dict:
         results = _measured(config, study, bar, generated=generated)
     print_document(document_of(results))
 
-    # Only now, so that nobody waits for matplotlib to see the table.
+    # Imported after the table is printed, because matplotlib is slow to import.
     from rearl_jax.sweep.scale_figure import draw_scale
 
     study.write_bytes("scale.png", draw_scale(results))

@@ -1,4 +1,4 @@
-"""Rollouts in; what one of them costs out, by the number simulated at a time, simulation and scoring apart."""
+"""Cost of a rollout by the number simulated at a time, separately for simulation and scoring."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ from rearl_jax.evaluation.scoring import Scorer
 from rearl_jax.timing.measurement import Stopwatch
 
 BATCHES = (1, 10, 100, 1_000, 10_000)
-"""Rollouts at a time, as far as there are so many."""
+"""Numbers of rollouts at a time that are measured, up to the number there is."""
 
 LEAST_REPETITIONS, LEAST_S = 3, 1.0
-"""A batch is repeated so often, and for so long [s]."""
+"""Least number of repetitions of a batch, and least time of all its repetitions [s]."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def batch_costs(rollouts: Rollouts, scenes: SceneSet, progress: Callable[[int, i
 
 
 def batch_sizes(n_rollouts: int) -> list[int]:
-    """Rollouts at a time that are measured; the last is all of them where they are few."""
+    """Rollouts at a time that are measured; the last is all of them if they are few."""
     return sorted({min(size, n_rollouts) for size in BATCHES})
 
 

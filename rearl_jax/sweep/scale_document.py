@@ -1,4 +1,4 @@
-"""What a stream of rollouts says: time of a rollout by the number at a time, rates, memory."""
+"""Document of a stream of rollouts: time of a rollout by the number at a time, rates, memory."""
 
 import pandas as pd
 
@@ -64,7 +64,7 @@ def _notes(results: ScaleResults) -> tuple[str, ...]:
             f"vehicle, 1/{results.config.core.ticks_per_second} s) per second"
         )
         if n_before := results.stream.n_before:
-            notes.append(f"{n_before:,} rollouts were on disk before: the rates leave them out")
+            notes.append(f"{n_before:,} rollouts were on disk before and do not count for the rates")
     for name, text in (("peak_mib", "peak memory"), ("resident_mib", "memory held at the end of a part")):
         first, last = memory[f"{name}_first_part"], memory[f"{name}_last_part"]
         if first is not None and last is not None:

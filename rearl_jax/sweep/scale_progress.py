@@ -1,6 +1,6 @@
 """A stream of rollouts watched part by part: how fast it goes, and how much memory the process holds meanwhile.
 
-Written after every part, so that a killed study keeps what was seen; a study that goes on adds a session.
+Written after every part, so that a killed study keeps its measurements; a resumed study adds a session.
 """
 
 import math
@@ -18,7 +18,7 @@ from rearl_jax.results import Study
 from rearl_jax.timing.measurement import peak_memory_bytes
 
 PROGRESS = "progress"
-"""The table."""
+"""Name of the table."""
 
 _COLUMNS = ("session", "part", "rollouts", "seconds", "cpu_s", "peak_mib", "resident_mib")
 
@@ -74,7 +74,7 @@ def shown_with_rate(bar: Progress, title: str, before: list[slice]) -> Callable[
     Args:
         bar: The bar.
         title: Begins the line.
-        before: Parts that were on disk already; they say nothing about the rate.
+        before: Parts that were on disk already; they do not count for the rate.
     """
     line = bar.add_task(title, total=None)
     begin = time.perf_counter()
@@ -92,7 +92,7 @@ def shown_with_rate(bar: Progress, title: str, before: list[slice]) -> Callable[
 
 
 def resident_bytes() -> int | None:
-    """Resident memory of this process at the moment [bytes]; None where the system does not tell."""
+    """Resident memory of this process at the moment [bytes]; None if the system does not tell."""
     if sys.platform != "linux":
         return None
     return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")

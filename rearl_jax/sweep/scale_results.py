@@ -18,12 +18,12 @@ class ScaleResults:
         config: The task.
         n_scenes: Scenes the rollouts are of.
         seconds: Simulated time of a rollout [s].
-        thresholds: Thresholds of the Hellinger distance and of the spacing error; infinite where nothing is detected.
+        thresholds: Thresholds of the Hellinger distance and of the spacing error; infinite if nothing is detected.
         costs: Cost of a rollout by the number at a time.
         stream: What was simulated now, and the memory meanwhile.
         machine: What a speed depends on.
-        load_average: Processes that wanted to run when the task began; None where the system does not tell.
-        generated: Whether the recordings are no measurements.
+        load_average: Processes that wanted to run when the task began; None if the system does not tell.
+        generated: Whether the recordings were generated, not measured.
     """
 
     config: SweepScaleTask

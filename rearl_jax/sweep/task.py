@@ -2,7 +2,7 @@
 
 Writes into the study folder `base_values.parquet` (what the percentiles are taken of), `runs/part-*.parquet` (one row
 per pair, scene and run), `table3.parquet` (one row per pair), two PNG figures, `page.html`, `config.json` and, last of
-all, `summary.json`. A killed study goes on where it was.
+all, `summary.json`. A killed study continues where it stopped.
 """
 
 import json
@@ -48,8 +48,8 @@ def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
             keys contradict each other.
     """
     if config.eval.seed_scope is not SeedScope.run_x_scene:
-        said = "must be run_x_scene: a sweep scores every rollout against its own scene"
-        raise out_of_range("eval.seed_scope", said, config.eval.seed_scope.name)
+        message = "must be run_x_scene: a sweep scores every rollout against its own scene"
+        raise out_of_range("eval.seed_scope", message, config.eval.seed_scope.name)
     if config.method is not Method.rearl:
         raise out_of_range("method", "must be rearl, others have no thresholds", config.method.name)
     require_one_variant(config)
@@ -109,7 +109,7 @@ def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
     if show:
         print_document(document)
 
-    # Only now, so that nobody waits for matplotlib and jinja2 to see the table.
+    # Imported after the table is printed, because matplotlib and jinja2 are slow to import.
     from rearl_jax.document.html import page_of
     from rearl_jax.sweep.figures import cumulative, heat_maps
 

@@ -1,4 +1,4 @@
-"""Tasks that read recordings and say what is in them."""
+"""Tasks that analyse recordings."""
 
 from rearl_jax.tasks.task import Task
 
@@ -41,13 +41,13 @@ DATA = (
         words="discover",
         run="rearl_jax.discovery.task:run",
         config="rearl_jax.config:DiscoverTask",
-        summary="find out what the traffic model lacks in measured trajectories",
+        summary="find effects that the traffic model lacks, from measured trajectories",
         goes_on=True,
         description=(
-            "Calibrates every driver, looks at what the model cannot predict, tells which effect or which fault of the "
-            "measurement that comes from, adds it, checks it on other drivers and reports the error before and after "
-            "on drivers that took no part. A killed study goes on where it was. Prints the verdict, writes it as "
-            "verdict.json, the repaired model as model.yaml, Parquet, figures and one HTML page."
+            "Calibrates every driver, examines what the model cannot predict, identifies the effect or the measurement "
+            "fault that causes it, adds the effect, checks it on other drivers and reports the error before and after "
+            "on drivers that took no part in the fit. A killed study continues where it stopped. Prints the verdict, "
+            "writes it as verdict.json, the repaired model as model.yaml, Parquet, figures and one HTML page."
         ),
         examples=(
             "rearl discover",
@@ -61,12 +61,12 @@ DATA = (
         words="discover blind",
         run="rearl_jax.blind.task:run",
         config="rearl_jax.config:DiscoverBlindTask",
-        summary="what discovery is worth: hidden effects it has to find",
+        summary="test discovery on generated data with hidden effects",
         goes_on=True,
         description=(
-            "Generates data sets with hidden effects and artefacts from an independent generator and from SUMO, seals "
-            "what is hidden, runs discovery on each and scores it. A killed study goes on where it was. Prints tables, "
-            "writes Parquet, figures and one HTML page."
+            "Generates data sets with hidden effects and artefacts from an independent generator and from SUMO, stores "
+            "a hash of the hidden values, runs discovery on each and scores it. A killed study continues where it "
+            "stopped. Prints tables, writes Parquet, figures and one HTML page."
         ),
         examples=(
             "rearl discover blind",

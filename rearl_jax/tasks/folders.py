@@ -1,4 +1,4 @@
-"""Where the files lie that come with the package: configuration and sweeps."""
+"""Folders of the files that come with the package: configuration and sweeps."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ def conf_dir() -> Path:
 
 
 def sweeps_dir() -> Path:
-    """The folder of the sweep files, which lies where `conf_dir` does.
+    """The folder of the sweep files, beside that of `conf_dir`.
 
     Raises:
         FileNotFoundError: There is none, the installation is incomplete.

@@ -7,13 +7,13 @@ MAINTENANCE = (
         words="doctor",
         run="rearl_jax.doctor.task:run",
         config="rearl_jax.config:DoctorTask",
-        summary="is everything there and in order: JAX, memory, folders, recordings, servers, extras",
+        summary="check the installation: JAX, memory, folders, recordings, servers, extras",
         uses_jax=False,
         failures="n_fail",
         description=(
             "Looks at Python and JAX with its devices, cores, memory, the cache and the folder of results, free space, "
-            "the recordings (one is read), the server of a language model where one is named, and the packages. One "
-            "line per check, ok, warn or fail, with a remedy. Writes nothing. Exit code 1 where a check has failed."
+            "the recordings (one is read), the server of a language model if one is named, and the packages. One "
+            "line per check, ok, warn or fail, with a remedy. Writes nothing. Exit code 1 if a check has failed."
         ),
         examples=(
             "rearl doctor",

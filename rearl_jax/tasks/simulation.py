@@ -3,7 +3,7 @@
 from rearl_jax.tasks.task import Task
 
 CLOSED_LOOP = ("detection", "reference", "decision", "matcher", "llm", "prompt", "admissible", "exec")
-"""Groups of keys that mean something only where decisions are made."""
+"""Groups of keys that have an effect only on methods with decisions."""
 
 SIMULATION = (
     Task(
@@ -38,7 +38,7 @@ SIMULATION = (
         description=(
             "Trains one policy for all vehicles by proximal policy optimisation on highway-env's reward: speed, right "
             "lanes, no crash. It sees the four nearest vehicles and takes an admissible action every second. A killed "
-            "training goes on where it was. Prints the learning curve, writes it as Parquet and figure, and the "
+            "training continues where it stopped. Prints the learning curve, writes it as Parquet and figure, and the "
             "weights."
         ),
         examples=(
@@ -54,10 +54,10 @@ SIMULATION = (
         summary="try pairs of detection thresholds on the tuning scenes",
         goes_on=True,
         description=(
-            "Takes percentiles of what the method base reaches on the threshold scenes as thresholds, simulates the "
+            "Takes percentiles of the errors of base on the threshold scenes as thresholds, simulates the "
             "tuning scenes under every pair of them in one program and picks the pair with the least Hellinger "
-            "distance plus spacing error; says whether the scenes can tell it from the next. Prints a table, writes "
-            "Parquet and figures."
+            "distance plus spacing error; states whether the scenes can distinguish it from the next. Prints a table, "
+            "writes Parquet and figures."
         ),
         examples=(
             "rearl sweep thresholds",
@@ -69,13 +69,13 @@ SIMULATION = (
         words="sweep scale",
         run="rearl_jax.sweep.scale:run",
         config="rearl_jax.config:SweepScaleTask",
-        summary="stream very many rollouts in constant memory and say what they cost",
+        summary="simulate very many rollouts in constant memory and measure their cost",
         goes_on=True,
         description=(
             "Simulates and scores as many rollouts of the held-out scenes as asked for, every one from another initial "
-            "state, and writes them part by part; a killed study goes on where it was. Before that, measures the cost "
-            "of a rollout by the number simulated at a time. Reports rollouts and agent-substeps per second and memory "
-            "over time. Prints a table, writes Parquet and a figure."
+            "state, and writes them part by part; a killed study continues where it stopped. Before that, measures the "
+            "cost of a rollout by the number simulated at a time. Reports rollouts and agent-substeps per second and "
+            "memory over time. Prints a table, writes Parquet and a figure."
         ),
         examples=(
             "rearl sweep scale",

@@ -12,8 +12,8 @@ STUDIES = (
         description=(
             "Evaluates every row (base, PPO, CRITICAL, the closed loop with its controls, with table1.llm=true a "
             "language model) as `rearl evaluate` does, each in a folder of its own below rows/, and puts them beside "
-            "the figures of the paper, with what differs between the two. A killed study goes on where it was. Prints "
-            "the table and what follows from it, writes Parquet, a figure and one HTML page."
+            "the figures of the paper, with a list of differences. A killed study continues where it stopped. "
+            "Prints the table and conclusions, writes Parquet, a figure and one HTML page."
         ),
         examples=(
             "rearl study table1",
@@ -30,7 +30,7 @@ STUDIES = (
         goes_on=True,
         description=(
             "Runs `rearl sweep thresholds` in the folder sweep/ and puts thresholds, best pair and Pareto set beside "
-            "what is known of the paper's. Prints a table, writes Parquet, a figure and one HTML page."
+            "the known values of the paper. Prints a table, writes Parquet, a figure and one HTML page."
         ),
         examples=("rearl study table3", "rearl study table3 data=highd data.root=/data/highD study=highd_table3"),
     ),
@@ -94,8 +94,8 @@ STUDIES = (
             "Reads the folder of a finished `rearl evaluate`, `discover`, `discover blind`, `sweep thresholds` or "
             "`study ...` and writes its page.html anew: the result in one sentence, tables with intervals, figures, "
             "data and licence, the command that repeats it. Of `rearl evaluate` some scenes are simulated again, "
-            "checked against the figures the study has kept, and played beside the recorded ones. The file needs "
-            "nothing but a browser."
+            "checked against the figures stored by the study, and replayed beside the recorded ones. The file needs "
+            "only a browser."
         ),
         examples=(
             "rearl report",

@@ -1,4 +1,4 @@
-"""One task of `rearl`: its words, what it does, where its function and its configuration record are.
+"""One task of `rearl`: its name, its description, its function and its configuration record.
 
 Standard library only.
 """
@@ -13,10 +13,10 @@ from typing import Any
 class Task:
     """One task. `run`, `config` and `collect` are addresses `module:name`; the function takes the record.
 
-    `collect` puts the cells of a multirun together: it takes the record with what all cells share, and for each cell
-    the values of the swept keys. `implied` names overrides that keys of a group imply. `goes_on` says that the same
-    command goes on where a task was ended, `failures` which figure the function returns that makes `rearl` fail
-    unless it is 0. A task that does not use JAX is not kept waiting for it.
+    `collect` combines the cells of a multirun: it takes the record with what all cells share, and for each cell
+    the values of the swept keys. `implied` names overrides that keys of a group imply. `goes_on` states that the same
+    command resumes an interrupted task, `failures` names the figure in the function's result that makes `rearl` fail
+    unless it is 0. A task that does not use JAX does not wait for its import.
     """
 
     words: str
@@ -50,7 +50,7 @@ class Task:
         return _load(self.run)
 
     def load_collect(self) -> Callable[[Any, list[dict[str, str]]], None]:
-        """The function that puts cells together."""
+        """The function that combines cells."""
         assert self.collect is not None
         return _load(self.collect)
 

@@ -1,4 +1,4 @@
-"""One compiled call is one batch: the cost of a program that takes a batch of scenarios and returns at its end."""
+"""Cost of a program that simulates one batch of scenarios per compiled call."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -16,13 +16,13 @@ from rearl_jax.timing.measurement import Measurement, Stopwatch, measurement_of
 
 @dataclass(frozen=True)
 class Subject:
-    """A program to be measured, and what surrounds it.
+    """A program to be measured, the preparation of its input, and the reading of its output.
 
     Attributes:
-        prepare: From a random key per scenario to what the program takes; not measured.
-        run: The program; all it returns is computed, so what it leaves out costs nothing.
-        frames: The traffic, from what the program takes and what it returns.
-        decisions: What was decided, from what the program returns; None where it does not say.
+        prepare: Function of one random key per scenario to the input of the program; not measured.
+        run: The program. Only what it returns is computed; XLA removes all other work.
+        frames: Function of the input and the output of the program to the traffic.
+        decisions: Function of the output of the program to the decisions; None if it contains none.
     """
 
     prepare: Callable[[Key[Array, " scenarios"]], Any]
@@ -32,10 +32,10 @@ class Subject:
 
 
 class Batches:
-    """A subject, batch by batch on one device; measured: from handing over a prepared batch to the end of the call."""
+    """Measures a program batch by batch on one device, from the call with a prepared batch to its end."""
 
     def __init__(self, subject: Subject, *, batch: int, n_vehicles: int, seconds: int) -> None:
-        """Compiles."""
+        """Compiles the program."""
         self._subject, self._batch, self._n_vehicles, self._seconds = subject, batch, n_vehicles, seconds
         self._prepare = jax.jit(subject.prepare)
         inputs = jax.block_until_ready(self._prepare(jax.random.split(jax.random.key(0), batch)))
@@ -48,7 +48,7 @@ class Batches:
 
     @property
     def facts(self) -> dict[str, float | int]:
-        """Size of a batch, elapsed time of compiling [s], share of the vehicle-seconds that follow a question."""
+        """Size of a batch, elapsed time of compiling [s], share of the vehicle-seconds with a decision."""
         return {"unit": self._batch, "compile_s": self.compile_s, "asked_share": self.asked_share}
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:
@@ -58,14 +58,14 @@ class Batches:
             ValueError: The scenarios are no multiple of the batch.
         """
         if n_scenarios % self._batch:
-            raise ValueError(f"n_scenarios = {n_scenarios} is no multiple of the batch of {self._batch}")
+            raise ValueError(f"n_scenarios = {n_scenarios} is not a multiple of the batch of {self._batch}")
         watch = Stopwatch()
         chunks = self._timed_batches(n_scenarios, seed, watch)
         n_vehicles, seconds = self._n_vehicles, self._seconds
         return measurement_of(chunks, watch, n_scenarios=n_scenarios, n_vehicles=n_vehicles, seconds=seconds)
 
     def _timed_batches(self, n_scenarios: int, seed: int, watch: Stopwatch) -> Iterator[Frames]:
-        """Frames as NumPy arrays, batch by batch; the watch runs during the call alone."""
+        """Frames as NumPy arrays, batch by batch; the stopwatch runs only during the calls."""
         for keys in jax.random.split(jax.random.key(seed), (n_scenarios // self._batch, self._batch)):
             inputs = jax.block_until_ready(self._prepare(keys))
             with watch:

@@ -84,9 +84,9 @@ class Batch(eqx.Module):
         drivers: Its drivers.
         keys: Random keys of the policy.
         table: The references.
-        thresholds: Infinite: they are passed by nothing, where they count.
+        thresholds: Infinite, so that no value passes them.
         recorded: Traffic at the end of successive seconds, for programs that only look at it; else None.
-        shown: What a policy is shown of it, for programs that only decide; else None.
+        shown: Situations of that traffic as a policy sees them, for programs that only decide; else None.
     """
 
     state: TrafficState
@@ -214,7 +214,7 @@ def _observe_base(state: TrafficState) -> Frames:
 
 
 def rollout_subject(prepare: Any, seconds: int) -> Subject:
-    """Rollouts from prepared traffic in which nobody intervenes."""
+    """Rollouts from prepared traffic without interventions."""
 
     def run_base(batch: Batch) -> Frames:
         return rollout(batch.state, batch.drivers, BASE_MODEL, n_seconds=seconds)[1]
@@ -244,7 +244,7 @@ def loop_subject(policy: Policy, prepare: Any, seconds: int, cues: Cues = Cues.a
 
 
 def _driven_subject(prepare: Any, seconds: int) -> Subject:
-    """Rollouts from prepared traffic in which the trained policy of the package drives everybody.
+    """Rollouts from prepared traffic in which the trained policy of the package drives all vehicles.
 
     Raises:
         FileNotFoundError: The installation lacks the weights.
@@ -267,7 +267,7 @@ def look_for_drift(batch: Batch) -> tuple[Array, ...]:
     """Findings of the detection in each second of the recorded traffic, as far as a rollout hands it over."""
 
     def second(memory: DetectorMemory, state: TrafficState) -> tuple[DetectorMemory, tuple[Array, ...]]:
-        # In a rollout the state is there; here it is a slice, which XLA would cut anew for every use.
+        # In a rollout the state is an array; here it is a slice, which XLA would cut anew for every use.
         frame = frame_of(lax.optimization_barrier(state), LOOP_MODEL)
         memory, found = detect(memory, frame, batch.table, batch.thresholds, ALWAYS.detection)
         return memory, (found.reference, found.hellinger, found.mape, found.triggered, count(found.mask))

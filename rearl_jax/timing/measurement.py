@@ -47,9 +47,9 @@ class Measurement:
         cpu_s: CPU time of the stepping over all threads of the process [s].
         wall_s: Elapsed time of the stepping [s].
         mean_speed: Mean speed of all vehicles at the end [m/s].
-        lane_changes: Changes of lane seen between whole seconds; None where they are not reported.
-        crashed: Vehicles that have collided by the end; None where the program has no collisions.
-        peak_memory_bytes: Largest resident memory of the process so far; None where it is not reported.
+        lane_changes: Changes of lane seen between whole seconds; None if they are not reported.
+        crashed: Vehicles that have collided by the end; None if the program has no collisions.
+        peak_memory_bytes: Largest resident memory of the process so far; None if it is not reported.
     """
 
     n_scenarios: int
@@ -94,7 +94,7 @@ class Series:
 
     @property
     def lane_changes_per_vehicle_min(self) -> float | None:
-        """Lane changes per vehicle and minute [1/min]; None where they are not reported."""
+        """Lane changes per vehicle and minute [1/min]; None if they are not reported."""
         counts = [run.lane_changes for run in self.measurements if run.lane_changes is not None]
         # A change in the first second has no earlier second to be seen against.
         minutes = sum(run.n_scenarios * self.n_vehicles * (run.seconds - 1) / 60 for run in self.measurements)
@@ -102,7 +102,7 @@ class Series:
 
     @property
     def crashed_share(self) -> float | None:
-        """Vehicles that have collided by the end, of all; None where nobody can."""
+        """Vehicles that have collided by the end, of all; None if collisions are off."""
         counts = [run.crashed for run in self.measurements if run.crashed is not None]
         n_agents = sum(run.n_scenarios * self.n_vehicles for run in self.measurements)
         return sum(counts) / n_agents if counts else None
@@ -123,7 +123,7 @@ class Simulator(Protocol):
         ...
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:
-        """The cost of simulating so many scenes drawn from the seed."""
+        """The cost of simulating `n_scenarios` scenes drawn from the seed."""
         ...
 
 
@@ -169,7 +169,7 @@ def measurement_of(
 
 
 def peak_memory_bytes() -> int | None:
-    """Largest resident memory this process has had so far [bytes]; None where the system does not tell."""
+    """Largest resident memory this process has had so far [bytes]; None if the system does not tell."""
     if sys.platform == "linux":
         # getrusage would count what the parent process held at the moment it started this one.
         for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():

@@ -21,7 +21,7 @@ from rearl_jax.timing.measurement import Measurement, Simulator
 from rearl_jax.timing.turns import Report
 
 _SECONDS_TO_END = 10.0
-"""Patience with a process that was told to end [s]."""
+"""Time a process gets to end after it was told to [s]."""
 
 
 class ProcessSession:
@@ -36,7 +36,7 @@ class ProcessSession:
             program: Address `module:name` of what makes the simulator.
             cpu_devices: CPU devices of JAX; None for one per core.
             on_cpu: Whether JAX sees the CPU alone.
-            remedy: What to do where the program fails.
+            remedy: What to do if the program fails.
             **arguments: What the function or class takes.
 
         Raises:
@@ -71,7 +71,7 @@ class ProcessSession:
             self._process.stdin.write(json.dumps({"n_scenarios": n_scenarios, "seed": seed}) + "\n")
             self._process.stdin.flush()
         except BrokenPipeError:
-            pass  # it has ended; the missing answer below says why
+            pass  # it has ended; the missing answer is handled below
         return Measurement(**self._answer())
 
     def close(self) -> None:
@@ -96,7 +96,7 @@ class ProcessSession:
         self.close()
         remedy = f"; {self._remedy}" if self._remedy else ""
         raise RuntimeError(
-            f"the measured program {self._program} ended with code {code}{remedy}. Its last words:\n{last}"
+            f"the measured program {self._program} ended with code {code}{remedy}. Its last output:\n{last}"
         )
 
 

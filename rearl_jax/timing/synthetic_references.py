@@ -1,6 +1,6 @@
 """References made from a seed, of the shapes that real studies have, so that a measurement reads no data.
 
-They decide how much work there is, not what is real: nothing but a cost may be taken from traffic held against them.
+They decide how much work there is, not what is real: only costs may be concluded from traffic compared with them.
 """
 
 import jax.numpy as jnp

@@ -12,12 +12,12 @@ from rearl_jax.progress import progress_bar
 from rearl_jax.timing.measurement import Measurement, Series, Simulator
 
 Report: TypeAlias = Callable[[str, int], None]
-"""Told what is done next, and how many steps are done since the last time."""
+"""Callback with the next step in words, and the number of steps done since the last call."""
 
 
 @contextmanager
 def reporting(n_steps: int) -> Iterator[Report]:
-    """A progress bar of so many steps."""
+    """A progress bar of `n_steps` steps."""
     with progress_bar() as bar:
         line = bar.add_task("starting", total=n_steps)
         yield lambda doing, advance: bar.update(line, description=doing, advance=advance)

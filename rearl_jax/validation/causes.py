@@ -86,7 +86,7 @@ def unstable_below(length: float) -> float:
     """Speed [m/s] below which highway-env's lateral controller is unstable for a vehicle of a length [m].
 
     A lateral offset y is steered back by the slip angle -(l / 2) y / (v^2 t_h t_l), which moves the vehicle sideways by
-    that times v dt: y is multiplied by 1 - (l / 2) dt / (v t_h t_l) each tick, beyond -1 where v is below
+    that times v dt: y is multiplied by 1 - (l / 2) dt / (v t_h t_l) each tick, beyond -1 if v is below
     (l / 2) dt / (2 t_h t_l). 0.69 m/s for 5 m, dt = 1/15 s, t_h = 0.2 s, t_l = 0.6 s.
 
     Source: highway-env 1.12.1, `ControlledVehicle.steering_control`, linearised.

@@ -1,8 +1,8 @@
 """Differences of two runs of the same scenes, scene by scene and tick by tick. NumPy only.
 
 A run is highway-env's or the core's. "Before contact" means the ticks before any vehicle of the scene has crashed in
-the reference: collisions push vehicles apart along the axis of least overlap, and where two axes tie, or a vehicle
-rests against another, the last place decides about a push of centimetres.
+the reference: collisions push vehicles apart along the axis of least overlap, and if two axes tie, or a vehicle rests
+against another, the last place decides about a push of centimetres.
 """
 
 from dataclasses import dataclass
@@ -94,7 +94,7 @@ def first_disagreement(
 
 
 def aborts(tracks: Tracks, is_meta: Bool[np.ndarray, "vehicles scenarios"]) -> Int[np.ndarray, " scenarios"]:
-    """Lane changes broken off in each scene.
+    """Lane changes aborted in each scene.
 
     While a change is in progress (the lane is not the target lane) nothing but the abort rule touches the target lane
     of an IDM vehicle. Source: highway-env 1.12.1, `IDMVehicle.change_lane_policy`.

@@ -1,4 +1,4 @@
-"""What a validation says: agreement by set and precision, the control, and every exception with its cause."""
+"""Document of a validation: agreement by set and precision, the control, and every exception with its cause."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -35,7 +35,7 @@ def document_of(
         config: Tolerances.
     """
     sections = [_agreement(groups, precision, summary, config) for precision in PRECISIONS]
-    note = "highway-env's own: what it makes of a start one unit in the last place further ahead"
+    note = "highway-env's own: its difference after a start one unit in the last place further ahead"
     for precision in PRECISIONS:
         excepted = where(scenes, precision=precision, agrees=False)
         if len(excepted):
@@ -43,7 +43,7 @@ def document_of(
             table = table_of(f"Scenes that differ in {precision}", named, _EXCEPTION)
             sections.append(Section(f"Exceptions in {precision}", tables=(table,), notes=(note,)))
     return Document(
-        title="The traffic model against highway-env",
+        title="The traffic model compared with highway-env",
         verdict=f"{_percent(summary['agree_share_f64'])} of {summary['scenes']:,} scenes agree with "
         f"{summary['reference']} at all ticks within {config.tolerance_f64:g} m in float64, and "
         f"{_percent(summary['agree_share_f32'])} before the first contact, within {config.tolerance_f32:g} m, in "

@@ -90,7 +90,7 @@ class Scenario:
         return len(self.actions)
 
     def identity(self) -> str:
-        """Twenty hexadecimal digits, equal where highway-env would build and drive the same scene."""
+        """Twenty hexadecimal digits, equal for scenes that highway-env would build and drive alike."""
         content = dataclasses.asdict(self) | {"source": self.source.value}
         del content["set_name"], content["index"]
         text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
@@ -159,7 +159,7 @@ def _places(random: np.random.Generator, n_vehicles: int, speed: np.ndarray) -> 
 
 
 def _injection(random: np.random.Generator, *, shuffled: bool = False, **columns: np.ndarray) -> Injection:
-    """The vehicles as plain numbers, in random list order where `shuffled`."""
+    """The vehicles as plain numbers, in random list order if `shuffled`."""
     n_vehicles = len(columns["x"])
     order = random.permutation(n_vehicles) if shuffled else np.arange(n_vehicles)
     columns = {"heading": np.zeros(n_vehicles), "is_meta": np.zeros(n_vehicles, bool)} | columns

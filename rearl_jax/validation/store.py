@@ -1,4 +1,4 @@
-"""Reference trajectories kept in the study folder, so that a killed or repeated run takes up where it stopped.
+"""Reference trajectories kept in the study folder, so that a killed or repeated run continues where it stopped.
 
 One file per scene, named after everything its content depends on. Files are written whole or not at all.
 """
@@ -15,7 +15,7 @@ from rearl_jax.validation.records import Recorded
 from rearl_jax.validation.workers import Job
 
 FORMAT = 1
-"""Raise it when scenes are recorded differently, so that files of before are not read."""
+"""Version of the stored scenes. Raise it when scenes are recorded differently, so that older files are not read."""
 
 
 class ReferenceStore:
@@ -27,7 +27,7 @@ class ReferenceStore:
         self._origin = f"{FORMAT} highway-env {version('highway-env')} numpy {version('numpy')}"
 
     def collect(self, jobs: Iterable[Job], n_workers: int) -> Iterator[Job]:
-        """The jobs as they get on file: those that are there at once, then the others as highway-env gets done."""
+        """The jobs as their files become available: stored ones at once, then the others as they are finished."""
         missing = []
         for job in jobs:
             if (self._study.path / self._name(job)).exists():

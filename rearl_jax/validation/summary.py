@@ -31,7 +31,7 @@ PRECISIONS = {"float64": "f64", "float32": "f32"}
 """Floating types and the endings of their keys."""
 
 CONTROL = "control"
-"""Stands in for a precision where highway-env itself takes the place of the core."""
+"""Name in the column of the precision for runs of highway-env itself in place of the core."""
 
 
 def where(table: pd.DataFrame, **values: str | int | bool) -> pd.DataFrame:
@@ -43,7 +43,7 @@ def where(table: pd.DataFrame, **values: str | int | bool) -> pd.DataFrame:
 
 
 def figures(scenes: pd.DataFrame) -> dict[str, float | int | None]:
-    """The figures of some scenes in one precision; None where a share has nothing to count.
+    """The figures of some scenes in one precision; None if a share has nothing to count.
 
     Args:
         scenes: Rows of `comparison.rows` with the column `agrees`.
@@ -109,25 +109,27 @@ def summarise(scenes: pd.DataFrame, reference: str) -> dict:
 
 
 def shortfalls(summary: dict, config: ValidationConfig) -> list[Problem]:
-    """Requirements that the run has not met; empty where all are met."""
+    """Requirements that the run has not met; empty if all are met."""
     unmet = []
     for events in ("lane_changes", "aborts", "crashes"):
         least = round(getattr(config, f"least_{events}") * config.share)
         if (n_events := summary[events]) < least:
-            said = f"only {n_events} {events.replace('_', ' ')} happened, too few to prove much (least {least})"
+            message = f"only {n_events} {events.replace('_', ' ')} occurred, which is too few (least {least})"
             remedy = f"raise validation.scenes.*, or lower validation.least_{events}"
-            unmet.append(Problem("events-too-few", said, remedy, value=n_events))
+            unmet.append(Problem("events-too-few", message, remedy, value=n_events))
     double, single = summary["agree_share_f64"], summary["agree_share_f32"]
     if double < config.least_agree_share:
-        said = f"{double:.2%} of the scenes agree in float64 within {config.tolerance_f64:g} m, less than "
-        said += f"validation.least_agree_share = {config.least_agree_share:.2%}"
-        unmet.append(Problem("float64-differs", said, value=f"{double:.2%}"))
+        message = f"{double:.2%} of the scenes agree in float64 within {config.tolerance_f64:g} m, less than "
+        message += f"validation.least_agree_share = {config.least_agree_share:.2%}"
+        unmet.append(Problem("float64-differs", message, value=f"{double:.2%}"))
     if single < 1:
-        said = f"{single:.2%} of the scenes agree in float32 within {config.tolerance_f32:g} m before the first contact"
-        unmet.append(Problem("float32-differs", said, value=f"{single:.2%}"))
+        message = (
+            f"{single:.2%} of the scenes agree in float32 within {config.tolerance_f32:g} m before the first contact"
+        )
+        unmet.append(Problem("float32-differs", message, value=f"{single:.2%}"))
     if n_scenes := summary["unexplained"]:
-        said = f"{n_scenes} scenes differ without an explanation; see cause in scenes.parquet"
-        unmet.append(Problem("unexplained", said, value=n_scenes))
+        message = f"{n_scenes} scenes differ without an explanation; see cause in scenes.parquet"
+        unmet.append(Problem("unexplained", message, value=n_scenes))
     return unmet
 
 

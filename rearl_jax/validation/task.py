@@ -5,7 +5,7 @@ scene and precision, with the cause of every difference), `agreement.parquet` (p
 `errors.parquet` (differences at every tick), `error_over_time.png`, `config.json` and `summary.json`.
 
 The reference runs with the elementary functions of the C library, as XLA does on a CPU; see `workers`. That choice
-favours nobody: with NumPy's own, highway-env differs from itself, by how much is in the report.
+favours neither side, because with NumPy's own functions highway-env differs from itself; the report shows by how much.
 """
 
 import dataclasses
@@ -44,7 +44,7 @@ FACTS = {
     "first_speed": "float64",
     "slowest": "float64",
 }
-"""Columns about the first difference of a scene and their types; empty where there is none."""
+"""Columns about the first difference of a scene and their types; empty if there is none."""
 
 
 def run(config: ValidateTask) -> dict:
@@ -73,7 +73,7 @@ def run(config: ValidateTask) -> dict:
     study.write_summary(figures)
     print_document(document_of(groups, scenes, figures, options))
     if shortfalls := summary.shortfalls(figures, options):
-        sentences = "; ".join(problem.said for problem in shortfalls)
+        sentences = "; ".join(problem.fault for problem in shortfalls)
         raise InvalidInputError(Problem("validation-failed", sentences, shortfalls[0].remedy))
     return figures
 
@@ -134,7 +134,7 @@ class _Validation:
             yield jobs[start : start + width]
 
     def _collect(self, jobs: Sequence[Job], title: str) -> None:
-        """Has highway-env run what is not on file; long scenes first, so that no worker is left alone at the end."""
+        """Runs scenes without a file in highway-env; long scenes first, so that no worker is left alone at the end."""
         longest_first = sorted(jobs, key=lambda job: -job.scenario.n_vehicles)
         work = self.progress.add_task(title, total=len(jobs), visible=bool(jobs))
         for _ in self.store.collect(longest_first, self.options.workers or available_cores()):

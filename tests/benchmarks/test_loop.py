@@ -78,7 +78,7 @@ def test_the_compiler_leaves_out_the_policy_only_where_it_cannot_be_needed(progr
 
 @pytest.mark.slow
 def test_only_whole_batches_are_measured(programs):
-    with pytest.raises(ValueError, match=r"10 is no multiple of the batch of 4"):
+    with pytest.raises(ValueError, match=r"10 is not a multiple of the batch of 4"):
         programs[BASE].measure(10, 0)
 
 

@@ -39,7 +39,7 @@ def test_other_words_are_refused(benchmark, word, code, key, capsys):
     with pytest.raises(InvalidInputError) as caught:
         configured(benchmark, [word])
     assert (caught.value.code, caught.value.problem.key) == (code, key)
-    assert code != "key-unknown" or "nearest: " in caught.value.problem.said
+    assert code != "key-unknown" or "nearest: " in caught.value.problem.fault
     assert main([benchmark, word]) == 2
     assert capsys.readouterr().err.startswith("benchmarks: ")
 

@@ -49,7 +49,7 @@ def test_mistakes_are_answered_with_the_nearest_key(overrides, code, key, neares
     with pytest.raises(UsageError) as caught:
         composed("evaluate", *overrides)
     assert (caught.value.code, caught.value.problem.key) == (code, key)
-    assert f"nearest: {nearest}" in caught.value.problem.said
+    assert f"nearest: {nearest}" in caught.value.problem.fault
 
 
 def test_discovery_calibrates_the_model_that_is_chosen():

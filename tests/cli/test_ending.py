@@ -88,7 +88,7 @@ def test_a_signal_ends_in_an_orderly_way_and_says_how_to_go_on(tmp_path, number,
     _, error = process.communicate(timeout=120)
     assert process.returncode == 128 + number
     assert error == (
-        f"rearl: interrupted by {name}; nothing of an unfinished run is kept, start again with: "
+        f"rearl: interrupted by {name}; nothing of an unfinished run is stored, start again with: "
         "rearl drive lanes=9 study=s\n"
     )
     assert (tmp_path / "results" / "s" / "tidy").exists()
@@ -96,9 +96,9 @@ def test_a_signal_ends_in_an_orderly_way_and_says_how_to_go_on(tmp_path, number,
 
 @pytest.mark.parametrize(
     ("words", "said"),
-    [("evaluate study=s", "nothing of an unfinished run is kept")]
-    + [(words, "what was finished is kept") for words in ("evaluate -m eval.seed=1,2", "validate", "study fig7")]
-    + [("study table4", "what was finished is kept"), ("cluster bo.enabled=true", "what was finished is kept")]
+    [("evaluate study=s", "nothing of an unfinished run is stored")]
+    + [(words, "finished parts are stored") for words in ("evaluate -m eval.seed=1,2", "validate", "study fig7")]
+    + [("study table4", "finished parts are stored"), ("cluster bo.enabled=true", "finished parts are stored")]
     + [("dine", ""), ("", "")],
 )
 def test_what_is_kept_of_a_task_that_was_ended(words, said):

@@ -56,7 +56,7 @@ def test_trace_of_another_search_or_a_damaged_one_is_not_taken_up(tmp_path, capl
         path.write_bytes(path.read_bytes()[:200])
     with caplog.at_level(logging.WARNING):
         _, again = search(curves, KL, bo, study(tmp_path), "data" if change == "damage" else "other data")
-    assert "starting over" in caplog.text
+    assert "the search starts again" in caplog.text
     pd.testing.assert_frame_equal(again, first)
 
 

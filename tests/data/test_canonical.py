@@ -68,7 +68,7 @@ def test_a_foreign_table_of_several_recordings_is_worked_out(recording, tmp_path
     assert first.info.frame_rate == 10.0
     assert (dict(first.info.lane_count), dict(second.info.lane_count)) == ({1: 2}, {1: 1})
     assert first.info.road_length == pytest.approx(first.table["position"].max() + 2.25)
-    assert "worked out from the rows" in first.info.notes[0]
+    assert "derived from the rows" in first.info.notes[0]
     pd.testing.assert_frame_equal(first.table, recording.table)
     spoiled = both.copy()
     spoiled.loc[310, "speed"] = np.nan

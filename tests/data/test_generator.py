@@ -315,7 +315,7 @@ def test_another_configuration_in_the_same_folder_is_refused(recording):
     before = _contents(root)
     with refused("generated-otherwise", file=str(root / TRUTH_FILE)) as caught:
         generate(dataclasses.replace(SHORT, car_speed=30.0), root)
-    assert "car_speed=38.3 there, 30.0 here" in caught.value.problem.said
+    assert "car_speed=38.3 there, 30.0 here" in caught.value.problem.fault
     assert _contents(root) == before
 
 

@@ -182,7 +182,7 @@ def test_contradictions_stop_with_file_column_and_row(tracks, case):
         read_recording(tracks, STOP)
     problem = caught.value.problem
     assert "01_" in problem.file
-    assert value in problem.said
+    assert value in problem.fault
 
 
 @pytest.mark.parametrize("case", ["direction", "class", "no class", "not listed", "lane", "velocity", "jump"])

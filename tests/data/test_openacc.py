@@ -180,7 +180,7 @@ def test_damage_inside_is_named(tmp_path, sound, damaged, says):
     path.write_bytes(content.replace(sound, damaged))
     with refused("not-parquet", file=str(path)) as caught:
         platoon_recordings(path)
-    assert says in caught.value.problem.said
+    assert says in caught.value.problem.fault
 
 
 def _only(path: Path):

@@ -66,4 +66,4 @@ def test_damage_and_missing_permission_are_warnings(task, caplog, tmp_path):
     cache.path.parent.write_text("no folder")
     with caplog.at_level(logging.WARNING):
         cache.write(scenes)
-    assert "not kept" in caplog.text
+    assert "not stored" in caplog.text

@@ -103,9 +103,9 @@ def test_a_fault_stops_with_file_column_row_and_remedy(vehicle_rows, fault):
     with refused(name.replace("_", "-"), file="made.csv", column=column, row=row) as caught:
         validate(spoil(vehicle_rows), INFO, STOP)
     problem = caught.value.problem
-    assert value in problem.said
+    assert value in problem.fault
     assert "data.on_bad=drop_row" in problem.remedy
-    for part in ("made.csv", f"column {column}", f"data row {row}", problem.said, problem.remedy):
+    for part in ("made.csv", f"column {column}", f"data row {row}", problem.fault, problem.remedy):
         assert part in str(caught.value)
 
 
@@ -181,7 +181,7 @@ def test_a_wrong_unit_stops_whatever_the_policy(vehicle_rows, column, factor, un
 def test_a_factor_of_no_unit_leaves_open_which_column_is_wrong(vehicle_rows):
     with refused("wrong-units", column=INFO.columns["speed"]) as caught:
         validate(vehicle_rows.assign(position=vehicle_rows["position"] * 1.7), INFO, STOP)
-    assert "1.700 times" in caught.value.problem.said
+    assert "1.700 times" in caught.value.problem.fault
 
 
 def test_a_table_all_in_feet_is_found_although_it_agrees_with_itself(vehicle_rows):

@@ -113,7 +113,7 @@ def test_the_table_of_readme(readme, sets):
     )
     hits = [f"{row['n_right'] + row['n_more']:.0f} of {row['n']:.0f}" for row in (named, half, control)]
     assert f"{hits[0]} at usual strength, {hits[1]} at half strength | " in readme
-    assert f"Is nothing reported where nothing is hidden? *Generated data* | {hits[2]} |" in readme
+    assert f"Is nothing reported if nothing is hidden? *Generated data* | {hits[2]} |" in readme
     assert control["n_more"] == 0
     assert (
         f"beside or instead of the hidden one? *Generated data* | {listed['n_false']:.0f} of {listed['n']:.0f} |"
@@ -142,7 +142,7 @@ def test_false_effects(page, sets):
     assert f"in {cancelling['n_false']:.0f} of {cancelling['n']:.0f} where two opposite effects nearly cancel" in limits
     assert f"in {n_sumo} of 10 SUMO data sets with an effect of the library" in limits
     limitations = text_of(DOCS / "limitations.md")
-    assert f"in the kept blind study {n_false} of {n} data sets with effects of the library" in limitations
+    assert f"in the stored blind study {n_false} of {n} data sets with effects of the library" in limitations
 
 
 def test_figures_below_the_table(page, cases, scores):

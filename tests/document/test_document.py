@@ -28,7 +28,7 @@ def document(*, generated: bool = False) -> Document:
         verdict="Ours is closer.",
         sections=(
             Section("Errors", ("Smaller is closer.",), (TABLE,), ("a note",)),
-            Section("What the words mean", tables=(HIDDEN,), is_folded=True),
+            Section("Definitions", tables=(HIDDEN,), is_folded=True),
         ),
         command="evaluate method=base",
         generated=generated,
@@ -60,7 +60,7 @@ def test_a_page_shows_sections_then_figures_then_what_is_folded_and_escapes_text
         "second figure",
         "first figure",
         ">another<",
-        "<summary>What",
+        "<summary>Definitions",
     )
     places = [page.index(part) for part in parts]
     assert places == sorted(places)

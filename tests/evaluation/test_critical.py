@@ -190,7 +190,7 @@ def test_a_language_model_proposes_its_answers_are_kept_and_replayed(scenes, ask
         assert requests.vehicle.tolist() == [1, 2] * 3
         assert requests.cause.tolist() == ["unparsable", "out_of_range", *["unparsable", "answered"] * 2]
         assert (requests.action == -1).all()
-        assert "rounds that left the shares as they were: out_of_range 1" in answers.notes[0]
+        assert "rounds without new shares: out_of_range 1" in answers.notes[0]
         assert len(stub.chats) == answers.summary["requests"] == 6
         assert not any(seen.is_canary for seen in stub.log)
         assert stub.chats[0].body["max_tokens"] == 256
@@ -269,5 +269,5 @@ def test_evaluate_critical_from_end_to_end(tmp_path):
     assert page.count("data:image/png;base64,") == 4
     assert (folder / "critical.png").read_bytes().startswith(b"\x89PNG")
     said = " ".join(done.stdout.split())
-    assert "proposed and tried out once" in said
+    assert "proposed and simulated once" in said
     assert f"aggressive {100 * ratios[0]:.0f} %" in said

@@ -117,7 +117,7 @@ def test_measured_snapshots_that_do_not_fit_the_road_stop(scenes, small):
         with pytest.raises(InvalidInputError) as caught:
             Rollouts([Row(changed)], scenes, HELD_OUT)
         assert (caught.value.code, caught.value.problem.key) == ("out-of-range", key)
-        assert caught.value.problem.said.startswith(f"must be {value}")
+        assert caught.value.problem.fault.startswith(f"must be {value}")
     blind = replace(scenes, lane=np.full_like(scenes.lane, -1))
     with pytest.raises(InvalidInputError) as caught:
         Rollouts([Row(measured)], blind, HELD_OUT)

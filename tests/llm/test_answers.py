@@ -134,7 +134,7 @@ def test_damage_that_only_changes_a_type_is_one_sentence(tmp_path, column, value
     with pytest.raises(InvalidInputError) as caught:
         Answers(path, read_only=True).find([f"{0:064x}"])
     assert (caught.value.code, caught.value.problem.file) == ("answers-unreadable", str(path))
-    assert column in caught.value.problem.said
+    assert column in caught.value.problem.fault
     assert "llm.cache" in caught.value.problem.remedy
 
 
@@ -179,7 +179,7 @@ def test_a_full_disk_costs_only_the_next_run(tmp_path, monkeypatch, caplog):
                 first = outcomes(client.submit(questions).result())
             assert outcomes(client.submit(questions).result()) == first
         assert len(stub.chats) == 60
-    assert caplog.text.count("answers cannot be kept any more (answers.sqlite: database or disk is full)") == 1
+    assert caplog.text.count("answers cannot be stored any more (answers.sqlite: database or disk is full)") == 1
 
 
 def test_default_place(monkeypatch, tmp_path):

@@ -138,7 +138,7 @@ def test_replay_says_whose_answers_there_are(tmp_path):
         with pytest.raises(InvalidInputError) as caught:
             Client(replace(config, model=wanted), "", replay=True).open()
         assert (caught.value.code, caught.value.problem.key) == ("kept-model", "llm.model")
-        assert all(f"llm.model={model} " in caught.value.problem.said for model in ("one", "two"))
+        assert all(f"llm.model={model} " in caught.value.problem.fault for model in ("one", "two"))
     with Client(replace(config, model="two"), "", replay=True) as client:
         assert client.server.model == "two"
 

@@ -190,7 +190,7 @@ def test_servers_are_recognised(tmp_path, caplog, stub, profile):
         assert client.server.dialect.profile is profile
         client.submit(make_questions(3)).result()
     assert all(CHOICE[profile].keys() <= seen.body.keys() for seen in stub.chats)
-    assert ("does not say what it is" in caplog.text) == (profile is Profile.plain)
+    assert ("does not state its software" in caplog.text) == (profile is Profile.plain)
     assert "ignores the constraint" not in caplog.text
 
 
@@ -219,7 +219,7 @@ def test_constraint_is_tried_out_in_spite_of_faults(tmp_path, caplog):
     assert caplog.text == ""
     with Stub(fault=lambda seen: Fault.null_content) as stub:
         Client(config, stub.url).open().close()
-    assert "could not be tried out: the message has no text" in caplog.text
+    assert "could not be tested: the message has no text" in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -283,7 +283,7 @@ def test_no_server(tmp_path):
     with pytest.raises(ServerError) as caught:
         Client(make_config(tmp_path), stub.url).open()
     assert caught.value.code == "server-absent"
-    assert f"http://127.0.0.1:{stub.port}/v1" in caught.value.problem.said
+    assert f"http://127.0.0.1:{stub.port}/v1" in caught.value.problem.fault
     with stub, Client(make_config(tmp_path), stub.url) as client:
         assert client.submit(make_questions(1)).result()
 

@@ -347,7 +347,7 @@ def test_what_is_wrong_with_a_template_is_one_sentence_with_file_and_line(tmp_pa
         ask_small(template=template)
     problem = caught.value.problem
     assert (problem.code, problem.file, problem.line) == (code, template, line)
-    assert named in problem.said
+    assert named in problem.fault
     assert "\n" not in str(caught.value)
 
 

@@ -138,7 +138,7 @@ def test_scenes_path_and_replay_are_as_asked_for(reported, make_report, read_rep
         make_report(reported.root, "quick", scenes=(999,))
     problem = caught.value.problem
     assert (problem.code, problem.key, problem.value) == ("scene-not-held-out", "report.scenes", 999)
-    assert str(some[0]) in problem.said
+    assert str(some[0]) in problem.fault
     with pytest.raises(InvalidInputError) as caught:
         make_report(reported.root, "quick", run=7)
     assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "report.run")
@@ -175,11 +175,11 @@ def test_a_discovery_is_reported_with_its_verdict_and_hostile_names_are_text(dis
     seen = check_alone(page)
     text = words(page)
     assert "Missing in the model: reaction delay." in text
-    assert "Generated recordings, no measurements" in text
+    assert "Generated recordings, not measured" in text
     assert "delay [s] 0.700 0.600 to 0.800 0.90" in text  # value, interval, confidence
     assert "closed-loop gap error [m] 1.50 1.00 to 2.00" in text
     assert "105 drivers who follow somebody" in text
-    assert "Source and licence of the recordings cannot be told: " in text
+    assert "Source and licence of the recordings are unknown: " in text
     assert seen.of("script") == []
     assert page.count("alert(1)") >= 3
     assert page.count("&lt;/script&gt;&lt;script&gt;alert(1)") == page.count("alert(1)")

@@ -20,10 +20,10 @@ def test_a_matcher_that_beats_everything():
     base, real, controls, intervals = said(rows)
     assert base == "H: closer than base: matcher (-0.200, -0.300 to -0.100)."
     assert real.startswith("H: closer than real scenes are to each other: matcher")
-    assert "That is no realism" in real
+    assert "This is not realism" in real
     assert "base" not in real
     assert controls.endswith("All its controls do worse.")
-    assert intervals.startswith("5 intervals of 95 % were looked at; about 0.3 of them")
+    assert intervals.startswith("5 intervals of 95 % were computed; about 0.3 of them")
 
 
 def test_controls_that_do_as_well():
@@ -31,12 +31,14 @@ def test_controls_that_do_as_well():
     base, real, controls, _ = said(rows)
     assert "closer than base: matcher" in base
     assert real == "H: every row is farther than real scenes are from each other."
-    assert "not told apart from its controls idle" in controls
+    assert "not distinguished from its controls idle" in controls
     assert "farther than its controls random" in controls
-    assert controls.endswith("Controls do as well, so its choices are not what helps.")
+    assert controls.endswith("Controls do as well, so its choices do not explain the gain.")
     mixed = said([RowDifferences("matcher", CLOSER, SAME, {"idle": CLOSER, "random": SAME})])
-    assert mixed[1] == "H: not told apart from real against real: matcher (-0.050, -0.200 to +0.100); no row is closer."
-    assert mixed[2].endswith("Not every control does worse, so not all of its choices are shown to help.")
+    assert (
+        mixed[1] == "H: not distinguished from real against real: matcher (-0.050, -0.200 to +0.100); no row is closer."
+    )
+    assert mixed[2].endswith("Not every control does worse, so a gain by its choices is not shown.")
 
 
 def test_a_row_that_is_worse_and_scenes_that_are_few():
@@ -44,16 +46,16 @@ def test_a_row_that_is_worse_and_scenes_that_are_few():
     first, base, _, _, few = said(rows, n_scenes=5, generated=True)
     assert first.startswith("GENERATED")
     assert base.startswith("H: closer than base: no row; farther: PPO (+0.200")
-    assert "not told apart from base: idle" in base
+    assert "not distinguished from base: idle" in base
     assert "only 5 held-out scenes" in few
 
 
 def test_one_scene_tells_nothing_apart():
     rows = [RowDifferences("matcher", Difference(-0.4), Difference(-0.1), {"idle": Difference(-0.3)})]
     sentences = said(rows, n_scenes=1)
-    assert "not told apart from base: matcher (-0.400)" in sentences[0]
+    assert "not distinguished from base: matcher (-0.400)" in sentences[0]
     assert "closer than base: no row" in sentences[0]
-    assert sentences[-1] == "1 held-out scene(s) give no intervals: nothing can be told apart."
+    assert sentences[-1] == "1 held-out scene(s) give no intervals, so nothing can be distinguished."
 
 
 def test_an_interval_that_touches_zero_excludes_nothing():

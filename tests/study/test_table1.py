@@ -62,7 +62,7 @@ def test_summary_is_flat_and_says_the_same(folder):
 
 def test_what_is_printed_never_claims_comparability(table1, folder):
     printed = " ".join(table1[1].split())
-    assert "Only signs and orders can be compared with the paper" in printed
+    assert "Only the signs of differences and the order of methods can be compared with the paper" in printed
     assert "traffic model, Hellinger distance, MAPE, decisions" in printed
     assert "paper: Base" in printed
     assert "closer than base" in printed
@@ -107,7 +107,7 @@ def test_fig6_uses_the_rows_of_table1(table1, rearl, two_rows, tmp_path):
     before = kept.stat().st_mtime_ns
     printed = rearl(root, "study", "fig6", "table1.kept_in=study_table1", *two_rows)
     assert kept.stat().st_mtime_ns == before
-    assert "page.html says what differs: Fig. 6, data" in " ".join(printed.split())
+    assert "page.html lists what differs: Fig. 6, data" in " ".join(printed.split())
     assert text_of(paper_document(read_finished(str(root), "study_fig6"))) in printed
     folder = root / "study_fig6"
     assert not (folder / "rows").exists()

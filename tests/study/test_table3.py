@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from rearl_jax.config import StudyTable3Task
-from rearl_jax.study.pair_results import METRICS, marked, pareto
+from rearl_jax.study.pair_results import METRICS, pareto, with_choice
 from rearl_jax.study.table3_figure import draw_pairs
 from rearl_jax.study.table3_tables import conclusions, long_pairs, sections
 
@@ -23,7 +23,7 @@ def pair(h_pct, m_pct, h, mape):
 def pairs_of(base, best):
     rows = [pair(30.0, 5.0, 0.4, 0.4), pair(20.0, 20.0, 0.3, 0.6), pair(5.0, 5.0, 0.5, 0.5), pair(0.0, 0.0, *base)]
     rows[-1] |= {"row": "base", "h_pct": None, "m_pct": None}
-    return marked(pd.DataFrame(rows), best)
+    return with_choice(pd.DataFrame(rows), best)
 
 
 @pytest.fixture

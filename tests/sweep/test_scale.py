@@ -145,7 +145,7 @@ def test_rates_of_a_resumed_study_count_what_was_simulated_now(whole, resumed):
     assert summary["n_simulated"] == summary["n_before"] == 2 * PART
     assert summary["rollouts_per_s"] == pytest.approx(2 * PART / summary["wall_s"])
     assert summary["substeps_per_s"] == pytest.approx(2 * PART * 10 * 60 * 15 / summary["wall_s"])
-    assert f"{summary['n_before']} rollouts were on disk before: the rates leave them out" in resumed.printed
+    assert f"{summary['n_before']} rollouts were on disk before and do not count for the rates" in resumed.printed
     assert "on disk before" not in whole.printed
 
 

@@ -1,6 +1,6 @@
-"""Shares proposed, tried out, proposed again: the loop around a function that tries mixtures out.
+"""Adaptation of the driver-class shares in rounds: a proposer suggests mixtures, a simulation evaluates them.
 
-Every mixture is tried out with the same random numbers, so a mixture that comes again has the same figures.
+Every mixture is simulated with the same random numbers, so a mixture that is proposed again has the same figures.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,7 +12,7 @@ import numpy as np
 from rearl_jax.baselines.critical.mixture import ALL_REGULAR, Mixture
 
 GIVEN, START, KNOWN = "given", "start", "known"
-"""Causes of mixtures that nobody was asked for: set by the user, the first one, known from the start."""
+"""Causes of mixtures that no proposer was asked for: set by the user, the first mixture, known from the start."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class Trial:
         number: Round, from 0; all points of a grid are one round.
         mixture: Its shares.
         assessment: Its assessment.
-        attempts: Answers that were asked for to get it.
-        cause: `answered` where somebody gave it; else why it is that of the round before, or where it comes from.
+        attempts: Answers that were requested until one held the mixture.
+        cause: `answered` if a proposer gave the mixture; else why it equals that of the round before, or its origin.
     """
 
     number: int
@@ -69,9 +69,9 @@ class Adaptation:
 
     Attributes:
         proposer: Origin of the proposals: stats, search, llm, or `GIVEN`.
-        mixture: The one that is kept.
-        trials: All that were tried out; none where it was given.
-        kept: Index of the trial that is kept.
+        mixture: The selected mixture.
+        trials: All mixtures that were simulated; none if the user gave the mixture.
+        kept: Index of the trial of the selected mixture.
     """
 
     proposer: str
@@ -81,7 +81,7 @@ class Adaptation:
 
     @property
     def n_rounds(self) -> int:
-        """Rounds of proposals; 0 where the mixture was given."""
+        """Rounds of proposals; 0 if the mixture was given."""
         proposed = {trial.number for trial in self.trials if trial.cause != START}
         return len(proposed)
 
@@ -91,8 +91,8 @@ class Proposal:
     """Result of a proposer in a round.
 
     Attributes:
-        mixture: The shares; None where it has none, which leaves them as they are.
-        attempts: Answers that were asked for.
+        mixture: Proposed shares; None without a proposal, which leaves the shares as they are.
+        attempts: Answers that were requested.
         cause: `answered`, or why there is none.
     """
 
@@ -102,14 +102,14 @@ class Proposal:
 
 
 Assess: TypeAlias = Callable[[Sequence[Mixture]], list[Assessment]]
-"""Tries mixtures out, all in one batch."""
+"""Function that simulates mixtures, all in one batch."""
 
 Propose: TypeAlias = Callable[[int, Sequence[Trial]], Proposal]
-"""Proposes shares in a round, given all trials so far; the last one is what is now."""
+"""Function that proposes shares in a round, given all trials so far; the last trial has the present shares."""
 
 
 def best_of(candidates: Sequence[Mixture], assess: Assess, proposer: str) -> Adaptation:
-    """The best of some mixtures by the sum of both errors; of equals the first."""
+    """The best of some mixtures by the sum of both errors; of equally good mixtures the first."""
     trials = tuple(
         Trial(0, mixture, assessment, 0, KNOWN)
         for mixture, assessment in zip(candidates, assess(candidates), strict=True)
@@ -129,7 +129,8 @@ def adapt_by_rounds(
 ) -> Adaptation:
     """The last valid proposal, whatever its figures.
 
-    The start is tried out, then every round proposes and tries out; so the mixture that is kept has figures too.
+    The first mixture is simulated, then every round proposes and simulates another, so the selected mixture has figures
+    too.
 
     Source: CRITICAL, main.py: the configuration that was accepted last applies.
     """

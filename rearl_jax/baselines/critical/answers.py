@@ -1,4 +1,4 @@
-"""Text of a language model -> a mixture, or why there is none."""
+"""Reads a mixture, or the reason why there is none, from the text of a language model."""
 
 import json
 from enum import Enum
@@ -11,11 +11,11 @@ SCHEMA = {
     "properties": {name: {"type": "number", "minimum": 0, "maximum": 1} for name in Mixture._fields},
     "required": list(Mixture._fields),
 }
-"""Schema of an answer; that the sum must not exceed 1, JSON Schema cannot say."""
+"""Schema of an answer; JSON Schema cannot express that the sum must not exceed 1."""
 
 
 class Fault(Enum):
-    """Why a text is no mixture."""
+    """Why a text is not a mixture."""
 
     unparsable = "unparsable"
     """No JSON object with the three numbers."""
@@ -24,7 +24,7 @@ class Fault(Enum):
 
 
 class BadAnswerError(ValueError):
-    """A text that is no mixture; the message can be shown to who wrote it."""
+    """A text that is not a mixture; the message can be shown to the language model."""
 
     def __init__(self, fault: Fault, message: str) -> None:
         super().__init__(message)
@@ -39,19 +39,19 @@ def read_mixture(text: str) -> Mixture:
 
     Source: CRITICAL, main.py, for the braces.
     """
-    said = text.rpartition("</think>")[2]
-    begin, end = said.find("{"), said.rfind("}")
+    answer = text.rpartition("</think>")[2]
+    begin, end = answer.find("{"), answer.rfind("}")
     if begin < 0 or end < begin:
         raise BadAnswerError(Fault.unparsable, "it holds no JSON object in braces")
     try:
-        values = json.loads(said[begin : end + 1])
+        values = json.loads(answer[begin : end + 1])
     except (ValueError, RecursionError):
-        raise BadAnswerError(Fault.unparsable, "what stands between its braces is no JSON") from None
+        raise BadAnswerError(Fault.unparsable, "the text between its braces is not JSON") from None
     shares = []
     for name in Mixture._fields:
         value = values.get(name)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise BadAnswerError(Fault.unparsable, f"it gives no number for {name!r}")
+            raise BadAnswerError(Fault.unparsable, f"it has no number for {name!r}")
         shares.append(value)
     try:
         mixture = Mixture(*map(float, shares))

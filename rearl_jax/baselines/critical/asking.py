@@ -1,4 +1,4 @@
-"""A language model as a proposer: what it is shown, and what is made of its answers."""
+"""A language model as a proposer: the prompt, and the reading of its answers."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -22,14 +22,14 @@ _LONGEST = 200
 
 
 class Said(NamedTuple):
-    """Reply to one chat: its text, None where there is none, and why."""
+    """Reply to one chat: its text, None if there is none, and why."""
 
     text: str | None
     cause: str
 
 
 Ask: TypeAlias = Callable[[str, str, int, int], Said]
-"""Asks: from the system and the user message, the round and the attempt within it."""
+"""Function of the system message, the user message, the round and the attempt within it, to the reply."""
 
 
 class LanguageModelProposer:
@@ -43,19 +43,19 @@ class LanguageModelProposer:
     def __call__(self, number: int, trials: Sequence[Trial]) -> Proposal:
         """The proposal of a round.
 
-        An answer that is no mixture is asked for again with a reminder of the ranges. Where nothing came back nothing
-        is asked again: the client has tried as often as that makes sense.
+        An answer that is not a mixture is asked for again with a reminder of the ranges. If no reply came, nothing is
+        asked again, because the client has already retried as often as is useful.
         """
         refused, why, cause = "", "", ""
         for attempt in range(1, self._attempts + 1):
-            said = self._ask(*self._messages(trials, attempt, refused, why), number, attempt)
-            cause = said.cause
-            if said.text is None:
+            reply = self._ask(*self._messages(trials, attempt, refused, why), number, attempt)
+            cause = reply.cause
+            if reply.text is None:
                 return Proposal(None, attempt, cause)
             try:
-                return Proposal(read_mixture(said.text), attempt, cause)
+                return Proposal(read_mixture(reply.text), attempt, cause)
             except BadAnswerError as error:
-                refused, why = said.text.strip()[:_LONGEST], str(error)
+                refused, why = reply.text.strip()[:_LONGEST], str(error)
         return Proposal(None, self._attempts, cause)
 
     def _messages(self, trials: Sequence[Trial], attempt: int, refused: str, why: str) -> tuple[str, str]:

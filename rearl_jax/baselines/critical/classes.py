@@ -24,7 +24,7 @@ CLASS_STREAM = 2
 
 @dataclass(frozen=True)
 class DriverClass:
-    """Drivers of one kind; what is not named here is highway-env's.
+    """Drivers of one class; all other parameters have highway-env's values.
 
     Attributes:
         max_accel: IDM acceleration a [m/s^2].

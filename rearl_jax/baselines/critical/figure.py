@@ -45,7 +45,7 @@ def _draw_rounds(adaptation: Adaptation, error: str, generated: bool) -> bytes:
     errors.legend(frameon=False, ncols=2, fontsize=drawing.FONT_SIZE)
     crashes.bar(rounds, [t.assessment.crashed_share for t in trials], width=0.6, color=drawing.GREY)
     crashes.set(ylabel="share crashed [-]", xlabel="round", xticks=rounds, xlim=(rounds[0] - 0.8, rounds[-1] + 0.8))
-    drawing.set_title(shares, f"Mixtures tried out, proposer {adaptation.proposer}; the last one is kept")
+    drawing.set_title(shares, f"Mixtures simulated, proposer {adaptation.proposer}; the last mixture is selected")
     return drawing.png(figure)
 
 

@@ -1,7 +1,7 @@
-"""Recordings in; the shares of aggressive and defensive drivers and of trucks among their vehicles out.
+"""Shares of aggressive drivers, defensive drivers and trucks among the vehicles of recordings.
 
-Whoever drives in given stretches of the recordings counts, not only the vehicles picked for scenes: those are the ones
-in view the longest, so the slow ones would be too many.
+Every vehicle in given parts of the recordings counts, not only the vehicles picked for scenes: these are longest in
+view, so slow vehicles would be over-represented.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -24,7 +24,7 @@ class Stretch:
 
     Attributes:
         first: Its first frame.
-        stop: The frame after its last.
+        stop: The frame after its last frame.
         direction: The carriageway that counts; None for both.
     """
 
@@ -39,9 +39,9 @@ class Driving:
 
     Attributes:
         speed: Mean speed [m/s].
-        acceleration: Mean absolute change of speed over one second [m/s^2]: some recordings have no accelerations,
-            in others they are noise.
-        lane_changes: Number of lane changes; 0 where lanes are unknown.
+        acceleration: Mean absolute change of speed over one second [m/s^2], because some recordings have no
+            accelerations and others only noisy ones.
+        lane_changes: Number of lane changes; 0 if lanes are unknown.
         is_truck: Whether the source calls it a truck.
     """
 
@@ -52,11 +52,11 @@ class Driving:
 
 
 def driving_of(recordings: Iterable[Recording], stretches: Mapping[str, Sequence[Stretch]]) -> Driving:
-    """Every car and truck that is seen for more than a second in some stretches, once per recording.
+    """Every car and truck that is in view for more than a second in some parts of the recordings, once per recording.
 
     Args:
         recordings: The recordings, one in memory at a time.
-        stretches: By id of the recording; others are passed over.
+        stretches: By id of the recording; recordings without an entry are skipped.
     """
     parts = [_of_recording(rec, stretches[rec.info.id]) for rec in recordings if rec.info.id in stretches]
     return Driving(
@@ -78,14 +78,16 @@ def _of_recording(recording: Recording, stretches: Sequence[Stretch]) -> Driving
     lane = table["lane"].to_numpy(np.float64, na_value=np.nan)[rows]
     n_vehicles = len(first)
 
-    def later(by: int) -> np.ndarray:
-        """Rows after which the same vehicle has another one so many frames later."""
-        if len(vehicle) <= by:
+    def rows_before(n_frames: int) -> np.ndarray:
+        """Indices of the rows whose vehicle also has a row exactly `n_frames` frames later."""
+        if len(vehicle) <= n_frames:
             return np.zeros(0, np.int64)
-        return np.flatnonzero((vehicle[by:] == vehicle[:-by]) & (frame[by:] - frame[:-by] == by))
+        return np.flatnonzero(
+            (vehicle[n_frames:] == vehicle[:-n_frames]) & (frame[n_frames:] - frame[:-n_frames] == n_frames)
+        )
 
     second = max(1, round(recording.info.frame_rate))
-    pairs, steps = later(second), later(1)
+    pairs, steps = rows_before(second), rows_before(1)
     n_pairs = np.bincount(vehicle[pairs], minlength=n_vehicles)
     change = np.bincount(vehicle[pairs], np.abs(speed[pairs + second] - speed[pairs]), n_vehicles)
     before, after = lane[steps], lane[steps + 1]
@@ -102,9 +104,9 @@ def _of_recording(recording: Recording, stretches: Sequence[Stretch]) -> Driving
 def recorded_mixture(driving: Driving, *, seed: int = 0) -> Mixture:
     """The shares of the recorded vehicles: trucks as their source names them, cars in three groups.
 
-    Groups: k-means on speed, acceleration and lane changes, each less its mean and over its standard deviation. The
-    slowest group is defensive; of the other two the one whose centre has the larger sum is aggressive (fast and
-    active), the last one regular.
+    Groups: k-means on speed, acceleration and lane changes, each standardised (mean 0, standard deviation 1). The
+    slowest group is defensive; of the other two groups, the group whose centre has the larger sum (fast and active) is
+    aggressive, the other regular.
 
     Raises:
         InvalidInputError: There are fewer than three different cars.
@@ -115,12 +117,12 @@ def recorded_mixture(driving: Driving, *, seed: int = 0) -> Mixture:
     columns = (driving.speed, driving.acceleration, driving.lane_changes)
     features = np.stack([column[cars] for column in columns], axis=1).astype(np.float64)
     if len(np.unique(features, axis=0)) < N_GROUPS:
-        said = f"the threshold scenes hold too few cars to tell {N_GROUPS} kinds of drivers apart ({len(features)})"
+        message = f"the threshold scenes hold too few cars to tell {N_GROUPS} kinds of drivers apart ({len(features)})"
         remedy = "set critical.ratios=[AGGRESSIVE,DEFENSIVE,TRUCK] or critical.proposer=search"
-        raise InvalidInputError(Problem("cars-too-few", said, remedy))
+        raise InvalidInputError(Problem("cars-too-few", message, remedy))
     spread = features.std(axis=0)
     scaled = (features - features.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
-    # Here, because most methods do without scikit-learn, which takes its time to import.
+    # Imported here, because scikit-learn is slow to import and most methods do not need it.
     from sklearn.cluster import KMeans
 
     groups = KMeans(N_GROUPS, n_init=10, random_state=seed)  # pyright: ignore[reportArgumentType]

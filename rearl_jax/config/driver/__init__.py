@@ -16,7 +16,7 @@ from rearl_jax.config.driver.declaration import DriverModel, DriverParameter
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 DEFAULT = "highway_env_idm"
-"""The model of `driver` where nothing else is said: highway-env's, bit for bit."""
+"""The default model of `driver`: highway-env's, bit for bit."""
 
 MODELS: dict[str, DriverModel] = {
     model.name: model
@@ -34,7 +34,7 @@ class DriverConfig:
     """Car following, sizes and classes of the drivers."""
 
     model: str = key(DEFAULT, "car-following model; driver=NAME chooses it")
-    # Mutable, so it has no part in the hash; equality sees it.
+    # Mutable, so excluded from the hash but not from equality.
     classes: dict[str, Any] = field(
         default_factory=dict,
         hash=False,
@@ -72,26 +72,28 @@ class DriverConfig:
         """
         name = plain.get("model", DEFAULT)
         if name not in MODELS:
-            said = f"must be a car-following model, one of {', '.join(MODELS)}"
-            raise InvalidInputError(Problem("choice-unknown", said, key="model", value=name))
+            message = f"must be a car-following model, one of {', '.join(MODELS)}"
+            raise InvalidInputError(Problem("choice-unknown", message, key="model", value=name))
         return record_of(name)
 
     def values(self, class_name: str | None = None) -> dict[str, float | None]:
-        """Value of every key of one class of drivers, of all others without a name."""
-        said = {} if class_name is None else self.classes[class_name]
-        return {name: getattr(self, name) for name in self._names()} | {k: v for k, v in said.items() if k != "share"}
+        """Value of every key of one class of drivers; without a name, of all drivers in no class."""
+        keys_of_class = {} if class_name is None else self.classes[class_name]
+        return {name: getattr(self, name) for name in self._names()} | {
+            k: v for k, v in keys_of_class.items() if k != "share"
+        }
 
     def check_prior(self) -> None:
-        """Raise InvalidInputError where these keys are no prior of a calibration, which finds how drivers differ."""
+        """Raise InvalidInputError if these keys are not a prior of a calibration, which finds how drivers differ."""
         if self.model not in CALIBRATED:
-            said = f"must be one of {', '.join(CALIBRATED)}, which have usual values to calibrate from"
-            raise InvalidInputError(Problem("driver-not-calibrated", said, key="driver", value=self.model))
+            message = f"must be one of {', '.join(CALIBRATED)}, which have usual values to calibrate from"
+            raise InvalidInputError(Problem("driver-not-calibrated", message, key="driver", value=self.model))
         usual = record_of(self.model)()
         changed = (item.name for item in fields(self) if getattr(self, item.name) != getattr(usual, item.name))
         for name in changed:
             if name not in self.declaration.names:
-                said = "is found by the calibration: leave it alone"
-                raise InvalidInputError(Problem("found-by-calibration", said, key=f"driver.{name}"))
+                message = "is estimated by the calibration: leave it out"
+                raise InvalidInputError(Problem("found-by-calibration", message, key=f"driver.{name}"))
 
     def _names(self) -> list[str]:
         """Names of the keys that every class of drivers has a value of."""
@@ -100,25 +102,27 @@ class DriverConfig:
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its bounds, an unknown key of a class, or shares beyond 1."""
         if type(self) is not record_of(self.model):
-            said = "must be left alone: choose a car-following model with driver=NAME"
-            raise InvalidInputError(Problem("driver-keys-of-another", said, key="model", value=self.model))
+            message = "must be left out: choose a car-following model with driver=NAME"
+            raise InvalidInputError(Problem("driver-keys-of-another", message, key="model", value=self.model))
         known = self._names()
         _check_values(self.values(), self.declaration, "")
         total = 0.0
-        for class_name, said in self.classes.items():
+        for class_name, keys_of_class in self.classes.items():
             place = f"classes.{class_name}"
-            if not isinstance(said, Mapping) or not isinstance(said.get("share"), (int, float)):
-                raise out_of_range(place, "must be keys and values with a share, as {share: 0.1, time_gap: 1.8}", said)
-            for name, value in said.items():
+            if not isinstance(keys_of_class, Mapping) or not isinstance(keys_of_class.get("share"), (int, float)):
+                raise out_of_range(
+                    place, "must be keys and values with a share, as {share: 0.1, time_gap: 1.8}", keys_of_class
+                )
+            for name, value in keys_of_class.items():
                 if name not in ("share", *known):
                     close = nearest(str(name), ["share", *known])
-                    words = f"is no key of driver={self.model}; nearest: {close}"
+                    words = f"is not a key of driver={self.model}; nearest: {close}"
                     raise InvalidInputError(Problem("key-unknown", words, key=f"{place}.{name}"))
                 if isinstance(value, bool) or not isinstance(value, (int, float)):
                     raise out_of_range(f"{place}.{name}", "must be a number", value)
-            if not 0 < said["share"] <= 1:
-                raise out_of_range(f"{place}.share", "must be within 0 and 1", said["share"])
-            total += said["share"]
+            if not 0 < keys_of_class["share"] <= 1:
+                raise out_of_range(f"{place}.share", "must be within 0 and 1", keys_of_class["share"])
+            total += keys_of_class["share"]
             _check_values(self.values(class_name), self.declaration, f"{place}.")
         if total > 1 + 1e-9:
             raise out_of_range("classes", "must have shares with a sum of at most 1", f"{total:g}")
@@ -133,8 +137,8 @@ def _check_values(values: Mapping[str, float | None], model: DriverModel, place:
         if sd is None or sd < 0:
             raise out_of_range(f"{place}{parameter.name}_sd", "must be at least 0", sd)
         if sd > 0 and value is None:
-            said = f"needs {place}{parameter.name} as well"
-            raise InvalidInputError(Problem("key-missing", said, key=f"{place}{parameter.name}_sd={sd:g}"))
+            message = f"needs {place}{parameter.name} as well"
+            raise InvalidInputError(Problem("key-missing", message, key=f"{place}{parameter.name}_sd={sd:g}"))
     for name, low, high in (("length", 1.0, 40.0), ("length_sd", 0, 10), ("noise_sd", 0, 3), ("noise_time", 0.05, 60)):
         value = values[name]
         if value is None or not low <= value <= high:

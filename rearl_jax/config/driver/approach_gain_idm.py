@@ -1,10 +1,10 @@
 """Declaration of the Intelligent Driver Model with an approach-rate gain of its own."""
 
-from rearl_jax.config.driver import declaration as usual
+from rearl_jax.config.driver import declaration
 
 _OWN = "own choice: order of magnitude of calibrated adaptive cruise control"
 
-MODEL = usual.DriverModel(
+MODEL = declaration.DriverModel(
     name="approach_gain_idm",
     title="Intelligent Driver Model with a separate gain for the approach rate",
     source=(
@@ -12,14 +12,14 @@ MODEL = usual.DriverModel(
         "Shladover, Transp. Res. C 48 (2014) 285"
     ),
     parameters=(
-        usual.desired_speed(),
-        usual.time_gap(),
-        usual.jam_gap(),
-        usual.max_accel(),
-        usual.DriverParameter(
+        declaration.desired_speed(),
+        declaration.time_gap(),
+        declaration.jam_gap(),
+        declaration.max_accel(),
+        declaration.DriverParameter(
             "gap_exponent", "-", "exponent p of desired over actual gap", 2.0, 0.2, 10.0, "2 as in IDM", 0.3
         ),
-        usual.approach_gain(0.5, _OWN),
-        usual.speed_gain(0.4, "Xiao, Wang & van Arem, Transp. Res. Rec. 2623 (2017) 1"),
+        declaration.approach_gain(0.5, _OWN),
+        declaration.speed_gain(0.4, "Xiao, Wang & van Arem, Transp. Res. Rec. 2623 (2017) 1"),
     ),
 )

@@ -15,7 +15,7 @@ class DriverParameter:
         name: Field of the model's class.
         unit: "-" for none.
         meaning: One line.
-        usual: Usual value of a car; None where highway-env draws it with the initial state.
+        usual: Usual value of a car; None if highway-env draws it with the initial state.
         low, high: Bounds, wide enough that real drivers do not sit on them.
         source: Source of the usual value.
         spread: Standard deviation of the logarithm between drivers [-], the prior of a calibration. Source of the order

@@ -1,20 +1,20 @@
 """Declaration of the Intelligent Driver Model as highway-env has it."""
 
-from rearl_jax.config.driver import declaration as usual
+from rearl_jax.config.driver import declaration
 
 _SOURCE = "highway-env 1.12.1, IDMVehicle"
 
-MODEL = usual.DriverModel(
+MODEL = declaration.DriverModel(
     name="highway_env_idm",
     title="Intelligent Driver Model of highway-env, with gaps from centre to centre of vehicles of 5 m",
     source="highway-env 1.12.1, IDMVehicle.acceleration",
     parameters=(
-        usual.desired_speed(None, "highway-env 1.12.1: null = each vehicle's initial speed"),
-        usual.time_gap(1.5, f"{_SOURCE}.TIME_WANTED"),
-        usual.jam_gap(5.0, f"{_SOURCE}.DISTANCE_WANTED less a length of 5 m"),
-        usual.max_accel(3.0, f"{_SOURCE}.COMFORT_ACC_MAX"),
-        usual.comfort_decel(5.0, f"{_SOURCE}.COMFORT_ACC_MIN"),
-        usual.DriverParameter(
+        declaration.desired_speed(None, "highway-env 1.12.1: null = each vehicle's initial speed"),
+        declaration.time_gap(1.5, f"{_SOURCE}.TIME_WANTED"),
+        declaration.jam_gap(5.0, f"{_SOURCE}.DISTANCE_WANTED less a length of 5 m"),
+        declaration.max_accel(3.0, f"{_SOURCE}.COMFORT_ACC_MAX"),
+        declaration.comfort_decel(5.0, f"{_SOURCE}.COMFORT_ACC_MIN"),
+        declaration.DriverParameter(
             "accel_exponent",
             "-",
             "exponent delta of speed over desired speed",

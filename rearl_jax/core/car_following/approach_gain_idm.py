@@ -5,8 +5,8 @@
 IDM answers to the approach rate by way of its desired gap, with a strength that follows from a and b. Adaptive cruise
 controls do not: their answer is a parameter of its own here, and the desired speed is a cap.
 
-Source: after Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805; relative-speed term as of Milanes &
-Shladover, Transp. Res. C 48 (2014) 285; speed control as of Xiao, Wang & van Arem, Transp. Res. Rec. 2623 (2017) 1.
+Source: after Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805; relative-speed term as in Milanes &
+Shladover, Transp. Res. C 48 (2014) 285; speed control as in Xiao, Wang & van Arem, Transp. Res. Rec. 2623 (2017) 1.
 """
 
 from typing import ClassVar

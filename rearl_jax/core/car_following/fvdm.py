@@ -5,7 +5,7 @@
 The optimal velocity rises with the slope 1 / T at the jam gap, so T is the time gap in slow traffic; towards the
 desired speed gaps grow beyond s0 + v T.
 
-Source: Jiang, Wu & Zhu, Phys. Rev. E 64 (2001) 017101; hyperbolic tangent as of Bando et al., Phys. Rev. E 51 (1995)
+Source: Jiang, Wu & Zhu, Phys. Rev. E 64 (2001) 017101; hyperbolic tangent as in Bando et al., Phys. Rev. E 51 (1995)
 1035, with its inflection at standstill.
 """
 

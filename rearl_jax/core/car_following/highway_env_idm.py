@@ -29,7 +29,7 @@ class HighwayEnvIDM(CarFollowing):
     """highway-env's Intelligent Driver Model.
 
     Attributes:
-        desired_speed: None where each vehicle has its own, in the state.
+        desired_speed: None if each vehicle has its own, in the state.
         max_accel: a [m/s^2].
         comfort_decel: b, positive [m/s^2].
         accel_exponent: delta [-].
@@ -103,7 +103,7 @@ class HighwayEnvIDM(CarFollowing):
         return self.desired_distance(speed=speed, approach_rate=approach_rate)
 
     def free_acceleration_at(self, *, speed_ratio: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """Acceleration on a free road [m/s^2]: a [1 - (v / v0)^delta]; without bound below where v > v0.
+        """Acceleration on a free road [m/s^2]: a [1 - (v / v0)^delta]; without lower bound for v > v0.
 
         Args:
             speed_ratio: max(v, 0) / |v0| [-].

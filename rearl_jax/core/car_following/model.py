@@ -1,7 +1,7 @@
-"""Car following: what every model gives, and what it is linearised to.
+"""Car following: the interface of every model, and its linearisation.
 
 A model is a record of its drivers' parameters, one value per vehicle, with methods for the acceleration. Traffic,
-effects and discovery know nothing else of it: not its formula, nor how many parameters it has.
+effects and discovery use nothing else of it, neither its formula nor the number of its parameters.
 """
 
 from abc import abstractmethod
@@ -19,7 +19,7 @@ SMALLEST_GAP = 0.5
 """Gap [m] below which no model answers more strongly; measured gaps may be negative."""
 
 LEAST_DESIRED_SPEED = 0.1
-"""Least desired speed [m/s]; what absent vehicles have would divide by zero."""
+"""Least desired speed [m/s]; the value of absent vehicles would cause a division by zero."""
 
 COMFORTABLE_DECELERATION = 2.0
 """Deceleration [m/s^2] that drivers of models without such a parameter find comfortable.
@@ -98,7 +98,7 @@ class CarFollowing(eqx.Module):
         return jnp.where(seen.has_leader, self._wanting(seen).interaction(gap, seen.speed, seen.approach_rate), 0.0)
 
     def _wanting(self, seen: "Spacing") -> "CarFollowing":
-        """The same drivers with the desired speeds that belong to what they see; their own where they stand."""
+        """The same drivers with desired speeds v / (v / v0) from the stimulus; those of the record at standstill."""
         is_moving = (seen.speed > 0) & (seen.speed_ratio > 0)
         own = LEAST_DESIRED_SPEED if self.desired_speed is None else self.desired_speed
         desired_speed = jnp.where(is_moving, seen.speed / jnp.where(is_moving, seen.speed_ratio, 1), own)
@@ -167,7 +167,7 @@ class Linearisation(NamedTuple):
     approach_rate: Float[Array, "*n"]
 
     def stability_margin(self) -> Float[Array, "*n"]:
-        """Margin of linear string stability [1/s^2]: no wave grows along a platoon where it is at least 0.
+        """Margin of linear string stability [1/s^2]: no wave grows along a platoon if it is at least 0.
 
             f_v^2 + 2 f_v f_dv - 2 f_s
 
@@ -186,7 +186,9 @@ class Linearisation(NamedTuple):
 
 
 def linearise(model: CarFollowing, speed: Float[Array, "*n"]) -> Linearisation:
-    """Slopes of a model's acceleration where it follows a leader of constant speed [m/s], which must be above 0."""
+    """Slopes of a model's acceleration at the equilibrium behind a leader of constant speed [m/s], which must be above
+    0.
+    """
     point = jnp.broadcast_arrays(model.equilibrium_gap(speed), speed, jnp.zeros_like(speed))
     _, back = jax.vjp(model.acceleration, *point)
     return Linearisation(*back(jnp.ones_like(point[0])))

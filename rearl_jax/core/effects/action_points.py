@@ -1,4 +1,4 @@
-"""Drivers who do not act all the time."""
+"""Drivers who act at discrete times only."""
 
 from dataclasses import field, replace
 from typing import ClassVar
@@ -17,7 +17,7 @@ SITUATION = (
     *("second_speed", "has_third", "third_speed", "has_follower", "follower_gap", "follower_speed"),
     *("has_left", "left_gap", "left_speed", "beside_speed", "n_beside"),
 )
-"""Stimulus that is kept between two decisions; place and time go on."""
+"""Fields of the stimulus that are held between two decisions; place and time are not."""
 
 
 class InMind(eqx.Module):
@@ -33,7 +33,7 @@ class InMind(eqx.Module):
 
 
 class ActionPoints(Effect):
-    """Drivers look again at random times, or when what they should do has changed a lot; in between they keep on."""
+    """Drivers observe at random times, or when the acceleration of the bare model has changed much."""
 
     mean_time: Float[Array, "*#n"]
     threshold: Float[Array, "*#n"]
@@ -42,13 +42,15 @@ class ActionPoints(Effect):
     name: ClassVar[str] = "action_points"
     kind: ClassVar[str] = "random"
     equation: ClassVar[str] = (
-        "a = f(situation at the last action point); a new one at rate 1 / mean_time, and where the bare model's f has "
+        "a = f(situation at the last action point); a new one at rate 1 / mean_time, and if the bare model's f has "
         "changed by more than threshold"
     )
     source: ClassVar[str] = "after Treiber & Kesting, Transp. Res. B 117 (2018) 613 (action points)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("mean_time", "s", "mean time between decisions at random", off=0.0, low=0.0, high=10.0, scale=1.0),
-        Parameter("threshold", "m/s^2", "change that is acted on at once", 0.5, 0.0, 5.0, 0.3, is_strength=False),
+        Parameter(
+            "threshold", "m/s^2", "change that triggers a decision at once", 0.5, 0.0, 5.0, 0.3, is_strength=False
+        ),
     )
 
     def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> InMind:
@@ -56,7 +58,7 @@ class ActionPoints(Effect):
         return InMind(jnp.zeros((), jnp.int32), _situation(seen))
 
     def remember(self, memory: InMind, seen: Stimulus, driver: CarFollowing, dt: float) -> InMind:
-        """The situation, where the driver looks again."""
+        """The situation at the last moment at which the driver observed."""
         count = memory.count + 1
         # Where mean_time is 0 every moment is a decision: no draw is 1.
         chance = 1 - jnp.exp(-dt / jnp.maximum(self.mean_time, 1e-6))

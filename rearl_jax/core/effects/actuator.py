@@ -29,8 +29,9 @@ class ActuatorLag(Effect):
     )
 
     def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], dt: float) -> Float[Array, "*n"]:
-        """Part of the way from what was executed to what is wanted."""
-        # Backward Euler: stable for every time, and with a slope where the time is 0, along which it can be searched.
+        """Part of the step from the executed to the wanted acceleration."""
+        # Backward Euler: stable for every time constant, and with a slope at the time constant 0, which the search
+        # needs.
         return wanted + (last - wanted) * self.time / (self.time + dt)
 
 
@@ -47,7 +48,9 @@ class VehicleLimits(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("acceleration_limit", "m/s^2", "largest acceleration", NO_BOUND, 0.1, NO_BOUND, 4.0),
         Parameter("deceleration_limit", "m/s^2", "largest deceleration", NO_BOUND, 0.1, NO_BOUND, 4.0),
-        Parameter("jerk_limit", "m/s^3", "fastest change of it", NO_JERK_BOUND, 0.1, NO_JERK_BOUND, 20.0),
+        Parameter(
+            "jerk_limit", "m/s^3", "largest rate of change of the acceleration", NO_JERK_BOUND, 0.1, NO_JERK_BOUND, 20.0
+        ),
     )
 
     def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], dt: float) -> Float[Array, "*n"]:

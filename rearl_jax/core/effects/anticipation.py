@@ -11,10 +11,11 @@ from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.stimulus import Stimulus
 
 PASSING_SPEED = 60 / 3.6
-"""Speed [m/s] up to which everybody may be passed on the right, in congestion."""
+"""Speed [m/s] up to which vehicles may be passed on the right, in congestion."""
 
 STRONGEST_SECOND = 9.0
-"""Bound of the deceleration because of the second leader [m/s^2], for moments of careless driving: tyre grip."""
+"""Bound of the deceleration because of the second leader [m/s^2], for very small second gaps; tyre grip on a dry road.
+"""
 
 
 class SeveralLeaders(Effect):
@@ -32,20 +33,20 @@ class SeveralLeaders(Effect):
     source: ClassVar[str] = "after Treiber, Kesting & Helbing, Physica A 360 (2006) 71 (human driver model)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("weight", "-", "weight of the second leader", off=0.0, low=0.0, high=1.0, scale=0.4),
-        Parameter("relief", "-", "how much less the first counts for it", 0.5, 0.0, 1.0, 0.5, is_strength=False),
+        Parameter("relief", "-", "how much less the first leader then counts", 0.5, 0.0, 1.0, 0.5, is_strength=False),
     )
 
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """Both leaders count, where there are two."""
+        """Both leaders count if there are two."""
         dv = seen.speed - seen.second_speed
         second = jnp.minimum(driver.interaction(seen.second_gap / 2, seen.speed, dv), STRONGEST_SECOND)
         return value + self.weight * seen.has_second * seen.has_leader * (second - self.relief * value)
 
 
 class LeaderAcceleration(Effect):
-    """The driver feels what the leader does before the speeds differ: brake lights."""
+    """The driver responds to the leader's acceleration before the speeds differ, as to brake lights."""
 
     gain: Float[Array, "*#n"]
     reach: Float[Array, "*#n"]
@@ -65,7 +66,7 @@ class LeaderAcceleration(Effect):
 
 
 class Asymmetry(Effect):
-    """Coming nearer is answered otherwise than falling back, up to some approach rate."""
+    """The driver responds to a shrinking gap otherwise than to a growing one, up to some approach rate."""
 
     closing: Float[Array, "*#n"]
     opening: Float[Array, "*#n"]
@@ -82,7 +83,7 @@ class Asymmetry(Effect):
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Less, by how much the gap shrinks or grows."""
+        """Acceleration less a term in the rate at which the gap shrinks or grows."""
         dv = seen.speed - seen.leader_speed
         nearer, farther = (self.scale * jnp.tanh(jnp.maximum(rate, 0.0) / self.scale) for rate in (dv, -dv))
         return value - seen.has_leader * (self.closing * nearer + self.opening * farther)
@@ -104,7 +105,7 @@ class LaneFriction(Effect):
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Less beside slower vehicles."""
+        """Acceleration less a term in the speed difference to slower vehicles beside."""
         faster_by = jnp.maximum(seen.speed - seen.beside_speed, 0.0)
         return value - self.gain * jnp.tanh(faster_by / self.scale)
 
@@ -122,13 +123,13 @@ class NoUndertaking(Effect):
     )
     source: ClassVar[str] = "after Treiber & Kesting, Traffic Flow Dynamics (2013), chapter 14 (European rules)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("weight", "-", "how much the left lane counts; 1 forbids to pass it", 0.0, 0.0, 1.0, 0.5),
+        Parameter("weight", "-", "weight of the leader on the left lane; 1 forbids passing it", 0.0, 0.0, 1.0, 0.5),
     )
 
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """That with the leader on the left lane where it is the larger one."""
+        """The deceleration because of the leader on the left lane, if it is the larger one."""
         faster_by = seen.speed - seen.left_speed
         left = driver.interaction(seen.left_gap, seen.speed, faster_by)
         bearable = driver.free_acceleration(seen.speed) + driver.comfortable_deceleration()

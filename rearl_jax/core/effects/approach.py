@@ -1,4 +1,4 @@
-"""Effects of the approach to the vehicle ahead, and of the gap one begins with."""
+"""Effects of the approach to the vehicle ahead, and of the gap at the start of following."""
 
 from typing import ClassVar
 
@@ -14,7 +14,7 @@ SLOWEST = 2.0
 """Least speed a present time gap is taken of [m/s]."""
 
 TIME_GAPS = (0.1, 6.0)
-"""Range of a present time gap [s]: beyond it nobody is followed."""
+"""Range of a present time gap [s]; beyond it a driver does not follow."""
 
 
 class ApproachRateGain(Effect):
@@ -30,7 +30,7 @@ class ApproachRateGain(Effect):
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Less, the faster the leader is approached."""
+        """Acceleration less a term in the approach rate."""
         return value - self.gain * seen.has_leader * (seen.speed - seen.leader_speed)
 
 
@@ -38,7 +38,7 @@ class FirstGap(eqx.Module):
     """Memory of the gap at which a driver began to follow.
 
     Attributes:
-        time_gap: Right after the leader had come [s]; nan where there is none.
+        time_gap: Right after the leader had come [s]; nan without a leader.
         elapsed: Time since then [s].
         had_leader: Whether there was a leader a moment ago.
         time_since_change: As it was seen then [s].
@@ -51,7 +51,7 @@ class FirstGap(eqx.Module):
 
 
 class GapRelaxation(Effect):
-    """From the moment it gets a leader, or a record begins, a driver goes from the present time gap to its own."""
+    """When a driver gets a leader, or a record begins, its time gap relaxes from the present one to the desired one."""
 
     share: Float[Array, "*#n"]
     relaxation_time: Float[Array, "*#n"]
@@ -62,8 +62,12 @@ class GapRelaxation(Effect):
     )
     source: ClassVar[str] = "after Laval & Leclercq, Transp. Res. B 42 (2008) 511; Keane & Gao, ibid. 150 (2021) 301"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("share", "-", "part of the way to the present time gap", off=0.0, low=0.0, high=1.0, scale=0.5),
-        Parameter("relaxation_time", "s", "time in which it is forgotten", 15.0, 1.0, 120.0, 10.0, is_strength=False),
+        Parameter(
+            "share", "-", "share of the difference to the present time gap", off=0.0, low=0.0, high=1.0, scale=0.5
+        ),
+        Parameter(
+            "relaxation_time", "s", "relaxation time of the difference", 15.0, 1.0, 120.0, 10.0, is_strength=False
+        ),
     )
 
     def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> FirstGap:
@@ -77,7 +81,7 @@ class GapRelaxation(Effect):
         )
 
     def remember(self, memory: FirstGap, seen: Stimulus, driver: CarFollowing, dt: float) -> FirstGap:
-        """The gap to a new leader where there is one, else that to the present one."""
+        """The gap to a new leader if there is one, else that to the present leader."""
         came = (seen.has_leader > memory.had_leader) | (seen.time_since_change < memory.time_since_change)
         return FirstGap(
             time_gap=jnp.where(came, _present_time_gap(seen, driver), memory.time_gap),
@@ -87,12 +91,12 @@ class GapRelaxation(Effect):
         )
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: FirstGap) -> Float[Array, "*n"]:
-        """On its way from the one to the other."""
+        """Between the present and the desired time gap."""
         return value + self.share * seen.has_leader * (memory.time_gap - value) * jnp.exp(
             -memory.elapsed / self.relaxation_time
         )
 
 
 def _present_time_gap(seen: Stimulus, driver: CarFollowing) -> Float[Array, "*n"]:
-    """Time gap that the present gap would be wanted with [s]."""
+    """Time gap with which the present gap would be the desired gap [s]."""
     return jnp.clip((seen.gap - driver.jam_gap) / jnp.maximum(seen.speed, SLOWEST), *TIME_GAPS)

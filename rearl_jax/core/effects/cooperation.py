@@ -12,7 +12,7 @@ from rearl_jax.core.effects.stimulus import Stimulus
 
 
 class Cooperation(Effect):
-    """The driver opens a gap for a vehicle on the lane beside that wants to come over, unless that is too hard."""
+    """The driver opens a gap for a vehicle that wants to change to the own lane, if mild braking suffices."""
 
     weight: Float[Array, "*#n"]
     limit: Float[Array, "*#n"]
@@ -25,20 +25,22 @@ class Cooperation(Effect):
     )
     source: ClassVar[str] = "after Hidas, Transp. Res. C 10 (2002) 351 (courtesy lane changes)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("weight", "-", "how far a gap is opened", off=0.0, low=0.0, high=1.0, scale=0.5),
-        Parameter("limit", "m/s^2", "hardest braking for it", 2.0, 0.2, 6.0, 1.0, is_strength=False),
+        Parameter("weight", "-", "weight of that vehicle", off=0.0, low=0.0, high=1.0, scale=0.5),
+        Parameter("limit", "m/s^2", "largest deceleration for it", 2.0, 0.2, 6.0, 1.0, is_strength=False),
     )
 
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """More, where somebody wants to come over.
+        """Larger if a vehicle wants to change to the own lane.
 
         Raises:
             ValueError: The stimulus is that of a recording.
         """
         if not isinstance(seen, SimulatedStimulus):
-            raise ValueError("cooperation needs to know who wants to change lanes, which only a simulation does")
+            raise ValueError(
+                "cooperation needs to know which vehicles want to change lanes, which only a simulation does"
+            )
         closing = seen.speed - seen.entrant_speed
         wanted = driver.interaction(seen.entrant_gap, seen.speed, closing)
         bearable = driver.free_acceleration(seen.speed) + self.limit

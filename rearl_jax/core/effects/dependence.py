@@ -1,4 +1,4 @@
-"""An effect that no list holds: a term that depends on one thing a driver could react to, as a smooth curve."""
+"""An effect without a name in the list: a term that depends on one variable of the stimulus by a smooth curve."""
 
 from typing import ClassVar
 
@@ -26,7 +26,7 @@ VARIABLES = {
     "vehicles_beside": ("-", lambda seen: seen.n_beside),
     "time_since_change": ("s", lambda seen: jnp.minimum(seen.time_since_change, 20.0)),
 }
-"""Variables of a curve: unit and value in the stimulus; bounded where large values say nothing more."""
+"""Variables of a curve: unit and value in the stimulus; bounded if large values carry no further information."""
 
 
 def hat_weights(value: Float[Array, "*n"], knots: Float[Array, " knots"]) -> Float[Array, "knots *n"]:
@@ -38,7 +38,7 @@ def hat_weights(value: Float[Array, "*n"], knots: Float[Array, " knots"]) -> Flo
 
 
 class Dependence(Effect):
-    """Acceleration depends on a variable in a way that was found, not named."""
+    """Acceleration depends on a variable by a curve that was found in data and has no name."""
 
     kind: ClassVar[str] = "generic"
 
@@ -60,7 +60,7 @@ class Dependence(Effect):
 
 
 class TimeGapDependence(Dependence):
-    """The time gap depends on a variable in a way that was found, not named."""
+    """The time gap depends on a variable by a curve that was found in data and has no name."""
 
     name: ClassVar[str] = "time_gap_dependence"
     equation: ClassVar[str] = "T exp(curve(variable)), piecewise linear between knots"

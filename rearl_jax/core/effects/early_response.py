@@ -1,4 +1,4 @@
-"""Drivers on both sides of a change of lanes who respond before the lane is left."""
+"""Drivers who respond to a lane change before the vehicle has left its lane: the changing and the following driver."""
 
 from typing import ClassVar
 
@@ -12,7 +12,7 @@ from rearl_jax.core.effects.stimulus import Stimulus
 
 
 class EarlyResponse(Effect):
-    """A driver who wants to change lanes reacts to the leader there already, and the new follower to the changer."""
+    """Before a lane change the driver reacts to the new leader, and the new follower to the driver."""
 
     of_changer: Float[Array, "*#n"]
     of_follower: Float[Array, "*#n"]
@@ -22,27 +22,32 @@ class EarlyResponse(Effect):
     kind: ClassVar[str] = "lane_change"
     equation: ClassVar[str] = (
         "I + of_changer max(0, min(I_there, a_free + limit) - I), I the deceleration because of the leader, I_there "
-        "that because of the leader on the lane it wants to be on; of_follower likewise for who is coming over"
+        "that because of the leader on the lane it wants to be on; of_follower likewise for the vehicle changing to "
+        "the own lane"
     )
     source: ClassVar[str] = (
         "after Schakel, Knoop & van Arem, Transp. Res. Rec. 2316 (2012) 47 (synchronisation and gap creation)"
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("of_changer", "-", "weight of the leader on the wanted lane", off=0.0, low=0.0, high=1.0, scale=0.5),
-        Parameter("of_follower", "-", "weight of who is coming over", off=0.0, low=0.0, high=1.0, scale=0.5),
-        Parameter("limit", "m/s^2", "hardest braking for either", 2.0, 0.2, 6.0, 1.0, is_strength=False),
+        Parameter(
+            "of_follower", "-", "weight of the vehicle changing to the own lane", off=0.0, low=0.0, high=1.0, scale=0.5
+        ),
+        Parameter("limit", "m/s^2", "largest deceleration for either", 2.0, 0.2, 6.0, 1.0, is_strength=False),
     )
 
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """More, where a vehicle on another lane is about to be the leader.
+        """Larger if a vehicle on another lane is about to become the leader.
 
         Raises:
             ValueError: The stimulus is that of a recording.
         """
         if not isinstance(seen, SimulatedStimulus):
-            raise ValueError("early_response needs to know who wants to change lanes, which only a simulation does")
+            raise ValueError(
+                "early_response needs to know which vehicles want to change lanes, which only a simulation does"
+            )
         bearable = driver.free_acceleration(seen.speed) + self.limit
         there = driver.interaction(seen.wanted_gap, seen.speed, seen.speed - seen.wanted_speed)
         value = value + self.of_changer * seen.has_wanted * jnp.maximum(jnp.minimum(there, bearable) - value, 0.0)

@@ -27,7 +27,8 @@ class Parameter:
         low: Lower bound; 0 for a strength whose sign is part of what the effect is.
         high: Upper bound.
         scale: Usual distance of values from `off`, the standard deviation of a prior.
-        is_strength: Whether the effect is off where this (with the other strengths) is `off`; else it only shapes it.
+        is_strength: Whether the effect is off if this parameter (with the other strengths) is `off`; others only shape
+            the effect.
         is_list: Whether it is a list of values, one per knot of a curve.
     """
 
@@ -43,7 +44,7 @@ class Parameter:
 
 
 class Effect(eqx.Module):
-    """Base of all effects: every hook leaves things as they are, and none knows the formula of a car-following model.
+    """Base of all effects: every hook returns its input unchanged; none depends on a model's formula.
 
     Class attributes:
         name: As in a model file and in a verdict.

@@ -25,7 +25,7 @@ class KeepRight(Effect):
     equation: ClassVar[str] = "gain of the right lane + bias, gain of the left lane - bias"
     source: ClassVar[str] = "Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86 (asymmetric rules)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("bias", "m/s^2", "what the right lane is worth", off=0.0, low=-2.0, high=2.0, scale=0.3),
+        Parameter("bias", "m/s^2", "bias towards the right lane", off=0.0, low=-2.0, high=2.0, scale=0.3),
     )
 
     def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
@@ -43,18 +43,18 @@ class NoPassingOnTheRight(Effect):
     equation: ClassVar[str] = "gain of the right lane - weight max(0, gain) above 60 km/h; weight 1 forbids it"
     source: ClassVar[str] = "Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86 (European passing rule)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("weight", "-", "part of the gain that does not count", off=0.0, low=0.0, high=1.0, scale=0.5),
+        Parameter("weight", "-", "share of the gain that does not count", off=0.0, low=0.0, high=1.0, scale=0.5),
     )
 
     def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Less to the right, where it would pay."""
+        """Less to the right if the change would be a gain."""
         if side.direction < 0:
             return value
         return value - self.weight * jnp.where(seen.speed > PASSING_SPEED, jnp.maximum(value, 0.0), 0.0)
 
 
 class Politeness(Effect):
-    """Drivers mind what a change does to those behind."""
+    """Drivers consider what a lane change costs the vehicles behind."""
 
     weight: Float[Array, "*#n"]
 
@@ -82,10 +82,10 @@ class MovingOver(Effect):
     equation: ClassVar[str] = (
         "gain of the right lane + gain / (1 + exp((z - z0) / 0.25 s)), z the follower's time gap, z0 pressing_time_gap"
     )
-    source: ClassVar[str] = "own form, as of the effect rear_pressure on the time gap"
+    source: ClassVar[str] = "own form, as in the effect rear_pressure on the time gap"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gain", "m/s^2", "what giving way is worth under pressure", 0.0, -1.0, 3.0, 0.5),
-        Parameter("pressing_time_gap", "s", "follower's time gap z0 that presses", 1.0, 0.3, 2.5, 0.3, False),
+        Parameter("gain", "m/s^2", "gain of giving way under pressure", 0.0, -1.0, 3.0, 0.5),
+        Parameter("pressing_time_gap", "s", "follower's time gap z0 below which it presses", 1.0, 0.3, 2.5, 0.3, False),
     )
 
     def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
@@ -98,7 +98,7 @@ class MovingOver(Effect):
 
 
 class TruckAversion(Effect):
-    """Drivers do not like to be behind a truck."""
+    """Drivers avoid following a truck by changing lanes."""
 
     gain: Float[Array, "*#n"]
     reach: Float[Array, "*#n"]
@@ -108,8 +108,8 @@ class TruckAversion(Effect):
     equation: ClassVar[str] = "gain of a change + gain (exp(-s / reach) behind a truck - the same of the lane beside)"
     source: ClassVar[str] = "own form; after Moridpour, Rose & Sarvi, J. Transp. Eng. 136 (2010) 973 (trucks and lanes)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gain", "m/s^2", "what a lane without a truck is worth", off=0.0, low=-2.0, high=3.0, scale=0.5),
-        Parameter("reach", "m", "gap at which that has fallen to 1/e", 80.0, 10.0, 500.0, 50.0, is_strength=False),
+        Parameter("gain", "m/s^2", "gain of a lane without a truck", off=0.0, low=-2.0, high=3.0, scale=0.5),
+        Parameter("reach", "m", "gap at which this gain has fallen to 1/e", 80.0, 10.0, 500.0, 50.0, is_strength=False),
     )
 
     def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:

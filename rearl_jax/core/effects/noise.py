@@ -28,7 +28,7 @@ class Fluctuation(eqx.Module):
 def begin_fluctuation(
     seed: Int[Array, "*#seeds"], stream: int, like: Float[Array, "vehicles *scenarios"]
 ) -> Fluctuation:
-    """Processes that have always been going on; arguments as of `standard_normal`."""
+    """Processes in their stationary state; arguments as in `standard_normal`."""
     count = jnp.zeros((), jnp.int32)
     return Fluctuation(count, standard_normal(seed, stream, count, like))
 
@@ -36,25 +36,25 @@ def begin_fluctuation(
 def fluctuate(
     before: Fluctuation, seed: Int[Array, "*#seeds"], stream: int, time: Float[Array, "*#n"], dt: float
 ) -> Fluctuation:
-    """The processes one time step later, exact for any length of it.
+    """The processes one time step later, exact for time steps of any length.
 
     Args:
         before: The processes.
         seed: One per scenario, or one for all.
-        stream: As at the beginning.
+        stream: The stream given to `begin_fluctuation`.
         time: Correlation time [s].
         dt: Time since the last call [s].
 
     Source: Gillespie, Phys. Rev. E 54 (1996) 2084 (exact update of the process).
     """
-    kept = jnp.exp(-dt / time)
+    decay = jnp.exp(-dt / time)
     count = before.count + 1
-    fresh = standard_normal(seed, stream, count, before.value)
-    return Fluctuation(count, before.value * kept + jnp.sqrt(1 - kept * kept) * fresh)
+    drawn = standard_normal(seed, stream, count, before.value)
+    return Fluctuation(count, before.value * decay + jnp.sqrt(1 - decay * decay) * drawn)
 
 
 class AccelerationNoise(Effect):
-    """Drivers accelerate a little more or less than they mean to, for a while."""
+    """Drivers accelerate a little more or less than they intend, by an error that is correlated in time."""
 
     sd: Float[Array, "*#n"]
     time: Float[Array, "*#n"]
@@ -76,16 +76,16 @@ class AccelerationNoise(Effect):
         return begin_fluctuation(self.seed, 0, seen.speed)
 
     def remember(self, memory: Fluctuation, seen: Stimulus, driver: CarFollowing, dt: float) -> Fluctuation:
-        """The noise now."""
+        """The noise in this time step."""
         return fluctuate(memory, self.seed, 0, self.time, dt)
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: Fluctuation) -> Float[Array, "*n"]:
-        """With the noise."""
+        """The acceleration with the noise added."""
         return value + self.sd * memory.value
 
 
 class PerceptionNoise(Effect):
-    """Drivers misjudge gaps in proportion to the gap, and approach rates in proportion to it too, for a while."""
+    """Drivers misjudge gaps and approach rates in proportion to the gap, by errors that are correlated in time."""
 
     gap_error: Float[Array, "*#n"]
     rate_error: Float[Array, "*#n"]
@@ -112,12 +112,12 @@ class PerceptionNoise(Effect):
     def remember(
         self, memory: tuple[Fluctuation, Fluctuation], seen: Stimulus, driver: CarFollowing, dt: float
     ) -> tuple[Fluctuation, Fluctuation]:
-        """The errors now."""
+        """The errors in this time step."""
         gap = fluctuate(memory[0], self.seed, 1, self.time, dt)
         return gap, fluctuate(memory[1], self.seed, 2, self.time, dt)
 
     def perceive(self, seen: Stimulus, memory: tuple[Fluctuation, Fluctuation]) -> Stimulus:
-        """Gap and leader's speed as they are taken to be."""
+        """The stimulus with the misjudged gap and leader's speed."""
         gap = seen.gap * jnp.exp(self.gap_error * memory[0].value)
         leader_speed = seen.leader_speed - self.rate_error * seen.gap * seen.has_leader * memory[1].value
         return replace(seen, gap=gap, leader_speed=leader_speed)

@@ -34,7 +34,7 @@ class ReactionDelay(Effect):
     def begin(
         self, seen: Stimulus, driver: CarFollowing, dt: float
     ) -> tuple[Int[Array, ""], Float[Array, "fields past *n"], Float[Array, "fields *n"]]:
-        """The present as if it had always been so."""
+        """A past in which the present stimulus has always been the same."""
         length = math.ceil(LONGEST_DELAY / dt) + 2
         now = _stacked(seen)
         return jnp.zeros((), jnp.int32), jnp.broadcast_to(now[:, None], (len(DELAYED), length, *now.shape[1:])), now

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, Int, Key
 
 
 def no_seed() -> Int[Array, ""]:
-    """The seed of effects that nobody has given one: the same numbers in every scenario."""
+    """The default seed of effects: the same numbers in every scenario."""
     return jnp.zeros((), jnp.int32)
 
 
@@ -17,7 +17,8 @@ def standard_normal(
 ) -> Float[Array, "vehicles *scenarios"]:
     """Independent standard normal numbers, one per vehicle.
 
-    A vehicle's number depends on its scenario's seed, its own index, stream and count, not on who else is simulated.
+    A vehicle's number depends on its scenario's seed, its own index, stream and count, not on the other simulated
+    vehicles.
 
     Args:
         seed: One per scenario, or one for all.
@@ -31,7 +32,7 @@ def standard_normal(
 def standard_uniform(
     seed: Int[Array, "*#seeds"], stream: int, count: Int[Array, ""], like: Float[Array, "vehicles *scenarios"]
 ) -> Float[Array, "vehicles *scenarios"]:
-    """Independent numbers from [0, 1), one per vehicle; arguments as of `standard_normal`."""
+    """Independent numbers from [0, 1), one per vehicle; arguments as in `standard_normal`."""
     return _drawn(seed, stream, count, like, jax.random.uniform)
 
 

@@ -1,4 +1,4 @@
-"""Effects of the place and of the time: what the road and the weather do to everybody."""
+"""Effects of the place and the time (road, weather) on all drivers."""
 
 from typing import ClassVar
 
@@ -10,15 +10,15 @@ from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.stimulus import Stimulus
 
 NO_LIMIT = 100.0
-"""Speed [m/s] that limits nobody."""
+"""Speed [m/s] that limits no vehicle."""
 
 FAR_AWAY = 1.0e5
 """Place [m] no section reaches."""
 
 _SECTION = (
-    Parameter("start", "m", "where the section begins", 0.0, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
-    Parameter("end", "m", "where it ends", FAR_AWAY, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
-    Parameter("edge", "m", "how gradually it comes and goes", 6.0, 1.0, 80.0, 6.0, is_strength=False),
+    Parameter("start", "m", "beginning of the section", 0.0, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
+    Parameter("end", "m", "end of the section", FAR_AWAY, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
+    Parameter("edge", "m", "length over which it begins and ends", 6.0, 1.0, 80.0, 6.0, is_strength=False),
 )
 
 
@@ -35,7 +35,7 @@ def limited(desired_speed: Float[Array, "*#n"], limit: Float[Array, "*#n"]) -> F
 
 
 class Grade(Effect):
-    """A slope, or any other place that holds everybody back or pushes everybody."""
+    """A slope, or another section of the road that decelerates or accelerates all vehicles."""
 
     kind: ClassVar[str] = "road"
 
@@ -58,7 +58,7 @@ class Grade(Effect):
 
 
 class SpeedLimit(Effect):
-    """A section on which nobody wants to drive faster than a limit."""
+    """A section on which no driver wants to exceed a limit."""
 
     kind: ClassVar[str] = "road"
 
@@ -126,12 +126,12 @@ class LaneDesiredSpeed(Effect):
     )
 
     def desired_speed(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Another one on the outer lanes."""
+        """Higher on the left lane, lower on the right."""
         return value * jnp.exp(self.leftmost * seen.is_leftmost + self.rightmost * seen.is_rightmost)
 
 
 class Weather(Effect):
-    """Something comes up for everybody at once, such as rain: drivers want less speed and more distance."""
+    """Conditions change for all drivers at once, as with rain: drivers want lower speeds and larger distances."""
 
     kind: ClassVar[str] = "road"
 
@@ -146,8 +146,10 @@ class Weather(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("slower", "-", "fall of log v0", off=0.0, low=-1.0, high=1.5, scale=0.2),
         Parameter("wider", "-", "growth of log T", off=0.0, low=-1.0, high=1.5, scale=0.2),
-        Parameter("onset", "s", "when half of it has come", 0.0, -FAR_AWAY, FAR_AWAY, 30.0, is_strength=False),
-        Parameter("ramp", "s", "how fast it comes", off=2.0, low=0.3, high=60.0, scale=3.0, is_strength=False),
+        Parameter(
+            "onset", "s", "time at which half of it is reached", 0.0, -FAR_AWAY, FAR_AWAY, 30.0, is_strength=False
+        ),
+        Parameter("ramp", "s", "time scale of its onset", off=2.0, low=0.3, high=60.0, scale=3.0, is_strength=False),
     )
 
     def desired_speed(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
@@ -172,7 +174,9 @@ class ClosedCourse(Effect):
 
     name: ClassVar[str] = "closed_course"
     equation: ClassVar[str] = "a + curve(x mod lap), periodic, piecewise linear between equidistant knots"
-    source: ClassVar[str] = "found in data, as of the test tracks of Makridis et al., Transp. Res. C 125 (2021) 103047"
+    source: ClassVar[str] = (
+        "found in data, such as the test tracks of Makridis et al., Transp. Res. C 125 (2021) 103047"
+    )
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("values", "m/s^2", "the curve at its knots, the first at x = 0", 0.0, -3.0, 3.0, 0.3, is_list=True),
         Parameter("lap", "m", "length of the course", off=1000.0, low=10.0, high=1e5, scale=500.0, is_strength=False),

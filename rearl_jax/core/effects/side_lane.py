@@ -7,15 +7,15 @@ from jaxtyping import Array, Float
 class SideLane(eqx.Module):
     """A lane beside the own one, arrays over the vehicles; flags are 0 or 1.
 
-    Where nobody is there, gaps are OUT_OF_SIGHT, speeds the own, and the flag is 0.
+    If there is no vehicle, gaps are OUT_OF_SIGHT, speeds the own, and the flag is 0.
 
     Attributes:
         direction: -1 for the lane on the left, +1 for that on the right.
-        has_leader: Whether somebody is ahead on it.
+        has_leader: Whether a vehicle is ahead on it.
         gap: To that vehicle, bumper to bumper [m].
         leader_speed: Its speed [m/s].
         leader_is_truck: Whether it is a truck.
-        has_follower: Whether somebody is behind on it.
+        has_follower: Whether a vehicle is behind on it.
         follower_gap: To that vehicle, bumper to bumper [m].
         follower_speed: Its speed [m/s].
         gain_of_others: Gain of the followers on both lanes together by the change [m/s^2].

@@ -4,13 +4,13 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 OUT_OF_SIGHT = 1000.0
-"""Gap [m] that stands for nobody there; finite, so that it can be interpolated and differentiated."""
+"""Gap [m] without a vehicle ahead; finite, so that it can be interpolated and differentiated."""
 
 
 class Stimulus(eqx.Module):
     """Stimulus of each driver in one time step, arrays over the vehicles; flags are 0 or 1.
 
-    Where nobody is there, gaps are OUT_OF_SIGHT, speeds the own, accelerations 0, and the flag is 0.
+    If there is no vehicle, gaps are OUT_OF_SIGHT, speeds the own, accelerations 0, and the flag is 0.
 
     Attributes:
         time: Since the start [s].
@@ -21,7 +21,7 @@ class Stimulus(eqx.Module):
         speed: Own speed v [m/s].
         length: Own length [m].
         is_truck: Whether the own vehicle is a truck.
-        has_leader: Whether somebody is ahead on the lane.
+        has_leader: Whether a vehicle is ahead on the lane.
         gap: To the leader, bumper to bumper, s [m].
         leader_speed: [m/s].
         leader_acceleration: [m/s^2].
@@ -33,7 +33,7 @@ class Stimulus(eqx.Module):
         has_left, left_gap, left_speed: The next vehicle ahead on the lane to the left.
         beside_speed: Slowest speed within BESIDE_RANGE on the lanes next to the own [m/s]; OUT_OF_SIGHT without one.
         n_beside: Number of these vehicles.
-        time_since_change: Since somebody else has become the leader by a lane change [s].
+        time_since_change: Since another vehicle has become the leader by a lane change [s].
         gap_lost: Gap lost by that change [m], 0 where it grew.
         time_gap_at_change: Time gap right after it [s].
     """

@@ -34,7 +34,7 @@ class SpeedDependentTimeGap(Effect):
 
 
 class VarianceDrivenTimeGap(Effect):
-    """The time gap grows where the vehicles ahead drive at unequal speeds."""
+    """The time gap grows if the vehicles ahead drive at unequal speeds."""
 
     gain: Float[Array, "*#n"]
 
@@ -57,7 +57,7 @@ class VarianceDrivenTimeGap(Effect):
 
 
 class Resignation(Effect):
-    """Long queues wear drivers down: the time gap follows how far below the desired speed they have driven lately."""
+    """Long queues change drivers: the time gap depends on how far below the desired speed they have driven recently."""
 
     gain: Float[Array, "*#n"]
     memory_time: Float[Array, "*#n"]
@@ -87,7 +87,7 @@ class Resignation(Effect):
 
 
 class Relaxation(Effect):
-    """Right after a lane change a short gap is accepted; the usual one comes back slowly."""
+    """Right after a lane change a short gap is accepted; the usual gap returns slowly."""
 
     gap_share: Float[Array, "*#n"]
     time_gap_share: Float[Array, "*#n"]
@@ -100,9 +100,11 @@ class Relaxation(Effect):
     )
     source: ClassVar[str] = "after Laval & Leclercq, Transp. Res. B 42 (2008) 511; Keane & Gao, ibid. 150 (2021) 301"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gap_share", "-", "part of the lost gap that is not felt at first", 0.0, 0.0, 2.0, 0.5),
-        Parameter("time_gap_share", "-", "part of the way to the time gap right after it", 0.0, 0.0, 1.5, 0.5),
-        Parameter("relaxation_time", "s", "time in which it is forgotten", 10.0, 1.0, 60.0, 7.0, is_strength=False),
+        Parameter("gap_share", "-", "share of the lost gap that is ignored at first", 0.0, 0.0, 2.0, 0.5),
+        Parameter(
+            "time_gap_share", "-", "share of the difference to the time gap right after the change", 0.0, 0.0, 1.5, 0.5
+        ),
+        Parameter("relaxation_time", "s", "relaxation time of the difference", 10.0, 1.0, 60.0, 7.0, is_strength=False),
     )
 
     def perceive(self, seen: Stimulus, memory: None) -> Stimulus:
@@ -110,7 +112,7 @@ class Relaxation(Effect):
         return replace(seen, gap=seen.gap + self.gap_share * seen.gap_lost * self._left(seen))
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Shorter, where the gap after the change was."""
+        """Shorter if the gap after the change was shorter."""
         return value + self.time_gap_share * jnp.minimum(seen.time_gap_at_change - value, 0.0) * self._left(seen)
 
     def _left(self, seen: Stimulus) -> Float[Array, "*n"]:
@@ -129,7 +131,7 @@ class RearPressure(Effect):
     source: ClassVar[str] = "after Herman, Montroll, Potts & Rothery, Oper. Res. 7 (1959) 86 (look-behind term)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gain", "-", "fall of log T under pressure", off=0.0, low=0.0, high=2.5, scale=0.5),
-        Parameter("pressing_time_gap", "s", "follower's time gap z0 that presses", 1.0, 0.3, 2.5, 0.3, False),
+        Parameter("pressing_time_gap", "s", "follower's time gap z0 below which it presses", 1.0, 0.3, 2.5, 0.3, False),
     )
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
@@ -153,5 +155,5 @@ class LeaderClass(Effect):
     )
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Another one behind a truck."""
+        """Longer or shorter behind a truck."""
         return value * jnp.exp(self.gain * seen.has_leader * seen.leader_is_truck)

@@ -131,7 +131,7 @@ def derivatives(values: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _without_holes(seen: np.ndarray, begin: np.ndarray) -> np.ndarray:
-    """Rows from the first to the last seen one of every track; noise at the view's edge tears no hole."""
+    """Rows from the first to the last row in view of every track, so that noise at its edge leaves no gap."""
     row = np.arange(len(seen))
     first = np.minimum.reduceat(np.where(seen, row, len(seen)), begin)
     last = np.maximum.reduceat(np.where(seen, row, -1), begin)

@@ -32,7 +32,7 @@ def safe_speed(
 
     In steady following s = s0 + T v. With T = 1.5 tau this is Gipps' formula with his choice theta = tau/2.
 
-    Source: Gipps (1981), eq. 3, with the leader's braking estimated as the own.
+    Source: Gipps (1981), eq. 3, with the driver's own braking taken as the leader's.
     """
     b, tau = drivers.braking, drivers.reaction_time
     reserve = b * (time_gap - 0.5 * tau)
@@ -52,8 +52,8 @@ def chosen_acceleration(
     """Acceleration towards the lower of free and safe speed [m/s^2].
 
     Braking stays comfortable unless a collision is to be avoided: the deceleration may reach the leader's own
-    plus 1.3 (v - vl)^2 / (2 (s - s0/2)), which is what closes the gap without touching, with a reserve. So a
-    driver lets a short but safe gap grow instead of braking hard for it.
+    plus 1.3 (v - vl)^2 / (2 (s - s0/2)), the deceleration that just avoids contact, with a reserve. So a driver lets a
+    short but safe gap grow instead of braking hard.
     """
     target = np.minimum(
         free_speed(speed, desired_speed, drivers), safe_speed(speed, gap, leader_speed, time_gap, drivers)

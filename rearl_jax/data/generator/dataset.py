@@ -1,4 +1,4 @@
-"""A folder of generated recordings: written side by side, resumed where it stopped, marked as generated."""
+"""A folder of generated recordings: written in parallel, resumed after an interruption, marked as generated."""
 
 import hashlib
 import json
@@ -112,21 +112,21 @@ def _opened_truth(config: GeneratorConfig, root: Path) -> dict:
         try:
             truth = json.loads(path.read_text())
         except json.JSONDecodeError as error:
-            said, remedy = f"the file is no JSON ({error})", "remove the folder and generate it again"
-            raise InvalidInputError(Problem("not-json", said, remedy, file=str(path))) from error
+            message, remedy = f"the file is not JSON ({error})", "remove the folder and generate it again"
+            raise InvalidInputError(Problem("not-json", message, remedy, file=str(path))) from error
         if truth.get("config_hash") != config_hash:
-            said = f"the folder holds recordings generated with another configuration{_difference(truth, content)}"
+            message = f"the folder holds recordings generated with another configuration{_difference(truth, content)}"
             remedy = "choose another folder (data.root), or remove this one"
-            raise InvalidInputError(Problem("generated-otherwise", said, remedy, file=str(path)))
+            raise InvalidInputError(Problem("generated-otherwise", message, remedy, file=str(path)))
         return truth
     strangers = sorted(file.name for file in root.glob("*_tracks.csv"))
     if strangers:
-        said = (
+        message = (
             f"the folder holds {strangers[0]} but no {TRUTH_FILE}, so these recordings were not generated here and are "
             "not overwritten"
         )
         remedy = "choose another folder (data.root)"
-        raise InvalidInputError(Problem("not-generated", said, remedy, file=str(root)))
+        raise InvalidInputError(Problem("not-generated", message, remedy, file=str(root)))
     truth = {
         "generated": True,
         "format": "highD",
@@ -151,7 +151,7 @@ def _difference(truth: dict, content: dict) -> str:
 
 
 def _is_complete(root: Path, truth: dict, number: int) -> bool:
-    """True where the three files are listed and have the sizes listed."""
+    """Whether the three files are listed and have the sizes listed."""
     sizes = truth["recordings"].get(f"{number:02d}")
     return sizes is not None and all(
         (root / name).is_file() and (root / name).stat().st_size == size for name, size in sizes.items()

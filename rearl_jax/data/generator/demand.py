@@ -1,4 +1,4 @@
-"""Arrivals at the start of the road: who comes when, in which lane."""
+"""Arrivals at the start of the road: time and lane of each vehicle."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ MIN_HEADWAY = 1.0  # shortest headway at entry [s]
 # lane further left). Fitted: with these the cars reach highD's speeds with highD's few lane changes.
 CAR_LANE_SHARES = {2: (0.66, 0.34), 3: (0.44, 0.45, 0.11)}
 TRUCK_RIGHT_SHARE = 0.95
-# Mean of the cars' pace per lane and its spread within a lane: who wants to drive fast is found further left.
+# Mean of the cars' pace per lane and its spread within a lane: fast drivers are found further left.
 # Chosen so that pace is about standard normal over all cars.
 LANE_PACE = {2: (0.75, -0.80), 3: (1.10, -0.20, -1.40)}
 PACE_SD = 0.5

@@ -19,7 +19,7 @@ class Drivers:
         length, width: Size [m].
         desired_speed: Speed on an empty road [m/s].
         max_accel: Acceleration scale of the Gipps model [m/s^2].
-        braking: Deceleration a driver counts on from himself and from his leader [m/s^2], positive.
+        braking: Deceleration that a driver expects of the own vehicle and of the leader [m/s^2], positive.
         comfort_decel: Deceleration not exceeded unless needed to avoid a collision [m/s^2], positive.
         reaction_time: Time between seeing and having reacted [s].
         time_gap: Bumper to bumper time gap kept while following steadily [s].
@@ -57,7 +57,8 @@ def draw_drivers(
     speed_limit: float | None,
     rng: np.random.Generator,
 ) -> Drivers:
-    """Drivers of given class and pace (desired speed in standard deviations), each with own values.
+    """Drivers of given class and pace (desired speed in standard deviations), with parameters that vary between
+    drivers.
 
     Spreads follow the usual ranges of Gipps-model calibrations (Gipps 1981; Ciuffo, Punzo and Montanino
     2012); vehicle sizes are those of European cars (3.6 to 5.3 m) and of rigid and articulated trucks (8 to
@@ -110,14 +111,14 @@ class Fleet:
         drivers: Constants of the drivers.
         vehicle: Number of the vehicle in the recording.
         direction: Carriageway, 1 or 2.
-        lane: Lane, 0 = leftmost; during a change the one changed to.
+        lane: Lane, 0 = leftmost; during a lane change the target lane.
         origin: Lane still occupied during a change, -1 = none.
         position: Front bumper along the driving direction from the start of the road [m].
         speed: Speed [m/s].
         acceleration: Acceleration of the last step [m/s^2].
         noise: The driver's own, slowly varying acceleration [m/s^2].
-        drift: Offset from the usual place in the lane the driver steers for [m].
-        wander: Offset from the usual place in the lane [m].
+        drift: Wanted lateral offset from the usual position in the lane [m].
+        wander: Present lateral offset from the usual position in the lane [m].
         change_start: Start of the last lane change [s].
         change_shift: Lateral distance from target lane to lane of origin [m], 0 = no change under way.
         ready_time: Earliest time of the next lane change [s].

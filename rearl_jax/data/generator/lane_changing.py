@@ -96,7 +96,7 @@ def change_probability(
 
 
 def _urgency(gain: np.ndarray) -> np.ndarray:
-    """Factor on the full rate at a gain in speed [m/s]; its square, so small gains rarely move anybody."""
+    """Factor on the full rate at a gain in speed [m/s]; its square, so small gains rarely cause a change."""
     return np.clip((gain - GAIN_THRESHOLD) / GAIN_SCALE, 0.0, 1.5) ** 2
 
 

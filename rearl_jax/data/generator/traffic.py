@@ -173,7 +173,7 @@ class Traffic:
         leader = self.leader_of_entry[:n].copy()
         gap, leader_speed = self._to(leader, np.arange(n))
         if len(self.between):
-            # Between two lanes a driver follows whoever allows the lower speed.
+            # Between two lanes a driver follows the leader that allows the lower speed.
             second = self.leader_of_entry[n:]
             second_gap, second_speed = self._to(second, self.between)
             own, drivers = fleet.speed[self.between], fleet.drivers.take(self.between)
@@ -238,14 +238,14 @@ class Traffic:
         kept = np.exp(-self.dt / NOISE_TIME)
         shocks = self.rng.standard_normal((2, len(fleet)))
         fleet.noise = kept * fleet.noise + self.config.acceleration_noise * np.sqrt(1.0 - kept**2) * shocks[0]
-        # Near standstill and in an emergency nobody plays with the pedal.
+        # Near standstill and in an emergency drivers have no noise of their own.
         calm = np.minimum(fleet.speed / 10.0, 1.0) * (acceleration > -2.5)
         fleet.acceleration = acceleration + calm * fleet.noise
         kept = np.exp(-self.dt / DRIFT_TIME)
         fleet.drift = kept * fleet.drift + DRIFT_SD * np.sqrt(1.0 - kept**2) * shocks[1]
 
     def move(self) -> None:
-        """Advance positions and speeds with constant acceleration; nobody drives backwards."""
+        """Advance positions and speeds with constant acceleration; no vehicle drives backwards."""
         fleet = self.fleet
         speed = np.maximum(fleet.speed + self.dt * fleet.acceleration, 0.0)
         fleet.position = fleet.position + 0.5 * self.dt * (fleet.speed + speed)

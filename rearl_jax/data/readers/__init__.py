@@ -10,7 +10,7 @@ from rearl_jax.data.reader import Reader
 
 
 def reader_of(format: DataFormat) -> Reader:
-    """The reader of a format; what the others import is not loaded.
+    """The reader of a format; the modules of other formats are not imported.
 
     Raises:
         TypeError: The module of the format holds none.

@@ -10,7 +10,7 @@ from rearl_jax.data.readers import highd
 
 
 def is_generated(data: DataConfig, root: Path) -> bool:
-    """True, where there are recordings at all."""
+    """True if there are recordings at all."""
     return bool(find_recordings(root))
 
 

@@ -10,8 +10,8 @@ from rearl_jax.data.reader import Entry, Reader
 
 
 def is_generated(data: DataConfig, root: Path) -> bool:
-    """True where the generator has left its mark beside the files."""
-    # Here, because the generator brings scipy.stats, which reading does not need.
+    """Whether the generator has left its mark beside the files."""
+    # Imported here, because the generator imports scipy.stats, which reading does not need.
     from rearl_jax.data.generator.dataset import TRUTH_FILE
 
     return (highd.find_recordings(root)[0].parent / TRUTH_FILE).exists()

@@ -26,4 +26,4 @@ FURTHER: tuple[Metric, ...] = tuple(module.METRIC for module in _MODULES)
 """Their rows of the metric table."""
 
 KERNELS: "dict[str, Kernel]" = {module.METRIC.name: module.measure for module in _MODULES}
-"""What measures them, by name."""
+"""The functions that measure them, by name."""
