@@ -16,7 +16,7 @@ from rearl_jax.data.records import Recording
 from rearl_jax.discovery.claims import Claim
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
 from rearl_jax.discovery.observe.base import base_of
-from rearl_jax.discovery.observe.candidates import EARLY_LEADER, LENS, Term
+from rearl_jax.discovery.observe.candidates import LENS, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.fit import Fit
@@ -215,13 +215,15 @@ def _discovery(
     if outcome.added or outcome.clocks is not None:
         errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed)
     effects = _effects(solver, outcome, left, parts.findings, options.confidence)
+    error = tables.error_block(errors, options.confidence, options.draws, options.seed)
+    change = error["change"]
     following = {
-        "verdict": verdict_of(outcome, effects, left),
+        "verdict": verdict_of(outcome, effects, left, is_lower=change is not None and change["high"] < 0),
         "effects": [effect.plain() for effect in effects],
         "candidates": candidate_rows(outcome),
         "lane_changes": lane_changes_block(outcome, solver, options.confidence),
         "unseen": unseen(outcome, outcome.null.threshold(THRESHOLDS.candidate_z_score)),
-        "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
+        "error": error,
         "adequacy": {
             "kurtosis": left.kurtosis,
             "kurtosis_before": left.kurtosis_before,
@@ -264,29 +266,14 @@ def _effects(
     usual = most if left.is_enough and not leaves_shifts(outcome) else doubtful
     if outcome.clocks is not None:
         effects.append(differing_clocks(outcome.clocks, most if left.is_of_clocks else doubtful))
-    deviations = known(solver, outcome.last.state).theta
-    first = 0
-    for trial in outcome.lane_changes:
-        size = len(trial.candidate.free)
-        own = deviations[first : first + size]
-        first += size
-        if (
-            trial.candidate.term != EARLY_LEADER
-            and trial.holds
-            and is_on(trial, outcome.last.state.theta, own, solver.layout, confidence)
-        ):
-            effects.append(named_trial(trial, [trial], outcome.last.state.theta, own, solver.layout, confidence, most))
-    for turn in outcome.rounds:
-        trial = turn.chosen
-        if trial is None:
+    theta, deviations, first = outcome.last.state.theta, known(solver, outcome.last.state).theta, 0
+    for trial, rivals in outcome.fitted_trials():
+        own = deviations[first : first + len(trial.candidate.free)]
+        first += len(trial.candidate.free)
+        if not outcome.is_stated(trial) or not is_on(trial, theta, own, solver.layout, confidence):
             continue
-        size = len(trial.candidate.free)
-        own = deviations[first : first + size]
         reliability = doubtful if outcome.is_doubtful(trial) else usual
-        effects.append(
-            named_trial(trial, turn.trials, outcome.last.state.theta, own, solver.layout, confidence, reliability)
-        )
-        first += size
+        effects.append(named_trial(trial, rivals, theta, own, solver.layout, confidence, reliability))
     return effects
 
 

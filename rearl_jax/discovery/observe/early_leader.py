@@ -68,7 +68,8 @@ class EarlyLeader(Effect):
         assert isinstance(seen, RecordedStimulus)
         of_others = seen.next_is_nearer * self.of_follower + (1 - seen.next_is_nearer) * self.of_left
         weight = seen.next_by_own * self.of_changer + (1 - seen.next_by_own) * of_others
-        early = jax.nn.sigmoid((self.lead_time - seen.time_to_next) / SCATTER) * (seen.time_to_next < LONGEST_LEAD)
+        early = jax.nn.sigmoid((self.lead_time - seen.time_to_next) / SCATTER)
+        early = jnp.where(seen.time_to_next < LONGEST_LEAD, early, 0.0)
         there = driver.interaction(seen.next_gap, seen.speed, seen.speed - seen.next_speed)
         bearable = driver.free_acceleration(seen.speed) + driver.comfortable_deceleration()
         return value + weight * early * (jnp.minimum(there, bearable) - value)

@@ -15,6 +15,9 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 ACCELERATIONS = (0.03, 0.05, 0.07, 0.1, 0.125, 0.15, 0.2, 0.25, 0.3, 0.45, 0.7, 1.0)
 """Standard deviations of what drivers do beside the model that are tried [m/s^2]."""
 
+EXACT = 0.05
+"""Standard deviation [m/s^2] below which it is the steps in time that are seen; the most even of people have 0.1."""
+
 TIMES = (0.6, 1.5, 4.0)
 """Correlation times that are tried [s]. Source of the middle: Zhang & Sun, arXiv:2210.03571 (highD, about 1.4 s)."""
 
@@ -81,7 +84,7 @@ def _log_width(state: FitState) -> float:
 def is_exact(solver: Solver, data: Measured) -> bool:
     """True if drivers do nothing beside the model, as nobody but a simulation does."""
     _, noise = calibrate(solver, data)
-    return noise.acceleration <= ACCELERATIONS[0]
+    return noise.acceleration <= EXACT
 
 
 def noises(like: Noise, accelerations: Sequence[float]) -> list[Noise]:

@@ -1,6 +1,7 @@
 """The verdict: what was missing, how sure, and what could not be told apart; as the content of verdict.json.
 
-verdict      named | artefact | unexplained | nothing
+verdict      named | improved | artefact | unexplained | nothing; improved: a curve that no name stands for surely
+             lowers the error of other drivers
 effects      [{name, kind: driver | road | artefact | generic, parameters: {name: {value, low, high, unit}},
                variables, confidence, evidence}]; low and high are null for what was not estimated
 candidates   [{name, kind, variables, evidence, surprise, gain, check, ambiguous, told_apart_by}], the best first; those
@@ -39,7 +40,7 @@ from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.families import told_apart_by
-from rearl_jax.discovery.search.procedure import Round, Search
+from rearl_jax.discovery.search.procedure import Round, Search, is_free
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MISJUDGED = (
@@ -131,14 +132,25 @@ def differing_clocks(check: ClockCheck, reliability: float) -> Claim:
     return Claim(CLOCK_OFFSET.effect, "artefact", spread, ("clock",), reliability, check.total)
 
 
-def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy) -> str:
-    """One word for what was found and is stated (`effects`): named, artefact, unexplained or nothing."""
+def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, is_lower: bool) -> str:
+    """The verdict in one word.
+
+    Args:
+        search: What was searched and added.
+        effects: What is stated.
+        adequacy: What is left.
+        is_lower: Whether the error of the reported drivers is surely lower than before.
+    """
     added = [trial.candidate.kind for trial in search.added]
     if any(kind in ("driver", "road") for kind in added):
+        names = {trial.candidate.term.effect for trial in search.added if trial.candidate.kind in ("driver", "road")}
         is_doubtful = any(search.is_doubtful(trial) for trial in search.added) or leaves_shifts(search)
-        return "unexplained" if is_doubtful or not adequacy.is_enough else "named"
+        is_stated = names <= {effect.name for effect in effects}
+        return "named" if is_stated and adequacy.is_enough and not is_doubtful else "unexplained"
     if any(effect.kind in ("driver", "road") for effect in effects):
         return "named"  # what a change of lanes brings with it
+    if added and all(is_free(trial) for trial in search.added) and is_lower:
+        return "improved"
     if any(effect.kind == "artefact" and effect.evidence is None for effect in effects):
         return "artefact"  # the columns show it
     if search.clocks is not None and not adequacy.is_of_clocks:

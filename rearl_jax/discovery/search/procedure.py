@@ -41,8 +41,8 @@ class Round:
         exceeding: Candidates whose evidence exceeds chance, with their families.
         trials: All that were fitted.
         accepted: Trials that are accepted, the best first.
-        contradicted: Trials that evidence asks for and simulations contradict.
         clock_z_score: As `z_score`, of clocks that differ.
+        contradicted: Trials that evidence asks for and simulations contradict.
     """
 
     base: Fit
@@ -52,8 +52,8 @@ class Round:
     exceeding: frozenset[Term]
     trials: list[Trial]
     accepted: list[Trial]
-    contradicted: list[Trial] = field(default_factory=list)
     clock_z_score: float = 0.0
+    contradicted: list[Trial] = field(default_factory=list)
 
     @property
     def chosen(self) -> Trial | None:
@@ -121,6 +121,19 @@ class Search:
     def added(self) -> list[Trial]:
         """Trials that were added, in order."""
         return [turn.chosen for turn in self.rounds if turn.chosen is not None]
+
+    def fitted_trials(self) -> list[tuple[Trial, list[Trial]]]:
+        """Trials in the order of their numbers in theta of the final model, each with those it competed with."""
+        of_lanes = [(trial, [trial]) for trial in self.lane_changes]
+        return of_lanes + [(turn.chosen, turn.trials) for turn in self.rounds if turn.chosen is not None]
+
+    def is_stated(self, trial: Trial) -> bool:
+        """True if a trial may be stated as an effect: what changes of lane bring with them only where it is sure, and
+        early answers never, for when a lane column flips is of the recording.
+        """
+        if not any(trial is other for other in self.lane_changes):
+            return True
+        return trial.holds and trial.candidate.term != EARLY_LEADER
 
     @property
     def is_contradicted(self) -> bool:
@@ -218,7 +231,7 @@ def _round(
     clock_z_score = null.z_scores({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
     excess, z_score, known = null.excess(evidence), null.z_scores(evidence), set(evidence)
     if len(added) == THRESHOLDS.most_effects or not exceeds:
-        return Round(base, evidence, excess, z_score, frozenset(exceeds & known), [], [], [], clock_z_score)
+        return Round(base, evidence, excess, z_score, frozenset(exceeds & known), [], [], clock_z_score)
     order = sorted(evidence, key=lambda term: -excess[term])
     exceeding = with_families(exceeds, known) & known
     tried = {term for term in order[: THRESHOLDS.leading_fitted] if excess[term] > THRESHOLDS.fitting_excess}
@@ -241,7 +254,7 @@ def _round(
         if tried <= fits.keys():
             z_score |= {trial.candidate.term: 0.0 for trial in trials if _is_of_numerics(trial)}
             return Round(
-                base, evidence, excess, z_score, frozenset(exceeding), trials, accepted, contradicted, clock_z_score
+                base, evidence, excess, z_score, frozenset(exceeding), trials, accepted, clock_z_score, contradicted
             )
 
 

@@ -76,12 +76,12 @@ def test_derivatives_are_those_of_finite_differences(solver, calibrated, name):
         moved = replace(state, theta=theta, active=(Term(name),))
         return solver.innovations([moved])[0]
 
-    slope = (errors(step) - errors(-step)) / (2 * step) * state.data.weight
+    slope = (errors(step) - errors(-step)) / (2 * step) * state.pieces.weight**0.5
     here = replace(state, theta=start, active=(Term(name),))
     solver.sums([here])
     k = 5 + layout.candidates[Term(name)].free.index(place)
     square = np.bincount(state.data.driver, (slope**2).sum(axis=0))
-    gradient = np.bincount(state.data.driver, (slope * errors(0.0)).sum(axis=0))
+    gradient = np.bincount(state.data.driver, (slope * errors(0.0) * state.pieces.weight**0.5).sum(axis=0))
     assert square.min() > 0
     np.testing.assert_allclose(here.sums.gram[:, k, k], square, rtol=1e-4)
     np.testing.assert_allclose(here.sums.gradient[:, k], gradient, rtol=1e-3, atol=1e-6)

@@ -20,7 +20,6 @@ from rearl_jax.discovery.lane_changes.findings import LaneChangeFindings
 from rearl_jax.discovery.lane_changes.opportunities import opportunities
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.parts import Parts
-from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.reading import measure
 from rearl_jax.discovery.read.smoothing import thinned
 from rearl_jax.discovery.report.repaired import lane_effect_values
@@ -32,7 +31,6 @@ from rearl_jax.models.population import population_of_model
 from rearl_jax.models.traffic import populate
 from tests.models.drivers import model
 
-SMOOTHED = Finding("smoothing", "time", "s", 1.0, 0.2, "positions have been smoothed")
 ROAD = TrafficModel(n_lanes=3, speed_limit=None)
 BIAS = {"bias": Estimate(0.35, 0.3, 0.4, "m/s^2")}
 KEEP_RIGHT = Claim("keep_right", "driver", BIAS, ("side",), 0.98, 90.0)
@@ -93,16 +91,6 @@ def test_drivers_are_known_and_split_as_they_were_for_car_following(recordings, 
     assert known.is_known(parts.checked.vehicle).all()
     assert known.is_known(search.first.state.data.vehicle).all()
     assert [effect.name for effect in lanes.effects] == ["keep_right"]
-
-
-def test_nothing_is_claimed_where_positions_were_smoothed(recordings, found, solver, search, monkeypatch):
-    monkeypatch.setattr("rearl_jax.discovery.search.lane_choice.on_others", lambda *_: [])
-    monkeypatch.setattr("rearl_jax.discovery.search.lane_choice.lane_change_findings", lambda *_: found)
-    lanes = lane_choice(solver, search, parts_of(recordings, SMOOTHED), recordings, DiscoverConfig())
-    assert found.effects != ()
-    assert lanes.effects == ()
-    assert lanes.candidates == found.candidates
-    assert "not claimed, for the positions have been smoothed" in lanes.words
 
 
 def test_nobody_is_calibrated_for_a_few_changes(recordings_of, solver, search, monkeypatch):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.discovery.claims import Claim
 from rearl_jax.discovery.observe import clocks
 from rearl_jax.discovery.observe.candidates import Candidate, Term
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR
@@ -13,14 +14,15 @@ from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.solver import copied
 from rearl_jax.discovery.observe.uncertainty import interval, known, price
-from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.report.verdict import candidate_rows, verdict_of
 from rearl_jax.discovery.search import decision, families
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.null import Null, simulate_again, summarise
 from rearl_jax.discovery.search.procedure import Round, Search
+from rearl_jax.discovery.search.refit import nested
 from rearl_jax.discovery.search.screen import evidences, scores
+from rearl_jax.discovery.search.simulation import simulated_gains
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
@@ -127,9 +129,19 @@ def trial(calibrated):
     return make
 
 
-def test_no_single_driver_decides_and_others_must_agree(trial):
-    loud = trial("a", [500.0] + [0.0] * 9, [0.0] * 10)
-    assert loud.gain == pytest.approx(THRESHOLDS.most_from_one_driver - 2.0)
+def test_one_driver_counts_no_more_than_what_was_seen_of_it(calibrated):
+    data = calibrated[0].data
+    loud = np.zeros(data.n_drivers)
+    loud[0] = 500.0
+    assert data.driver_minutes.max() < 1
+    assert decision.bounded_gains(loud, data)[0] == THRESHOLDS.most_from_one_driver
+    slow = replace(data, dt=10 * data.dt)  # the same steps, ten times as long
+    expected = THRESHOLDS.most_from_one_driver * slow.driver_minutes[0]
+    assert decision.bounded_gains(loud, slow)[0] == pytest.approx(expected)
+    assert expected > 3 * THRESHOLDS.most_from_one_driver
+
+
+def test_others_must_agree(trial):
     broad = trial("b", [2.0] * 10, [2.0] * 10)
     assert broad.holds
     assert not trial("c", [2.0] * 10, [-1.0] * 10).holds
@@ -218,9 +230,11 @@ def test_clocks_that_leave_more_than_noise_do_not_explain_it(solver, calibrated,
     data = calibrated[0].data
     check = ClockCheck(fit, 40.0, 40.0, 0.2, data, data)
     found = Search(solver.layout, Null({}, {}, 1), {}, data, check, rounds=[ends])
-    assert verdict_of(found, [], left) == expected
-    assert verdict_of(replace(found, clocks=None), [], left) == ("nothing" if staleness == 0.0 else "unexplained")
-    assert verdict_of(found, [Finding("position_noise", "sd", "m", 0.3, 0.01, "noisy")], left) == "artefact"
+    assert verdict_of(found, [], left, is_lower=False) == expected
+    alone = replace(found, clocks=None)
+    assert verdict_of(alone, [], left, is_lower=False) == ("nothing" if staleness == 0.0 else "unexplained")
+    lag = Claim("speed_lag", "artefact", {}, (), 0.98, None)
+    assert verdict_of(found, [lag], left, is_lower=False) == "artefact"
 
 
 def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, calibrated):
@@ -229,9 +243,9 @@ def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, c
     found = Search(solver.layout, Null({}, {}, 1), {}, data, ClockCheck(fit, 9.0, 9.0, 0.2, data, data), rounds=[ends])
     rough = Adequacy(0.3, 0.02, 0.3, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
     assert not rough.is_enough
-    assert verdict_of(found, [], rough) == "artefact"
-    assert verdict_of(found, [], replace(rough, staleness=2.4)) == "unexplained"
-    assert verdict_of(found, [], replace(rough, autocorrelation=0.3)) == "unexplained"
+    assert verdict_of(found, [], rough, is_lower=False) == "artefact"
+    assert verdict_of(found, [], replace(rough, staleness=2.4), is_lower=False) == "unexplained"
+    assert verdict_of(found, [], replace(rough, autocorrelation=0.3), is_lower=False) == "unexplained"
 
 
 @pytest.mark.parametrize(("z_score", "expected"), [(2.0, "named"), (12.0, "unexplained")])
@@ -241,9 +255,46 @@ def test_what_leaves_shifts_between_pairs_is_not_named(trial, solver, calibrated
     first = Round(fit, {}, {}, {}, frozenset(), [holds], [holds], 12.0)
     found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
     found.rounds = [first, replace(first, trials=[], accepted=[], clock_z_score=z_score)]
-    assert verdict_of(found, [], left) == expected
+    stated = [Claim("several_leaders", "driver", {}, (), 0.98, 90.0)]
+    assert verdict_of(found, stated, left, is_lower=False) == expected
+    # What may be off is not stated, and what is not stated is not named.
+    assert verdict_of(found, [], left, is_lower=False) == "unexplained"
     found.rounds = [replace(first, trials=[], accepted=[], clock_z_score=z_score)]
-    assert verdict_of(found, [], left) == {"named": "nothing"}.get(expected, expected)
+    assert verdict_of(found, [], left, is_lower=False) == {"named": "nothing"}.get(expected, expected)
+
+
+@pytest.mark.parametrize(("is_lower", "expected"), [(True, "improved"), (False, "unexplained")])
+def test_a_curve_without_a_name_improves_a_model_if_the_error_is_surely_lower(
+    trial, solver, calibrated, is_lower, expected
+):
+    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
+    curve = trial("dependence", [0.6] * 10, [0.3] * 10, kind="generic", variable="gap")
+    found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
+    found.rounds = [Round(fit, {}, {}, {}, frozenset(), [curve], [curve]), Round(fit, {}, {}, {}, frozenset(), [], [])]
+    assert verdict_of(found, [], left, is_lower=is_lower) == expected
+
+
+def test_a_model_is_never_worse_than_the_one_it_contains(solver, calibrated):
+    state, noise = calibrated
+    candidate = solver.layout.candidates[Term("leader_acceleration")]
+    base = Fit(None, copied(state, log=[100.0]), noise)
+    solver.solve([base.state], iterations=3)
+    theta = state.theta.copy()
+    theta[list(candidate.free)] = 1.5
+    stuck = copied(base.state, theta=theta, active=(candidate.term,))
+    stuck.log = [base.state.log[-1] + 190.0]
+    (fit,) = nested(solver, base, {candidate.term: Fit(candidate, stuck, noise)}).values()
+    assert fit.state.log[-1] <= base.state.log[-1] + 0.1
+
+
+def test_simulations_are_asked_for_as_much_as_they_show(calibrated):
+    data = calibrated[0].data
+    before = np.full(data.n_drivers, 2.0)
+    gains = simulated_gains(before, before / 2, data)
+    assert gains.min() > 0
+    np.testing.assert_allclose(simulated_gains(before, before, data), 0.0)
+    # A difference far below the error of the positions says nothing.
+    assert np.abs(simulated_gains(before * 1e-3, before * 1e-4, data)).max() < 1e-2
 
 
 def test_confusable_candidates_compete_together():

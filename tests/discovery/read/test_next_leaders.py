@@ -1,0 +1,66 @@
+"""Who is the leader next, and what a smoothed recording makes of the moment it changes."""
+
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+import pytest
+
+from rearl_jax.config.driver import record_of
+from rearl_jax.core.order import NOBODY
+from rearl_jax.discovery.observe.drivers import prior_of
+from rearl_jax.discovery.observe.early_leader import EarlyLeader, RecordedStimulus
+from rearl_jax.discovery.read.next_leaders import handed_over, handovers
+
+DT, N = 0.1, 100
+
+
+@pytest.fixture
+def cut_in():
+    """Vehicle 2 follows 0 until vehicle 1 comes in between in frame 50."""
+    frame = np.tile(np.arange(N), 3)
+    track = np.repeat([0, 1, 2], N)
+    lane = np.where((track == 1) & (frame < 50), 1, 0)
+    table = pd.DataFrame({"track_id": track, "frame": frame, "lane": lane})
+    leader = np.where(track == 2, np.where(frame < 50, 0, 1), np.where((track == 1) & (frame >= 50), 0, NOBODY))
+    bounds = np.arange(3) * N, (np.arange(3) + 1) * N
+    return table, bounds, leader
+
+
+def test_the_next_leader_is_known_before_it_is_one(cut_in):
+    near = handovers(*cut_in, DT, 2.0)
+    follower = slice(2 * N, 3 * N)
+    time_to, following = near.time_to[follower], near.following[follower]
+    assert np.flatnonzero(np.isfinite(time_to)).tolist() == list(range(30, 50))
+    np.testing.assert_allclose(time_to[30:50], (50 - np.arange(30, 50)) * DT)
+    np.testing.assert_array_equal(following[30:50], N + np.arange(30, 50))  # rows of vehicle 1 in the same frames
+    np.testing.assert_array_equal(near.preceding[follower][50:70], np.arange(50, 70))  # rows of vehicle 0
+    assert not near.by_own[follower].any()
+
+
+def test_a_smoothed_driver_has_answered_to_a_smoothed_step(cut_in):
+    near = handovers(*cut_in, DT, 3.0)
+    gap = np.where(cut_in[0]["track_id"] == 1, 10.0, 30.0)  # of vehicle 1, and of vehicle 0
+    present = np.where(cut_in[2] == NOBODY, 0.0, gap[np.maximum(cut_in[2], 0) * N])
+    np.testing.assert_array_equal(handed_over(present, gap, near, 0.0, DT), present)
+    smooth = handed_over(present, gap, near, 0.5, DT)[2 * N :]
+    assert smooth[0] == 30.0
+    assert smooth[-1] == 10.0
+    assert (np.diff(smooth) <= 1e-12).all()
+    assert 19.0 < smooth[49:51].mean() < 21.0  # half of it in the middle
+    assert np.ptp(smooth[45:55]) > 10.0
+
+
+@pytest.mark.parametrize(("time_to", "answers"), [(0.1, True), (1.0, True), (4.0, False), (1e9, False)])
+def test_drivers_answer_early_and_not_long_before(time_to, answers):
+    driver = prior_of(record_of("idm")()).model(*(jnp.full(1, value) for value in (30.0, 1.2, 2.0, 1.4, 2.0)))
+    seen = {name: jnp.zeros(1) for name in RecordedStimulus.__dataclass_fields__}
+    moving = {"speed": 20.0, "next_gap": 15.0, "next_speed": 20.0, "time_to_next": time_to, "next_is_nearer": 1.0}
+    stimulus = RecordedStimulus(**(seen | {name: jnp.full(1, value) for name, value in moving.items()}))
+    one = jnp.ones(1)
+    early = EarlyLeader(of_changer=one, of_follower=one, of_left=one, lead_time=2.0 * one)
+    before = jnp.full(1, 0.1)
+    change = float((early.leaders(before, stimulus, None, driver) - before)[0])
+    assert (change > 0.3) == answers
+    assert abs(change) < 1e-2 or answers
+    off = EarlyLeader(of_changer=0 * one, of_follower=0 * one, of_left=0 * one, lead_time=2.0 * one)
+    assert float((off.leaders(before, stimulus, None, driver) - before)[0]) == 0.0
