@@ -240,7 +240,7 @@ def _discovery(
     model = repaired_model(
         outcome.first,
         outcome.last,
-        outcome.lane_changes,
+        [trial for trial in outcome.lane_changes if trial.holds],
         outcome.added,
         lanes.effects,
         parts.fitted,

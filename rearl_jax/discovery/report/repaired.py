@@ -30,7 +30,7 @@ def repaired_model(
 ) -> RepairedModel:
     """The calibrated drivers without (`first`) and with (`last`) the effects that were found.
 
-    What changes of lane bring with them (`lane_changes`) is part of the calibrated model, but beside its drivers.
+    What changes of lane certainly bring with them (`lane_changes`) is part of the calibrated model, beside its drivers.
     Artefacts are no part of a model, and neither is what counts in the choice of the lane (`lanes`) and no effect of
     the library does.
     """
