@@ -114,7 +114,7 @@ def test_a_core_that_differs_fails_and_is_described(validate, replayed, recorded
     done = validate(tmp_path, PLAIN, "validation.least_lane_changes=1000", stress10=3)
     assert done.code == 2
     assert "results:" not in done.printed
-    for sentence in ("lane changes happened", "66.67% of the scenes agree in float64", "without an explanation"):
+    for sentence in ("lane changes occurred", "66.67% of the scenes agree in float64", "without an explanation"):
         assert sentence in done.said
     assert done.summary["unexplained"] == 1
     assert done.summary["agree_share_f32"] == 1.0
