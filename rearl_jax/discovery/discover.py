@@ -5,8 +5,10 @@ import re
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from rich.progress import Progress
 
@@ -186,20 +188,14 @@ def _search(config: DiscoverTask, study: Study | None, solver: Solver, parts: Pa
             study.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
         return null
 
-    lane_changes = options.lane_changes
-    outcome = search(solver, parts.fitted, parts.checked, null_for, report, lane_changes=lane_changes)
+    look = partial(search, solver, parts.fitted, parts.checked, null_for, report, lane_changes=options.lane_changes)
+    outcome = look()
     if not clocks_confirmed(solver, outcome, parts.checked, options.seed):
         log.info("clocks put right make simulations of other drivers worse: left as they are")
-        excluded = frozenset({CLOCK_OFFSET})
-        outcome = search(
-            solver, parts.fitted, parts.checked, null_for, report, lane_changes=lane_changes, excluded=excluded
-        )
+        outcome = look(excluded=frozenset({CLOCK_OFFSET}))
     if not lens_confirmed(solver, outcome, options.seed):
         log.info("a camera's distortion makes simulations of other drivers worse: left as it is")
-        excluded = outcome.excluded | {LENS}
-        outcome = search(
-            solver, parts.fitted, parts.checked, null_for, report, lane_changes=lane_changes, excluded=excluded
-        )
+        outcome = look(excluded=outcome.excluded | {LENS})
     report("reporting", 0, 1)
     return confirmed(solver, outcome, options.seed)
 
@@ -214,14 +210,15 @@ def _discovery(
     errors = model_errors(solver, parts.reported, {"before": outcome.before}, options.seed)
     if outcome.added or outcome.clocks is not None:
         errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed)
-    effects = _effects(solver, outcome, left, parts.findings, options.confidence)
+    deviations = known(solver, outcome.last.state).theta
+    effects = _effects(deviations, outcome, left, parts.findings, options.confidence)
     error = tables.error_block(errors, options.confidence, options.draws, options.seed)
     change = error["change"]
     following = {
         "verdict": verdict_of(outcome, effects, left, is_lower=change is not None and change["high"] < 0),
         "effects": [effect.plain() for effect in effects],
         "candidates": candidate_rows(outcome),
-        "lane_changes": lane_changes_block(outcome, solver, options.confidence),
+        "lane_changes": lane_changes_block(outcome, deviations, options.confidence),
         "unseen": unseen(outcome, outcome.null.threshold(THRESHOLDS.candidate_z_score)),
         "error": error,
         "adequacy": {
@@ -258,22 +255,22 @@ def _discovery(
 
 
 def _effects(
-    solver: Solver, outcome: Search, left: Adequacy, findings: Sequence[Finding], confidence: float
+    deviations: np.ndarray, outcome: Search, left: Adequacy, findings: Sequence[Finding], confidence: float
 ) -> list[Claim]:
-    """Claims: artefacts that the columns show, then what was added, with the numbers of the final model."""
+    """Claims: artefacts that the columns show, then what was added, with the numbers of the final model and their
+    standard deviations.
+    """
     effects = [found_in_columns(finding, confidence) for finding in findings if finding.is_artefact]
     most, doubtful = THRESHOLDS.most_confidence, THRESHOLDS.doubtful_confidence
     usual = most if left.is_enough and not leaves_shifts(outcome) else doubtful
     if outcome.clocks is not None:
         effects.append(differing_clocks(outcome.clocks, most if left.is_of_clocks else doubtful))
-    theta, deviations, first = outcome.last.state.theta, known(solver, outcome.last.state).theta, 0
-    for trial, rivals in outcome.fitted_trials():
-        own = deviations[first : first + len(trial.candidate.free)]
-        first += len(trial.candidate.free)
-        if not outcome.is_stated(trial) or not is_on(trial, theta, own, solver.layout, confidence):
+    theta = outcome.last.state.theta
+    for trial, rivals, own in outcome.fitted_trials(deviations):
+        if not outcome.is_stated(trial) or not is_on(trial, theta, own, outcome.layout, confidence):
             continue
         reliability = doubtful if outcome.is_doubtful(trial) else usual
-        effects.append(named_trial(trial, rivals, theta, own, solver.layout, confidence, reliability))
+        effects.append(named_trial(trial, rivals, theta, own, outcome.layout, confidence, reliability))
     return effects
 
 

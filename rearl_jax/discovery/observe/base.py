@@ -8,18 +8,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rearl_jax.discovery.observe.candidates import EARLY_LEADER, LANE_CHANGES, Term
+from rearl_jax.discovery.observe.candidates import LANE_CHANGES, Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, calibrate, noises, under_best_noise
 from rearl_jax.discovery.observe.solver import Solver, copied
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
-LEADS = (0.8, 2.5)
-"""Times before a change of leader [s] that the search starts from."""
-
-STARTS = {"early_leader.of_changer": 0.5, "early_leader.of_follower": 0.5, "relaxation.gap_share": 0.3}
-"""Strengths that it starts from [-]: away from their bounds, where no step leads on."""
+STARTS = {
+    "early_leader": tuple(
+        {"early_leader.of_changer": 0.5, "early_leader.of_follower": 0.5, "early_leader.lead_time": lead}
+        for lead in (0.8, 2.5)
+    ),
+    "relaxation": ({"relaxation.gap_share": 0.3},),
+}
+"""Values that the search starts from: strengths away from their bounds, where no step leads on, and two lead times."""
 
 
 @dataclass(frozen=True)
@@ -59,17 +62,11 @@ def base_of(solver: Solver, data: Measured, *, lane_changes: bool = True) -> Bas
 
 def _with(solver: Solver, fit: Fit, term: Term) -> Fit:
     """The model with one thing that changes of lane bring with them, fitted."""
-    layout, candidate = solver.layout, solver.layout.candidates[term]
-    theta = fit.state.theta.copy()
-    for name, value in STARTS.items():
-        if name.startswith(f"{term.effect}."):
-            theta[layout.places[name][0]] = value
-    leads = LEADS if term == EARLY_LEADER else (theta[layout.places["early_leader.lead_time"][0]],)
-    states = []
-    for lead in leads:
-        start = theta.copy()
-        start[layout.places["early_leader.lead_time"][0]] = lead
-        states.append(copied(fit.state, theta=start, active=(*fit.state.active, term)))
+    active = (*fit.state.active, term)
+    states = [
+        copied(fit.state, theta=solver.layout.with_values(fit.state.theta, start), active=active)
+        for start in STARTS[term.effect]
+    ]
     solver.solve(states, iterations=20, tolerance=0.1)
     best = min(states, key=lambda state: state.log[-1])
-    return Fit(candidate, *under_best_noise(solver, best, noises(fit.noise, ACCELERATIONS)))
+    return Fit(solver.layout.candidates[term], *under_best_noise(solver, best, noises(fit.noise, ACCELERATIONS)))

@@ -4,7 +4,7 @@ At its reference value nothing acts. A candidate owns some places of the vector:
 nothing acts yet (the screen), and places that are free when it is fitted (the refit).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +25,10 @@ FLAT = 1e6
 
 POSITION_KNOTS, TIME_KNOTS, CURVE_KNOTS, LENS_KNOTS = 17, 7, 5, 21
 
-NAMED = tuple(name for name, effect in EFFECTS.items() if effect.depends_on)
+CANDIDATE_EFFECTS: dict[str, type[Effect]] = {EarlyLeader.name: EarlyLeader} | EFFECTS
+"""Effects by name: those of the library, and what only a recording shows."""
+
+NAMED = tuple(name for name, effect in CANDIDATE_EFFECTS.items() if effect.depends_on)
 """Effects whose strengths are themselves the directions of the screen."""
 
 PLACED = {"grade": "position", "speed_limit": "position", "weather": "time"}
@@ -90,16 +93,17 @@ class Term:
 
     @property
     def is_effect(self) -> bool:
-        """True if it is an effect of the library with parameters of its own."""
-        return self.variable is None and self.effect in EFFECTS
+        """True if it is an effect with parameters of its own."""
+        return self.variable is None and self.effect in CANDIDATE_EFFECTS
 
 
 ALONG_ROAD = Term("dependence", "position")
 """The acceleration depends on the place: what a grade looks like before it has edges."""
 
-EARLY_LEADER, RELAXATION = Term("early_leader"), Term("relaxation")
+EARLY_LEADER = Term("early_leader")
+"""Answers to the next leader before the lane column shows it."""
 
-LANE_CHANGES = (EARLY_LEADER, RELAXATION)
+LANE_CHANGES = (EARLY_LEADER, Term("relaxation"))
 """What every change of lanes brings with it: in the calibrated model from the start, so that it hides nothing else."""
 
 LENS = Term("lens")
@@ -177,6 +181,16 @@ class Layout:
         """Length of theta."""
         return len(self.reference)
 
+    def with_values(
+        self, theta: Float[np.ndarray, " parameters"], values: Mapping[str, float]
+    ) -> Float[np.ndarray, " parameters"]:
+        """Theta with other values of parameters, by the names of `places`, each within its bounds."""
+        theta = theta.copy()
+        for name, value in values.items():
+            place = self.places[name][0]
+            theta[place] = np.clip(value, self.low[place], self.high[place])
+        return theta
+
     def by_name(self, theta: Float[Array, "parameters *n"]) -> Numbers:
         """The numbers in theta under the names of `places`."""
         return {name: theta[place[0] : place[-1] + 1] for name, place in self.places.items()}
@@ -203,17 +217,17 @@ def effects_at(numbers: Numbers, knots: Knots, active: Sequence[Term] | None = N
     """
 
     def named(name: str) -> Effect:
-        return EFFECTS[name](*(numbers[f"{name}.{parameter.name}"][0] for parameter in EFFECTS[name].parameters))
+        return CANDIDATE_EFFECTS[name](
+            *(numbers[f"{name}.{parameter.name}"][0] for parameter in CANDIDATE_EFFECTS[name].parameters)
+        )
 
     def over(variable: str, kind: type[CentredCurve | TimeGapCurve], name: str) -> Effect:
         return kind(numbers[f"{name}.{variable}"], knots.curve[variable], knots.centre[variable], variable)
 
-    early = EarlyLeader(*(numbers[f"early_leader.{parameter.name}"][0] for parameter in EarlyLeader.parameters))
     along_road = CentredCurve(numbers["position"], knots.position, jnp.zeros(POSITION_KNOTS), "position")
     if active is None:
         no_road, no_time = jnp.zeros(POSITION_KNOTS), jnp.zeros(TIME_KNOTS)
         return (
-            early,
             *(named(name) for name in (*NAMED, *PLACED)),
             along_road,
             DesiredSpeedCurve(numbers["desired_speed"], knots.position, no_road, "position"),
@@ -226,8 +240,6 @@ def effects_at(numbers: Numbers, knots: Knots, active: Sequence[Term] | None = N
     for term in active:
         if term.is_effect:
             effects.append(named(term.effect))
-        elif term == EARLY_LEADER:
-            effects.append(early)
         elif term == ALONG_ROAD:
             effects.append(along_road)
         elif term.variable is not None:

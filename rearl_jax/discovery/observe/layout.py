@@ -4,11 +4,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.effects.dependence import VARIABLES, hat_weights
-from rearl_jax.core.effects.effect import Effect, Parameter
+from rearl_jax.core.effects.effect import Parameter
 from rearl_jax.discovery.observe.candidates import (
     ALONG_ROAD,
+    CANDIDATE_EFFECTS,
     CURVE_KNOTS,
     CURVES,
     FLAT,
@@ -26,7 +26,6 @@ from rearl_jax.discovery.observe.candidates import (
     Term,
 )
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
-from rearl_jax.discovery.observe.early_leader import EarlyLeader
 from rearl_jax.discovery.observe.observer import stimulus
 from rearl_jax.discovery.read.measured import Measured
 
@@ -40,22 +39,19 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
     lens_knots = np.linspace(positions.min() - margin, positions.max() + margin, LENS_KNOTS)
     time_knots = np.linspace(times.min(), times.max(), TIME_KNOTS)
     builder = _Builder()
-    builder.effect(EarlyLeader)
     for name in NAMED:
-        builder.effect(EFFECTS[name])
+        builder.effect(name)
     for name in PLACED:
-        builder.parameters(EFFECTS[name])
+        builder.parameters(name)
     builder.curve("position", POSITION_KNOTS, 0.3)
     builder.curve("desired_speed", POSITION_KNOTS, 0.25)
     builder.curve("weather_speed", TIME_KNOTS, 0.2)
     builder.curve("weather_time_gap", TIME_KNOTS, 0.2)
     place = builder.places
-    builder.candidate(Term("grade"), "road", place["position"], builder.all_of(EFFECTS["grade"]), ("position",))
-    builder.candidate(
-        Term("speed_limit"), "road", place["desired_speed"], builder.all_of(EFFECTS["speed_limit"]), ("position",)
-    )
+    builder.candidate(Term("grade"), "road", place["position"], builder.all_of("grade"), ("position",))
+    builder.candidate(Term("speed_limit"), "road", place["desired_speed"], builder.all_of("speed_limit"), ("position",))
     weather = place["weather_speed"] + place["weather_time_gap"]
-    builder.candidate(Term("weather"), "road", weather, builder.all_of(EFFECTS["weather"]), ("time",))
+    builder.candidate(Term("weather"), "road", weather, builder.all_of("weather"), ("time",))
     builder.candidate(ALONG_ROAD, "generic", place["position"], place["position"], ("position",))
     knots, centres = {}, {}
     for variable in CURVES:
@@ -98,23 +94,25 @@ class _Builder:
         self.places: dict[str, tuple[int, ...]] = {}
         self.candidates: dict[Term, Candidate] = {}
 
-    def parameters(self, effect: type[Effect]) -> None:
+    def parameters(self, name: str) -> None:
         """Places of an effect's parameters."""
-        for parameter in effect.parameters:
-            self.places[f"{effect.name}.{parameter.name}"] = (len(self.rows),)
+        for parameter in CANDIDATE_EFFECTS[name].parameters:
+            self.places[f"{name}.{parameter.name}"] = (len(self.rows),)
             unit = _STEPS.get(parameter.unit, parameter.scale) if parameter.name in _UNKNOWN else parameter.scale
             self.rows.append((parameter.low, parameter.high, parameter.off, _prior(parameter), unit))
 
-    def effect(self, effect: type[Effect]) -> None:
+    def effect(self, name: str) -> None:
         """An effect whose strengths are looked along."""
-        self.parameters(effect)
-        strengths = (p.name for p in effect.parameters if p.is_strength)
-        look = tuple(self.places[f"{effect.name}.{strength}"][0] for strength in strengths)
-        self.candidate(Term(effect.name), effect.kind, look, self.all_of(effect), effect.depends_on)
+        self.parameters(name)
+        strengths = (p.name for p in CANDIDATE_EFFECTS[name].parameters if p.is_strength)
+        look = tuple(self.places[f"{name}.{strength}"][0] for strength in strengths)
+        self.candidate(
+            Term(name), CANDIDATE_EFFECTS[name].kind, look, self.all_of(name), CANDIDATE_EFFECTS[name].depends_on
+        )
 
-    def all_of(self, effect: type[Effect]) -> tuple[int, ...]:
+    def all_of(self, name: str) -> tuple[int, ...]:
         """Places of all parameters of an effect."""
-        return tuple(self.places[f"{effect.name}.{parameter.name}"][0] for parameter in effect.parameters)
+        return tuple(self.places[f"{name}.{parameter.name}"][0] for parameter in CANDIDATE_EFFECTS[name].parameters)
 
     def curve(self, name: str, n_knots: int, scale: float) -> None:
         """Places of a curve's values."""

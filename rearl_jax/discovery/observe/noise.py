@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rearl_jax.discovery.observe.autocorrelation import autocorrelation
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.observer import unrest
 from rearl_jax.discovery.observe.solver import FitState, Solver, new_state, with_noise
@@ -132,17 +133,8 @@ def _as_innovations_are(solver: Solver, state: FitState, noise: Noise) -> Noise:
     level = mean - slope * size_mean
     growth = min(max(slope, 0.0) / max(level, 0.1 * mean), MOST_GROWTH)
     even = innovation / np.sqrt(state.variances[data.driver] * (1 + growth * size))
-    correlated = _autocorrelation(even, counts, data.stride, round(INDEPENDENT_AFTER / data.dt))
+    correlated = autocorrelation(even, counts, data.stride, round(INDEPENDENT_AFTER / data.dt))
     correlated[np.abs(correlated) < CERTAIN / np.sqrt(counts.sum())] = 0.0
     phase = SLOW[:, None] * data.dt * data.stride * np.arange(1, len(correlated) + 1)
     loudest = float((1 + 2 * np.cos(phase) @ correlated).max())
     return replace(noise, growth=growth, independent=1.0 / max(loudest, 1.0))
-
-
-def _autocorrelation(values: np.ndarray, counts: np.ndarray, stride: int, most: int) -> np.ndarray:
-    """Correlation of values that count with those one, two, ... strides later [-]."""
-    lags = range(stride, min(most, len(values) - 1) + 1, stride)
-    kept = values * counts
-    square = float((kept**2).sum() / max(counts.sum(), 1.0))
-    pairs = [(kept[lag:] * kept[:-lag]).sum() / max((counts[lag:] * counts[:-lag]).sum(), 1.0) for lag in lags]
-    return np.array(pairs) / max(square, 1e-12)

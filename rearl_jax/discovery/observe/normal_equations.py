@@ -13,9 +13,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from rearl_jax.core.batch import ScenarioMap, select_scenarios
-from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.effects.effect import Effect
-from rearl_jax.discovery.observe.candidates import LENS, Knots, Layout, Term, effects_at, lens_at
+from rearl_jax.discovery.observe.candidates import CANDIDATE_EFFECTS, LENS, Knots, Layout, Term, effects_at, lens_at
 from rearl_jax.discovery.observe.observer import Pieces, innovations
 from rearl_jax.discovery.observe.robust import kept_share, robust_square
 from rearl_jax.discovery.observe.sensitivity import look_along
@@ -141,7 +140,7 @@ def _widened(arguments: dict, n: int, width: int) -> dict:
 
 
 def _remembers(term: Term) -> bool:
-    return term.is_effect and EFFECTS[term.effect].remember is not Effect.remember
+    return term.is_effect and CANDIDATE_EFFECTS[term.effect].remember is not Effect.remember
 
 
 def _squeezed(knots: Knots) -> Knots:

@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.core.effects.stimulus import Stimulus
+from rearl_jax.discovery.observe.autocorrelation import autocorrelation
 from rearl_jax.discovery.observe.candidates import LENS, lens_at
 from rearl_jax.discovery.observe.closed_loop import FARTHEST
 from rearl_jax.discovery.observe.drivers import Prior
@@ -70,14 +71,9 @@ class Residuals:
     def autocorrelation(self) -> tuple[Float[np.ndarray, " lags"], Float[np.ndarray, " lags"]]:
         """Times apart [s], up to LAGS_FOR, and the correlation of innovations that count and are so far apart [-]."""
         data = self.state.data
-        counted, found = self.innovation * data.weight, []
-        furthest = min(max(round(LAGS_FOR / data.dt), data.stride), len(data.weight) - 1)
-        lags = np.arange(data.stride, furthest + 1, data.stride)
-        for lag in lags:
-            pairs = max((data.weight[lag:] * data.weight[:-lag]).sum(), 1.0)
-            found.append((counted[lag:] * counted[:-lag]).sum() / pairs)
-        variance = max((counted**2).sum() / max(data.weight.sum(), 1.0), 1e-12)
-        return lags * data.dt, np.array(found) / variance
+        furthest = max(round(LAGS_FOR / data.dt), data.stride)
+        found = autocorrelation(self.innovation, data.weight, data.stride, furthest)
+        return np.arange(1, len(found) + 1) * data.stride * data.dt, found
 
 
 def residuals_of(solver: Solver, states: Sequence[FitState], fits: Sequence[Fit]) -> list[Residuals]:

@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from scipy.stats import norm
 
 from rearl_jax.core.order import NOBODY
+from rearl_jax.discovery.read.surroundings import Index
 
 LONGEST_LEAD = 5.0
 """Time before a change of leader in which the next one is looked at [s]: lane changes take 3 to 6 s.
@@ -54,9 +55,7 @@ def handovers(
     n = len(table)
     found = Handovers(*(np.full(n, value) for value in (NOBODY, np.inf, 0.0, NOBODY, np.inf)))
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=-1.0)
-    track, frame = table["track_id"].to_numpy(np.int64), table["frame"].to_numpy(np.int64)
-    span = int(frame.max(initial=0)) + 2
-    keys = track * span + frame  # ascending, as the table is sorted
+    frame, index = table["frame"].to_numpy(np.int64), Index(table)
     first, stop = (np.repeat(bound, bounds[1] - bounds[0]) for bound in bounds)
     row = np.arange(n)
     is_change = (row > first) & (leader != np.r_[NOBODY, leader[:-1]])
@@ -68,12 +67,12 @@ def handovers(
             continue
         before = row[max(first[k], last, k - reach) : k]
         last = k
-        place = _rows_of(keys, new * span + frame[before])
+        place = index.rows(int(new), frame[before])
         here = place != NOBODY
         found.following[before[here]], found.time_to[before[here]] = place[here], (k - before[here]) * dt
         found.by_own[before[here]] = float(lane[k] != lane[k - 1])
         after = row[k : min(stop[k], k + reach)]
-        place = _rows_of(keys, old * span + frame[after])
+        place = index.rows(int(old), frame[after])
         here = place != NOBODY
         found.preceding[after[here]], found.time_since[after[here]] = place[here], (after[here] - k) * dt
     return found
@@ -106,8 +105,3 @@ def handed_over(
         + later * norm.cdf(-(near.time_to - dt / 2) / smoothing)
         + earlier * norm.cdf(-(near.time_since + dt / 2) / smoothing)
     )
-
-
-def _rows_of(keys: Int[np.ndarray, " rows"], wanted: Int[np.ndarray, " some"]) -> Int[np.ndarray, " some"]:
-    place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    return np.where(keys[place] == wanted, place, NOBODY)

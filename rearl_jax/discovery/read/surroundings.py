@@ -60,14 +60,25 @@ def look_around(table: pd.DataFrame, speed: np.ndarray) -> Around:
 
 def _stated_leader(table: pd.DataFrame, stated: np.ndarray) -> np.ndarray:
     """Row of the leader that the source names, at the same frame."""
-    frame, track = table["frame"].to_numpy(), table["track_id"].to_numpy()
-    span = int(frame.max()) + 1
-    keys = track * span + frame
-    order = np.argsort(keys)
-    wanted = np.where(np.isfinite(stated), np.nan_to_num(stated, nan=-1.0), -1.0).astype(np.int64) * span + frame
-    place = np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)
-    found = np.isfinite(stated) & (keys[order][place] == wanted)
-    return np.where(found, order[place], NOBODY)
+    named = np.where(np.isfinite(stated), np.nan_to_num(stated, nan=NOBODY), NOBODY).astype(np.int64)
+    return Index(table).rows(named, table["frame"].to_numpy(np.int64))
+
+
+class Index:
+    """Where each vehicle is in a canonical table, which is sorted by track and frame."""
+
+    def __init__(self, table: pd.DataFrame) -> None:
+        frame = table["frame"].to_numpy(np.int64)
+        self._span = int(frame.max(initial=0)) + 1
+        self._keys = table["track_id"].to_numpy(np.int64) * self._span + frame
+
+    def rows(self, track: np.ndarray | int, frame: np.ndarray) -> np.ndarray:
+        """Rows of vehicles at their frames, NOBODY where there are none; both are of the table, or the track is
+        NOBODY.
+        """
+        wanted = track * self._span + frame
+        place = np.minimum(np.searchsorted(self._keys, wanted), len(self._keys) - 1)
+        return np.where(self._keys[place] == wanted, place, NOBODY)
 
 
 class _Lines:

@@ -30,11 +30,9 @@ import numpy as np
 
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.claims import Claim, Estimate, share_of
-from rearl_jax.discovery.observe.candidates import EARLY_LEADER, TWINS, Candidate, Layout, Term
+from rearl_jax.discovery.observe.candidates import CANDIDATE_EFFECTS, EARLY_LEADER, TWINS, Candidate, Layout, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
-from rearl_jax.discovery.observe.early_leader import EarlyLeader
-from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.observe.uncertainty import interval, known
+from rearl_jax.discovery.observe.uncertainty import interval
 from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
@@ -87,9 +85,7 @@ def named_trial(
 def names_and_units(candidate: Candidate) -> list[tuple[str, str]]:
     """Names and units of what is fitted."""
     if candidate.term.is_effect:
-        return [(parameter.name, parameter.unit) for parameter in EFFECTS[candidate.term.effect].parameters]
-    if candidate.term == EARLY_LEADER:
-        return [(parameter.name, parameter.unit) for parameter in EarlyLeader.parameters]
+        return [(parameter.name, parameter.unit) for parameter in CANDIDATE_EFFECTS[candidate.term.effect].parameters]
     unit = {"lens": "m", "time_gap_dependence": "-"}.get(candidate.term.effect, "m/s^2")
     return [(f"value_{k}", unit) for k in range(len(candidate.free))]
 
@@ -105,15 +101,12 @@ def is_on(trial: Trial, theta: np.ndarray, deviations: np.ndarray, layout: Layou
     return bool((np.abs(values - off) > half)[strengths].any())
 
 
-def lane_changes_block(search: Search, solver: Solver, confidence: float) -> list[dict[str, Any]]:
-    """`lane_changes` of the verdict."""
-    deviations, first, rows = known(solver, search.last.state).theta, 0, []
-    for trial in search.lane_changes:
-        own = deviations[first : first + len(trial.candidate.free)]
-        first += len(trial.candidate.free)
-        theta = search.last.state.theta
-        claim = named_trial(trial, [trial], theta, own, solver.layout, confidence, THRESHOLDS.most_confidence)
-        is_sure = trial.holds and is_on(trial, theta, own, solver.layout, confidence)
+def lane_changes_block(search: Search, deviations: np.ndarray, confidence: float) -> list[dict[str, Any]]:
+    """`lane_changes` of the verdict; `deviations` are standard deviations of all that was searched in theta."""
+    theta, layout, rows = search.last.state.theta, search.layout, []
+    for trial, rivals, own in search.fitted_trials(deviations)[: len(search.lane_changes)]:
+        claim = named_trial(trial, rivals, theta, own, layout, confidence, THRESHOLDS.most_confidence)
+        is_sure = trial.holds and is_on(trial, theta, own, layout, confidence)
         row = {"name": claim.name, "parameters": claim.plain()["parameters"], "gain": trial.gain, "check": trial.check}
         rows.append(row | {"is_sure": is_sure})
     return rows
@@ -142,8 +135,8 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
         is_lower: Whether the error of the reported drivers is surely lower than before.
     """
     added = [trial.candidate.kind for trial in search.added]
-    if any(kind in ("driver", "road") for kind in added):
-        names = {trial.candidate.term.effect for trial in search.added if trial.candidate.kind in ("driver", "road")}
+    names = {trial.candidate.term.effect for trial in search.added if trial.candidate.kind in ("driver", "road")}
+    if names:
         is_doubtful = any(search.is_doubtful(trial) for trial in search.added) or leaves_shifts(search)
         is_stated = names <= {effect.name for effect in effects}
         return "named" if is_stated and adequacy.is_enough and not is_doubtful else "unexplained"
@@ -215,7 +208,12 @@ def unseen(search: Search, threshold: dict[Term, float]) -> list[dict[str, Any]]
     rows = []
     for term, score in search.first_scores.items():
         candidate = search.layout.candidates.get(term)
-        if candidate is None or not term.is_effect or candidate.look != candidate.free[: len(candidate.look)]:
+        if (
+            candidate is None
+            or term == EARLY_LEADER
+            or not term.is_effect
+            or candidate.look != candidate.free[: len(candidate.look)]
+        ):
             continue
         parameter = EFFECTS[term.effect].parameters[0]
         needed = max(threshold[term], 3.0) + 0.5 * np.log1p(score.information[0, 0] * parameter.scale**2)

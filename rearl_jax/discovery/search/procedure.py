@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from itertools import takewhile
 
 import numpy as np
+from jaxtyping import Float
 
 from rearl_jax.discovery.observe.base import Base, base_of
 from rearl_jax.discovery.observe.candidates import EARLY_LEADER, Layout, Term
@@ -122,10 +123,19 @@ class Search:
         """Trials that were added, in order."""
         return [turn.chosen for turn in self.rounds if turn.chosen is not None]
 
-    def fitted_trials(self) -> list[tuple[Trial, list[Trial]]]:
-        """Trials in the order of their numbers in theta of the final model, each with those it competed with."""
-        of_lanes = [(trial, [trial]) for trial in self.lane_changes]
-        return of_lanes + [(turn.chosen, turn.trials) for turn in self.rounds if turn.chosen is not None]
+    def fitted_trials(
+        self, deviations: Float[np.ndarray, " free"]
+    ) -> list[tuple[Trial, list[Trial], Float[np.ndarray, " own"]]]:
+        """What the final model has beside its drivers, first what changes of lane bring with them.
+
+        Each trial with those it competed with, and its part of the standard deviations of all numbers that were
+        searched.
+        """
+        trials = [(trial, [trial]) for trial in self.lane_changes]
+        trials += [(turn.chosen, turn.trials) for turn in self.rounds if turn.chosen is not None]
+        ends = np.cumsum([len(trial.candidate.free) for trial, _ in trials], dtype=int)
+        parts = np.split(deviations, ends)[:-1]
+        return [(trial, rivals, own) for (trial, rivals), own in zip(trials, parts, strict=True)]
 
     def is_stated(self, trial: Trial) -> bool:
         """True if a trial may be stated as an effect: what changes of lane bring with them only where it is sure, and

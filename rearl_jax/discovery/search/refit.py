@@ -32,7 +32,7 @@ def starts(candidate: Candidate, score: Score, state: FitState, layout: Layout) 
     theta = state.theta
     effect = candidate.term.effect if candidate.term.is_effect else ""
     if effect == "reaction_delay":
-        return [_with(theta, layout, {"reaction_delay.delay": delay}) for delay in DELAYS]
+        return [layout.with_values(theta, {"reaction_delay.delay": delay}) for delay in DELAYS]
     if effect in ("grade", "speed_limit"):
         return _sections(effect, score, state, layout)
     if effect == "weather":
@@ -43,14 +43,6 @@ def starts(candidate: Candidate, score: Score, state: FitState, layout: Layout) 
         fitted = np.clip(score.fitted() / 2, -1, 1) * np.minimum(1.0, layout.scale[list(candidate.look)])
         start[list(candidate.look)] += np.nan_to_num(fitted)
     return [np.clip(start, layout.low, layout.high)]
-
-
-def _with(theta: np.ndarray, layout: Layout, values: dict[str, float]) -> np.ndarray:
-    theta = theta.copy()
-    for name, value in values.items():
-        place = layout.places[name][0]
-        theta[place] = np.clip(value, layout.low[place], layout.high[place])
-    return theta
 
 
 def _sections(name: str, score: Score, state: FitState, layout: Layout) -> list[np.ndarray]:
@@ -78,11 +70,13 @@ def _sections(name: str, score: Score, state: FitState, layout: Layout) -> list[
     for _, first, last, size in chosen:
         edges = {f"{name}.start": knots[first] - step / 2, f"{name}.end": knots[last] + step / 2}
         if name == "grade":
-            result.append(_with(state.theta, layout, {"grade.push": float(np.clip(size, -1, 1)), **edges}))
+            result.append(layout.with_values(state.theta, {"grade.push": float(np.clip(size, -1, 1)), **edges}))
         else:
             mean_driver = layout.prior.values(state.mean[:1], np.zeros(1, int))[0]
             usual = float(mean_driver[layout.prior.names.index("desired_speed")])
-            result += [_with(state.theta, layout, {"speed_limit.limit": usual * share, **edges}) for share in LIMITS]
+            result += [
+                layout.with_values(state.theta, {"speed_limit.limit": usual * share, **edges}) for share in LIMITS
+            ]
     # A car-following model that never comes near its desired speed shows nothing of a limit: it begins where none acts.
     return result or [state.theta.copy()]
 
@@ -104,7 +98,7 @@ def _onsets(score: Score, theta: np.ndarray, layout: Layout) -> list[np.ndarray]
         slower, wider = np.clip([-size[0], size[1]], -0.5, 0.5).tolist()
         onset = (knots[first - 1] + knots[first]) / 2
         start = {"weather.slower": slower, "weather.wider": wider, "weather.onset": onset}
-        result.append(_with(theta, layout, start))
+        result.append(layout.with_values(theta, start))
     return result
 
 

@@ -1,0 +1,27 @@
+"""Correlation of innovations with those before them."""
+
+import numpy as np
+from jaxtyping import Float
+
+
+def autocorrelation(
+    innovation: Float[np.ndarray, "steps pieces"],
+    weight: Float[np.ndarray, "steps pieces"],
+    stride: int,
+    furthest: int,
+) -> Float[np.ndarray, " lags"]:
+    """Correlation of innovations that count and are one, two, ... strides apart [-].
+
+    Args:
+        innovation: Innovations.
+        weight: 1 where a time step counts.
+        stride: Time steps from one innovation that says something new to the next.
+        furthest: Time steps up to which they are apart.
+    """
+    counted = innovation * weight
+    variance = max(float((counted**2).sum() / max(weight.sum(), 1.0)), 1e-12)
+    found = []
+    for lag in range(stride, min(furthest, len(weight) - 1) + 1, stride):
+        pairs = max((weight[lag:] * weight[:-lag]).sum(), 1.0)
+        found.append((counted[lag:] * counted[:-lag]).sum() / pairs)
+    return np.array(found) / variance
