@@ -45,7 +45,7 @@ class Score:
 def scores(solver: Solver, states: Sequence[FitState]) -> list[dict[Term, Score]]:
     """Scores of every candidate in states that have been solved with the same additions."""
     layout = solver.layout
-    kept = solver.programs.free(states[0].active)
+    kept = tuple(solver.free(states[0]).tolist())
     looked = sorted({place for candidate in layout.candidates.values() for place in candidate.look} - set(kept))
     places = (*kept, *looked)
     where = {place: k for k, place in enumerate(places)}
