@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.core.car_following import CAR_FOLLOWING
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
-from rearl_jax.discovery.observe.solver import FitState
+from rearl_jax.discovery.observe.fit_state import FitState
 
 MEMORY = 3.0
 """Time after which the error of an acceleration is a new one [s]: twice the correlation time of drivers' noise.

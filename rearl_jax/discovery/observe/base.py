@@ -10,8 +10,9 @@ import numpy as np
 
 from rearl_jax.discovery.observe.candidates import LANE_CHANGES, Term
 from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.fit_state import copied
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, calibrate, noises, under_best_noise
-from rearl_jax.discovery.observe.solver import Solver, copied
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -68,5 +69,5 @@ def _with(solver: Solver, fit: Fit, term: Term) -> Fit:
         for start in STARTS[term.effect]
     ]
     solver.solve(states, iterations=20, tolerance=0.1)
-    best = min(states, key=lambda state: state.log[-1])
+    best = min(states, key=lambda state: state.objective)
     return Fit(solver.layout.candidates[term], *under_best_noise(solver, best, noises(fit.noise, ACCELERATIONS)))

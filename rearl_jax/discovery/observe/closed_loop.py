@@ -5,10 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.observe.fit import Fit, on_others
+from rearl_jax.discovery.observe.fit_state import FitState, copied, replace_gain
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP
-from rearl_jax.discovery.observe.solver import FitState, Solver, copied, replace_gain
-from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.observe.solver import Solver
 
 FARTHEST = 60.0
 """Bound of a position error [m]: a simulation that has lost its leader is lost, however far."""
@@ -17,10 +16,10 @@ TYPICAL_ERROR = 1.0
 """Closed-loop gap error [m] against which the population's spread is weighed when a driver is calibrated to the gap."""
 
 
-def gap_errors(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[Float[np.ndarray, " drivers"]]:
-    """Closed-loop gap error of each driver [m] under fitted models, its own parameters calibrated to the gap."""
-    calibrated = [calibrated_to_gap(solver, state) for state in on_others(solver, data, fits)]
-    return [np.sqrt(data.driver_mean(simulated_error(solver, state) ** 2)) for state in calibrated]
+def gap_errors(solver: Solver, states: Sequence[FitState]) -> list[Float[np.ndarray, " drivers"]]:
+    """Closed-loop gap error of each driver [m] under solved models, its own parameters calibrated to the gap."""
+    calibrated = [calibrated_to_gap(solver, state) for state in states]
+    return [np.sqrt(state.data.driver_mean(simulated_error(solver, state) ** 2)) for state in calibrated]
 
 
 def simulated_error(solver: Solver, state: FitState) -> Float[np.ndarray, "steps pieces"]:

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rearl_jax.discovery.observe.candidates import Candidate
+from rearl_jax.discovery.observe.fit_state import FitState, new_state
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, noises, under_best_noise
-from rearl_jax.discovery.observe.solver import FitState, Solver, new_state
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 
 

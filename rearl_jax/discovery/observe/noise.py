@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from rearl_jax.discovery.observe.autocorrelation import autocorrelation
+from rearl_jax.discovery.observe.fit_state import FitState, new_state, with_noise
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.observer import unrest
-from rearl_jax.discovery.observe.solver import FitState, Solver, new_state, with_noise
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.smoothing import lasting_noise
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -59,16 +60,22 @@ def best_noise(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple
 def under_best_noise(
     solver: Solver, state: FitState, tried: Sequence[Noise], *, iterations: int = 20, tolerance: float = 0.05
 ) -> tuple[FitState, Noise]:
-    """A state solved anew under the noise that is most likely then, and that noise.
+    """A state solved anew under the noise that is most likely for it as it is, and that noise."""
+    noise, _ = best_noise(solver, state, tried)
+    state = with_noise(state, noise)
+    solver.solve([state], iterations=iterations, tolerance=tolerance)
+    return state, noise
 
-    Of each correlation time the most likely noise of the state as it is, is asked again at its own optimum: parameters
-    that were found under one noise favour it.
+
+def under_best_time(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple[FitState, Noise]:
+    """The same where nothing is known of the correlation time: of each, the most likely noise of the state as it is, is
+    asked again at its own optimum, for parameters that were found under one noise favour it.
     """
     chosen = []
     for time in dict.fromkeys(noise.time for noise in tried):
         chosen.append(best_noise(solver, state, [noise for noise in tried if noise.time == time])[0])
     states = [with_noise(state, noise) for noise in chosen]
-    solver.solve(states, iterations=iterations, tolerance=tolerance)
+    solver.solve(states, iterations=20, tolerance=0.05)
     likely = [best_noise(solver, one, [noise])[1] for one, noise in zip(states, chosen, strict=True)]
     best = int(np.argmax(likely))
     return states[best], chosen[best]
@@ -107,7 +114,7 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     other, with_lasting = best_noise(solver, state, lasting)
     if with_lasting > likely + THRESHOLDS.lasting_noise_gain:
         noise = other
-    state, noise = under_best_noise(solver, state, noises(noise, ACCELERATIONS))
+    state, noise = under_best_time(solver, state, noises(noise, ACCELERATIONS))
     noise = _as_innovations_are(solver, state, noise)
     state = with_noise(state, noise)
     solver.solve([state], iterations=10)

@@ -72,7 +72,7 @@ class Programs:
 
             return _sums(innovation, jnp.concatenate([a["z"], a["theta"][places]]), a["pieces"])
 
-        return self._program(("sums", active), run, WIDEST if len(places) < 8 else WIDEST // 4)
+        return self._program(("sums", active), run, WIDEST if len(places) < 8 else WIDEST // 2)
 
     def _sums_from_one_pass(self, active: tuple[Term, ...]) -> Callable[[dict], dict]:
         """The same where nothing is remembered: one reverse pass per time step serves all directions."""
@@ -120,10 +120,10 @@ class Programs:
         return call
 
 
-WIDEST = 128
-"""Pieces that one core takes at a time in programs of few directions."""
+WIDEST = 64
+"""Pieces that one core takes at a time: more take as long for each."""
 
-_WIDTHS = (2, 4, 6, 8, 12, 16, 20, 24, 28, 32, 40, 48, 64, 80, 96, 112, 128)
+_WIDTHS = (2, 4, 8, 16, 24, 32, 48, 64)
 
 
 def _width(n: int, widest: int) -> int:

@@ -26,9 +26,10 @@ from rearl_jax.discovery.observe.candidates import LENS, lens_at
 from rearl_jax.discovery.observe.closed_loop import FARTHEST
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, MEASURED, Noise, steady_state
 from rearl_jax.discovery.observe.observer import stimulus, straightened
-from rearl_jax.discovery.observe.solver import FitState, Solver
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Surroundings, is_new
 
 LAGS_FOR = 3.0

@@ -8,7 +8,8 @@ from jaxtyping import Float
 from scipy.stats import norm
 
 from rearl_jax.discovery.observe.candidates import FLAT
-from rearl_jax.discovery.observe.solver import FitState, Solver
+from rearl_jax.discovery.observe.fit_state import FitState
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 CONTENT = np.log(THRESHOLDS.independent_observations)

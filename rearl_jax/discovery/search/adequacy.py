@@ -15,9 +15,10 @@ from jaxtyping import Float
 from rearl_jax.core.following import follow
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit, on_others
+from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.forcing import answers, drivers_of
 from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
-from rearl_jax.discovery.observe.solver import FitState, Solver
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.null import noise_alone
 from rearl_jax.discovery.search.procedure import Search

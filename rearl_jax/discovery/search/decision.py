@@ -7,7 +7,8 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.observe.candidates import Candidate
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.solver import FitState, Solver
+from rearl_jax.discovery.observe.fit_state import FitState
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import price
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -22,6 +23,7 @@ class Trial:
         fit: With it.
         fitted: Gain of each driver where it was fitted [nats], within the bounds of what one driver can contribute.
         checked: Gain of each other driver, all of whom found their own parameters anew [nats], within these bounds.
+        other: The other drivers with it.
         price: Paid for its freedom [nats].
         null_mean: What all drivers together gain where nothing is missing [nats].
         simulated: Gain of each other driver's simulation [nats], within these bounds; None where none was asked.
@@ -31,6 +33,7 @@ class Trial:
     fit: Fit
     fitted: Float[np.ndarray, " drivers"]
     checked: Float[np.ndarray, " others"]
+    other: FitState
     price: float
     null_mean: float = 0.0
     simulated: Float[np.ndarray, " others"] | None = None
@@ -86,7 +89,7 @@ def trial_of(
         cost += THRESHOLDS.freedom_price
     fitted = bounded_gains(fit.state.penalised() - base.penalised(), base.data)
     checked = bounded_gains(other.penalised() - other_base.penalised(), other.data)
-    return Trial(candidate, fit, fitted, checked, cost, null_mean)
+    return Trial(candidate, fit, fitted, checked, other, cost, null_mean)
 
 
 def ranked(trials: list[Trial]) -> list[Trial]:

@@ -8,9 +8,10 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
 from rearl_jax.discovery.observe.candidates import Term
+from rearl_jax.discovery.observe.fit_state import FitState, copied
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, Noise
 from rearl_jax.discovery.observe.observer import unrest
-from rearl_jax.discovery.observe.solver import FitState, Solver, copied
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.smoothing import cut_off, smoothed
 from rearl_jax.discovery.search.screen import evidences, scores

@@ -11,7 +11,8 @@ from rearl_jax.discovery.observe.base import Base, base_of
 from rearl_jax.discovery.observe.candidates import EARLY_LEADER, Layout, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, Clocks
 from rearl_jax.discovery.observe.fit import Fit, on_others, with_others
-from rearl_jax.discovery.observe.solver import FitState, Solver
+from rearl_jax.discovery.observe.fit_state import FitState
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.clock_check import ClockCheck, check_clocks, put_right
 from rearl_jax.discovery.search.decision import Trial, believed, not_told_apart, trial_of
@@ -254,12 +255,16 @@ def _round(
         base = rebased(solver, base, fits)
         fits = nested(solver, base, fits)
         report("checking on other drivers", 0, 1)
-        trials = _trials(solver, base, fits, outcome)
+        other_base, *others = on_others(solver, outcome.checked, [base, *fits.values()])
+        trials = [
+            trial_of(solver, fit, base.state, other, other_base, null.null_mean(term))
+            for (term, fit), other in zip(fits.items(), others, strict=True)
+        ]
         accepted = believed(
             [trial for trial in trials if _is_significant(trial, exceeding) and _is_additional(trial, added)]
         )
         # Nothing is added before all that it is easily taken for have been tried as well.
-        accepted, contradicted = simulated(solver, base, accepted, outcome.checked)
+        accepted, contradicted = simulated(solver, other_base, accepted)
         tried = with_families({trial.candidate.term for trial in accepted[:1]}, known)
         if tried <= fits.keys():
             z_score |= {trial.candidate.term: 0.0 for trial in trials if _is_of_numerics(trial)}
@@ -277,15 +282,6 @@ def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Tr
     return [
         trial_of(solver, after, before.state, other, other_before, 0.0)
         for before, after, other_before, other in zip(fits[:-1], fits[1:], others[:-1], others[1:], strict=True)
-    ]
-
-
-def _trials(solver: Solver, base: Fit, fits: dict[Term, Fit], outcome: Search) -> list[Trial]:
-    """Gains of every candidate that was fitted."""
-    other_base, *others = on_others(solver, outcome.checked, [base, *fits.values()])
-    return [
-        trial_of(solver, fit, base.state, other, other_base, outcome.null.null_mean(term))
-        for (term, fit), other in zip(fits.items(), others, strict=True)
     ]
 
 

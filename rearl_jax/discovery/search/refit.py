@@ -7,8 +7,9 @@ import numpy as np
 
 from rearl_jax.discovery.observe.candidates import Candidate, Layout, Term
 from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.fit_state import FitState, copied, with_noise
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, noises, under_best_noise
-from rearl_jax.discovery.observe.solver import FitState, Solver, copied, with_noise
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.search.screen import Score
 
 TRIED = 7
@@ -123,7 +124,7 @@ def refit(
             for theta in starts(candidate, seen[candidate.term], base.state, solver.layout)
         ]
         solver.solve(states, iterations=15, tolerance=0.3)
-        best = min(states, key=lambda state: state.log[-1])
+        best = min(states, key=lambda state: state.objective)
         best, noise = under_best_noise(solver, best, noises(base.noise, lower[-TRIED:]))
         fits[candidate.term] = Fit(candidate, best, noise)
         if progress is not None:
@@ -138,10 +139,10 @@ def nested(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> dict[Term, Fit]:
     """
     better = {}
     for term, fit in fits.items():
-        if fit.state.log[-1] > base.state.log[-1]:
+        if fit.state.objective > base.state.objective:
             again = copied(base.state, active=fit.state.active)
             solver.solve([again], iterations=20, tolerance=0.05)
-            fit = min(fit, replace(fit, state=again, noise=base.noise), key=lambda one: one.state.log[-1])
+            fit = min(fit, replace(fit, state=again, noise=base.noise), key=lambda one: one.state.objective)
         better[term] = fit
     return better
 
@@ -162,6 +163,6 @@ def rebased(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> Fit:
     if starts:
         solver.solve(starts, iterations=15, tolerance=0.05)
     best, noise = min(
-        zip([base.state, *starts], [base.noise, *noises_of], strict=True), key=lambda pair: pair[0].log[-1]
+        zip([base.state, *starts], [base.noise, *noises_of], strict=True), key=lambda pair: pair[0].objective
     )
     return replace(base, state=best, noise=noise)

@@ -16,7 +16,8 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.observe import clocks
 from rearl_jax.discovery.observe.candidates import Layout, Term
-from rearl_jax.discovery.observe.solver import CLASSES, FitState, Solver
+from rearl_jax.discovery.observe.fit_state import CLASSES, FitState
+from rearl_jax.discovery.observe.solver import Solver
 
 PRIOR_WIDTHS = (0.35, 1.0, 2.0)
 """Widths of the prior, as multiples of the usual one, of which the best is taken [-]."""

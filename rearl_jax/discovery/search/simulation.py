@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe.closed_loop import gap_errors
-from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.decision import Trial, bounded_gains
@@ -23,16 +23,16 @@ ROUNDING = 1e-9
 """Change of the squared error that is of the arithmetic, as a share of it [-]."""
 
 
-def simulated(
-    solver: Solver, base: Fit, accepted: Sequence[Trial], checked: Measured
-) -> tuple[list[Trial], list[Trial]]:
-    """Trials that simulations of the checked drivers bear out, the best first, and those that they contradict."""
+def simulated(solver: Solver, base: FitState, accepted: Sequence[Trial]) -> tuple[list[Trial], list[Trial]]:
+    """Trials that simulations of the checked drivers bear out, the best first, and those that they contradict; `base`
+    are these drivers without any of them.
+    """
     leading = accepted[: THRESHOLDS.leading_simulated]
     if not leading:
         return [], []
-    before, *errors = gap_errors(solver, checked, [base, *(trial.fit for trial in leading)])
+    before, *errors = gap_errors(solver, [base, *(trial.other for trial in leading)])
     asked = [
-        replace(trial, simulated=simulated_gains(before, after, checked))
+        replace(trial, simulated=simulated_gains(before, after, base.data))
         for trial, after in zip(leading, errors, strict=True)
     ]
     worse = [share_worse(before, after) > THRESHOLDS.contradiction_share for after in errors]

@@ -4,8 +4,8 @@ import numpy as np
 
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers, acceleration, likely_parameters
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR
+from rearl_jax.discovery.observe.fit_state import new_state
 from rearl_jax.discovery.observe.noise import USUAL
-from rearl_jax.discovery.observe.solver import new_state
 
 
 def test_calibrated_drivers_keep_their_own_parameters_and_others_get_their_populations(measured_of, solver):

@@ -14,11 +14,12 @@ from rearl_jax.core.rollout import rollout
 from rearl_jax.core.spawn import spawn
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.fit_state import new_state
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP
 from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.noise import USUAL, calibrate
 from rearl_jax.discovery.observe.normal_equations import Programs
-from rearl_jax.discovery.observe.solver import Solver, new_state
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.tables import fit_table
 from rearl_jax.models.file import read_model, write_model

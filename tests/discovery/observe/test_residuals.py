@@ -10,13 +10,14 @@ from rearl_jax.blind.traffic.scenario import Scenario
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.fit_state import new_state, replace_gain
 from rearl_jax.discovery.observe.forcing import DriverScores, answers, felt, scores_and_seen
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, MEASURED, STIFFNESS, Noise, steady_state
 from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.observer import pieces_of
 from rearl_jax.discovery.observe.residuals import residuals_of, smoothed_acceleration
-from rearl_jax.discovery.observe.solver import Solver, new_state, replace_gain
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import is_new
 from rearl_jax.discovery.read.reading import measure
 from rearl_jax.discovery.read.smoothing import thinned

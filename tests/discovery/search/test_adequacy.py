@@ -7,11 +7,12 @@ import pytest
 
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.fit_state import with_noise
 from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.residuals import residuals_of
-from rearl_jax.discovery.observe.solver import Solver, with_noise
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.search.adequacy import Adequacy, by_noise_alone, misjudgement, staleness
 from rearl_jax.discovery.search.null import noise_alone
 from rearl_jax.discovery.thresholds import THRESHOLDS

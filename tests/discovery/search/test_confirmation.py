@@ -7,7 +7,7 @@ import pytest
 
 from rearl_jax.discovery.observe.candidates import LENS, Term
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.solver import copied
+from rearl_jax.discovery.observe.fit_state import copied
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.confirmation import clocks_confirmed, confirmed, lens_confirmed
 from rearl_jax.discovery.search.decision import Trial
@@ -30,7 +30,7 @@ def search_that_added(solver, calibrated, *added):
         theta = fit.state.theta.copy()
         theta[list(candidate.free)] = values
         changed = copied(state, theta=theta, active=(*fit.state.active, candidate.term))
-        trial = Trial(candidate, Fit(candidate, changed, noise), gains, gains, 0.0)
+        trial = Trial(candidate, Fit(candidate, changed, noise), gains, gains, changed, 0.0)
         rounds.append(Round(fit, {}, {}, {}, frozenset(), [trial], [trial]))
         fit = trial.fit
     rounds.append(Round(fit, {}, {}, {}, frozenset(), [], []))

@@ -10,9 +10,9 @@ from rearl_jax.discovery.observe import clocks
 from rearl_jax.discovery.observe.candidates import Candidate, Term
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR
 from rearl_jax.discovery.observe.fit import Fit, with_others
+from rearl_jax.discovery.observe.fit_state import copied
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.noise import calibrate
-from rearl_jax.discovery.observe.solver import copied
 from rearl_jax.discovery.observe.uncertainty import interval, known, price
 from rearl_jax.discovery.report.verdict import candidate_rows, verdict_of
 from rearl_jax.discovery.search import decision, families
@@ -124,7 +124,7 @@ def trial(calibrated):
 
     def make(name, fitted, checked, price=2.0, kind="driver", variable="speed", null_mean=0.0):
         candidate, fit = Candidate(Term(name), kind, (0,), (0,), (variable,)), Fit(None, *calibrated)
-        return decision.Trial(candidate, fit, np.asarray(fitted, float), np.asarray(checked, float), price, null_mean)
+        return decision.Trial(candidate, fit, np.asarray(fitted, float), np.asarray(checked, float), fit.state, price, null_mean)
 
     return make
 
@@ -322,7 +322,7 @@ def test_a_twin_stands_behind_the_candidate_that_it_looks_like(solver, calibrate
     delay, limit, asymmetry = (Term(name) for name in ("reaction_delay", "speed_limit", "asymmetry"))
     fit, evidence = Fit(None, *calibrated), dict(zip((delay, limit, asymmetry), (50.0, 40.0, 1.0), strict=True))
     first, second = (
-        decision.Trial(solver.layout.candidates[term], fit, np.full(10, gain), np.full(10, gain), 0.0)
+        decision.Trial(solver.layout.candidates[term], fit, np.full(10, gain), np.full(10, gain), fit.state, 0.0)
         for term, gain in ((delay, 5.0), (limit, 4.0))
     )
     rounds = [
