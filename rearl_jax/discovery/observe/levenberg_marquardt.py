@@ -1,0 +1,168 @@
+"""Levenberg-Marquardt search of one state, with one block per driver, eliminated by a Schur complement.
+
+Every driver has a damping of its own, so that one who drives where the model bends does not hold up all others. Own
+parameters at a bound that the objective pushes beyond stay there and take no part in the step.
+
+Source: Marquardt, SIAM J. Appl. Math. 11 (1963) 431; block elimination as in bundle adjustment, Triggs et al. (2000);
+fixed bounds: projected Newton methods, Bertsekas, SIAM J. Control Optim. 20 (1982) 221.
+"""
+
+from dataclasses import fields, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rearl_jax.discovery.observe.candidates import Layout
+from rearl_jax.discovery.observe.fit_state import CLASSES, DriverSums, FitState
+
+VARIANCE_ITERATIONS = 5
+"""Steps of the search for S_usual after each step of the search for everything else."""
+
+LONGEST_STEP = 1.0
+"""Bound of a step of a driver's standardised parameters [-]."""
+
+DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-7, 1e4
+"""Damping at the start, its lower bound, and from where on no better point is expected [-]."""
+
+CALMED, ROUSED = 0.2, 8.0
+"""Factors of the damping after a step that was taken and after one that was not [-]."""
+
+LEAST_STEPS = 3
+"""Steps taken before a small gain ends the search."""
+
+
+class Search:
+    """Search from a state that has been evaluated; the state is changed in place.
+
+    Attributes:
+        goes_on: Whether a better point is still expected.
+    """
+
+    def __init__(self, state: FitState, layout: Layout, free: Int[np.ndarray, " free"]) -> None:
+        self.goes_on = True
+        self._state, self._layout, self._free = state, layout, free
+        self._damping = np.full(len(state.z), DAMPING)  # of drivers
+        self._shared_damping = DAMPING
+        self._expected = np.zeros(len(state.z))
+        self._taken = 0
+        adapt_variance(state)
+        state.objective = self._objective(state)
+
+    def tried(self) -> FitState:
+        """The next point to be evaluated."""
+        state, layout, free = self._state, self._layout, self._free
+        assert state.sums is not None
+        n_own, size = layout.prior.size, layout.prior.size + len(free)
+        own, added = slice(0, n_own), slice(n_own, size)
+        unit, scale = layout.unit[free], layout.scale[free]
+        steps = np.concatenate([np.ones(n_own), unit])
+        gram = state.sums.gram[:, :size, :size] * (steps[:, None] * steps) / state.variances[:, None, None]
+        gradient = state.sums.gradient[:, :size] * steps / state.variances[:, None]
+        away = state.z - state.mean[state.truck]
+        n_mean = 0 if state.holds_population else CLASSES * n_own
+        n, n_shared = len(state.z), n_mean + len(free)
+        own_block = gram[:, own, own] + np.eye(n_own)
+        own_gradient = gradient[:, own] + away
+        coupling = np.zeros((n, n_own, n_shared))
+        block, slope = np.zeros((n_shared, n_shared)), np.zeros(n_shared)
+        for c in range(CLASSES if n_mean else 0):
+            place = slice(c * n_own, (c + 1) * n_own)
+            members = state.truck == c
+            coupling[members, :, place] = -np.eye(n_own)
+            block[place, place] = (members.sum() + 1) * np.eye(n_own)
+            slope[place] = state.mean[c] - away[members].sum(axis=0)
+        last = slice(n_mean, n_shared)
+        coupling[:, :, last] = gram[:, own, added]
+        block[last, last] = gram[:, added, added].sum(axis=0) + np.diag((unit / scale) ** 2)
+        off = (state.theta - layout.reference)[free]
+        slope[last] = gradient[:, added].sum(axis=0) + off * unit / scale**2
+        low, high = (bound[state.truck] for bound in layout.prior.bounds)
+        stays = _stays(state.z, own_gradient, low, high)
+        own_block, own_gradient = _without(stays, own_block), own_gradient * ~stays
+        stands = np.zeros(n_shared, bool)
+        stands[last] = _stays(state.theta[free], slope[last], layout.low[free], layout.high[free])
+        block, slope = _without(stands, block), slope * ~stands
+        coupling = coupling * (~stays[:, :, None] & ~stands)
+        damped = own_block + self._damping[:, None, None] * np.einsum("dii,ij->dij", own_block, np.eye(n_own))
+        solved = np.linalg.solve(damped, np.concatenate([own_gradient[:, :, None], coupling], axis=2))
+        step = np.zeros(n_shared)
+        if n_shared:
+            reduced = block + self._shared_damping * np.diag(np.diag(block))
+            reduced = reduced - np.einsum("dij,dik->jk", coupling, solved[:, :, 1:])
+            rest = slope - np.einsum("dij,di->j", coupling, solved[:, :, 0])
+            step = -np.linalg.solve(reduced + 1e-9 * np.eye(n_shared), rest)
+        z_step = np.clip(-(solved[:, :, 0] + solved[:, :, 1:] @ step), -LONGEST_STEP, LONGEST_STEP)
+        self._expected = -0.5 * (own_gradient * z_step).sum(axis=1)
+        theta = state.theta.copy()
+        theta[free] += unit * np.clip(step[last], -LONGEST_STEP, LONGEST_STEP)
+        mean = state.mean
+        if n_mean:
+            mean = mean + np.clip(step[:n_mean], -LONGEST_STEP, LONGEST_STEP).reshape(-1, n_own)
+        z, theta = np.clip(state.z + z_step, low, high), np.clip(theta, layout.low, layout.high)
+        return replace(state, z=z, mean=mean, theta=theta, sums=None)
+
+    def judge(self, trial: FitState, tolerance: float) -> None:
+        """Takes a point that has been evaluated where it is better; less than `tolerance` [nats] ends the search."""
+        state = self._state
+        gained = trial.penalised() - state.penalised()
+        if state.holds_population and not len(self._free):
+            self._judge_drivers(trial, gained, tolerance)
+            return
+        self._damping = np.where(gained < 0, self._damping * ROUSED, np.maximum(self._damping * CALMED, LEAST_DAMPING))
+        before, reached = state.objective, self._objective(trial)
+        if reached < before:
+            state.z, state.mean, state.theta, state.sums = trial.z, trial.mean, trial.theta, trial.sums
+            adapt_variance(state)
+            state.objective = self._objective(state)
+            self._shared_damping = max(self._shared_damping * CALMED, LEAST_DAMPING)
+            self._taken += 1
+            self.goes_on = before - reached > tolerance or self._taken < LEAST_STEPS
+        else:
+            self._shared_damping *= ROUSED
+            self.goes_on = self._shared_damping < MOST_DAMPING
+
+    def _judge_drivers(self, trial: FitState, gained: Float[np.ndarray, " drivers"], tolerance: float) -> None:
+        """Takes the point of each driver who does better there, where drivers have nothing in common."""
+        state, better = self._state, gained > 0
+        assert state.sums is not None
+        assert trial.sums is not None
+        state.z = _where(better, trial.z, state.z)
+        state.sums = DriverSums(
+            **{
+                field.name: _where(better, getattr(trial.sums, field.name), getattr(state.sums, field.name))
+                for field in fields(DriverSums)
+            }
+        )
+        adapt_variance(state)
+        state.objective = self._objective(state)
+        self._damping = np.where(better, np.maximum(self._damping * CALMED, LEAST_DAMPING), self._damping * ROUSED)
+        hoped = np.where(better, gained, np.where(self._damping < MOST_DAMPING, np.maximum(self._expected, 0.0), 0.0))
+        self.goes_on = bool(hoped.sum() > tolerance)
+
+    def _objective(self, state: FitState) -> float:
+        """Objective [nats], at the present S_usual."""
+        off = (state.theta - self._layout.reference)[self._free] / self._layout.scale[self._free]
+        return float(-state.penalised().sum() + 0.5 * (state.mean**2).sum() + 0.5 * (off**2).sum())
+
+
+def adapt_variance(state: FitState) -> None:
+    """Moves S_usual towards where it is most likely, the harmonic mean of the drivers' variances."""
+    if not state.holds_variance:
+        for _ in range(VARIANCE_ITERATIONS):
+            state.variance = float(1 / np.mean(1 / state.variances))
+
+
+def _stays(values: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """True where a number is at a bound and a slope of the objective pushes it beyond."""
+    return ((values <= low) & (slope > 0)) | ((values >= high) & (slope < 0))
+
+
+def _without(held: Bool[np.ndarray, "*n k"], block: Float[np.ndarray, "*n k k"]) -> Float[np.ndarray, "*n k k"]:
+    """Second derivatives without the numbers that are held, each of which stands alone."""
+    moves = ~held
+    return block * (moves[..., :, None] & moves[..., None, :]) + held[..., None] * np.eye(held.shape[-1])
+
+
+def _where(chosen: Bool[np.ndarray, " drivers"], one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Rows of one array where chosen, else of the other."""
+    return np.where(chosen.reshape(-1, *(1,) * (one.ndim - 1)), one, other)
