@@ -23,6 +23,7 @@ class ApproachRateGain(Effect):
     gain: Float[Array, "*#n"]
 
     name: ClassVar[str] = "approach_rate_gain"
+    depends_on: ClassVar[tuple[str, ...]] = ("approach_rate",)
     equation: ClassVar[str] = "a - gain dv behind a leader"
     source: ClassVar[str] = "after Helly (1959) and Milanes & Shladover, Transp. Res. C 48 (2014) 285 (relative speed)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -57,6 +58,7 @@ class GapRelaxation(Effect):
     relaxation_time: Float[Array, "*#n"]
 
     name: ClassVar[str] = "gap_relaxation"
+    depends_on: ClassVar[tuple[str, ...]] = ("time_since_change",)
     equation: ClassVar[str] = (
         "T + share (T_then - T) exp(-t / relaxation_time), T_then the time gap when the leader came, t since then"
     )

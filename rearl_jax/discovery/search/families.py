@@ -22,7 +22,7 @@ FAMILIES = (
     _family("weather", on=("time",)),
     _family("reaction_delay", "leader_acceleration", "several_leaders"),
     _family("speed_dependent_time_gap", "resignation"),
-    _family("relaxation", on=("time_since_change",), time_gap_on=("time_since_change",)),
+    _family("relaxation", "gap_relaxation", on=("time_since_change",), time_gap_on=("time_since_change",)),
     _family(
         "lane_friction", "no_undertaking", on=("speed_beside", "vehicles_beside"), time_gap_on=("vehicles_beside",)
     ),
@@ -30,16 +30,22 @@ FAMILIES = (
     _family("leader_class", "clock_offset", on=("leader_length",), time_gap_on=("leader_length",)),
     _family(on=("lateral_offset",), time_gap_on=("lateral_offset",)),
     _family("lane_desired_speed", on=("lane",)),
-    _family("asymmetry", on=("approach_rate",)),
+    _family("asymmetry", "approach_rate_gain", on=("approach_rate",)),
 )
 
 CONFOUNDED = (
     *FAMILIES,
     _family("several_leaders", "variance_driven_time_gap", on=("second_gap", "leader_acceleration")),
-    _family("reaction_delay", "leader_acceleration", "asymmetry", on=("leader_acceleration", "approach_rate")),
+    _family(
+        "reaction_delay",
+        "leader_acceleration",
+        "asymmetry",
+        "approach_rate_gain",
+        on=("leader_acceleration", "approach_rate"),
+    ),
     _family("speed_dependent_time_gap", "resignation", on=("speed", "gap")),
     _family("speed_limit", "grade", "weather", "lens", on=("time", "position", "speed")),
-    _family("relaxation", on=("gap", "second_gap")),
+    _family("relaxation", "gap_relaxation", on=("gap", "second_gap")),
 )
 """Candidates of which one may be no more than what another, of a slightly other form, has left."""
 

@@ -124,7 +124,9 @@ def trial(calibrated):
 
     def make(name, fitted, checked, price=2.0, kind="driver", variable="speed", null_mean=0.0):
         candidate, fit = Candidate(Term(name), kind, (0,), (0,), (variable,)), Fit(None, *calibrated)
-        return decision.Trial(candidate, fit, np.asarray(fitted, float), np.asarray(checked, float), fit.state, price, null_mean)
+        return decision.Trial(
+            candidate, fit, np.asarray(fitted, float), np.asarray(checked, float), fit.state, price, null_mean
+        )
 
     return make
 
