@@ -15,19 +15,28 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.following import begin_effects, follow
-from rearl_jax.discovery.observe.candidates import LENS, effects_at, lens_at
+from rearl_jax.discovery.observe.candidates import LENS, Term, effects_at, lens_at
 from rearl_jax.discovery.observe.observer import stimulus, straightened, straightened_start
-from rearl_jax.discovery.observe.solver import FitState, Solver
+from rearl_jax.discovery.observe.solver import FitState, Solver, copied
 
 LONGEST_AFTER = 6.0
 """Time after what a leader does over which its follower is watched [s]."""
 
 EARLIEST, LATEST = -1.0, 3.0
 """Response times that are tried [s]; below zero the model is later than the driver."""
+
+
+WIDEST_INTERVAL = 1.0
+"""Width of an interval [s] from which a response time is not identified."""
+
+SEEN_AS_LATE = 0.15
+"""Response time [s] from which drivers' own parameters are found again under that delay."""
+
+DELAY = Term("reaction_delay")
 
 
 @dataclass(frozen=True)
@@ -44,32 +53,69 @@ class Covariances:
     measured: Float[np.ndarray, "drivers lags"]
     asked: Float[np.ndarray, "drivers more"]
 
+    def delay(self, drivers: Int[np.ndarray, " some"]) -> float:
+        """Shift [s] with which the model's covariances are most alike to the measured ones of some drivers."""
+        measured, asked = self.measured[drivers].sum(axis=0), self.asked[drivers].sum(axis=0)
+        shifted = np.lib.stride_tricks.sliding_window_view(asked, len(measured))[::-1]  # from EARLIEST to LATEST
+        alike = shifted @ measured / np.maximum(np.linalg.norm(shifted, axis=1), 1e-12)
+        best, earliest = int(np.argmax(alike)), round(EARLIEST / self.dt)
+        if not 0 < best < len(alike) - 1:
+            return (best + earliest) * self.dt
+        before, at, after = alike[best - 1 : best + 2]
+        return float(best + earliest + 0.5 * (before - after) / (before - 2 * at + after)) * self.dt
 
-def response_time(
-    solver: Solver, state: FitState, confidence: float, draws: int, seed: int
-) -> dict[str, float] | None:
-    """Response time [s] of the drivers of a state with its interval over drivers, as in verdict.json; None where it is
-    not identified: where resamples of the drivers have it at the ends of what is tried.
+
+@dataclass(frozen=True)
+class Responses:
+    """How much later than their model asks drivers accelerate.
+
+    Attributes:
+        found: Under the model.
+        again: Under the model with a delay, own parameters found anew; None where they are not seen to be late.
+        added: That delay [s].
     """
+
+    found: Covariances
+    again: Covariances | None = None
+    added: float = 0.0
+
+    def figure(self, confidence: float, draws: int, seed: int) -> dict[str, float] | None:
+        """Response time {value, low, high} [s] with its interval over drivers; None where it is not identified: where
+        resamples of the drivers have it far from each other, or at the ends of what is tried.
+        """
+        n, rng = len(self.found.measured), np.random.default_rng(seed)
+        drawn = [self.of(rng.integers(0, n, n)) for _ in range(draws)]
+        low, high = np.quantile(drawn, [(1 - confidence) / 2, (1 + confidence) / 2]).tolist()
+        is_inside = low > EARLIEST + self.found.dt and high < LATEST - self.found.dt
+        if not is_inside or high - low > WIDEST_INTERVAL:
+            return None
+        return {"value": self.of(np.arange(n)), "low": low, "high": high}
+
+    def of(self, drivers: Int[np.ndarray, " some"]) -> float:
+        """Response time of some drivers [s]: the delay that the model needs for them not to be late.
+
+        Parameters that were found without a delay imitate a part of it; how much is left with one tells the rest.
+        """
+        late = self.found.delay(drivers)
+        if self.again is None:
+            return late
+        fallen = late - self.again.delay(drivers)
+        return late if fallen < self.added / 2 else late * self.added / fallen
+
+
+def responses(solver: Solver, state: FitState) -> Responses:
+    """How much later than the model of a state asks its drivers accelerate."""
     found = covariances(solver, state)
-    value, rng, n = delay(found, np.arange(state.data.n_drivers)), np.random.default_rng(seed), state.data.n_drivers
-    drawn = np.array([delay(found, rng.integers(0, n, n)) for _ in range(draws)])
-    low, high = np.quantile(drawn, [(1 - confidence) / 2, (1 + confidence) / 2]).tolist()
-    is_inside = low > EARLIEST + state.data.dt and high < LATEST - state.data.dt
-    return {"value": value, "low": low, "high": high} if is_inside else None
-
-
-def delay(found: Covariances, drivers: np.ndarray) -> float:
-    """Shift [s] with which the model's covariances are most alike to the measured ones of some drivers."""
-    measured, asked = found.measured[drivers].sum(axis=0), found.asked[drivers].sum(axis=0)
-    latest, earliest = round(LATEST / found.dt), round(EARLIEST / found.dt)
-    shifted = np.lib.stride_tricks.sliding_window_view(asked, len(measured))[::-1]  # from EARLIEST to LATEST
-    alike = shifted @ measured / np.maximum(np.linalg.norm(shifted, axis=1), 1e-12)
-    best = int(np.argmax(alike))
-    if not 0 < best < latest - earliest:
-        return (best + earliest) * found.dt
-    before, at, after = alike[best - 1 : best + 2]
-    return float(best + earliest + 0.5 * (before - after) / (before - 2 * at + after)) * found.dt
+    late = found.delay(np.arange(state.data.n_drivers))
+    layout = solver.layout
+    if late < SEEN_AS_LATE or DELAY in state.active or DELAY not in layout.candidates:
+        return Responses(found)
+    (place,) = layout.candidates[DELAY].free
+    theta = state.theta.copy()
+    theta[place] = min(late, float(layout.high[place]))
+    delayed = copied(state, theta=theta, active=(*state.active, DELAY))
+    solver.solve([delayed], iterations=15, tolerance=0.1)
+    return Responses(found, covariances(solver, delayed), float(theta[place]))
 
 
 def covariances(solver: Solver, state: FitState) -> Covariances:
