@@ -130,15 +130,14 @@ def covariances(solver: Solver, state: FitState) -> Covariances:
 
     def lagged(values: np.ndarray, first: float, last: float) -> np.ndarray:
         rows = [
-            _lagged(values, before, data.leader, lag) for lag in range(round(first / data.dt), round(last / data.dt) + 1)
+            _lagged(values, before, data.leader, lag)
+            for lag in range(round(first / data.dt), round(last / data.dt) + 1)
         ]
         total = np.zeros((data.n_drivers, len(rows)))
         np.add.at(total, data.driver, np.array(rows).T)
         return total
 
-    return Covariances(
-        data.dt, lagged(made, 0.0, LONGEST_AFTER), lagged(asked, -LATEST, LONGEST_AFTER - EARLIEST)
-    )
+    return Covariances(data.dt, lagged(made, 0.0, LONGEST_AFTER), lagged(asked, -LATEST, LONGEST_AFTER - EARLIEST))
 
 
 def _between_looks(counts: Bool[np.ndarray, "steps pieces"], stride: int) -> Bool[np.ndarray, "steps pieces"]:

@@ -119,17 +119,13 @@ def explained_share(
     return float(np.clip((before[0] ** 2 - after[0] ** 2) / above, 0.0, 1.0))
 
 
-def _protocol(
-    first: ProtocolErrors | None, final: ProtocolErrors | None, over: Resampling
-) -> dict[str, Any] | None:
+def _protocol(first: ProtocolErrors | None, final: ProtocolErrors | None, over: Resampling) -> dict[str, Any] | None:
     """Figures under one protocol; None where nobody could be tested."""
     if first is None or final is None:
         return None
     return {"n_drivers": len(final.driver), "left_out": final.left_out} | {
         measure: {
-            statistic: _compared(
-                first.usual[measure], first.by_driver[measure], final.by_driver[measure], pool, over
-            )
+            statistic: _compared(first.usual[measure], first.by_driver[measure], final.by_driver[measure], pool, over)
             for statistic, pool in STATISTICS.items()
         }
         for measure in PROTOCOL_MEASURES

@@ -16,6 +16,7 @@ from rearl_jax.discovery.report.protocols import IN_SAMPLE
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.procedure import Search
 
+
 def null_table(null: Null) -> pd.DataFrame:
     """Evidence of each candidate where nothing is missing."""
     return pd.DataFrame(
