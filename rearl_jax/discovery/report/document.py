@@ -138,36 +138,37 @@ def _error_section(error: Mapping[str, Any]) -> Section:
         for name, title in _MEASURES.items()
     ]
     rows.append(Row("gap error by the drivers' own noise alone [m]", (Cell(""), _cell(error["floor"]), Cell(""))))
-    times = error["response_time"]
+    times = error.get("response_time", {})
     if any(times.values()):
         cells = (Cell(NONE) if times[end] is None else _cell(times[end], "+") for end in ("before", "after"))
         rows.append(Row("response time beyond the model's [s]", (*cells, Cell(""))))
     words = sentence(error_words(error)) + share_words(error) + response_words(times)
     table = Table("Errors on drivers nothing was fitted to", _headings(error), tuple(rows))
-    return Section("Error before and after", (words,), (table, _protocol_table(error)))
+    return Section("Error before and after", (words,), (table, *_protocol_tables(error)))
 
 
 def _headings(error: Mapping[str, Any]) -> tuple[str, str, str]:
     return "before", "after" if error["oracle"] is None else "with the effect that was told", "change"
 
 
-def _protocol_table(error: Mapping[str, Any]) -> Table:
-    """Mean gap error by what is known of a driver."""
+def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
+    """Mean gap error by what is known of a driver; no table where the verdict has no protocols."""
     rows = []
-    for name, found in error["protocols"].items():
+    for name, found in error.get("protocols", {}).items():
         if found is not None:
             mean = found["gap_rmse"]["mean"]
             cells = (Cell(str(found["n_drivers"])), _cell(mean["population"]), _cell(mean["before"]))
             rows.append(Row(spoken(name), (*cells, _cell(mean["after"]), _share_cell(mean["change_share"]))))
     before, after, _ = _headings(error)
     headings = ("drivers", "population [m]", f"{before} [m]", f"{after} [m]", "change")
-    return Table("Mean closed-loop gap error, by what is known of a driver", headings, tuple(rows))
+    title = "Mean closed-loop gap error, by what is known of a driver"
+    return (Table(title, headings, tuple(rows)),) if rows else ()
 
 
 def _protocol_section(error: Mapping[str, Any]) -> Section:
     """Every measure under every protocol."""
-    tables, notes = [], []
-    for name, found in error["protocols"].items():
+    tables, notes, title = [], [], "Errors by what is known of a driver"
+    for name, found in error.get("protocols", {}).items():
         notes.append(f"{spoken(name)}: {PROTOCOLS[name]}")
         if found is None:
             notes[-1] += "; nobody could be tested"
@@ -186,9 +187,9 @@ def _protocol_section(error: Mapping[str, Any]) -> Section:
         "come from. Beside each is the error on the same drives with the parameters of the population in the model "
         "before."
     )
-    return Section(
-        "Errors by what is known of a driver", (how,), tuple(tables), tuple(map(sentence, notes)), is_folded=True
-    )
+    if not tables:
+        return Section(title)
+    return Section(title, (how,), tuple(tables), tuple(map(sentence, notes)), is_folded=True)
 
 
 def _share_cell(value: Mapping[str, Any]) -> Cell:

@@ -5,7 +5,7 @@ from typing import Any
 
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.lane_changes.candidates import LANE_CHOICE_DEPENDENCE
-from rearl_jax.discovery.report.protocols import PROTOCOLS
+from rearl_jax.discovery.report.protocols import IN_SAMPLE, PROTOCOLS
 
 
 def verdict_words(verdict: Mapping[str, Any]) -> str:
@@ -73,13 +73,13 @@ def error_words(error: Mapping[str, Any]) -> str:
     def text(value: Mapping[str, float], sign: str = "") -> str:
         return f"{value['value']:{sign}.2f} ({value['low']:{sign}.2f} to {value['high']:{sign}.2f}) m"
 
-    words = f"closed-loop gap error of {error['n_drivers']} other drivers, {PROTOCOLS[error['protocol']]}: "
+    words = f"closed-loop gap error of {error['n_drivers']} other drivers, {PROTOCOLS[IN_SAMPLE]}: "
     words += text(error["before"])
     if _is_changed(error):
         words += f" before, {text(error['after'])} after, change {text(error['change'], '+')}"
     if error["oracle"] is not None:
         words += f", {text(error['oracle'])} for the oracle"
-    noise = error["noise_alone"]
+    noise = error.get("noise_alone", error["floor"])
     if noise["value"] > error["floor"]["value"]:
         return f"{words}; drivers' own noise alone would make as much ({text(noise)})"
     return f"{words}; drivers' own noise alone makes {text(error['floor'])}"
