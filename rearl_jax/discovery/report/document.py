@@ -142,7 +142,7 @@ def _error_section(error: Mapping[str, Any]) -> Section:
     if any(times.values()):
         cells = (Cell(NONE) if times[end] is None else _cell(times[end], "+") for end in ("before", "after"))
         rows.append(Row("response time beyond the model's [s]", (*cells, Cell(""))))
-    words = sentence(error_words(error)) + share_words(error) + response_words(times)
+    words = sentence(error_words(error)) + share_words(error) + response_words(error)
     table = Table("Errors on drivers nothing was fitted to", _headings(error), tuple(rows))
     return Section("Error before and after", (words,), (table, *_protocol_tables(error)))
 

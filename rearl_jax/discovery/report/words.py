@@ -80,9 +80,7 @@ def error_words(error: Mapping[str, Any]) -> str:
     if error["oracle"] is not None:
         words += f", {text(error['oracle'])} for the oracle"
     noise = error.get("noise_alone", error["floor"])
-    if noise["value"] > error["floor"]["value"]:
-        return f"{words}; drivers' own noise alone would make as much ({text(noise)})"
-    return f"{words}; drivers' own noise alone makes {text(error['floor'])}"
+    return f"{words}; drivers' own noise alone makes {text(noise)}"
 
 
 def share_words(error: Mapping[str, Any]) -> str:
@@ -93,14 +91,16 @@ def share_words(error: Mapping[str, Any]) -> str:
     return f" That is {100 * share:.0f} % of the squared error beyond the drivers' own noise."
 
 
-def response_words(times: Mapping[str, Any]) -> str:
+def response_words(error: Mapping[str, Any]) -> str:
     """Response times before and after; empty where none is identified."""
+    times = error.get("response_time", {})
+    ends = ("before", "after") if _is_changed(error) else ("before",)
     said = [
-        f"{each['value']:+.2f} s ({each['low']:+.2f} to {each['high']:+.2f}) {when}"
-        for when, each in times.items()
-        if each is not None
+        f"{times[end]['value']:+.2f} s ({times[end]['low']:+.2f} to {times[end]['high']:+.2f}) {end}"
+        for end in ends
+        if times.get(end) is not None
     ]
-    return f" Drivers accelerate later than the model asks by {', '.join(said)}." if said else ""
+    return f" Response time beyond the model's: {', '.join(said)}." if said else ""
 
 
 def _is_changed(error: Mapping[str, Any]) -> bool:
