@@ -181,7 +181,7 @@ def _protocol_section(error: Mapping[str, Any]) -> Section:
             for statistic, figures in found[measure].items()
             for share in (_share_cell(figures["change_share"]),)
         ]
-        tables.append(Table(sentence(spoken(name)), ("population", *_headings(error)), tuple(rows)))
+        tables.append(Table(spoken(name).capitalize(), ("population", *_headings(error)), tuple(rows)))
     how = (
         "All errors are of simulations behind the measured leader. What differs is where a driver's own parameters "
         "come from. Beside each is the error on the same drives with the parameters of the population in the model "

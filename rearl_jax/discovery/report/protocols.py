@@ -80,9 +80,9 @@ def protocol_errors(
 
 def _predicted(solver: Solver, splits: Sequence[Split], fit: Fit) -> ProtocolErrors | None:
     """Errors in the tests with parameters from the training: the driver's likelihood there and its population."""
-    used = np.flatnonzero(seen_enough(splits)) if splits else ()
-    if not len(used):
+    if not splits or not seen_enough(splits).any():
         return None
+    used = np.flatnonzero(seen_enough(splits))
     own, usual = [], []
     for split in splits:
         (trained,) = on_others(solver, split.training, [fit])
