@@ -30,6 +30,7 @@ from rearl_jax.discovery.observe.uncertainty import known
 from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report import tables
+from rearl_jax.discovery.report.error_block import error_block
 from rearl_jax.discovery.report.errors import ModelErrors, model_errors
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.verdict import (
@@ -212,7 +213,7 @@ def _discovery(
         errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed)
     deviations = known(solver, outcome.last.state).theta
     effects = _effects(deviations, outcome, left, parts.findings, options.confidence)
-    error = tables.error_block(errors, options.confidence, options.draws, options.seed)
+    error = error_block(errors, options.confidence, options.draws, options.seed)
     change = error["change"]
     following = {
         "verdict": verdict_of(outcome, effects, left, is_lower=change is not None and change["high"] < 0),
@@ -292,7 +293,7 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
         "effects": [],
         "candidates": [],
         "unseen": [],
-        "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
+        "error": error_block(errors, options.confidence, options.draws, options.seed),
         "adequacy": None,
         "lane_choice": None,
         "data": _described(parts, solver, parts.notes),

@@ -5,6 +5,24 @@ SCORES = {"evidence": 60.0, "surprise": 40.0, "gain": 30.0, "check": 20.0, "ambi
 DELAY = {"name": "reaction_delay", "kind": "driver", "variables": ["gap"]}
 RIVAL = {"name": "leader_acceleration", "kind": "driver", "variables": ["leader_acceleration"]}
 
+PROTOCOL = {"n_drivers": 34, "left_out": 0} | {
+    measure: {
+        statistic: {
+            name: FIGURE | {"value": value}
+            for name, value in (
+                ("before", 1.5),
+                ("after", 1.2),
+                ("change", -0.3),
+                ("change_share", -0.2),
+                ("population", 3.0),
+                ("population_share", -0.6),
+            )
+        }
+        for statistic in ("mean", "median", "pooled")
+    }
+    for measure in ("gap_rmse", "gap_nrmse", "speed_rmse")
+}
+
 VERDICT = {
     "verdict": "named",
     "effects": [
@@ -22,17 +40,26 @@ VERDICT = {
     "unseen": [{"name": "rear_pressure", "parameter": "gain", "strength": 0.4, "unit": "-"}],
     "error": {
         "measure": "gap_rmse",
+        "protocol": "in_sample",
         "n_drivers": 36,
         "before": FIGURE,
         "after": FIGURE | {"value": 0.5},
         "change": FIGURE | {"value": -1.0},
         "floor": FIGURE | {"value": 0.4},
+        "noise_alone": FIGURE | {"value": 0.4},
         "oracle": None,
         "explained_share": 0.9,
         "all": {
             name: {"before": FIGURE, "after": FIGURE, "change": FIGURE}
             for name in ("gap_rmse", "speed_rmse", "one_step", "energy_score")
         },
+        "protocols": {
+            "population": PROTOCOL,
+            "first_half": PROTOCOL | {"n_drivers": 30, "left_out": 4},
+            "other_runs": None,
+            "in_sample": PROTOCOL,
+        },
+        "response_time": {"before": FIGURE | {"value": 0.65}, "after": None},
     },
     "adequacy": {"kurtosis": 0.01, "autocorrelation": 0.0, "remaining": {"name": "dependence.gap", "surprise": 1.0}},
     "lane_choice": {"changes": 12, "opportunities": 345, "loss": None},

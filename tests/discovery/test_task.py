@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from rearl_jax.config import DataConfig, DiscoverConfig, DiscoverTask, ResultsConfig
@@ -43,6 +44,24 @@ def test_a_grade_is_found_and_repaired(discovered):
     assert any(row["name"] == "reaction_delay" and row["strength"] > 0 for row in verdict["unseen"])
     assert any("too few lane changes: " in note for note in verdict["data"]["notes"])
     assert verdict["lane_choice"]["loss"] is None
+
+
+def test_errors_are_told_under_every_protocol(discovered):
+    verdict, folder, _ = discovered
+    error = verdict["error"]
+    found = error["protocols"]
+    assert found["other_runs"] is None  # nobody is known from two runs
+    mean = {name: found[name]["gap_rmse"]["mean"] for name in ("population", "first_half", "in_sample")}
+    assert mean["population"]["after"]["value"] > mean["first_half"]["after"]["value"]
+    assert mean["first_half"]["after"]["value"] > mean["in_sample"]["after"]["value"]
+    assert mean["first_half"]["population_share"]["high"] < 0
+    assert found["in_sample"]["gap_rmse"]["pooled"]["before"] == error["before"]
+    assert error["floor"]["value"] <= error["after"]["value"]
+    assert error["explained_share"] is None or 0 <= error["explained_share"] <= 1
+    table = pd.read_parquet(folder / "errors.parquet")
+    drivers = table.groupby(["model", "protocol"]).size()
+    assert (drivers["after"] == drivers["before"]).all()
+    assert drivers["after"]["first_half"] == found["first_half"]["n_drivers"]
 
 
 def test_everything_is_written_and_finite(discovered):

@@ -8,12 +8,15 @@ import pandas as pd
 from rearl_jax.config import DiscoverTask
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.lane_changes.candidates import LANE_CHOICE_DEPENDENCE
+from rearl_jax.discovery.report.protocols import PROTOCOLS
 from rearl_jax.discovery.report.words import (
     described,
     error_words,
     is_claimed,
     is_lane_choice,
     lane_choice_words,
+    response_words,
+    share_words,
     verdict_words,
 )
 from rearl_jax.discovery.search.reactions import title_of
@@ -34,6 +37,13 @@ _MEASURES = {
     "energy_score": "energy score of noisy simulations [m]",
 }
 """Titles of the measures that are shown, by their names in the verdict."""
+
+_PROTOCOL_MEASURES = {
+    "gap_rmse": "gap error [m]",
+    "gap_nrmse": "gap error as a share of the gap [-]",
+    "speed_rmse": "speed error [m/s]",
+}
+"""Titles of the measures of the protocols."""
 
 CAPTIONS = {
     "maps": "Acceleration that the model leaves, as a function of what a driver or a road could react to, drivers' own "
@@ -83,6 +93,7 @@ def document_of(
     sections = (
         _error_section(verdict["error"]),
         _effect_section(verdict),
+        _protocol_section(verdict["error"]),
         _section("Candidates", fitted, _candidate_table("Candidates of car following", following, verdict)),
         _section("The choice of the lane", lanes_fitted, _candidate_table("Candidates of lane choice", lanes, verdict)),
         Section("Notes on data and model", notes=tuple(map(sentence, data["notes"]))),
@@ -127,13 +138,63 @@ def _error_section(error: Mapping[str, Any]) -> Section:
         for name, title in _MEASURES.items()
     ]
     rows.append(Row("gap error by the drivers' own noise alone [m]", (Cell(""), _cell(error["floor"]), Cell(""))))
-    headings = ("before", "after" if error["oracle"] is None else "with the effect that was told", "change")
-    words = sentence(error_words(error))
-    share = error["explained_share"]
-    if share is not None and error["after"] is not None and error["after"]["value"] != error["before"]["value"]:
-        words += f" That is {100 * share:.0f} % of the squared error beyond the drivers' own noise."
-    table = Table("Errors on drivers nothing was fitted to", headings, tuple(rows))
-    return Section("Error before and after", (words,), (table,))
+    times = error.get("response_time", {})
+    if any(times.values()):
+        cells = (Cell(NONE) if times[end] is None else _cell(times[end], "+") for end in ("before", "after"))
+        rows.append(Row("response time beyond the model's [s]", (*cells, Cell(""))))
+    words = sentence(error_words(error)) + share_words(error) + response_words(error)
+    table = Table("Errors on drivers nothing was fitted to", _headings(error), tuple(rows))
+    return Section("Error before and after", (words,), (table, *_protocol_tables(error)))
+
+
+def _headings(error: Mapping[str, Any]) -> tuple[str, str, str]:
+    return "before", "after" if error["oracle"] is None else "with the effect that was told", "change"
+
+
+def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
+    """Mean gap error by what is known of a driver; no table where the verdict has no protocols."""
+    rows = []
+    for name, found in error.get("protocols", {}).items():
+        if found is not None:
+            mean = found["gap_rmse"]["mean"]
+            cells = (Cell(str(found["n_drivers"])), _cell(mean["population"]), _cell(mean["before"]))
+            rows.append(Row(spoken(name), (*cells, _cell(mean["after"]), _share_cell(mean["change_share"]))))
+    before, after, _ = _headings(error)
+    headings = ("drivers", "population [m]", f"{before} [m]", f"{after} [m]", "change")
+    title = "Mean closed-loop gap error, by what is known of a driver"
+    return (Table(title, headings, tuple(rows)),) if rows else ()
+
+
+def _protocol_section(error: Mapping[str, Any]) -> Section:
+    """Every measure under every protocol."""
+    tables, notes, title = [], [], "Errors by what is known of a driver"
+    for name, found in error.get("protocols", {}).items():
+        notes.append(f"{spoken(name)}: {PROTOCOLS[name]}")
+        if found is None:
+            notes[-1] += "; nobody could be tested"
+            continue
+        if found["left_out"]:
+            notes[-1] += f"; {found['left_out']} drivers were seen too shortly and are left out"
+        rows = [
+            Row(f"{statistic} {title}", (*(_cell(figures[end]) for end in ("population", "before", "after")), share))
+            for measure, title in _PROTOCOL_MEASURES.items()
+            for statistic, figures in found[measure].items()
+            for share in (_share_cell(figures["change_share"]),)
+        ]
+        tables.append(Table(spoken(name).capitalize(), ("population", *_headings(error)), tuple(rows)))
+    how = (
+        "All errors are of simulations behind the measured leader. What differs is where a driver's own parameters "
+        "come from. Beside each is the error on the same drives with the parameters of the population in the model "
+        "before."
+    )
+    if not tables:
+        return Section(title)
+    return Section(title, (how,), tuple(tables), tuple(map(sentence, notes)), is_folded=True)
+
+
+def _share_cell(value: Mapping[str, Any]) -> Cell:
+    share, low, high = (100 * value[name] for name in ("value", "low", "high"))
+    return Cell(f"{share:+.1f} %", f"{low:+.1f} to {high:+.1f}")
 
 
 def _cell(value: Mapping[str, Any], sign: str = "") -> Cell:

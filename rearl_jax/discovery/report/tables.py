@@ -1,4 +1,4 @@
-"""Tables of a discovery, and the error block and summary of its verdict."""
+"""Tables of a discovery, and the summary of its verdict."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,11 +11,10 @@ from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import known
-from rearl_jax.discovery.report.errors import MEASURES, ModelErrors, with_interval
+from rearl_jax.discovery.report.errors import ModelErrors
+from rearl_jax.discovery.report.protocols import IN_SAMPLE
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.procedure import Search
-
-MAIN_MEASURE = "gap_rmse"
 
 
 def null_table(null: Null) -> pd.DataFrame:
@@ -41,40 +40,17 @@ def read_null(path: Path) -> Null:
     )
 
 
-def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int, seed: int) -> dict[str, Any]:
-    """`error` of the verdict: every measure before and after, and the floor, with intervals over drivers."""
-    block: dict[str, Any] = {"measure": MAIN_MEASURE, "n_drivers": len(errors["before"].floor)}
-    last = "after" if "after" in errors else "oracle" if "oracle" in errors else "before"
-    figures = {}
-    for measure in MEASURES:
-        both = [errors[model].by_driver[measure] for model in ("before", last)]
-        rows = with_interval(both, measure, confidence, draws, seed)
-        figures[measure] = dict(zip(("before", "after", "change"), rows, strict=True))
-    main = figures[MAIN_MEASURE]
-    (floor,) = with_interval([errors[last].floor], MAIN_MEASURE, confidence, draws, seed)
-    return block | {
-        "before": main["before"],
-        "after": main["after"] if last != "oracle" else None,
-        "change": main["change"],
-        "floor": floor,
-        "oracle": main["after"] if last == "oracle" else None,
-        "explained_share": _explained(*(figure["value"] for figure in (main["before"], main["after"], floor))),
-        "all": figures,
-    }
-
-
-def _explained(before: float, after: float, floor: float) -> float | None:
-    """Share of the squared error above the floor that is gone [-]; None where the error was at the floor already."""
-    above = before**2 - floor**2
-    return None if above <= 0.02 * before**2 else float((before**2 - after**2) / above)
-
-
 def error_table(errors: Mapping[str, ModelErrors]) -> pd.DataFrame:
-    """Every measure of every report driver and model."""
+    """Every measure of every report driver under every model and protocol."""
     parts = []
     for model, one in errors.items():
-        part = pd.DataFrame({"model": model, "driver": np.arange(len(one.floor)), "floor": one.floor})
-        parts.append(part.assign(**one.by_driver))
+        for protocol, found in one.protocols.items():
+            if found is None:
+                continue
+            part = pd.DataFrame({"model": model, "protocol": protocol, "driver": found.driver})
+            if protocol == IN_SAMPLE:
+                part = part.assign(floor=one.floor, **one.by_driver)
+            parts.append(part.assign(**found.by_driver, **{f"population_{k}": v for k, v in found.usual.items()}))
     return pd.concat(parts, ignore_index=True)
 
 

@@ -10,9 +10,18 @@ candidates   [{name, kind, variables, evidence, surprise, gain, check, ambiguous
 lane_changes [{name, parameters, gain, check, is_sure}]: what changes of lane bring with them, in the calibrated model
              from the start; empty where too few leaders change
 unseen       [{name, parameter, strength, unit}]: what an effect would have needed to be seen in these data
-error        {measure, n_drivers, before, after, change, floor, oracle, explained_share, all}: `measure` in figures
-             {value, low, high}, the share of the squared error above the floor that is gone, and before, after and
-             change of every measure
+error        {measure, protocol, n_drivers, before, after, change, floor, noise_alone, oracle, explained_share, all,
+              protocols, response_time}: `measure` under `protocol` in figures {value, low, high}; `noise_alone`: the
+              error that drives with the drivers' own noise make under the last model; `floor`: the same, at most the
+              error after; `explained_share`: share of the squared error above the floor that is gone, null where
+              nothing is above it or the noise alone surely makes more than the error; `all`: before, after and
+              change of every measure, each driver with parameters calibrated to its drive;
+              `protocols`: {population | first_half | other_runs | in_sample: {n_drivers, left_out, gap_rmse,
+              gap_nrmse, speed_rmse}}, each measure {mean | median | pooled: {before, after, change, change_share,
+              population, population_share}}; null where nobody could be tested; `change_share`: change as a share of
+              before; `population`: the error on the same drives with the parameters of the population in the model
+              before, and `population_share`, by which share after is above it; `response_time`: {before, after} [s],
+              how much later than the model asks drivers accelerate; null where not identified
 adequacy     {kurtosis, autocorrelation, misjudgement, staleness, remaining, ...}: what is left after all that was added
 lane_choice  {changes, opportunities, loss: {before, after, change}}: lane changes by choice, the chances for one, and
              the mean log-loss of the report drivers' choices [nats], null where there were too few; what was found

@@ -5,6 +5,7 @@ from typing import Any
 
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.lane_changes.candidates import LANE_CHOICE_DEPENDENCE
+from rearl_jax.discovery.report.protocols import IN_SAMPLE, PROTOCOLS
 
 
 def verdict_words(verdict: Mapping[str, Any]) -> str:
@@ -72,9 +73,35 @@ def error_words(error: Mapping[str, Any]) -> str:
     def text(value: Mapping[str, float], sign: str = "") -> str:
         return f"{value['value']:{sign}.2f} ({value['low']:{sign}.2f} to {value['high']:{sign}.2f}) m"
 
-    words = f"closed-loop gap error of {error['n_drivers']} other drivers: {text(error['before'])}"
-    if error["after"] is not None and error["after"]["value"] != error["before"]["value"]:
+    words = f"closed-loop gap error of {error['n_drivers']} other drivers, {PROTOCOLS[IN_SAMPLE]}: "
+    words += text(error["before"])
+    if _is_changed(error):
         words += f" before, {text(error['after'])} after, change {text(error['change'], '+')}"
     if error["oracle"] is not None:
         words += f", {text(error['oracle'])} for the oracle"
-    return f"{words}; drivers' own noise alone makes {text(error['floor'])}"
+    noise = error.get("noise_alone", error["floor"])
+    return f"{words}; drivers' own noise alone makes {text(noise)}"
+
+
+def share_words(error: Mapping[str, Any]) -> str:
+    """Share of the removable error that is gone; empty where nothing was added or nobody can tell."""
+    share = error["explained_share"]
+    if share is None or not _is_changed(error):
+        return ""
+    return f" That is {100 * share:.0f} % of the squared error beyond the drivers' own noise."
+
+
+def response_words(error: Mapping[str, Any]) -> str:
+    """Response times before and after; empty where none is identified."""
+    times = error.get("response_time", {})
+    ends = ("before", "after") if _is_changed(error) else ("before",)
+    said = [
+        f"{times[end]['value']:+.2f} s ({times[end]['low']:+.2f} to {times[end]['high']:+.2f}) {end}"
+        for end in ends
+        if times.get(end) is not None
+    ]
+    return f" Response time beyond the model's: {', '.join(said)}." if said else ""
+
+
+def _is_changed(error: Mapping[str, Any]) -> bool:
+    return error["after"] is not None and error["after"]["value"] != error["before"]["value"]

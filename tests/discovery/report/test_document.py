@@ -23,6 +23,7 @@ from rearl_jax.document.terminal import text_of
 from tests.discovery.made_verdict import KEEP_RIGHT, LANE_SCORES, LOSS, VERDICT
 
 CURVE = {"name": "dependence", "kind": "generic"}
+NEW = ("protocol", "noise_alone", "protocols", "response_time")
 NUMBERS = {"parameters": {}, "confidence": 0.9, "evidence": 50.0}
 REAR_GAP = {"name": "lane_choice_dependence", "kind": "generic", "variables": ["rear_gap"], **NUMBERS}
 
@@ -58,7 +59,11 @@ def test_the_terminal_says_what_is_missing_how_we_know_and_what_it_changes():
         "GENERATED recordings",
         "closed-loop gap error [m] 1.50 1.50 +1.50 1.00 to 2.00 1.00 to 2.00 +1.00 to +2.00",
         "gap error by the drivers' own noise alone [m] 0.400 1.00 to 2.00",
+        "response time beyond the model's [s] +0.650 - +1.00 to +2.00",
+        "first half 30 3.00 1.50 1.20 -20.0 %",
+        "other drivers, own parameters calibrated to the drive itself: 1.50",
         "That is 90 % of the squared error beyond",
+        "Response time beyond the model's: +0.65 s (+1.00 to +2.00) before.",
         "reaction delay delay [s] 0.700 0.90 0.600 to 0.800",
         "The columns themselves show: the <b>speed</b> column is late.",
         "Leader acceleration explains the data as well; to tell them apart: faster changes <i>.",
@@ -69,6 +74,23 @@ def test_the_terminal_says_what_is_missing_how_we_know_and_what_it_changes():
     places = [text.index(part) for part in parts]
     assert places == sorted(places)
     assert "of lane choice" not in text
+
+
+def test_every_protocol_is_explained_and_has_its_measures_on_the_page():
+    section = folded("Errors by what is known of a driver")
+    assert [table.title for table in section.tables] == ["Population", "First half", "In sample"]
+    assert section.notes[1].endswith("the second half; 4 drivers were seen too shortly and are left out.")
+    assert section.notes[2].endswith("nobody could be tested.")
+    assert [row.title for row in section.tables[1].rows[:4]] == [
+        *(f"{name} gap error [m]" for name in ("mean", "median", "pooled")),
+        "mean gap error as a share of the gap [-]",
+    ]
+
+
+def test_a_verdict_from_before_there_were_protocols_is_shown():
+    error = {key: value for key, value in VERDICT["error"].items() if key not in NEW}
+    assert "drivers' own noise alone makes 0.40" in printed(error=error)
+    assert "by what is known" not in printed(error=error)
 
 
 def test_the_page_has_what_is_folded_escapes_markup_and_has_no_nan():

@@ -1,0 +1,183 @@
+"""Response time of drivers: how much later than their model asks they accelerate.
+
+The model is asked in every time step where its driver was measured to be, so no error adds up. What drivers do beside
+the model moves gap and speed, and with them what the model asks; correlated with each other, both would show that. What
+the leader does owes nothing to it: if drivers do late what the model asks, the covariance of their acceleration with
+the leader's some time before is that of the model's, later by the response time.
+
+Source: delay by cross-correlation, Knapp & Carter, IEEE Trans. ASSP 24 (1976) 320; with the leader's acceleration as
+the instrument, Young, Recursive Estimation and Time-Series Analysis (2011), chapter 7.
+"""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+from jaxtyping import Bool, Float, Int
+
+from rearl_jax.core.effects.stimulus import Stimulus
+from rearl_jax.core.following import begin_effects, follow
+from rearl_jax.discovery.observe.candidates import LENS, Term, effects_at, lens_at
+from rearl_jax.discovery.observe.observer import stimulus, straightened, straightened_start
+from rearl_jax.discovery.observe.solver import FitState, Solver, copied
+
+LONGEST_AFTER = 6.0
+"""Time after what a leader does over which its follower is watched [s]."""
+
+EARLIEST, LATEST = -1.0, 3.0
+"""Response times that are tried [s]; below zero the model is later than the driver."""
+
+
+WIDEST_INTERVAL = 1.0
+"""Width of an interval [s] from which a response time is not identified."""
+
+SEEN_AS_LATE = 0.15
+"""Response time [s] from which drivers' own parameters are found again under that delay."""
+
+DELAY = Term("reaction_delay")
+
+
+@dataclass(frozen=True)
+class Covariances:
+    """Covariances with the leader's acceleration before, driver by driver, summed over time [m^2/s^4].
+
+    Attributes:
+        dt: Time step [s].
+        measured: Of the measured acceleration, from lag 0 to LONGEST_AFTER.
+        asked: Of what the model asks, from lag -LATEST to LONGEST_AFTER - EARLIEST.
+    """
+
+    dt: float
+    measured: Float[np.ndarray, "drivers lags"]
+    asked: Float[np.ndarray, "drivers more"]
+
+    def delay(self, drivers: Int[np.ndarray, " some"]) -> float:
+        """Shift [s] with which the model's covariances are most alike to the measured ones of some drivers."""
+        measured, asked = self.measured[drivers].sum(axis=0), self.asked[drivers].sum(axis=0)
+        shifted = np.lib.stride_tricks.sliding_window_view(asked, len(measured))[::-1]  # from EARLIEST to LATEST
+        alike = shifted @ measured / np.maximum(np.linalg.norm(shifted, axis=1), 1e-12)
+        best, earliest = int(np.argmax(alike)), round(EARLIEST / self.dt)
+        if not 0 < best < len(alike) - 1:
+            return (best + earliest) * self.dt
+        before, at, after = alike[best - 1 : best + 2]
+        return float(best + earliest + 0.5 * (before - after) / (before - 2 * at + after)) * self.dt
+
+
+@dataclass(frozen=True)
+class Responses:
+    """How much later than their model asks drivers accelerate.
+
+    Attributes:
+        found: Under the model.
+        again: Under the model with a delay, own parameters found anew; None where they are not seen to be late.
+        added: That delay [s].
+    """
+
+    found: Covariances
+    again: Covariances | None = None
+    added: float = 0.0
+
+    def figure(self, confidence: float, draws: int, seed: int) -> dict[str, float] | None:
+        """Response time {value, low, high} [s] with its interval over drivers; None where it is not identified: where
+        resamples of the drivers have it far from each other, or at the ends of what is tried.
+        """
+        n, rng = len(self.found.measured), np.random.default_rng(seed)
+        drawn = [self.of(rng.integers(0, n, n)) for _ in range(draws)]
+        low, high = np.quantile(drawn, [(1 - confidence) / 2, (1 + confidence) / 2]).tolist()
+        is_inside = low > EARLIEST + self.found.dt and high < LATEST - self.found.dt
+        if not is_inside or high - low > WIDEST_INTERVAL:
+            return None
+        return {"value": self.of(np.arange(n)), "low": low, "high": high}
+
+    def of(self, drivers: Int[np.ndarray, " some"]) -> float:
+        """Response time of some drivers [s]: the delay that the model needs for them not to be late.
+
+        Parameters that were found without a delay imitate a part of it; how much is left with one tells the rest.
+        """
+        late = self.found.delay(drivers)
+        if self.again is None:
+            return late
+        fallen = late - self.again.delay(drivers)
+        return late if fallen < self.added / 2 else late * self.added / fallen
+
+
+def responses(solver: Solver, state: FitState) -> Responses:
+    """How much later than the model of a state asks its drivers accelerate."""
+    found = covariances(solver, state)
+    late = found.delay(np.arange(state.data.n_drivers))
+    layout = solver.layout
+    if late < SEEN_AS_LATE or DELAY in state.active or DELAY not in layout.candidates:
+        return Responses(found)
+    (place,) = layout.candidates[DELAY].free
+    theta = state.theta.copy()
+    theta[place] = min(late, float(layout.high[place]))
+    delayed = copied(state, theta=theta, active=(*state.active, DELAY))
+    solver.solve([delayed], iterations=15, tolerance=0.1)
+    return Responses(found, covariances(solver, delayed), float(theta[place]))
+
+
+def covariances(solver: Solver, state: FitState) -> Covariances:
+    """Covariances of a state; accelerations are taken about their means in each piece."""
+    data = state.data
+    counts = _between_looks(data.weight > 0, data.stride)
+    leader = data.around.leader_acceleration
+    made, asked, before = (
+        (values - (values * counts).sum(axis=0) / np.maximum(counts.sum(axis=0), 1)) * counts
+        for values in (np.gradient(data.smooth_speed, data.dt, axis=0), asked_acceleration(solver, state), leader)
+    )
+
+    def lagged(values: np.ndarray, first: float, last: float) -> np.ndarray:
+        rows = [
+            _lagged(values, before, data.leader, lag)
+            for lag in range(round(first / data.dt), round(last / data.dt) + 1)
+        ]
+        total = np.zeros((data.n_drivers, len(rows)))
+        np.add.at(total, data.driver, np.array(rows).T)
+        return total
+
+    return Covariances(data.dt, lagged(made, 0.0, LONGEST_AFTER), lagged(asked, -LATEST, LONGEST_AFTER - EARLIEST))
+
+
+def _between_looks(counts: Bool[np.ndarray, "steps pieces"], stride: int) -> Bool[np.ndarray, "steps pieces"]:
+    """Time steps between two neighbouring ones that count, both included."""
+    looks, row = counts[::stride], np.arange(len(counts))
+    last, following = row // stride, -(-row // stride)
+    return looks[last] & looks[np.minimum(following, len(looks) - 1)] & (following < len(looks))[:, None]
+
+
+def _lagged(
+    values: Float[np.ndarray, "steps pieces"],
+    before: Float[np.ndarray, "steps pieces"],
+    leader: np.ndarray,
+    lag: int,
+) -> Float[np.ndarray, " pieces"]:
+    """Sum of products of values with those of the same leader `lag` time steps before, piece by piece."""
+    n = len(values)
+    late, early = slice(max(lag, 0), n + min(lag, 0)), slice(max(-lag, 0), n - max(lag, 0))
+    return (values[late] * before[early] * (leader[late] == leader[early])).sum(axis=0)
+
+
+def asked_acceleration(solver: Solver, state: FitState) -> Float[np.ndarray, "steps pieces"]:
+    """Acceleration [m/s^2] that the model asks of each driver at the measured place and speed."""
+    data, layout = state.data, solver.layout
+    is_truck = data.is_truck.astype(float)
+    driver = layout.prior.drivers(jnp.asarray(state.z[data.driver].T), is_truck)
+    numbers = layout.by_name(jnp.repeat(jnp.asarray(state.theta)[:, None], len(data.driver), axis=1))
+    knots = jax.tree.map(jnp.asarray, layout.knots)
+    effects = effects_at(numbers, knots, state.active)
+    x, v, around = jax.tree.map(jnp.asarray, (data.smooth, data.smooth_speed, data.around))
+    if LENS in state.active:
+        lens = lens_at(layout.by_name(jnp.asarray(state.theta)[:, None, None]), knots)
+        around, (x, v) = straightened(around, lens), straightened_start(jnp.stack([x, v]), lens)
+    seen = jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(x, v, jnp.asarray(data.length), is_truck, around)
+
+    def step(carry: tuple, now: Stimulus) -> tuple[tuple, Array]:
+        memory, last = carry
+        asked, memory = follow(now, driver, effects, memory, last, data.dt)
+        return (memory, asked), asked
+
+    memory = begin_effects(effects, jax.tree.map(lambda values: values[0], seen), driver, data.dt)
+    first = memory, jnp.zeros(x.shape[1:])
+    return np.asarray(jax.jit(lambda carry, rows: lax.scan(step, carry, rows)[1])(first, seen), float)

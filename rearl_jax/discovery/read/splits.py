@@ -1,0 +1,139 @@
+"""Drives of known drivers in two parts: one to find their own parameters on, one to test a prediction on.
+
+Whatever the protocol, a split is two sets of measured drives with the same drivers, of whom no time step counts in
+both.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rearl_jax.discovery.read.measured import BY_PIECE, Measured
+
+LEAST_TIME = 10.0
+"""Least time of a driver in the training and in the test, each, for a prediction to be tested [s]."""
+
+MOST_FOLDS = 4
+"""Parts of the runs of one driver, each of which is predicted from the others in turn; of more runs several are left
+out together.
+"""
+
+UNKNOWN = -1
+"""Identity of a driver whom nobody knows."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """Drives to find drivers' own parameters on, and drives of the same drivers to test them on.
+
+    Attributes:
+        training: Its drives; what belongs to the test has the weight 0.
+        test: Drives that begin where they are tested; what belongs to the training has the weight 0.
+    """
+
+    training: Measured
+    test: Measured
+
+
+def seen_enough(splits: Sequence[Split]) -> Bool[np.ndarray, " drivers"]:
+    """Drivers of whom enough was seen in the tests and, wherever they are tested, in the training."""
+    trained, tested = (
+        np.stack([getattr(split, part).driver_minutes * 60 for split in splits]) for part in ("training", "test")
+    )
+    return (tested.sum(axis=0) >= LEAST_TIME) & ((trained >= LEAST_TIME) | (tested == 0)).all(axis=0)
+
+
+def halves(data: Measured) -> Split:
+    """The first half of each driver's time that counts, and the second; its pieces are put in order of time.
+
+    A piece with the middle in it begins there in the test, with the position and the speed measured then.
+    """
+    order = np.lexsort((data.around.time[0], data.recording, data.driver))
+    n_steps, counts = len(data.y), (data.weight > 0)[:, order].T.ravel()
+    driver = np.repeat(data.driver[order], n_steps)
+    total = np.bincount(driver, counts, data.n_drivers)
+    before = np.cumsum(total) - total
+    late = np.empty((n_steps, len(order)), bool)
+    late[:, order] = (np.cumsum(counts) - before[driver] > total[driver] / 2).reshape(-1, n_steps).T
+    training = replace(data, weight=data.weight * ~late)
+    is_cut = (training.weight > 0).any(axis=0)
+    test = replace(data, weight=data.weight * late)
+    return Split(training, begun_later(test, np.where(is_cut, np.argmax(test.weight > 0, axis=0), 0)))
+
+
+def begun_later(data: Measured, first: Int[np.ndarray, " pieces"]) -> Measured:
+    """Pieces without their first time steps, as many for each as `first` says; the last one is repeated at the end.
+
+    The steps left out are a multiple of the stride where the first that is left counts.
+    """
+    later = np.arange(len(data.y))[:, None] + first
+    rows = np.minimum(later, len(data.y) - 1)
+
+    def moved(values: np.ndarray) -> np.ndarray:
+        return np.take_along_axis(values, rows, axis=0)
+
+    of_steps = {name: moved(getattr(data, name)) for name in BY_PIECE if getattr(data, name).ndim == 2}
+    of_steps["weight"] = of_steps["weight"] * (later < len(data.y))
+    return replace(data, around=jax.tree.map(moved, data.around), **of_steps)
+
+
+def left_out_runs(
+    data: Measured, same: Int[np.ndarray, " drivers"], tested: Bool[np.ndarray, " drivers"]
+) -> list[Split]:
+    """Every run of drivers with several, predicted from their others; the drivers of the splits are who drove.
+
+    Args:
+        data: Runs, each of them a driver of its own.
+        same: Who drove each run, a number that all runs of one driver or one car share; `UNKNOWN` where nobody knows.
+        tested: Runs that are predicted; others only help to find the parameters of who drove them.
+
+    Returns:
+        Splits of the same drivers, in each of which other runs are left out; none where nobody has two runs.
+    """
+    runs = np.bincount(same[same != UNKNOWN], minlength=1)
+    tests = np.bincount(same[(same != UNKNOWN) & tested], minlength=len(runs))
+    several = np.flatnonzero((runs > 1) & (tests > 0))
+    if not len(several):
+        return []
+    pieces = np.flatnonzero(np.isin(same, several)[data.driver])
+    chosen = data.select(pieces)
+    run = data.driver[pieces]
+    fold = _folds(data, same, several)[run]
+    chosen = replace(chosen, driver=np.searchsorted(several, same[run]))
+    return [
+        Split(
+            replace(chosen, weight=chosen.weight * (fold != left_out)),
+            replace(chosen, weight=chosen.weight * ((fold == left_out) & tested[run])),
+        )
+        for left_out in range(fold.max() + 1)
+    ]
+
+
+def _folds(data: Measured, same: Int[np.ndarray, " drivers"], several: np.ndarray) -> Int[np.ndarray, " drivers"]:
+    """Fold of each run, in order of time: the runs of one driver in at most MOST_FOLDS parts of about the same size."""
+    begin = np.full(data.n_drivers, np.inf)
+    np.minimum.at(begin, data.driver, data.around.time[0])
+    recording = np.zeros(data.n_drivers, int)
+    recording[data.driver] = data.recording
+    fold = np.zeros(data.n_drivers, int)
+    for identity in several:
+        runs = np.flatnonzero(same == identity)
+        runs = runs[np.lexsort((begin[runs], recording[runs]))]
+        for number, part in enumerate(np.array_split(runs, min(len(runs), MOST_FOLDS))):
+            fold[part] = number
+    return fold
+
+
+def error_of_splits(
+    splits: Sequence[Split], values: Sequence[Float[np.ndarray, "steps pieces"]]
+) -> Float[np.ndarray, " drivers"]:
+    """Root mean square of each driver's values over the time steps that count in the tests."""
+    sums = np.zeros((2, splits[0].test.n_drivers))
+    for split, one in zip(splits, values, strict=True):
+        test = split.test
+        for row, part in zip(sums, (one**2 * test.weight, test.weight), strict=True):
+            row += np.bincount(test.driver, part.sum(axis=0), test.n_drivers)
+    return np.sqrt(sums[0] / np.maximum(sums[1], 1.0))

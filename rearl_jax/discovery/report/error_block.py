@@ -1,0 +1,144 @@
+"""Figures of the error with intervals over drivers: `error` of the verdict."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.discovery.report.errors import MEASURES, ModelErrors
+from rearl_jax.discovery.report.protocols import IN_SAMPLE, PROTOCOL_MEASURES, PROTOCOLS, ProtocolErrors
+
+MAIN_MEASURE = "gap_rmse"
+
+LEAST_REMOVABLE = 0.02
+"""Share of the squared error before that must be above the drivers' own noise for a share of it to be told [-]."""
+
+Pool = Callable[..., np.ndarray]
+"""From values of drivers, along an axis, to one figure."""
+
+
+def root_mean_square(values: np.ndarray, axis: int) -> np.ndarray:
+    """Root mean square along an axis."""
+    return np.sqrt(np.mean(values**2, axis=axis))
+
+
+STATISTICS: dict[str, Pool] = {"mean": np.mean, "median": np.median, "pooled": root_mean_square}
+"""Figures of all drivers: the mean and the median of their errors, and the root mean square, which few may rule."""
+
+POOLS: dict[str, Pool] = {"log_likelihood": np.sum, "energy_score": np.mean}
+"""How measures become one figure of all drivers, if not by the root mean square."""
+
+
+@dataclass(frozen=True)
+class Resampling:
+    """Drivers drawn anew, the same ones for everything that is compared.
+
+    Attributes:
+        confidence: Of the intervals.
+        draws: Number of resamples.
+        seed: Of the draws.
+    """
+
+    confidence: float
+    draws: int
+    seed: int
+
+    def drawn(self, values: Float[np.ndarray, " drivers"], pool: Pool) -> Float[np.ndarray, " figures"]:
+        """The figure of all drivers, then that of each resample."""
+        n, rng = len(values), np.random.default_rng(self.seed)
+        samples = np.concatenate([[np.arange(n)], rng.integers(0, n, (self.draws, n))])
+        return pool(values[samples], axis=1)
+
+    def figure(self, drawn: Float[np.ndarray, " figures"]) -> dict[str, float]:
+        """A figure {value, low, high} of the verdict."""
+        low, high = np.quantile(drawn[1:], [(1 - self.confidence) / 2, (1 + self.confidence) / 2]).tolist()
+        return {"value": float(drawn[0]), "low": low, "high": high}
+
+    def change(self, before: np.ndarray, after: np.ndarray, pool: Pool) -> dict[str, dict[str, float]]:
+        """Figures before and after, and of the change."""
+        first, last = self.drawn(before, pool), self.drawn(after, pool)
+        return {"before": self.figure(first), "after": self.figure(last), "change": self.figure(last - first)}
+
+
+def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int, seed: int) -> dict[str, Any]:
+    """`error` of the verdict: every measure before and after, and the floor, with intervals over drivers."""
+    last = "after" if "after" in errors else "oracle" if "oracle" in errors else "before"
+    first, final, over = errors["before"], errors[last], Resampling(confidence, draws, seed)
+    figures = {
+        name: over.change(first.by_driver[name], final.by_driver[name], POOLS.get(name, root_mean_square))
+        for name in MEASURES
+    }
+    main, pooled = figures[MAIN_MEASURE], partial(over.drawn, pool=root_mean_square)
+    before, after = (pooled(one.by_driver[MAIN_MEASURE]) for one in (first, final))
+    noise = pooled(final.floor)
+    return {
+        "measure": MAIN_MEASURE,
+        "protocol": IN_SAMPLE,
+        "n_drivers": len(final.floor),
+        "before": main["before"],
+        "after": main["after"] if last != "oracle" else None,
+        "change": main["change"],
+        "floor": over.figure(np.minimum(noise, after)),
+        "noise_alone": over.figure(noise),
+        "oracle": main["after"] if last == "oracle" else None,
+        "explained_share": explained_share(before, after, noise, confidence),
+        "all": figures,
+        "protocols": {name: _protocol(first.protocols[name], final.protocols[name], over) for name in PROTOCOLS},
+        "response_time": {
+            "before": first.responses.figure(confidence, draws, seed),
+            "after": final.responses.figure(confidence, draws, seed),
+        },
+    }
+
+
+def explained_share(
+    before: Float[np.ndarray, " figures"],
+    after: Float[np.ndarray, " figures"],
+    noise: Float[np.ndarray, " figures"],
+    confidence: float,
+) -> float | None:
+    """Share of the squared error above the floor that is gone [-], from 0 to 1.
+
+    None where the error was at the floor before, and where the drivers' own noise alone surely makes a larger error
+    than there is: then it is not what the model takes it for, and nobody knows what could be removed.
+
+    Args:
+        before: Error before, of all drivers and then of resamples, as the others.
+        after: Error after.
+        noise: Error that the drivers' own noise makes alone.
+        confidence: Confidence with which the noise makes more.
+    """
+    if np.mean(noise[1:] > after[1:]) > (1 + confidence) / 2:
+        return None
+    above = before[0] ** 2 - min(noise[0], after[0]) ** 2
+    if above <= LEAST_REMOVABLE * before[0] ** 2:
+        return None
+    return float(np.clip((before[0] ** 2 - after[0] ** 2) / above, 0.0, 1.0))
+
+
+def _protocol(first: ProtocolErrors | None, final: ProtocolErrors | None, over: Resampling) -> dict[str, Any] | None:
+    """Figures under one protocol; None where nobody could be tested."""
+    if first is None or final is None:
+        return None
+    return {"n_drivers": len(final.driver), "left_out": final.left_out} | {
+        measure: {
+            statistic: _compared(first.usual[measure], first.by_driver[measure], final.by_driver[measure], pool, over)
+            for statistic, pool in STATISTICS.items()
+        }
+        for measure in PROTOCOL_MEASURES
+    }
+
+
+def _compared(
+    usual: np.ndarray, before: np.ndarray, after: np.ndarray, pool: Pool, over: Resampling
+) -> dict[str, dict[str, float]]:
+    """Figures before and after, their change, also as a share, and the error with parameters of the population."""
+    of_usual, first, last = (over.drawn(values, pool) for values in (usual, before, after))
+    return over.change(before, after, pool) | {
+        "change_share": over.figure(last / first - 1),
+        "population": over.figure(of_usual),
+        "population_share": over.figure(last / of_usual - 1),
+    }
