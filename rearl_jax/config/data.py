@@ -32,9 +32,9 @@ class DataFormat(Enum, metaclass=_Formats):
     def shipped(self) -> Path | None:
         """Folder of the recordings in this format that come with the package, None if none do.
 
-        It is the folder in rearl_jax/data that bears the name of the format and holds the recordings' licence.
+        It is the folder in rearl_jax/data/shipped that bears the name of the format and holds the recordings' licence.
         """
-        folder = _DATA / self.name
+        folder = _DATA / "shipped" / self.name
         return folder if (folder / "LICENSE").is_file() else None
 
 
