@@ -54,8 +54,8 @@ def read_lateral(path: Path, recording: str, part: None, policy: DataConfig) -> 
         licence=LICENCE,
         attribution=ATTRIBUTION,
         notes=(
-            "members of leader-follower pairs only, chosen because they stay in one lane for long: not every vehicle of "
-            "a lane, no lane changes",
+            "members of leader-follower pairs only, chosen for following in one lane for long: not every vehicle of a "
+            "lane, no lane changes",
             "lateral position known for followers only",
             "accelerations are clipped at 3.41 m/s^2 in the source",
         ),

@@ -155,7 +155,9 @@ def _require_one_length(pairs: pd.DataFrame, info: RecordingInfo) -> None:
         if (span > _SAME).any():
             row = int(np.argmax(span > _SAME))
             text = f"vehicle {pairs[who].iloc[row]} has several lengths"
-            raise bad_recording("lengths-contradict", text, "correct the lengths", info.file, column=column, row=row + 1)
+            raise bad_recording(
+                "lengths-contradict", text, "correct the lengths", info.file, column=column, row=row + 1
+            )
 
 
 def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:
