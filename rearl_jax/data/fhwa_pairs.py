@@ -122,7 +122,7 @@ def _members(pairs: pd.DataFrame, run: str) -> pd.DataFrame:
             "length": LENGTH,
             "vehicle_class": "car",
             "leader_id": leader,
-            "leader": pairs["group"].map(LEADERS) if mark == "f" else None,
+            "leader": [LEADERS[group] for group in pairs["group"]] if mark == "f" else None,
             PERSON: person if mark == "f" else None,
         }
         parts.append(pd.DataFrame(part, index=pairs.index))

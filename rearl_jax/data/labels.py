@@ -65,24 +65,24 @@ def track_labels(recordings: Sequence[Recording], name: str, key: str) -> list[p
         known = ", ".join([*found, *CANONICAL])
         message = f"is {name}, which no recording has: choose one of {known}, or a further column of a canonical table"
         raise InvalidInputError(Problem("label-unknown", message, key=key))
-    return [
-        recording.labels[name].astype(object).where(recording.labels[name].notna(), None)
-        if name in recording.info.labels
-        else pd.Series(None, index=recording.labels.index, dtype=object)
-        for recording in recordings
-    ]
+    return [_of_label(recording, name) for recording in recordings]
+
+
+def _of_label(recording: Recording, name: str) -> pd.Series:
+    labels = recording.labels
+    texts = list(labels[name]) if name in labels else [None] * len(labels)
+    return pd.Series([text if isinstance(text, str) else None for text in texts], index=labels.index, dtype=object)
 
 
 def _of_canonical(recording: Recording, name: str) -> pd.Series:
     table = recording.table
+    tracks = table["track_id"].drop_duplicates()
     if name != "lane":
-        first = table.drop_duplicates("track_id").set_index("track_id")[name]
-        return first.astype(str).astype(object)
-    counts = table.dropna(subset=["lane"]).groupby(["track_id", "lane"]).size()
-    longest = counts.sort_values(kind="stable").reset_index().drop_duplicates("track_id", keep="last")
-    lanes = longest.set_index("track_id")["lane"].map(lambda lane: str(int(lane)))
-    tracks = pd.Index(table["track_id"].unique(), name="track_id")
-    return lanes.reindex(tracks).astype(object).where(lambda lane: lane.notna(), None)
+        return pd.Series([str(value) for value in table.loc[tracks.index, name]], index=tracks.to_numpy(), dtype=object)
+    known = table.loc[table["lane"].notna(), ["track_id", "lane"]].astype(np.int64)
+    rows = known.value_counts().reset_index().drop_duplicates("track_id")
+    lanes = dict(zip(rows["track_id"], rows["lane"].astype(str), strict=True))
+    return pd.Series([lanes.get(track) for track in tracks], index=tracks.to_numpy(), dtype=object)
 
 
 def _texts(values: np.ndarray | pd.Index) -> list[str]:

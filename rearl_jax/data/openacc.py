@@ -122,7 +122,8 @@ def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfi
     rows = _plausible(rows, platoon, info, policy, losses)
     table, placed, n_filled = _placed(rows, platoon, policy.default_length, info.file)
     if models:
-        table[MODEL] = table["track_id"].map(_models(rows, info.file))
+        of_place = _models(rows, info.file)
+        table[MODEL] = [of_place[place] for place in table["track_id"]]
     table = table.assign(**runs)
     text = "gap or speed unknown for over 1 s"
     _leave_out(~placed, table, "no_gap", "position", text, info, policy, losses)

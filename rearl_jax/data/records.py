@@ -115,7 +115,8 @@ class Recording:
     @property
     def labels(self) -> pd.DataFrame:
         """Labels of each track, a column for each; the index is the track_id."""
-        return self.table.drop_duplicates("track_id").set_index("track_id")[list(self.info.labels)]
+        first = self.table.drop_duplicates("track_id").set_index("track_id")
+        return first.reindex(columns=list(self.info.labels))
 
 
 def _is_number(value: object) -> bool:
