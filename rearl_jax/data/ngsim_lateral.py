@@ -9,7 +9,6 @@ Source: NGSIM I-80, DOI 10.21949/1504477.
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.columnar import column_names, read_columns
@@ -70,11 +69,6 @@ def read_lateral(path: Path, recording: str, part: None, policy: DataConfig) -> 
         row = int(np.argmin(whole))
         text = f"{frame[row]:g} is not a number of a frame"
         raise bad_recording("not-a-number", text, "write a whole number", path, column="frame", row=row + 1)
-    classes = {name: _class_names(rows[name]) for name in ("class_f", "class_l")}
+    classes = {name: [CLASSES.get(number, str(number)) for number in rows[name]] for name in ("class_f", "class_l")}
     pairs = rows.assign(t_s=frame / FRAME_RATE, **classes).rename(columns={"leader_width_m": "width_l_m"})
     return joined_pairs(pairs, info, policy)
-
-
-def _class_names(numbers: pd.Series) -> pd.Series:
-    """Canonical classes; an unknown number stays, and the schema check names it."""
-    return numbers.map(lambda number: CLASSES.get(number, str(number)))

@@ -163,9 +163,10 @@ def _require_one_length(pairs: pd.DataFrame, info: RecordingInfo) -> None:
 def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:
     """Rows of followers, then of leaders, in columns of the schema."""
     frame = np.rint(pairs["t_s"].to_numpy() * FRAME_RATE)
-    length = pairs.groupby("leader")["leader_length_m"].first().astype(np.float64)
+    vehicles = np.union1d(pairs["leader"].dropna(), pairs["follower"].dropna())
+    length = pairs.groupby("leader")["leader_length_m"].first().astype(np.float64).reindex(vehicles)
     if "length_f_m" in pairs:
-        length = length.combine_first(pairs.groupby("follower")["length_f_m"].first().astype(np.float64))
+        length = length.fillna(pairs.groupby("follower")["length_f_m"].first().astype(np.float64))
     parts = []
     for who, mark, leader in (("follower", "f", pairs["leader"]), ("leader", "l", np.nan)):
         own_length = length.reindex(pairs[who]).fillna(default_length).set_axis(pairs.index)
