@@ -402,7 +402,7 @@ def test_wheel_holds_configuration_and_recordings(tmp_path):
     assert {name for name in names if name.startswith(("rearl_jax/conf/", "rearl_jax/sweeps/"))} == files
     folder = root / "rearl_jax" / "data" / "shipped"
     shipped = [file for file in folder.rglob("*") if file.is_file() and file.suffix != ".pyc"]
-    assert sum(file.name in ("LICENSE", "ATTRIBUTION") for file in shipped) == 10
+    assert sum(file.name in ("LICENSE", "ATTRIBUTION") for file in shipped) == 12
     assert {file.relative_to(root).as_posix() for file in shipped} <= set(names)
     assert not [name for name in names if name.startswith("tests/")]
 

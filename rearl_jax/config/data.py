@@ -55,7 +55,9 @@ class DataConfig:
         "format of the recordings; data=NAME sets it together with the keys that usually belong to it",
     )
     root: str | None = key(
-        None, "folder of the recordings; not needed for us101, i80, i80_lateral, openacc and fhwa, which are shipped"
+        None,
+        "folder of the recordings; not needed for those that are shipped: us101, i80, i80_slice, i80_lateral, openacc, "
+        "fhwa",
     )
     recordings: str = key("*", "shell pattern of the recording id, such as highd_0? or us101_0750; * = all")
     on_bad: OnBad = key(

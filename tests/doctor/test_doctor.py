@@ -52,7 +52,7 @@ def test_recordings_that_are_missing_or_broken_fail(tmp_path):
 def test_shipped_recordings_are_counted_and_missed(monkeypatch):
     (sound,) = shipped_checks()
     assert sound.status is Status.ok
-    assert "fhwa 10, i80 3, i80_lateral 1, openacc 26, us101 3" in sound.found
+    assert "fhwa 10, i80 3, i80_lateral 1, i80_slice 1, openacc 26, us101 3" in sound.found
 
     def missing(data):
         raise FileNotFoundError(data.format.name)
