@@ -400,8 +400,10 @@ def test_wheel_holds_configuration_and_recordings(tmp_path):
     files = {f"rearl_jax/{file.relative_to(root).as_posix()}" for folder in folders for file in folder.rglob("*.yaml")}
     assert {"rearl_jax/conf/evaluate.yaml", "rearl_jax/sweeps/cues.yaml"} <= files
     assert {name for name in names if name.startswith(("rearl_jax/conf/", "rearl_jax/sweeps/"))} == files
-    shipped = ("LICENSE", "ATTRIBUTION", "us101_lane_changers.parquet")
-    assert {f"rearl_jax/data/us101/{name}" for name in shipped} <= set(names)
+    folder = root / "rearl_jax" / "data" / "shipped"
+    shipped = [file for file in folder.rglob("*") if file.is_file() and file.suffix != ".pyc"]
+    assert sum(file.name in ("LICENSE", "ATTRIBUTION") for file in shipped) == 12
+    assert {file.relative_to(root).as_posix() for file in shipped} <= set(names)
     assert not [name for name in names if name.startswith("tests/")]
 
 

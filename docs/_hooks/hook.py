@@ -31,6 +31,7 @@ GENERATED: dict[str, Callable[..., str]] = {
     "packages": tables_of_code.packages,
     "public-names": tables_of_code.public_names,
     "recording-formats": tables_of_code.recording_formats,
+    "shipped-recordings": tables_of_code.shipped_recordings,
     "sweeps": config_keys.sweeps,
     "table-columns": tables_of_code.table_columns,
     "tasks": config_keys.tasks_and_keys,

@@ -48,6 +48,12 @@ def recording_formats() -> str:
     return "\n".join(["| `data=` | what is read | `data.root` names |", "|---|---|---|", *rows])
 
 
+def shipped_recordings() -> str:
+    """The shipped recordings: the table of the README beside them."""
+    readme = Path(rearl_jax.__file__).parent / "data" / "shipped" / "README.md"
+    return "\n".join(line for line in readme.read_text(encoding="utf-8").splitlines() if line.startswith("|"))
+
+
 def metrics() -> str:
     """The metric table."""
     rows = [

@@ -12,7 +12,7 @@ from rearl_jax.config.blind import BlindConfig
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, KlConfig
 from rearl_jax.config.core import CoreConfig, InitConfig
 from rearl_jax.config.critical import CriticalConfig
-from rearl_jax.config.data import DataConfig
+from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.config.decision import AdmissibleConfig, DecisionConfig, ExecConfig, MatcherConfig, PolicyName
 from rearl_jax.config.detection import DetectionConfig, ReferenceConfig
 from rearl_jax.config.discover import DiscoverConfig
@@ -42,6 +42,11 @@ from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 def _group(record: type) -> Any:
     """The field of a whole group, headed by the first line of its docstring."""
     return key(record, (record.__doc__ or "").partition("\n")[0].rstrip("."))
+
+
+def _first_look() -> DataConfig:
+    """Shipped recordings in which vehicles follow each other, few enough for a verdict in a minute or two."""
+    return DataConfig(DataFormat.i80_slice)
 
 
 def _study(name: str) -> Any:
@@ -87,7 +92,7 @@ class DiscoverTask:
 
     study: str = _study("discover")
     results: ResultsConfig = _group(ResultsConfig)
-    data: DataConfig = _group(DataConfig)
+    data: DataConfig = key(_first_look, (DataConfig.__doc__ or "").rstrip("."))
     driver: DriverConfig = key(
         record_of("idm"),
         "Car-following model to calibrate, chosen by driver=NAME; the values are the centre of the prior",

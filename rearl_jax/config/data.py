@@ -32,9 +32,9 @@ class DataFormat(Enum, metaclass=_Formats):
     def shipped(self) -> Path | None:
         """Folder of the recordings in this format that come with the package, None if none do.
 
-        It is the folder in rearl_jax/data that bears the name of the format and holds the recordings' licence.
+        It is the folder in rearl_jax/data/shipped that bears the name of the format and holds the recordings' licence.
         """
-        folder = _DATA / self.name
+        folder = _DATA / "shipped" / self.name
         return folder if (folder / "LICENSE").is_file() else None
 
 
@@ -54,7 +54,11 @@ class DataConfig:
         DataFormat.us101,
         "format of the recordings; data=NAME sets it together with the keys that usually belong to it",
     )
-    root: str | None = key(None, "folder of the recordings; not needed for us101, which is shipped")
+    root: str | None = key(
+        None,
+        "folder of the recordings; not needed for those that are shipped: us101, i80, i80_slice, i80_lateral, openacc, "
+        "fhwa",
+    )
     recordings: str = key("*", "shell pattern of the recording id, such as highd_0? or us101_0750; * = all")
     on_bad: OnBad = key(
         OnBad.stop,

@@ -21,11 +21,23 @@ class DiscoverConfig:
     )
     max_drivers: int = key(
         240,
-        "largest number of drivers, drawn at random from those who follow long enough; more drivers reveal weaker "
+        "largest number of drivers, drawn at random from those who follow long enough, of each group if "
+        "discover.by names a label; more drivers reveal weaker "
         "effects",
     )
     confidence: float = key(0.9, "confidence level of all intervals [-]")
     draws: int = key(1000, "bootstrap resamples of drivers for the intervals of errors")
+    by: str | None = key(
+        None,
+        "label by which drivers are told apart, each group with its own verdict: one of the format (openacc: model, "
+        "acc, setting; fhwa: leader, person), a further column of a canonical table that is constant per track, or "
+        "recording, vehicle_class, direction, lane; auto: kinds of drivers are found without labels",
+    )
+    same: str | None = key(
+        None,
+        "label by which the same driver or car is known again in other tracks and recordings; null: that of the format "
+        "(openacc: model, fhwa: person), nothing for other formats",
+    )
     lane_changes: bool = key(
         True,
         "early answers to the next leader and relaxation after a change of leader are part of the calibrated model, "
@@ -48,3 +60,5 @@ class DiscoverConfig:
         if not 0.5 <= self.confidence < 1.0:
             raise out_of_range("confidence", "must be within 0.5 and 1", self.confidence)
         check_least(self, 100, "draws")
+        if self.by is not None and self.oracle is not None:
+            raise out_of_range("by", "must be null where discover.oracle says what is missing", self.by)

@@ -6,7 +6,7 @@ A file may hold several recordings, told apart by its column `recording`. What i
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
 
@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.columnar import column_names, read_columns, stored_text
 from rearl_jax.data.delimited import read_csv, read_header
+from rearl_jax.data.labels import with_labels
 from rearl_jax.data.losses import Losses
 from rearl_jax.data.problems import bad_recording, recording_unnamed, recordings_missing, require_columns
 from rearl_jax.data.schema import COLUMNS, REQUIRED, Recording, RecordingInfo, validate
@@ -54,6 +55,7 @@ class TableFile:
         self.path = path
         self._policy = policy
         self._is_csv = path.suffix.lower() == ".csv"
+        self._kept: dict[tuple[str, ...], tuple[pd.DataFrame, int]] = {}
 
     def recordings(self) -> list[str]:
         """Ids of the recordings in the file."""
@@ -69,23 +71,32 @@ class TableFile:
             raise recording_unnamed(str(self.path))
         return [str(name) for name in names]
 
-    def read(self, recording: str) -> Recording:
+    def read(self, recording: str, labels: Sequence[str] = ()) -> Recording:
         """One recording of the file, checked.
+
+        Args:
+            recording: Its id.
+            labels: Columns that are labels of its tracks, beside those that the file states itself.
 
         Raises:
             BadRecordingError: The file or a row breaks the schema.
         """
         require_columns(self._columns, REQUIRED, str(self.path))
         losses = Losses()
+        stated = self.stated()
+        further = [name for name in self._columns if name not in _NAMES]
+        of_file = [label for info in stated.values() for label in info.labels]
+        texts = tuple(name for name in dict.fromkeys([*of_file, *labels]) if name in further)
         if self._is_csv:
-            rows, n_broken = self._csv
+            rows, n_broken = self._csv(texts)
             if n_broken:
                 losses.counts["broken_line"] = n_broken
         else:
-            rows = self._parquet_rows(recording)
+            rows = self._parquet_rows(recording, texts)
         if "recording" in rows:
             rows = rows.iloc[np.flatnonzero(rows["recording"].to_numpy() == recording)]
-        info = self.stated().get(recording) or info_of_rows(recording, rows, str(self.path), self.path.name)
+        info = stated.get(recording) or info_of_rows(recording, rows, str(self.path), self.path.name)
+        info = with_labels(info, labels, further)
         table, dropped = validate(rows, info, self._policy, losses)
         return Recording(info, table, dropped)
 
@@ -95,21 +106,23 @@ class TableFile:
             return read_header(self.path)
         return column_names(self.path)
 
-    @cached_property
-    def _csv(self) -> tuple[pd.DataFrame, int]:
+    def _csv(self, labels: tuple[str, ...]) -> tuple[pd.DataFrame, int]:
         # Kept: several recordings may share the file, and CSV cannot be read in part.
-        wanted = [column for column in COLUMNS if column.name in self._columns]
-        types = {c.name: pa.string() if c.name in _TEXTS else pa.float64() for c in wanted}
-        rows, n_broken = read_csv(self.path, types, self._policy.on_bad)
-        return rows.to_pandas(), n_broken
+        if labels not in self._kept:
+            wanted = [column for column in COLUMNS if column.name in self._columns]
+            types = {c.name: pa.string() if c.name in _TEXTS else pa.float64() for c in wanted}
+            types |= dict.fromkeys(labels, pa.string())
+            rows, n_broken = read_csv(self.path, types, self._policy.on_bad)
+            self._kept = {labels: (rows.to_pandas(), n_broken)}
+        return self._kept[labels]
 
-    def _parquet_rows(self, recording: str) -> pd.DataFrame:
+    def _parquet_rows(self, recording: str, labels: tuple[str, ...]) -> pd.DataFrame:
         texts = [name for name in _TEXTS if name in self._columns]
         numbers = [name for name in _NAMES if name in self._columns and name not in _TEXTS]
         if "recording" not in self._columns:
-            return read_columns(self.path, numbers, texts)
+            return read_columns(self.path, numbers, texts, either=labels)
         names = read_columns(self.path, (), ("recording",))["recording"].to_numpy()
-        rows = read_columns(self.path, numbers, texts, only=("recording", recording))
+        rows = read_columns(self.path, numbers, texts, either=labels, only=("recording", recording))
         return rows.set_axis(np.flatnonzero(names == recording), axis=0)
 
     def stated(self) -> dict[str, RecordingInfo]:

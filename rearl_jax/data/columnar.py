@@ -34,7 +34,12 @@ def stored_text(path: Path, key: str) -> str | None:
 
 
 def read_columns(
-    path: Path, numbers: Sequence[str], texts: Sequence[str] = (), *, only: tuple[str, str | int] | None = None
+    path: Path,
+    numbers: Sequence[str],
+    texts: Sequence[str] = (),
+    *,
+    either: Sequence[str] = (),
+    only: tuple[str, str | int] | None = None,
 ) -> pd.DataFrame:
     """The named columns.
 
@@ -42,12 +47,13 @@ def read_columns(
         path: The file.
         numbers: Columns of numbers, perhaps written as text.
         texts: Columns of text, in which a missing value is None.
+        either: Columns of numbers, or of anything else, which becomes text.
         only: Column, and the value it has in the wanted rows.
 
     Raises:
         BadRecordingError: The file is damaged, or a column is missing, there twice, or of another type.
     """
-    names = (*numbers, *texts)
+    names = (*numbers, *texts, *either)
     found = column_names(path)
     require_columns(found, names, str(path))
     for name in names:
@@ -55,7 +61,8 @@ def read_columns(
             raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=name)
     with _readable(path):
         table = _table(path, names, only)
-        columns = {name: _cast(table[name], name, path, is_text=name in texts) for name in names}
+        columns = {name: _cast(table[name], name, path, is_text=name in texts) for name in (*numbers, *texts)}
+        columns |= {name: _as_it_is(table[name]) for name in either}
         return pa.table(columns).to_pandas()
 
 
@@ -96,6 +103,13 @@ def _cast(column: pa.ChunkedArray, name: str, path: Path, *, is_text: bool) -> p
             ) from None
     wanted = "text" if is_text else "numbers"
     raise bad_recording("wrong-type", f"the column holds {kind}", f"write {wanted} there", path, column=name)
+
+
+def _as_it_is(column: pa.ChunkedArray) -> pa.ChunkedArray:
+    """The column as numbers if it holds some, else as text."""
+    kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
+    is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind)
+    return column.cast(kind) if is_number else column.cast(kind).cast(pa.string())
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """Recordings in a table in memory, read as those in files are."""
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from functools import partial
 
@@ -11,10 +11,11 @@ from pandas.util import hash_pandas_object
 
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.canonical import info_of_rows
+from rearl_jax.data.labels import with_labels
 from rearl_jax.data.problems import recording_unnamed, require_columns
 from rearl_jax.data.reader import Entry
 from rearl_jax.data.records import Recording
-from rearl_jax.data.schema import REQUIRED, validate
+from rearl_jax.data.schema import COLUMNS, REQUIRED, validate
 
 NAME = "table"
 """The recording in a table without the column `recording`, and where its rows come from in messages."""
@@ -54,22 +55,24 @@ def entries(data: TableInMemory) -> Iterator[Entry]:
         BadRecordingError: A row has no recording.
     """
     if "recording" not in data.table:
-        yield Entry(NAME, partial(_read, data, NAME))
+        yield Entry(NAME, partial(_read, data, NAME), partial(_read, data, NAME))
         return
     names = pd.Series(data.table["recording"])
     missing = np.flatnonzero(names.isna())
     if len(missing):
         raise recording_unnamed(NAME, row=int(missing[0]) + 1)
     for name in sorted(names.astype(str).unique()):
-        yield Entry(name, partial(_read, data, name))
+        yield Entry(name, partial(_read, data, name), partial(_read, data, name))
 
 
-def _read(data: TableInMemory, name: str) -> Recording:
-    """One recording, checked as those in files are."""
+def _read(data: TableInMemory, name: str, labels: Sequence[str] = ()) -> Recording:
+    """One recording with columns of the table as labels, checked as those in files are."""
     rows = data.table.reset_index(drop=True)
     if "recording" in rows:
         own = np.flatnonzero(rows["recording"].astype(str).to_numpy() == name)
         rows = rows.iloc[own].drop(columns="recording")
-    info = info_of_rows(name, rows, NAME, "a table in memory")
+    canonical = [column.name for column in COLUMNS]
+    further = [str(column) for column in rows.columns if column not in canonical]
+    info = with_labels(info_of_rows(name, rows, NAME, "a table in memory"), labels, further)
     table, dropped = validate(rows, info, data)
     return Recording(info, table, dropped)

@@ -78,22 +78,28 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
         | {"position": "y_f_m", "x": "y_f_m", "speed": "v_f_mps", "acceleration": "a_f_mps2"}
         | {"length": "leader_length_m"},
     )
+    return joined_pairs(pairs, info, policy)
+
+
+def joined_pairs(pairs: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Recording:
+    """The recording of the vehicles that pairs are made of.
+
+    Args:
+        pairs: The columns that `read_pairs` reads; with them or not, of the follower (`f`) and the leader (`l`):
+            `length_f_m`, `width_f_m`, `width_l_m`, `class_f`, `class_l` (classes of the canonical table), and `x_f_m`,
+            lateral positions of the followers.
+        info: The recording, whose road length is still unknown.
+        policy: Treatment of bad rows, and the length where none is known.
+    """
     _require_ids(pairs, info)
     _require_units(pairs, info)
-    lengths = pairs.groupby("leader")["leader_length_m"]
-    with np.errstate(invalid="ignore"):  # the schema check finds infinite lengths
-        span = np.asarray(lengths.transform("max")) - np.asarray(lengths.transform("min"))
-    if (span > _SAME).any():
-        row = int(np.argmax(span > _SAME))
-        text = f"vehicle {pairs['leader'].iloc[row]} has several lengths"
-        raise bad_recording(
-            "lengths-contradict", text, "correct the lengths", info.file, column="leader_length_m", row=row + 1
-        )
+    _require_one_length(pairs, info)
     losses = Losses()
     members = _members(pairs, policy.default_length)
     members = _agreeing(members, info, policy, losses)
     members = members.sort_values(["track_id", "frame", "leader_id"], na_position="last", kind="stable")
     members = members.drop_duplicates(["track_id", "frame"])
+    members = members.assign(y=_across(members))
     track, frame = members["track_id"].to_numpy(), members["frame"].to_numpy()
     returns = np.zeros(len(members), dtype=bool)
     returns[1:] = (track[1:] == track[:-1]) & (np.diff(frame) > 1)
@@ -138,10 +144,29 @@ def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
         raise bad_recording("wrong-units", text, "convert the lengths to m", info.file, column="leader_length_m")
 
 
+def _require_one_length(pairs: pd.DataFrame, info: RecordingInfo) -> None:
+    """Raise BadRecordingError if the length of a vehicle changes."""
+    for who, column in (("leader", "leader_length_m"), ("follower", "length_f_m")):
+        if column not in pairs:
+            continue
+        lengths = pairs.groupby(who)[column]
+        with np.errstate(invalid="ignore"):  # the schema check finds infinite lengths
+            span = np.asarray(lengths.transform("max")) - np.asarray(lengths.transform("min"))
+        if (span > _SAME).any():
+            row = int(np.argmax(span > _SAME))
+            text = f"vehicle {pairs[who].iloc[row]} has several lengths"
+            raise bad_recording(
+                "lengths-contradict", text, "correct the lengths", info.file, column=column, row=row + 1
+            )
+
+
 def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:
     """Rows of followers, then of leaders, in columns of the schema."""
     frame = np.rint(pairs["t_s"].to_numpy() * FRAME_RATE)
-    length = pairs.groupby("leader")["leader_length_m"].first().astype(np.float64)
+    vehicles = np.union1d(pairs["leader"].dropna(), pairs["follower"].dropna())
+    length = pairs.groupby("leader")["leader_length_m"].first().astype(np.float64).reindex(vehicles)
+    if "length_f_m" in pairs:
+        length = length.fillna(pairs.groupby("follower")["length_f_m"].first().astype(np.float64))
     parts = []
     for who, mark, leader in (("follower", "f", pairs["leader"]), ("leader", "l", np.nan)):
         own_length = length.reindex(pairs[who]).fillna(default_length).set_axis(pairs.index)
@@ -151,17 +176,25 @@ def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:
             "frame": frame,
             "direction": 1,
             "x": position,
-            "y": 0.0,
             "position": position,
+            "lateral": pairs["x_f_m"] if who == "follower" and "x_f_m" in pairs else np.nan,
             "lane": pairs["lane"] - 1,
             "speed": pairs[f"v_{mark}_mps"].astype(np.float64),
             "acceleration": pairs[f"a_{mark}_mps2"].astype(np.float64),
             "length": own_length,
-            "vehicle_class": np.where(own_length > TRUCK_LENGTH, "truck", "car"),
+            "width": pairs.get(f"width_{mark}_m", np.nan),
+            "vehicle_class": pairs.get(f"class_{mark}", np.where(own_length > TRUCK_LENGTH, "truck", "car")),
             "leader_id": leader,
         }
         parts.append(pd.DataFrame(part, index=pairs.index))
     return pd.concat(parts)
+
+
+def _across(members: pd.DataFrame) -> pd.Series:
+    """Lateral position [m] where known; else the vehicle's nearest known one, that of its lane, or 0."""
+    lateral = members["lateral"]
+    nearest = lateral.groupby(members["track_id"]).ffill().groupby(members["track_id"]).bfill()
+    return nearest.fillna(lateral.groupby(members["lane"]).transform("median")).fillna(0.0)
 
 
 def _agreeing(members: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses) -> pd.DataFrame:

@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.data import DataConfig, OnBad
-from rearl_jax.data import checks
-from rearl_jax.data.columnar import read_columns
+from rearl_jax.data import checks, openacc_index
+from rearl_jax.data.columnar import column_names, read_columns
 from rearl_jax.data.losses import Losses
 from rearl_jax.data.problems import Finding, bad_recording, only_parquet
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
@@ -30,6 +30,8 @@ MAX_GAP = 1000.0  # m; the widest gap of the set is 230 m
 MAX_BACKWARD = 1.0  # m/s; noise of the satellite receivers makes standing vehicles drive back by 0.07 m/s
 MAX_TIME = 86_400.0  # s from the median time of a run
 _NUMBERS = ("t_s", "pos", "speed_mps", "gap_to_follower_m")
+MODEL = "model"
+"""Label of tracks: the car model. A model is one physical car, which drove in many files."""
 _MOST_PLACES = 1000  # more vehicles than any platoon has
 
 
@@ -90,7 +92,9 @@ def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfi
     Raises:
         BadRecordingError: One of these occurs and data.on_bad is stop, or a row breaks the schema.
     """
-    rows = read_columns(path, _NUMBERS, only=("file", platoon.file))
+    models = (MODEL,) if MODEL in column_names(path) else ()
+    rows = read_columns(path, _NUMBERS, models, only=("file", platoon.file))
+    runs = openacc_index.labels_of_run(path.parent / openacc_index.FILE, platoon.file)
     info = RecordingInfo(
         id=recording,
         frame_rate=FRAME_RATE,
@@ -99,6 +103,7 @@ def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfi
         source="OpenACC, ZalaZone platoons",
         licence=LICENCE,
         attribution=ATTRIBUTION,
+        labels=(*models, *runs),
         notes=(
             "proving ground, single file, adaptive cruise control or human drivers; the road is straightened",
             f"positions rebuilt from speeds and gaps, vehicle length {policy.default_length:g} m assumed",
@@ -116,6 +121,10 @@ def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfi
     require_period(rows["t_s"].to_numpy(np.float64), rows["pos"].to_numpy(), 1.0 / FRAME_RATE, info.file, "t_s")
     rows = _plausible(rows, platoon, info, policy, losses)
     table, placed, n_filled = _placed(rows, platoon, policy.default_length, info.file)
+    if models:
+        of_place = _models(rows, info.file)
+        table[MODEL] = [of_place[place] for place in table["track_id"]]
+    table = table.assign(**runs)
     text = "gap or speed unknown for over 1 s"
     _leave_out(~placed, table, "no_gap", "position", text, info, policy, losses)
     table = table.iloc[np.flatnonzero(placed)]
@@ -262,6 +271,17 @@ def _leave_out(
     if policy.on_bad is OnBad.stop:
         raise Finding(name, column, bad, message, "complete the source").error(rows, info)
     losses.counts[name] += int(bad.sum())
+
+
+def _models(rows: pd.DataFrame, file: str) -> dict[int, str | None]:
+    """Car model of each place in the platoon."""
+    models = rows.drop_duplicates(["pos", MODEL])
+    twice = models.duplicated("pos").to_numpy()
+    if twice.any():
+        place, row = models["pos"].iloc[int(np.argmax(twice))], int(models.index[int(np.argmax(twice))]) + 1
+        text = f"vehicle {place:g} has several car models"
+        raise bad_recording("models-contradict", text, "correct the models", file, column=MODEL, row=row)
+    return {int(place): model for place, model in zip(models["pos"], models[MODEL], strict=True)}
 
 
 def _road_length(table: pd.DataFrame) -> float:

@@ -1,6 +1,6 @@
 """Format of recordings: how they are listed and read, and which files they come from."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,10 +17,12 @@ class Entry:
     Attributes:
         id: Its name, unique in its data set.
         read: The recording, checked by `schema.validate`; called when the recording is needed.
+        labelled: The same with further columns as labels; None where the format has its own and no others.
     """
 
     id: str
     read: Callable[[], Recording]
+    labelled: Callable[[Sequence[str]], Recording] | None = None
 
 
 @dataclass(frozen=True)
@@ -31,12 +33,14 @@ class Reader:
         expected: What data.root must name, in words.
         entries: The recordings, in order. Names are read here, rows are not.
         files: The files the rows come from, and those that say how to read them. Raises FileNotFoundError for none.
+        same: Label that joins what the same driver or car did in several recordings; None where nothing does.
         generated: Whether any of the recordings was made by the generator; None for a format that has no such mark.
     """
 
     expected: str
     entries: Callable[[DataConfig, Path], Iterator[Entry]]
     files: Callable[[Path], list[Path]]
+    same: str | None = None
     generated: Callable[[DataConfig, Path], bool] | None = None
 
 

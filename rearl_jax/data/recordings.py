@@ -2,7 +2,7 @@
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -22,11 +22,16 @@ __all__ = [
     "file_stamps",
     "is_generated",
     "iterate_recordings",
+    "label_of_same",
 ]
 
 
-def iterate_recordings(data: DataConfig) -> Iterator[Recording]:
+def iterate_recordings(data: DataConfig, labels: Sequence[str] = ()) -> Iterator[Recording]:
     """The recordings that `data.recordings` selects, each read when it is asked for.
+
+    Args:
+        data: The data set.
+        labels: Columns of canonical tables that are wanted as labels of tracks; other formats have labels of their own.
 
     Raises:
         FileNotFoundError: data.root does not exist or holds no recordings of this format.
@@ -36,7 +41,13 @@ def iterate_recordings(data: DataConfig) -> Iterator[Recording]:
     entries = _selected(data)
     while entries:
         # Taken out of the list, so that the memory of a file is freed with its last recording.
-        yield entries.pop(0).read()
+        entry = entries.pop(0)
+        yield entry.labelled(labels) if labels and entry.labelled is not None else entry.read()
+
+
+def label_of_same(data: DataConfig) -> str | None:
+    """Label by which the same driver or car is known again in other recordings of the format; None if there is none."""
+    return None if isinstance(data, TableInMemory) else reader_of(data.format).same
 
 
 def count_recordings(data: DataConfig) -> int:

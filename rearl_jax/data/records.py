@@ -30,6 +30,7 @@ class RecordingInfo:
         generated: The recording was made by the generator, not measured.
         speed_limit: Legal speed limit [m/s]; None if there is none or it is unknown.
         lane_markings: Per direction the lateral offsets of the lane markings from the left edge [m], rising.
+        labels: Columns of the table beyond the canonical ones: texts that tell vehicles apart, one value per track.
         notes: What a reader of results must know: values that are assumed, limits of the set.
         file: File or folder the rows come from; for error messages, not exported.
         columns: Names of the columns in that file where they differ; for error messages, not exported.
@@ -45,6 +46,7 @@ class RecordingInfo:
     generated: bool = False
     speed_limit: float | None = None
     lane_markings: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
+    labels: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     file: str = ""
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -65,7 +67,8 @@ class RecordingInfo:
         values = dict(record)
         values["lane_count"] = {int(k): int(v) for k, v in values["lane_count"].items()}
         values["lane_markings"] = {int(k): tuple(v) for k, v in values.get("lane_markings", {}).items()}
-        values["notes"] = tuple(values.get("notes", ()))
+        for name in ("labels", "notes"):
+            values[name] = tuple(values.get(name, ()))
         info = cls(**values, file=file)
         info._check()
         return info
@@ -87,6 +90,8 @@ class RecordingInfo:
         for offsets in self.lane_markings.values():
             if not all(_is_number(offset) and abs(offset) < _MOST for offset in offsets):
                 raise out_of_range("lane_markings", "must be numbers", offsets)
+        if not all(isinstance(label, str) and label for label in self.labels):
+            raise out_of_range("labels", "must be names of columns", self.labels)
         if not isinstance(self.generated, bool) or not all(isinstance(note, str) for note in self.notes):
             message = "must be true or false, and notes texts"
             raise out_of_range("generated", message, self.generated)
@@ -98,7 +103,7 @@ class Recording:
 
     Attributes:
         info: Metadata.
-        table: Canonical trajectory table, columns as in `schema.COLUMNS`, sorted by track_id and frame.
+        table: Canonical trajectory table, columns as in `schema.COLUMNS` and the labels, sorted by track_id and frame.
         dropped: What was left out, by cause: `<cause>` rows removed, `<cause>_cuts` places at which a track was cut in
             two, `tracks` tracks removed as a whole. Empty if nothing was.
     """
@@ -106,6 +111,12 @@ class Recording:
     info: RecordingInfo
     table: pd.DataFrame
     dropped: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def labels(self) -> pd.DataFrame:
+        """Labels of each track, a column for each; the index is the track_id."""
+        first = self.table.drop_duplicates("track_id").set_index("track_id")
+        return first.reindex(columns=list(self.info.labels))
 
 
 def _is_number(value: object) -> bool:

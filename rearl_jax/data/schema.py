@@ -13,6 +13,7 @@ import pandas as pd
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import checks, unit_checks
 from rearl_jax.data.checks import CLASSES
+from rearl_jax.data.labels import labelled
 from rearl_jax.data.losses import Losses, reject, remove_fragments
 from rearl_jax.data.problems import BadRecordingError, bad_recording, require_columns
 from rearl_jax.data.records import Recording, RecordingInfo
@@ -79,14 +80,14 @@ def validate(
 ) -> tuple[pd.DataFrame, dict[str, int]]:
     """Canonical table of the recording and the counts of what was left out.
 
-    The result has exactly COLUMNS, is sorted by (track_id, frame), unique, and no track has a gap. Under
-    data.on_bad=drop_row a bad row is removed and the track cut there: the rest continues under a new id;
-    pieces shorter than 1 s are removed too. Under drop_track the vehicle is removed as a whole.
+    The result has exactly COLUMNS and the labels of the recording, is sorted by (track_id, frame), unique, and no track
+    has a gap. Under data.on_bad=drop_row a bad row is removed and the track cut there: the rest continues under a new
+    id; pieces shorter than 1 s are removed too. Under drop_track the vehicle is removed as a whole.
 
     Args:
         table: Columns of the schema, tracks in any order, the rows of a track in the order of time. The index
             holds the row numbers of the source, from 0; errors name them. `recording` is set to `info.id`,
-            `time` is computed from the frames where it is missing, missing nullable columns become unknown.
+            `time` is computed from the frames where it is missing, missing nullable columns and labels become unknown.
         info: The recording.
         policy: `on_bad` and `max_jump`.
         losses: What the reader has left out already.
@@ -109,7 +110,7 @@ def validate(
                 table = reject(table, finding, info, policy, losses)
         return table
 
-    table = checked(_numbers(table, info), (checks.not_finite,))
+    table = checked(labelled(_numbers(table, info), info), (checks.not_finite,))
     table = checked(_typed(table), checks.ROW_CHECKS)
     table["vehicle_class"] = table["vehicle_class"].cat.set_categories(list(CLASSES))
     finding = unit_checks.wrong_units(table, info)
@@ -132,7 +133,7 @@ def _numbers(table: pd.DataFrame, info: RecordingInfo) -> pd.DataFrame:
             table[name] = _number(pd.Series(table[name]), column, info)
     if "time" not in table:
         table["time"] = (table["frame"] - table["frame"].min()) / info.frame_rate
-    return table.reindex(columns=[column.name for column in COLUMNS])
+    return table.reindex(columns=[*(column.name for column in COLUMNS), *info.labels])
 
 
 def _number(values: pd.Series, column: Column, info: RecordingInfo) -> pd.Series:

@@ -13,7 +13,7 @@ import pandas as pd
 from rich.progress import Progress
 
 from rearl_jax.config import DiscoverTask
-from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.data.recordings import iterate_recordings, label_of_same
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.claims import Claim
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
@@ -24,7 +24,7 @@ from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.normal_equations import Programs
-from rearl_jax.discovery.observe.parts import Parts, measured_drivers
+from rearl_jax.discovery.observe.parts import Parts, measured_drivers, named_labels
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import known
 from rearl_jax.discovery.read.gate import Finding
@@ -144,10 +144,10 @@ def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated:
     """
     say = shown(bar, "reading recordings")
     recordings: list[Recording] = []
-    for recording in iterate_recordings(config.data):
+    for recording in iterate_recordings(config.data, list(named_labels(config.discover).values())):
         recordings.append(recording)
         say(len(recordings), len(recordings))
-    findings, data = measured_drivers(recordings, config.discover, prior_of(config.driver))
+    findings, data = measured_drivers(recordings, config.discover, prior_of(config.driver), label_of_same(config.data))
     notes = _each_once([note for recording in recordings for note in recording.info.notes])
     if data.jumps:
         notes += (f"positions jump {data.jumps} times: left out around them",)

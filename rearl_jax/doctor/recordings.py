@@ -1,8 +1,8 @@
-"""Check of the recordings: they are found, and one of them is read."""
+"""Checks of the recordings: they are found, and one of them is read; those that are shipped are there."""
 
 import time
 
-from rearl_jax.config.data import DataConfig
+from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import count_recordings, iterate_recordings
 from rearl_jax.doctor.check import Check, fail, ok
 
@@ -20,3 +20,12 @@ def recording_checks(data: DataConfig) -> list[Check]:
     vehicles, seconds = first.table["track_id"].nunique(), time.perf_counter() - begin
     found = f"{name}: {n_recordings} recordings; {first.info.id} has {vehicles} vehicles, read in {seconds:.1f} s"
     return [ok("data", found)]
+
+
+def shipped_checks() -> list[Check]:
+    """One line: the sets that come with the package, and how many recordings each has."""
+    try:
+        found = [f"{kind.name} {count_recordings(DataConfig(kind))}" for kind in DataFormat if kind.shipped]
+    except (OSError, ValueError) as error:
+        return [fail("shipped", str(error), "install the package again")]
+    return [ok("shipped", f"recordings by data=NAME: {', '.join(found)}")]

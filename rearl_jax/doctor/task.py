@@ -15,7 +15,7 @@ from rearl_jax.doctor.check import Check, Status
 from rearl_jax.doctor.folders import cache_checks, results_checks
 from rearl_jax.doctor.machine import machine_checks
 from rearl_jax.doctor.programs import program_checks
-from rearl_jax.doctor.recordings import recording_checks
+from rearl_jax.doctor.recordings import recording_checks, shipped_checks
 
 _STYLES = {Status.ok: "green", Status.warn: "yellow", Status.fail: "bold red"}
 
@@ -29,6 +29,7 @@ def run(config: DoctorTask) -> dict[str, Any]:
         *(_cache_checks() if has_jax else ()),
         *results_checks(Path(config.results.root)),
         *recording_checks(config.data),
+        *shipped_checks(),
         *(_server_checks(config) if has_jax else ()),
         *program_checks(),
     ]

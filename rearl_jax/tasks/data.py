@@ -9,9 +9,9 @@ DATA = (
         config="rearl_jax.config:PrepareTask",
         summary="read recordings, check them, write canonical tables and scenes",
         description=(
-            "Reads trajectory recordings (highD family, NGSIM tables, OpenACC, canonical tables, the shipped "
-            "US-101 set), checks every row, converts units once and writes canonical Parquet tables and 60 s "
-            "scenes. data=generated first writes new recordings in the highD three-file format."
+            "Reads trajectory recordings (highD family, NGSIM tables, OpenACC, FHWA pairs, canonical tables, shipped "
+            "sets), checks every row, converts units once and writes canonical Parquet tables and 60 s scenes. "
+            "data=generated first writes new recordings in the highD three-file format."
         ),
         examples=(
             "rearl prepare",

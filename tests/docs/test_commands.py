@@ -115,7 +115,7 @@ def check(words):
 
 def completed(words):
     """A command of running text, which may leave out where the recordings are."""
-    reads = any(re.fullmatch("data=(highd|i80|ngsim|openacc|table)", word) for word in words)
+    reads = any(re.fullmatch("data=(highd|ngsim|table)", word) for word in words)
     return [*words, "data.root=FOLDER"] if reads and "data.root" not in " ".join(words) else words
 
 

@@ -14,10 +14,10 @@ from rearl_jax.config import DoctorTask
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.config.decision import DecisionConfig, PolicyName
 from rearl_jax.config.llm import LlmConfig
-from rearl_jax.doctor import folders, machine, programs, server
+from rearl_jax.doctor import folders, machine, programs, recordings, server
 from rearl_jax.doctor.check import Status
 from rearl_jax.doctor.programs import _USES
-from rearl_jax.doctor.recordings import recording_checks
+from rearl_jax.doctor.recordings import recording_checks, shipped_checks
 from rearl_jax.llm.connection import Response
 
 
@@ -47,6 +47,20 @@ def test_recordings_that_are_missing_or_broken_fail(tmp_path):
         (check,) = recording_checks(DataConfig(DataFormat.table, str(root)))
         assert check.status is Status.fail
         assert str(root) in check.found
+
+
+def test_shipped_recordings_are_counted_and_missed(monkeypatch):
+    (sound,) = shipped_checks()
+    assert sound.status is Status.ok
+    assert "fhwa 10, i80 3, i80_lateral 1, i80_slice 1, openacc 26, us101 3" in sound.found
+
+    def missing(data):
+        raise FileNotFoundError(data.format.name)
+
+    monkeypatch.setattr(recordings, "count_recordings", missing)
+    (lost,) = shipped_checks()
+    assert lost.status is Status.fail
+    assert lost.remedy
 
 
 def test_folders_that_cannot_be_used(tmp_path, monkeypatch):

@@ -14,10 +14,10 @@ from collections.abc import Callable
 from pathlib import Path
 from random import Random
 
+from tests.fuzz.formats import FORMATS
 from tests.fuzz.outcome import Outcome, Result, ended_in_time
 from tests.fuzz.parsers import PARSERS
 from tests.fuzz.readers import Reader
-from tests.fuzz.traffic import FORMATS
 
 TARGETS = (*FORMATS, *PARSERS)
 """Readers of recordings, then parsers."""

@@ -8,7 +8,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from tests.fuzz.traffic import Column, Format, Source
+from tests.fuzz.formats import Format
+from tests.fuzz.traffic import Column, Source
 
 FACTORS = (3.28084, 3.6, 25.0)
 """Feet in a metre, km/h in m/s, frames in a second."""

@@ -16,9 +16,10 @@ from rearl_jax.data.checks import RANGES
 from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
 from rearl_jax.data.records import Recording
 from rearl_jax.data.schema import COLUMNS
+from tests.fuzz.formats import FORMATS
 from tests.fuzz.mutation import in_other_units, spoiled, unit_faults, without_a_value
 from tests.fuzz.outcome import Outcome, Result, judged
-from tests.fuzz.traffic import FORMATS, Source
+from tests.fuzz.traffic import Source
 
 
 class Reader:

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from rearl_jax.config.data import OnBad
 from tests.fuzz.__main__ import BAD, TARGETS, main, target
+from tests.fuzz.formats import FORMATS
 from tests.fuzz.mutation import in_other_units, unit_faults, without_a_value
 from tests.fuzz.outcome import Outcome
 from tests.fuzz.readers import Reader
-from tests.fuzz.traffic import FORMATS
 
 FEW = {"words": 8, "config": 8}
 """Inputs of targets that take long."""

@@ -4,7 +4,6 @@ Two lanes of four vehicles whose speeds swing, so that positions, speeds, accele
 recording. A recording is a dictionary of tables by file name, in the columns and units of its source.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,7 +11,6 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from rearl_jax.config.data import DataFormat
 from rearl_jax.data.canonical import METADATA
 from rearl_jax.data.schema import COLUMNS
 
@@ -218,7 +216,30 @@ def us101() -> Source:
 
 
 def i80() -> Source:
-    """Leader-follower pairs of the left lane."""
+    """Leader-follower pairs."""
+    return source({"pairs.parquet": _pairs()})
+
+
+def i80_lateral() -> Source:
+    """Leader-follower pairs with lateral positions."""
+    pairs = _pairs().rename(columns={"t_s": "frame"}).drop(columns="run")
+    own_length = pairs["follower"].map(_pair_length)
+    return source(
+        {
+            "pairs.parquet": pairs.assign(
+                frame=(10.0 * pairs["frame"]).round().astype(np.int64),
+                x_f_m=LANE * (pairs["lane"] - 0.5),
+                length_f_m=own_length,
+                width_f_m=1.8,
+                class_f=2,
+                leader_width_m=1.9,
+                class_l=2,
+            )
+        }
+    )
+
+
+def _pairs() -> pd.DataFrame:
     here = traffic(10.0)
     parts = []
     for leader, follower in ((1, 3), (3, 5), (2, 4), (4, 6), (6, 8)):
@@ -241,7 +262,7 @@ def i80() -> Source:
                 }
             )
         )
-    return source({"pairs.parquet": pd.concat(parts, ignore_index=True)})
+    return pd.concat(parts, ignore_index=True)
 
 
 def _pair_length(vehicle: int) -> float:
@@ -291,87 +312,3 @@ def canonical(name: str, *, described: bool) -> Source:
     if name.endswith(".csv"):
         return source({name: here}, texts={f"{name}.info.json": INFO})
     return source({name: here}, metadata={name: {f"rearl_jax.{METADATA}": INFO}})
-
-
-@dataclass(frozen=True)
-class Format:
-    """A reader under test.
-
-    Attributes:
-        reads: The value of data.format.
-        make: The sound recording.
-        kinds: Columns that a converter would put into a wrong unit together, by kind of quantity.
-    """
-
-    reads: DataFormat
-    make: Callable[[], Source]
-    kinds: dict[str, tuple[str, ...]]
-
-
-def _kinds(lengths: str, speeds: str, **others: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
-    """Kinds of quantities, and all lengths, or lengths and everything with a time in it, in wrong units together."""
-    return others | {"lengths": tuple(lengths.split()), "everything": (*lengths.split(), *speeds.split())}
-
-
-_CANONICAL = _kinds(
-    "position x y lateral length width",
-    "speed acceleration",
-    position=("position", "x"),
-    ground=("x",),
-    across=("y", "lateral"),
-    **{name: (name,) for name in ("y", "lateral", "speed", "acceleration", "length", "width", "time")},
-)
-_PUBLISHED = _kinds(
-    "Local_X Local_Y v_Length v_Width",
-    "v_Vel v_Acc",
-    position=("Local_Y",),
-    lateral=("Local_X",),
-    speed=("v_Vel",),
-    acceleration=("v_Acc",),
-    length=("v_Length",),
-    width=("v_Width",),
-)
-_HIGHD = _kinds(
-    "x y width height upperLaneMarkings lowerLaneMarkings",
-    "xVelocity xAcceleration speedLimit",
-    position=("x",),
-    lateral=("y",),
-    speed=("xVelocity",),
-    acceleration=("xAcceleration",),
-    length=("width",),
-    width=("height",),
-    frame_rate=("frameRate",),
-    speed_limit=("speedLimit",),
-    markings=("upperLaneMarkings", "lowerLaneMarkings"),
-)
-_US101 = _kinds(
-    "x_m y_m",
-    "speed_mps accel_mps2",
-    position=("y_m",),
-    lateral=("x_m",),
-    speed=("speed_mps",),
-    acceleration=("accel_mps2",),
-)
-_I80 = _kinds(
-    "y_f_m y_l_m leader_length_m",
-    "v_f_mps v_l_mps a_f_mps2 a_l_mps2",
-    position=("y_f_m", "y_l_m"),
-    speed=("v_f_mps", "v_l_mps"),
-    acceleration=("a_f_mps2", "a_l_mps2"),
-    length=("leader_length_m",),
-    time=("t_s",),
-)
-_OPENACC = {"speed": ("speed_mps",), "gap": ("gap_to_follower_m",), "time": ("t_s",)}
-
-FORMATS = {
-    "highd": Format(DataFormat.highd, highd, _HIGHD),
-    "ngsim_csv": Format(DataFormat.ngsim, lambda: published("trajectories.csv"), _PUBLISHED),
-    "ngsim_txt": Format(DataFormat.ngsim, lambda: published("us101.txt"), _PUBLISHED),
-    "us101": Format(DataFormat.us101, us101, _US101),
-    "i80": Format(DataFormat.i80, i80, _I80),
-    "openacc": Format(DataFormat.openacc, openacc, _OPENACC),
-    "table_csv": Format(DataFormat.table, lambda: canonical("a.csv", described=True), _CANONICAL),
-    "table_parquet": Format(DataFormat.table, lambda: canonical("a.parquet", described=True), _CANONICAL),
-    "table_foreign": Format(DataFormat.table, lambda: canonical("a.csv", described=False), _CANONICAL),
-}
-"""By name."""

@@ -1,11 +1,14 @@
 """The data of a discovery: drivers of recordings, in parts that share none."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+import pandas as pd
 
 from rearl_jax.config import DiscoverConfig
+from rearl_jax.data.labels import track_labels
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
 from rearl_jax.discovery.observe.layout import layout_of
@@ -17,6 +20,9 @@ from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.reading import EXACT_NOISE, LEAST_NOISE, measure, one_frame_rate
 from rearl_jax.discovery.read.smoothing import Thinned, thinned
 from rearl_jax.discovery.read.smoothness import Smoothness, smoothness
+
+AUTO = "auto"
+"""Value of `discover.by` by which kinds of drivers are found without labels."""
 
 ENOUGH = 36
 """Drivers who are asked whether they do anything beside the model."""
@@ -48,34 +54,70 @@ class Parts:
 
 
 def measured_drivers(
-    recordings: Sequence[Recording], options: DiscoverConfig, prior: Prior = IDM_PRIOR
+    recordings: Sequence[Recording], options: DiscoverConfig, prior: Prior = IDM_PRIOR, same: str | None = None
 ) -> tuple[list[Finding], Measured]:
-    """Findings in the columns, and drivers who follow a leader long enough, at most `max_drivers`, at random.
+    """Findings in the columns, and drivers who follow a leader long enough, at most `max_drivers` of each group, at
+    random.
+
+    Args:
+        recordings: The recordings.
+        options: Keys of discovery.
+        prior: What is usual of drivers.
+        same: The label by which the format knows the same driver or car again, where `options.same` names no other.
 
     Raises:
-        ValueError: The frame rates differ, or nobody follows a leader long enough.
+        ValueError: The frame rates differ, a label is unknown, or nobody follows a leader long enough.
     """
     one_frame_rate(recordings)
     tables = [thinned(recording) for recording in recordings]
     smooth = smoothness(tables)
-    findings, data = _measured(tables, smooth, options)
+    labels = labels_of(recordings, options)
+    same = options.same or (same if same in labels else None)
+    known = partial(measure, labels=labels, same=same)
+    findings, data = _measured(known, tables, smooth, options)
     if data.noise < EXACT_NOISE and _are_exact(data, prior):
         # A simulation without noise is as smooth by itself as a kernel would have made it.
-        findings, data = _measured(tables, Smoothness(), options, EXACT_NOISE)
+        findings, data = _measured(known, tables, Smoothness(), options, EXACT_NOISE)
     return findings, data
+
+
+def labels_of(recordings: Sequence[Recording], options: DiscoverConfig) -> dict[str, list[pd.Series]]:
+    """Labels of the tracks of each recording: all that the recordings have, and those that the keys name.
+
+    Raises:
+        InvalidInputError: A key names a label that no recording has.
+    """
+    wanted = {name: "data.format" for recording in recordings for name in recording.info.labels}
+    wanted |= {name: f"discover.{key}" for key, name in named_labels(options).items()}
+    return {name: track_labels(recordings, name, key) for name, key in wanted.items()}
+
+
+def named_labels(options: DiscoverConfig) -> dict[str, str]:
+    """Labels that keys name, by the key."""
+    named = {"by": options.by, "same": options.same}
+    return {key: name for key, name in named.items() if name is not None and (key, name) != ("by", AUTO)}
 
 
 def _measured(
-    tables: Sequence[Thinned], smooth: Smoothness, options: DiscoverConfig, least_noise: float = LEAST_NOISE
+    read: Callable[..., Measured],
+    tables: Sequence[Thinned],
+    smooth: Smoothness,
+    options: DiscoverConfig,
+    least_noise: float = LEAST_NOISE,
 ) -> tuple[list[Finding], Measured]:
     """Findings and drivers, taken for smoothed or not."""
     findings = gate(tables, smooth.drives)
-    data = measure(tables, amount(findings, "position_lag"), smooth, least_noise)
-    if data.n_drivers > options.max_drivers:
-        rng = np.random.default_rng(options.seed)
-        kept = rng.choice(data.n_drivers, options.max_drivers, replace=False)
-        data = data.select(np.flatnonzero(np.isin(data.driver, kept)))
-    return findings, data
+    data = read(tables, amount(findings, "position_lag"), smooth, least_noise)
+    by = named_labels(options).get("by")
+    groups = np.zeros(data.n_drivers, int) if by is None else pd.factorize(data.label(by))[0]
+    rng = np.random.default_rng(options.seed)
+    is_kept = np.zeros(data.n_drivers, bool)
+    for group in np.unique(groups):
+        members = np.flatnonzero(groups == group)
+        if len(members) > options.max_drivers:
+            members = members[rng.choice(len(members), options.max_drivers, replace=False)]
+        is_kept[members] = True
+    return findings, data if is_kept.all() else data.of_drivers(is_kept)
 
 
 def _are_exact(data: Measured, prior: Prior) -> bool:

@@ -5,8 +5,8 @@ are independent of each other.
 """
 
 import dataclasses
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import equinox as eqx
@@ -111,11 +111,13 @@ class Measured:
         vehicle: Track of each piece, unique over all recordings.
         leader: Track of the leader in every time step, -1 without one.
         recording: Index of the recording of each piece.
+        identity: Number of the driver or car of each piece, the same in all its tracks and recordings; -1 if unknown.
         dt: Time step [s].
         stride: Time steps from one that says something new to the next; those between do not count.
         noise: Standard deviation of the measured positions [m].
         smoothing: Width of the kernel that positions were smoothed with before they were released [s]; 0 for none.
         jumps: Jumps of positions in the recordings, around which nothing counts.
+        labels: Labels of each piece, the same for all of a driver: texts, None where unknown.
     """
 
     y: Float[np.ndarray, "steps pieces"]
@@ -129,11 +131,13 @@ class Measured:
     vehicle: Int[np.ndarray, " pieces"]
     leader: Int[np.ndarray, "*steps pieces"]
     recording: Int[np.ndarray, " pieces"]
+    identity: Int[np.ndarray, " pieces"]
     dt: float
     stride: int
     noise: float
     smoothing: float = 0.0
     jumps: int = 0
+    labels: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def n_drivers(self) -> int:
@@ -150,6 +154,23 @@ class Measured:
         """Time of each driver that counts [min]."""
         seconds = self.weight.sum(axis=0) * self.dt * self.stride
         return np.bincount(self.driver, seconds, self.n_drivers) / 60
+
+    @property
+    def same(self) -> Int[np.ndarray, " drivers"]:
+        """Number of the person or car behind each driver, the same in all its tracks and recordings; -1 if unknown."""
+        same = np.full(self.n_drivers, -1)
+        same[self.driver] = self.identity
+        return same
+
+    def label(self, name: str) -> np.ndarray:
+        """A label of each driver: texts, None where unknown."""
+        values = np.full(self.n_drivers, None, object)
+        values[self.driver] = self.labels[name]
+        return values
+
+    def of_drivers(self, is_kept: Bool[np.ndarray, " drivers"]) -> "Measured":
+        """Some drivers, numbered anew in their order."""
+        return self.select(np.flatnonzero(is_kept[self.driver]))
 
     def looks(self) -> Float[np.ndarray, " steps"]:
         """1 where something new is measured."""
@@ -194,6 +215,7 @@ class Measured:
             self,
             around=jax.tree.map(lambda values: values[:, pieces], self.around),
             driver=np.unique(self.driver[pieces], return_inverse=True)[1],
+            labels={name: values[pieces] for name, values in self.labels.items()},
             **{name: getattr(self, name)[..., pieces] for name in BY_PIECE},
         )
 
@@ -203,7 +225,7 @@ class Measured:
         return dataclasses.replace(self, **joined([self, later]))
 
 
-BY_PIECE = ("y", "weight", "smooth", "smooth_speed", "length", "is_truck", "vehicle", "leader", "recording")
+BY_PIECE = ("y", "weight", "smooth", "smooth_speed", "length", "is_truck", "vehicle", "leader", "recording", "identity")
 """Arrays of `Measured` whose last axis is the pieces, beside `driver`."""
 
 
@@ -211,4 +233,5 @@ def joined(parts: Sequence[Measured]) -> dict[str, Any]:
     """Arrays of several parts side by side, by the names of `Measured`; drivers keep their numbers."""
     around = jax.tree.map(lambda *values: np.concatenate(values, axis=-1), *(part.around for part in parts))
     arrays = {name: np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in (*BY_PIECE, "driver")}
-    return arrays | {"around": around}
+    labels = {name: np.concatenate([part.labels[name] for part in parts]) for name in parts[0].labels}
+    return arrays | {"around": around, "labels": labels}

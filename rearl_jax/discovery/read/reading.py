@@ -1,6 +1,8 @@
 """From recordings to measured drivers: positions smoothed, surroundings looked up, tracks cut into pieces."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
@@ -45,6 +47,8 @@ SMOOTHED_NOISE = 0.005
 
 UNSMOOTHED = Smoothness()
 
+NO_LABELS: Mapping[str, Sequence[pd.Series]] = MappingProxyType({})
+
 _STEPS_UNIT = 64
 """Numbers of steps are rounded up to multiples of it, so that few programs are compiled."""
 
@@ -66,6 +70,8 @@ def measure(
     position_lag: float = 0.0,
     smooth: Smoothness = UNSMOOTHED,
     least_noise: float = LEAST_NOISE,
+    labels: Mapping[str, Sequence[pd.Series]] = NO_LABELS,
+    same: str | None = None,
 ) -> Measured:
     """All drivers of the recordings who follow somebody long enough.
 
@@ -74,6 +80,8 @@ def measure(
         position_lag: By how much positions are late [s]; lanes and places in them are put to the same clock.
         smooth: What positions and their errors have been smoothed with.
         least_noise: Standard deviation that the noise of unsmoothed positions is brought up to [m].
+        labels: Labels of the tracks of each recording, by track_id.
+        same: The label that joins what the same driver or car did; None if there is none.
 
     Raises:
         ValueError: Nobody follows anybody long enough.
@@ -96,7 +104,9 @@ def measure(
         blur = added * rng.standard_normal(len(part.position))
         for start, stop in zip(part.starts, part.stops, strict=True):
             blur[start:stop] += smooth.complement(int(stop - start), dt, rng)
-        pieces.append(part.pieces(n_steps, stride, edge, noise, blur, smooth.drives, index, offset))
+        piece = part.pieces(n_steps, stride, edge, noise, blur, smooth.drives, index, offset)
+        of_track = {name: values[index].reindex(piece.vehicle - offset) for name, values in labels.items()}
+        pieces.append(replace(piece, labels={name: values.to_numpy(object) for name, values in of_track.items()}))
         offset += part.n_tracks
     used = [piece for piece in pieces if len(piece.driver)]
     if not used:
@@ -105,6 +115,8 @@ def measure(
         raise InvalidInputError(Problem("nobody-follows", f"{said}or tracks cut into fragments", remedy))
     n_jumps = sum(int(part.jumps.sum()) for part in rows)
     whole = Measured(**joined(used), dt=dt, stride=stride, noise=noise, smoothing=smooth.drives, jumps=n_jumps)
+    if same is not None:
+        whole = replace(whole, identity=pd.factorize(whole.labels[same])[0].astype(np.int64))
     return whole.select(np.arange(len(whole.driver)))
 
 
@@ -178,6 +190,7 @@ class _Rows:
             vehicle=track + offset,
             leader=np.where(leader[index] >= 0, leader[index] + offset, NOBODY),
             recording=np.full(len(cuts), recording),
+            identity=np.full(len(cuts), -1),
             dt=dt,
             stride=stride,
             noise=noise,

@@ -221,3 +221,25 @@ def test_a_simulation_without_noise_is_not_taken_for_smoothed(recordings_of):
     findings, data = measured_drivers(recordings_of("smoothing"), DiscoverConfig())
     assert [finding.name for finding in findings] == ["smoothing"]
     assert data.stride > 1
+
+
+def test_labels_stay_with_their_drivers(recordings_of):
+    recordings = []
+    for one in recordings_of():
+        odd = (one.table["track_id"] % 2).astype(str)
+        recordings.append(Recording(replace(one.info, labels=("kind",)), one.table.assign(kind="odd_" + odd)))
+    _, data = measured_drivers(recordings, DiscoverConfig(by="kind", same="recording"))
+    names = np.concatenate([one.table["track_id"].unique() for one in recordings])
+    assert data.n_drivers == 36 <= len(names)
+    first = data.of_drivers(data.label("recording") == recordings[0].info.id)
+    assert first.label("kind").tolist() == [f"odd_{vehicle % 2}" for vehicle in np.unique(first.vehicle)]
+    assert set(first.same) == {0}
+    assert sorted(set(data.same)) == [0, 1, 2]
+    shuffled = data.select(np.random.default_rng(1).permutation(len(data.driver)))
+    both = first.beside(shuffled)
+    for part, expected in ((slice(0, 12), first), (slice(12, None), data)):
+        assert both.label("kind")[part].tolist() == expected.label("kind").tolist()
+        assert both.same[part].tolist() == expected.same.tolist()
+    _, few = measured_drivers(recordings, DiscoverConfig(by="kind", max_drivers=9))
+    assert [(few.label("kind") == kind).sum() for kind in ("odd_0", "odd_1")] == [9, 9]
+    assert set(few.same) == {-1}
