@@ -20,8 +20,9 @@ from jaxtyping import Bool, Float, Int
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.following import begin_effects, follow
 from rearl_jax.discovery.observe.candidates import LENS, Term, effects_at, lens_at
+from rearl_jax.discovery.observe.fit_state import FitState, copied
 from rearl_jax.discovery.observe.observer import stimulus, straightened, straightened_start
-from rearl_jax.discovery.observe.solver import FitState, Solver, copied
+from rearl_jax.discovery.observe.solver import Solver
 
 LONGEST_AFTER = 6.0
 """Time after what a leader does over which its follower is watched [s]."""

@@ -13,8 +13,9 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.observe.closed_loop import FARTHEST, calibrated_to_gap, simulated_error
 from rearl_jax.discovery.observe.fit import Fit, on_others
+from rearl_jax.discovery.observe.fit_state import FitState, copied
 from rearl_jax.discovery.observe.response_time import Responses, responses
-from rearl_jax.discovery.observe.solver import FitState, Solver, copied
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.splits import Split
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, ProtocolErrors, protocol_errors

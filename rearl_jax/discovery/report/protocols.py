@@ -12,8 +12,9 @@ from jaxtyping import Float, Int
 
 from rearl_jax.discovery.observe.closed_loop import simulated_error
 from rearl_jax.discovery.observe.fit import Fit, on_others
+from rearl_jax.discovery.observe.fit_state import FitState, copied
 from rearl_jax.discovery.observe.observer import pieces_of
-from rearl_jax.discovery.observe.solver import FitState, Solver, copied
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.splits import Split, error_of_splits, halves, seen_enough
 
