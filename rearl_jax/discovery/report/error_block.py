@@ -88,8 +88,8 @@ def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int
         "all": figures,
         "protocols": {name: _protocol(first.protocols[name], final.protocols[name], over) for name in PROTOCOLS},
         "response_time": {
-            "before": first.responses.figure(confidence, draws, seed),
-            "after": final.responses.figure(confidence, draws, seed),
+            name: None if model.responses is None else model.responses.figure(confidence, draws, seed)
+            for name, model in (("before", first), ("after", final))
         },
     }
 

@@ -17,7 +17,7 @@ from rearl_jax.discovery.observe.fit_state import FitState, copied
 from rearl_jax.discovery.observe.response_time import Responses, responses
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.read.splits import Split
+from rearl_jax.discovery.read.training import Split, left_out_runs
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, ProtocolErrors, protocol_errors
 from rearl_jax.discovery.search.null import behind_noisy_drive, position_errors
 
@@ -54,18 +54,16 @@ class ModelErrors:
         floor: Closed-loop gap error that the drivers' own noise makes alone [m], by driver; more than the error itself
             where what they do beside the model is not the noise that it is taken for.
         protocols: Errors by what is known of a driver, see `protocols`.
-        responses: How much later than the model asks they accelerate.
+        responses: How much later than the model asks they accelerate; None where models differ between them.
     """
 
     by_driver: dict[str, Float[np.ndarray, " drivers"]]
     floor: Float[np.ndarray, " drivers"]
     protocols: dict[str, ProtocolErrors | None]
-    responses: Responses
+    responses: Responses | None
 
 
-def model_errors(
-    solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: int, runs: Sequence[Split] = ()
-) -> dict[str, ModelErrors]:
+def model_errors(solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: int) -> dict[str, ModelErrors]:
     """Errors of fitted models on other drivers, with the same noise for all.
 
     Args:
@@ -73,8 +71,8 @@ def model_errors(
         data: The other drivers.
         fits: The models by name.
         seed: Of the noise.
-        runs: Splits of drivers with several runs, see `left_out_runs`.
     """
+    runs = left_out_runs(data, data.same, np.ones(data.n_drivers, bool))
     states = on_others(solver, data, list(fits.values()))
     return {
         name: _errors(solver, state, fit, seed, runs) for (name, fit), state in zip(fits.items(), states, strict=True)

@@ -10,8 +10,8 @@ groups    [{by, value, drivers, driver_seconds, cars, shared, verdict, effects, 
           the median over fitted drivers of gap over speed [s] behind a leader of that speed in the calibrated model,
           null where fewer than half of the drivers want to drive that fast
 grouping  {by, left_out: {value: drivers}}: who is in no group; where kinds were found without labels, also {kinds,
-          evidence [nats] and distinctness of each mixture, gain, chance, uncertain, purity: {label: {value, by_chance}}},
-          see `groups.kinds`
+          evidence [nats] and distinctness of each mixture, gain, chance, uncertain, purity: {label: {value,
+          by_chance}}}, see `groups.kinds`
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,8 +24,9 @@ from rearl_jax.config import DiscoverConfig
 from rearl_jax.discovery.discover import Behind, Discovery
 from rearl_jax.discovery.observe.solver import FitState, Solver
 from rearl_jax.discovery.read.split import in_both, known_again
-from rearl_jax.discovery.report import tables
+from rearl_jax.discovery.report.error_block import error_block
 from rearl_jax.discovery.report.errors import ModelErrors
+from rearl_jax.discovery.report.protocols import ProtocolErrors
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 SPEEDS = (10.0, 20.0)
@@ -49,7 +50,7 @@ def verdict_of_groups(
         "candidates": [],
         "lane_changes": [],
         "unseen": [],
-        "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
+        "error": error_block(errors, options.confidence, options.draws, options.seed),
         "adequacy": None,
         "lane_choice": None,
         "data": data[0]
@@ -112,5 +113,22 @@ def _joined(groups: Sequence[Mapping[str, ModelErrors]]) -> dict[str, ModelError
     for model in ("before", "after"):
         parts = [errors.get(model, errors["before"]) for errors in groups]
         by_driver = {name: np.concatenate([part.by_driver[name] for part in parts]) for name in parts[0].by_driver}
-        joined[model] = ModelErrors(by_driver, np.concatenate([part.floor for part in parts]))
+        floor = np.concatenate([part.floor for part in parts])
+        protocols = {name: _under_one([part.protocols[name] for part in parts]) for name in parts[0].protocols}
+        joined[model] = ModelErrors(by_driver, floor, protocols, responses=None)
     return joined
+
+
+def _under_one(groups: Sequence[ProtocolErrors | None]) -> ProtocolErrors | None:
+    """Errors of the drivers of all groups under one protocol; None where nobody could be tested."""
+    tested = [one for one in groups if one is not None]
+    if not tested:
+        return None
+
+    def together(name: str) -> dict[str, np.ndarray]:
+        parts = [getattr(one, name) for one in tested]
+        return {measure: np.concatenate([part[measure] for part in parts]) for measure in parts[0]}
+
+    n_drivers = [len(one.driver) for one in tested]
+    left_out = sum(one.left_out for one in tested)
+    return ProtocolErrors(np.arange(sum(n_drivers)), together("by_driver"), together("usual"), left_out)

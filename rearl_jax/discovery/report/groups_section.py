@@ -39,8 +39,9 @@ def _kinds_notes(grouping: Mapping[str, Any]) -> list[str]:
     if grouping["kinds"] == 1:
         return ["no kinds of drivers were told apart: the evidence for several is not beyond what one kind gives"]
     notes = [
-        f"{grouping['kinds']} kinds of drivers were told apart without labels: the evidence is {grouping['gain']:.0f} nats "
-        f"above that for one kind, which {percent(grouping['chance'])} of data sets of one kind reach at most"
+        f"{grouping['kinds']} kinds of drivers were told apart without labels: the evidence is "
+        f"{grouping['gain']:.0f} nats above that for one kind, "
+        f"which {percent(grouping['chance'])} of data sets of one kind reach at most"
     ]
     for label, share in grouping["purity"].items():
         words = f"{percent(share['value'])} of drivers have the most common {spoken(label)} of their kind"

@@ -16,7 +16,7 @@ from rearl_jax.discovery.observe.fit_state import FitState, copied
 from rearl_jax.discovery.observe.observer import pieces_of
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.read.splits import Split, error_of_splits, halves, seen_enough
+from rearl_jax.discovery.read.training import Split, error_of_splits, halves, seen_enough
 
 IN_SAMPLE = "in_sample"
 

@@ -5,7 +5,7 @@ import pytest
 
 from rearl_jax.discovery.observe.closed_loop import calibrated_to_gap, simulated_error
 from rearl_jax.discovery.observe.fit import Fit, on_others
-from rearl_jax.discovery.read.splits import halves, left_out_runs
+from rearl_jax.discovery.read.training import halves, left_out_runs
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, PROTOCOLS, protocol_errors
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rearl_jax.discovery.read.splits import MOST_FOLDS, UNKNOWN, halves, left_out_runs, seen_enough
+from rearl_jax.discovery.read.training import MOST_FOLDS, UNKNOWN, halves, left_out_runs, seen_enough
 
 
 @pytest.fixture(scope="module")
