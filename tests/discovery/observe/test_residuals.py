@@ -21,9 +21,9 @@ from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import is_new
 from rearl_jax.discovery.read.reading import measure
 from rearl_jax.discovery.read.smoothing import thinned
-from rearl_jax.discovery.report.errors import speed_error
 from rearl_jax.discovery.report.figures import stretches
 from rearl_jax.discovery.report.presentation import residual_table
+from rearl_jax.discovery.report.protocols import speed_deviation
 from rearl_jax.discovery.search.atlas import chart_of, part_scores
 from rearl_jax.discovery.search.finder import Group, stability_selection
 from rearl_jax.discovery.search.maps import curve_of
@@ -178,7 +178,7 @@ def test_the_speed_error_does_not_feel_what_comes_after_a_drive(planted):
     step = np.arange(len(data.y))[:, None]
     assert (last < len(data.y) - 1).all(), "no padding"
     gone = (data.y - data.smooth) + np.where(step <= last, 0.5 * step * data.dt, 1000.0)
-    np.testing.assert_allclose(speed_error(gone, data), 0.5)
+    np.testing.assert_allclose(np.sqrt(data.driver_mean(speed_deviation(gone, data) ** 2)), 0.5)
 
 
 def noisy_votes(rng, n_drivers=40, n_groups=12, size=5, n=200, planted=None):
