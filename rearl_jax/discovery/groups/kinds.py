@@ -1,8 +1,8 @@
 """Kinds of drivers, found without labels: by their own parameters, and by how evenly they drive.
 
-Every driver is calibrated under one model. What is known of its parameters, of the variance of its innovations
-(machines are smoother) and of their correlation over half a second goes into mixtures of populations. The number of
-kinds is that of the largest evidence among mixtures whose populations are distinct and have enough drivers.
+Every driver is calibrated under one model. What is known of its parameters, and of the variance of its innovations and
+how long they last (machines are smoother), goes into mixtures of populations. The number of kinds is that of the
+largest evidence among mixtures whose populations are distinct and have enough drivers.
 """
 
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ from rearl_jax.discovery.groups.mixture import Mixture, Seen, drawn_from, one_gr
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.observer import unrest
 from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MOST_KINDS = 6
@@ -26,8 +27,8 @@ HOPELESS = 10.0
 REPLICATES = 39
 """Data sets of one kind that say how often chance gives the evidence for two."""
 
-LAG = 0.5
-"""Time over which the correlation of innovations is taken [s]."""
+SHORT, LONG = 1.0, 4.0
+"""Times over which innovations are averaged [s]: noise of the sensor averages out, what a driver does does not."""
 
 LARGEST = 4.0
 """Innovations beyond so many standard deviations of a driver's own count as that much [-]."""
@@ -103,8 +104,10 @@ def kinds_of(seen: Seen, seed: int) -> Kinds:
 
 
 def seen_of(solver: Solver, fit: Fit) -> Seen:
-    """What is known of each driver of a calibrated model: of its standardised parameters about its class's mean, of the
-    logarithm of the variance of its innovations, and of their correlation.
+    """What is known of each driver of a calibrated model, about the mean of its class, car or truck: the standardised
+    parameters, in the directions in which data tell most of them and least, and how unevenly it drives.
+
+    A direction stands for what is known together: gaps at usual speeds, and not time gap and jam gap, which trade.
     """
     state = fit.state
     assert state.sums is not None
@@ -113,13 +116,16 @@ def seen_of(solver: Solver, fit: Fit) -> Seen:
     slope = state.sums.gradient[:, own] / state.variances[:, None]
     away = state.z - state.mean[state.truck]
     weighted = np.einsum("nij,nj->ni", information, away) - slope
-    values, deviations = _evenness(solver, fit)
+    # Each driver counts alike: with the share of its spread that its data tell.
+    told = np.linalg.solve(information + np.eye(own.stop), information).mean(axis=0)
+    _, directions = np.linalg.eigh((told + told.T) / 2)
+    values, deviations = _unevenness(solver, fit)
     n, size = weighted.shape
     whole = np.zeros((n, size + 2, size + 2))
-    whole[:, own, own] = information
+    whole[:, own, own] = np.einsum("ji,njk,kl->nil", directions, information, directions)
     for k in range(2):
         whole[:, size + k, size + k] = deviations[:, k] ** -2.0
-    return Seen(whole, np.concatenate([weighted, values * deviations**-2.0], axis=1))
+    return Seen(whole, np.concatenate([weighted @ directions, values * deviations**-2.0], axis=1))
 
 
 def purity(kinds: Sequence[int | None], labels: Sequence[str | None], seed: int) -> dict[str, float] | None:
@@ -160,28 +166,38 @@ def _gains_by_chance(seen: Seen, single: Mixture, seed: int) -> list[float]:
     return gains
 
 
-def _evenness(solver: Solver, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Logarithm of the variance of each driver's innovations, their correlation over LAG, and standard deviations."""
-    state, data = fit.state, fit.state.data
-    (innovation,) = solver.innovations([state])
-    looks = data.stride
-    weight = data.weight[::looks] > 0
-    even = innovation[::looks] / np.sqrt(1 + fit.noise.growth * unrest(data)[::looks])
-    count = np.bincount(data.driver, weight.sum(axis=0), data.n_drivers)
+def _unevenness(solver: Solver, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """Logarithm of the variance of each driver's innovations averaged over SHORT, and of its ratio to that of those
+    averaged over LONG, where they last longer the larger; and standard deviations.
+    """
+    data = fit.state.data
+    (innovation,) = solver.innovations([fit.state])
+    step = data.stride * data.dt
+    weight = data.weight[:: data.stride] > 0
+    even = innovation[:: data.stride] / np.sqrt(1 + fit.noise.growth * unrest(data)[:: data.stride])
+    short, long = (_mean_square(even, weight, max(1, round(time / step)), data) for time in (SHORT, LONG))
+    blocks = round(LONG / step) / max(1, round(SHORT / step))
+    values = np.stack([np.log(short[0]), np.log(long[0] / short[0] * blocks)], axis=1)
+    return values - np.median(values, axis=0), np.sqrt(np.stack([short[1], long[1]], axis=1))
 
-    def mean(values: np.ndarray, over: np.ndarray) -> np.ndarray:
-        total, number = (np.bincount(data.driver, one, data.n_drivers) for one in ((values * over).sum(0), over.sum(0)))
-        return total / np.maximum(number, 1.0)
 
-    for _ in range(3):  # large ones are few, and their variance must not rule that of the rest
-        variance = mean(even**2, weight)
-        bound = LARGEST * np.sqrt(variance)[data.driver]
-        even = np.clip(even, -bound, bound)
-    standard = even / np.sqrt(variance)[data.driver]
-    lag = max(1, round(LAG / (data.dt * looks)))
-    pairs = weight[lag:] & weight[:-lag]
-    correlation = mean(standard[lag:] * standard[:-lag], pairs)
-    kurtosis = np.maximum(mean(standard**4, weight) - 1.0, 1.0)
-    number = np.maximum(count * fit.noise.independent, 4.0)
-    values = np.stack([np.log(variance) - np.median(np.log(variance)), correlation], axis=1)
-    return values, np.stack([np.sqrt(kurtosis / number), np.sqrt(1 / number)], axis=1)
+def _mean_square(even: np.ndarray, weight: np.ndarray, n: int, data: Measured) -> tuple[np.ndarray, np.ndarray]:
+    """Mean square of each driver's innovations averaged over n of them, and the variance of its logarithm."""
+    usable = len(even) // n * n
+    means = even[:usable].reshape(-1, n, even.shape[1]).mean(axis=1)
+    counts = weight[:usable].reshape(-1, n, even.shape[1]).all(axis=1).astype(float)
+    number = np.bincount(data.driver, counts.sum(axis=0), data.n_drivers)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return np.bincount(data.driver, (values * counts).sum(axis=0), data.n_drivers) / np.maximum(number, 1.0)
+
+    square = mean(means**2)
+    for _ in range(3):  # large ones are few, and must not rule
+        bound = LARGEST * np.sqrt(square)[data.driver]
+        means = np.clip(means, -bound, bound)
+        square = mean(means**2)
+    known = number > 1
+    usual = float(np.median(square[known])) if known.any() else 1.0
+    kurtosis = np.maximum(mean(means**4) / np.maximum(square, 1e-12 * usual) ** 2 - 1.0, 1.0)
+    # Of whom hardly anything was seen, nothing is known.
+    return np.where(known, square, usual), np.where(known, kurtosis / np.maximum(number, 1.0), 1e6)
