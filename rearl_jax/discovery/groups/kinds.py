@@ -1,21 +1,21 @@
 """Kinds of drivers, found without labels: by their own parameters, and by how evenly they drive.
 
-Every driver is calibrated under one model. What is known of its parameters, and of the variance of its innovations and
-how long they last (machines are smoother), goes into mixtures of populations. The number of kinds is that of the
-largest evidence among mixtures whose populations are distinct and have enough drivers.
+Every driver is calibrated under one model. What is known of its parameters, and of the size of its noise and how long
+that lasts (machines are smoother), goes into mixtures of populations. The number of kinds is that of the largest
+evidence among mixtures whose populations are distinct and have enough drivers.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from rearl_jax.discovery.groups.mixture import Mixture, Seen, drawn_from, one_group, split_further
 from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.observer import unrest
 from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MOST_KINDS = 6
@@ -27,11 +27,19 @@ HOPELESS = 10.0
 REPLICATES = 39
 """Data sets of one kind that say how often chance gives the evidence for two."""
 
-SHORT, LONG = 1.0, 4.0
-"""Times over which innovations are averaged [s]: noise of the sensor averages out, what a driver does does not."""
+FACTORS = 2.0 ** np.arange(-4, 4)
+"""Factors of the usual noise of drivers and of the time it lasts that innovations are held against [-]."""
+
+FARTHEST = 4.0
+"""Spreads from the usual driver at which a driver's numbers are taken to lie at most [-]: far beyond what was seen, the
+likelihood is not the parabola that it is taken for.
+"""
+
+HARDLY_KNOWN = 0.1
+"""Information about a number below which it is taken to be as usual [-]."""
 
 LARGEST = 4.0
-"""Innovations beyond so many standard deviations of a driver's own count as that much [-]."""
+"""Innovations beyond so many standard deviations count as that much [-]."""
 
 DRAWS = 200
 """Random assignments that the purity by chance is the mean of."""
@@ -104,8 +112,8 @@ def kinds_of(seen: Seen, seed: int) -> Kinds:
 
 
 def seen_of(solver: Solver, fit: Fit) -> Seen:
-    """What is known of each driver of a calibrated model, about the mean of its class, car or truck: the standardised
-    parameters, in the directions in which data tell most of them and least, and how unevenly it drives.
+    """What is known of each driver of a calibrated model, about the mean of its class, car or truck: its standardised
+    parameters, in the directions in which data tell most of them and least, and its noise.
 
     A direction stands for what is known together: gaps at usual speeds, and not time gap and jam gap, which trade.
     """
@@ -115,17 +123,18 @@ def seen_of(solver: Solver, fit: Fit) -> Seen:
     information = state.sums.gram[:, own, own] / state.variances[:, None, None]
     slope = state.sums.gradient[:, own] / state.variances[:, None]
     away = state.z - state.mean[state.truck]
-    weighted = np.einsum("nij,nj->ni", information, away) - slope
+    n, size = away.shape
     # Each driver counts alike: with the share of its spread that its data tell.
-    told = np.linalg.solve(information + np.eye(own.stop), information).mean(axis=0)
+    told = np.linalg.solve(information + np.eye(size), information).mean(axis=0)
     _, directions = np.linalg.eigh((told + told.T) / 2)
-    values, deviations = _unevenness(solver, fit)
-    n, size = weighted.shape
+    best = away - np.linalg.solve(information + HARDLY_KNOWN * np.eye(size), slope[:, :, None])[:, :, 0]
+    best = np.clip(best @ directions, -FARTHEST, FARTHEST)
+    values, known = _noise_of_drivers(solver, fit)
     whole = np.zeros((n, size + 2, size + 2))
     whole[:, own, own] = np.einsum("ji,njk,kl->nil", directions, information, directions)
     for k in range(2):
-        whole[:, size + k, size + k] = deviations[:, k] ** -2.0
-    return Seen(whole, np.concatenate([weighted @ directions, values * deviations**-2.0], axis=1))
+        whole[:, size + k, size + k] = known[:, k]
+    return Seen(whole, np.einsum("nij,nj->ni", whole, np.concatenate([best, values], axis=1)))
 
 
 def purity(kinds: Sequence[int | None], labels: Sequence[str | None], seed: int) -> dict[str, float] | None:
@@ -166,38 +175,33 @@ def _gains_by_chance(seen: Seen, single: Mixture, seed: int) -> list[float]:
     return gains
 
 
-def _unevenness(solver: Solver, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Logarithm of the variance of each driver's innovations averaged over SHORT, and of its ratio to that of those
-    averaged over LONG, where they last longer the larger; and standard deviations.
+def _noise_of_drivers(solver: Solver, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """Logarithms of the size of each driver's noise and of the time it lasts, over the usual ones, and what is known of
+    them: where its innovations are likeliest among FACTORS, and how fast they become less likely.
     """
-    data = fit.state.data
-    (innovation,) = solver.innovations([fit.state])
-    step = data.stride * data.dt
-    weight = data.weight[:: data.stride] > 0
-    even = innovation[:: data.stride] / np.sqrt(1 + fit.noise.growth * unrest(data)[:: data.stride])
-    short, long = (_mean_square(even, weight, max(1, round(time / step)), data) for time in (SHORT, LONG))
-    blocks = round(LONG / step) / max(1, round(SHORT / step))
-    values = np.stack([np.log(short[0]), np.log(long[0] / short[0] * blocks)], axis=1)
-    return values - np.median(values, axis=0), np.sqrt(np.stack([short[1], long[1]], axis=1))
+    noise, data = fit.noise, fit.state.data
+    looks = slice(None, None, data.stride)
+    weight = (data.weight[looks] > 0) * noise.independent
+    unequal = 1 + noise.growth * unrest(data)[looks]
+
+    def likely(other: Noise) -> np.ndarray:
+        gain = other.gain(data.dt, data.stride)
+        (innovation,) = solver.innovations([fit.state], gain)
+        square = np.minimum(innovation[looks] ** 2 / unequal / gain.variance, LARGEST**2)
+        by_piece = -0.5 * ((square + np.log(gain.variance)) * weight).sum(axis=0)
+        return np.bincount(data.driver, by_piece, data.n_drivers)
+
+    sizes = np.stack([likely(replace(noise, acceleration=noise.acceleration * factor)) for factor in FACTORS])
+    times = np.stack([likely(replace(noise, time=noise.time * factor)) for factor in FACTORS])
+    (size, of_size), (time, of_time) = _tops(sizes), _tops(times)
+    return np.stack([size, time], axis=1), np.stack([of_size, of_time], axis=1)
 
 
-def _mean_square(even: np.ndarray, weight: np.ndarray, n: int, data: Measured) -> tuple[np.ndarray, np.ndarray]:
-    """Mean square of each driver's innovations averaged over n of them, and the variance of its logarithm."""
-    usable = len(even) // n * n
-    means = even[:usable].reshape(-1, n, even.shape[1]).mean(axis=1)
-    counts = weight[:usable].reshape(-1, n, even.shape[1]).all(axis=1).astype(float)
-    number = np.bincount(data.driver, counts.sum(axis=0), data.n_drivers)
-
-    def mean(values: np.ndarray) -> np.ndarray:
-        return np.bincount(data.driver, (values * counts).sum(axis=0), data.n_drivers) / np.maximum(number, 1.0)
-
-    square = mean(means**2)
-    for _ in range(3):  # large ones are few, and must not rule
-        bound = LARGEST * np.sqrt(square)[data.driver]
-        means = np.clip(means, -bound, bound)
-        square = mean(means**2)
-    known = number > 1
-    usual = float(np.median(square[known])) if known.any() else 1.0
-    kurtosis = np.maximum(mean(means**4) / np.maximum(square, 1e-12 * usual) ** 2 - 1.0, 1.0)
-    # Of whom hardly anything was seen, nothing is known.
-    return np.where(known, square, usual), np.where(known, kurtosis / np.maximum(number, 1.0), 1e6)
+def _tops(likely: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where log-likelihoods over FACTORS are largest, as logarithms of the factor, and their curvature there."""
+    step, drivers = float(np.log(FACTORS[1] / FACTORS[0])), np.arange(likely.shape[1])
+    middle = np.clip(likely.argmax(axis=0), 1, len(FACTORS) - 2)
+    below, here, above = (likely[middle + k, drivers] for k in (-1, 0, 1))
+    curvature = np.maximum(2 * here - below - above, 0.0) / step**2
+    away = np.clip((above - below) / (2 * step) / np.maximum(curvature, HARDLY_KNOWN), -step, step)
+    return np.log(FACTORS)[middle] + away, curvature
