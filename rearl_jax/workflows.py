@@ -211,7 +211,7 @@ def discover(measured: pd.DataFrame | None = None, **keys: Any) -> Discovered:
     Raises:
         FileNotFoundError, ValueError: A key is unknown, there are no recordings, one is bad, or too few drivers follow.
     """
-    from rearl_jax.discovery.discover import compute
+    from rearl_jax.discovery.compute import compute
 
     config = _with_table(_task_record("discover", keys), measured)
     with _double_precision(), silent() as bar:

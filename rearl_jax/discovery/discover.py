@@ -1,9 +1,8 @@
 """What the traffic model lacks in measured trajectories: recordings in, a record of everything found out."""
 
 import logging
-import re
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -13,7 +12,6 @@ import pandas as pd
 from rich.progress import Progress
 
 from rearl_jax.config import DiscoverTask
-from rearl_jax.data.recordings import iterate_recordings, label_of_same
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.claims import Claim
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
@@ -24,7 +22,7 @@ from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.normal_equations import Programs
-from rearl_jax.discovery.observe.parts import Parts, measured_drivers, named_labels
+from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import known
 from rearl_jax.discovery.read.gate import Finding
@@ -48,19 +46,16 @@ from rearl_jax.discovery.search.adequacy import Adequacy, adequacy
 from rearl_jax.discovery.search.confirmation import clocks_confirmed, confirmed, lens_confirmed
 from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
 from rearl_jax.discovery.search.null import Null, null_of
-from rearl_jax.discovery.search.procedure import Search, in_time, search, split_drivers
+from rearl_jax.discovery.search.procedure import Search, in_time, search
 from rearl_jax.discovery.search.refit import rebased, refit
 from rearl_jax.discovery.search.screen import scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.models.record import RepairedModel
-from rearl_jax.problems import InvalidInputError, Problem, out_of_range
+from rearl_jax.problems import out_of_range
 from rearl_jax.progress import shown
 from rearl_jax.results import Study
 
 log = logging.getLogger(__name__)
-
-SHARES = (1 / 3, 1 / 3, 1 / 3)
-"""Shares of drivers that are fitted, checked and reported."""
 
 NULL_TABLE = "null"
 
@@ -95,6 +90,7 @@ class Discovery:
         tables: Parquet tables by name; empty where `discover.oracle` says what is missing.
         model: The repaired model; None for the same reason.
         behind: What figures and page are drawn from; None for the same reason.
+        groups: Discoveries of groups of drivers by the name of each; empty where drivers are not told apart.
     """
 
     config: DiscoverTask
@@ -103,82 +99,53 @@ class Discovery:
     tables: dict[str, pd.DataFrame] = field(default_factory=dict)
     model: RepairedModel | None = None
     behind: Behind | None = None
+    groups: Mapping[str, "Discovery"] = field(default_factory=dict)
 
 
-def compute(
-    config: DiscoverTask, bar: Progress, identity: str, *, generated: bool, study: Study | None = None
+def discovery_of(
+    config: DiscoverTask,
+    parts: Parts,
+    recordings: Sequence[Recording],
+    bar: Progress,
+    study: Study | None = None,
+    name: str = "",
 ) -> Discovery:
-    """What the traffic model lacks; nothing is printed.
+    """What the traffic model lacks in some drivers; nothing is printed.
 
     Args:
         config: The task.
+        parts: The drivers.
+        recordings: Where they are from.
         bar: Shows how far it is.
-        identity: Identity of the data.
-        generated: Whether any of the data were generated, not measured.
         study: Keeps the simulated nulls, the longest part, for a run that goes on after it was killed; None to keep
             nothing.
+        name: Name of the group of drivers, which the bar shows.
 
     Raises:
-        FileNotFoundError, ValueError: As `run`.
+        ValueError: `discover.oracle` names no candidate.
     """
     begin = time.perf_counter()
-    parts, recordings = read_parts(config, identity, bar, generated=generated)
     solver = Solver(Programs(layout_of(parts.fitted, prior_of(config.driver)), parts.fitted.dt))
     if config.discover.oracle is not None:
-        discovery = Discovery(config, identity, _oracle(config, solver, parts))
+        discovery = Discovery(config, parts.id, _oracle(config, solver, parts))
     else:
-        outcome = _search(config, study, solver, parts, bar)
+        outcome = _search(config, study, solver, parts, bar, f"{name}: " if name else "")
         lanes = lane_choice(solver, outcome, parts, recordings, config.discover)
-        del recordings  # they may be large, and nobody needs them any more
         discovery = _discovery(config, solver, parts, outcome, lanes)
     discovery.verdict["seconds"] = time.perf_counter() - begin
     return discovery
 
 
-def read_parts(config: DiscoverTask, identity: str, bar: Progress, *, generated: bool) -> tuple[Parts, list[Recording]]:
-    """Recordings read, looked at and split, and the recordings themselves.
-
-    Raises:
-        ValueError: The frame rates differ, or too few drivers follow a leader long enough.
-    """
-    say = shown(bar, "reading recordings")
-    recordings: list[Recording] = []
-    for recording in iterate_recordings(config.data, list(named_labels(config.discover).values())):
-        recordings.append(recording)
-        say(len(recordings), len(recordings))
-    findings, data = measured_drivers(recordings, config.discover, prior_of(config.driver), label_of_same(config.data))
-    notes = _each_once([note for recording in recordings for note in recording.info.notes])
-    if data.jumps:
-        notes += (f"positions jump {data.jumps} times: left out around them",)
-    if data.n_drivers < THRESHOLDS.least_drivers:
-        said = f"{data.n_drivers} drivers follow a leader long enough, at least {THRESHOLDS.least_drivers} are needed"
-        remedy = "choose more recordings, or longer ones"
-        raise InvalidInputError(Problem("too-few-drivers", said, remedy, key="data.recordings"))
-    fitted, checked, reported = split_drivers(data, SHARES, config.discover.seed)
-    infos = tuple(recording.info for recording in recordings)
-    return Parts(identity, generated, infos, findings, fitted, checked, reported, notes), recordings
-
-
-def _each_once(notes: Sequence[str]) -> tuple[str, ...]:
-    """Notes without repetition; of those that differ in their numbers only, the first."""
-    alike: dict[str, list[str]] = {}
-    for note in notes:
-        alike.setdefault(re.sub(r"\d+", "#", note), []).append(note)
-    said = []
-    for same in alike.values():
-        others = len(set(same)) - 1
-        said.append(f"{same[0]} (and {others} alike with other numbers)" if others else same[0])
-    return tuple(said)
-
-
-def _search(config: DiscoverTask, study: Study | None, solver: Solver, parts: Parts, bar: Progress) -> Search:
-    """Search for effects of car following."""
+def _search(
+    config: DiscoverTask, study: Study | None, solver: Solver, parts: Parts, bar: Progress, whose: str
+) -> Search:
+    """Search for effects of car following; `whose` begins what the bar says."""
     options = config.discover
-    line = bar.add_task("calibrating drivers", total=None)
-    replicates = shown(bar, "simulated nulls")
+    line = bar.add_task(f"{whose}calibrating drivers", total=None)
+    replicates = shown(bar, f"{whose}simulated nulls")
 
     def report(words: str, done: int, total: int) -> None:
-        bar.update(line, description=words, completed=done, total=total)
+        bar.update(line, description=f"{whose}{words}", completed=done, total=total)
 
     def null_for(base: Fit) -> Null:
         if study is not None and study.owns(NULL_TABLE):  # of a run that was killed

@@ -11,9 +11,12 @@ import json
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import data_id, is_generated
-from rearl_jax.discovery.discover import NULL_TABLE, Discovery, compute
+from rearl_jax.discovery.compute import compute, group_studies
+from rearl_jax.discovery.discover import NULL_TABLE, Discovery
 from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.report.document import document_of
+from rearl_jax.document.document import data_sources
+from rearl_jax.document.html import page_of
 from rearl_jax.document.terminal import print_document
 from rearl_jax.models.file import write_model
 from rearl_jax.progress import progress_bar
@@ -43,7 +46,13 @@ def run(config: DiscoverTask, *, show: bool = True) -> dict:
 
 
 def write(study: Study, discovery: Discovery) -> None:
-    """Writes tables, model, figures, page and verdict, and last of all summary.json."""
+    """Writes tables, model, figures, page and verdict, and last of all summary.json; first those of groups."""
+    config, generated = discovery.config, discovery.verdict["data"]["generated"]
+    groups = discovery.groups
+    folders = group_studies(study, config, list(groups), discovery.data_id, generated=generated)
+    for name, inside in folders.items():
+        inside.write_config()
+        write(inside, groups[name])
     seeds = {"seeds": f"discover.seed={discovery.config.discover.seed}"}
     for name, table in discovery.tables.items():
         if name != NULL_TABLE or not study.owns(name):  # the null is kept as soon as it is known
@@ -55,5 +64,9 @@ def write(study: Study, discovery: Discovery) -> None:
         from rearl_jax.discovery.report.presentation import present
 
         present(study, discovery)
+    elif groups and config.discover.page:
+        infos = {info.id: info for group in groups.values() if group.behind for info in group.behind.parts.infos}
+        document = document_of(config, discovery.verdict, sources=data_sources(tuple(infos.values())))
+        study.write_text("page.html", page_of(document, config, {}, data_id=discovery.data_id))
     study.write_text("verdict.json", json.dumps(discovery.verdict, indent=1, allow_nan=False) + "\n")
     study.write_summary(tables.summary(discovery.verdict))

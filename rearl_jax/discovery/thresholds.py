@@ -188,6 +188,22 @@ class Thresholds:
     stable_share: float = 0.8
     """Share of the halves of the drivers from which a variable is taken to matter [-]."""
 
+    least_kinds_gain: float = 10.0
+    """Evidence [nats] above that for one kind of driver from which there are several: of populations that are skewed or
+    have heavy tails, and of no other kind, some gave more than 9.
+    """
+
+    most_kinds_chance: float = 0.05
+    """Share of data sets of one kind of driver that may have as much evidence for several [-]."""
+
+    least_distinctness: float = 0.9
+    """Least share of the drivers of a kind who would be told from other kinds if they were known exactly [-]: two
+    halves of one wide or skewed population overlap by more.
+    """
+
+    least_membership: float = 0.8
+    """Probability of being of a kind from which a driver counts as one of it [-]."""
+
     least_truck_share: float = 0.02
     """Share of trucks below which they are no class of their own in the repaired model [-]."""
 

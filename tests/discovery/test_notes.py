@@ -1,6 +1,6 @@
 """What is said about many recordings at once."""
 
-from rearl_jax.discovery.discover import _each_once
+from rearl_jax.discovery.compute import _each_once
 
 
 def test_notes_that_differ_in_numbers_only_stand_once():

@@ -8,6 +8,7 @@ import pandas as pd
 from rearl_jax.config import DiscoverTask
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.lane_changes.candidates import LANE_CHOICE_DEPENDENCE
+from rearl_jax.discovery.report.groups_section import groups_section
 from rearl_jax.discovery.report.words import (
     described,
     error_words,
@@ -81,6 +82,7 @@ def document_of(
     if lanes:
         lanes_fitted = f"{sentence(lane_choice_words(verdict['lane_choice']))} {lanes_fitted}"
     sections = (
+        groups_section(verdict),
         _error_section(verdict["error"]),
         _effect_section(verdict),
         _section("Candidates", fitted, _candidate_table("Candidates of car following", following, verdict)),

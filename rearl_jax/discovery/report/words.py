@@ -8,7 +8,11 @@ from rearl_jax.discovery.lane_changes.candidates import LANE_CHOICE_DEPENDENCE
 
 
 def verdict_words(verdict: Mapping[str, Any]) -> str:
-    """The verdict in one line: on car following, then on the choice of the lane where something was found there."""
+    """The verdict in one line, of each group where there are several: on car following, then on the choice of the lane
+    where something was found there.
+    """
+    if len(verdict.get("groups", ())) > 1:
+        return "; ".join(f"{row['value']}: {verdict_words(row)}" for row in verdict["groups"])
     following = [effect for effect in verdict["effects"] if not is_lane_choice(effect)]
     lanes = [effect for effect in verdict["effects"] if is_lane_choice(effect)]
     words = []
@@ -63,7 +67,9 @@ def is_claimed(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> bool:
 def described(effect: Mapping[str, Any]) -> str:
     """Name of an effect as people say it."""
     name = effect["name"].replace("_", " ")
-    return f"{name} on {', '.join(effect['variables'])}" if effect["kind"] == "generic" else name
+    if effect["kind"] == "generic":
+        name = f"{name} on {', '.join(effect['variables'])}"
+    return f"{name} ({effect['group']})" if "group" in effect else name
 
 
 def error_words(error: Mapping[str, Any]) -> str:

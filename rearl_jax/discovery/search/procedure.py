@@ -316,27 +316,3 @@ def _is_additional(trial: Trial, added: list[Trial]) -> bool:
         return is_free(trial) or is_free(other) or confounded(trial.candidate.term, other.candidate.term)
 
     return all(trial.total > THRESHOLDS.confounded_share * other.total for other in added if may_be_remainder(other))
-
-
-def split_drivers(data: Measured, shares: tuple[float, ...], seed: int) -> list[Measured]:
-    """Parts of the data that share no driver: whole recordings where they are alike in size, else drivers at random.
-
-    Args:
-        data: All drivers.
-        shares: Shares of each part; they sum to 1.
-        seed: Seed of the order of drivers.
-    """
-    owner = np.full(len(data.driver), -1)
-    numbers, sizes = np.unique(data.recording, return_counts=True)
-    filled = np.zeros(len(shares))
-    for place in np.argsort(-sizes, kind="stable"):
-        part = int(np.argmin(filled / np.array(shares)))
-        owner[data.recording == numbers[place]] = part
-        filled[part] += sizes[place]
-    if (filled < THRESHOLDS.least_part_filled * np.array(shares) * sizes.sum()).any():
-        rng = np.random.default_rng(seed)
-        order = rng.permutation(data.n_drivers)
-        edges = np.round(np.cumsum(shares) * data.n_drivers).astype(int)
-        part_of = np.searchsorted(edges, np.argsort(order), side="right")
-        owner = part_of[data.driver]
-    return [data.select(np.flatnonzero(owner == part)) for part in range(len(shares))]

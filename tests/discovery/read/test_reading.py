@@ -12,8 +12,8 @@ from rearl_jax.data.records import Recording
 from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.read import reading, smoothing
 from rearl_jax.discovery.read.smoothness import Smoothness, smoothness
+from rearl_jax.discovery.read.split import split_drivers
 from rearl_jax.discovery.read.surroundings import look_around
-from rearl_jax.discovery.search.procedure import split_drivers
 from rearl_jax.problems import InvalidInputError
 
 

@@ -1,0 +1,174 @@
+"""A discovery from beginning to end: recordings read, drivers told apart where that is wanted, each group looked at."""
+
+import re
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from rich.progress import Progress
+
+from rearl_jax.config import DiscoverTask
+from rearl_jax.data.recordings import iterate_recordings, label_of_same
+from rearl_jax.data.records import Recording
+from rearl_jax.discovery.discover import Discovery, discovery_of
+from rearl_jax.discovery.groups.group import Grouping, grouped
+from rearl_jax.discovery.groups.kinds import Kinds, kinds_of, purity, seen_of
+from rearl_jax.discovery.observe.base import base_of
+from rearl_jax.discovery.observe.drivers import prior_of
+from rearl_jax.discovery.observe.layout import layout_of
+from rearl_jax.discovery.observe.normal_equations import Programs
+from rearl_jax.discovery.observe.parts import AUTO, Parts, measured_drivers, named_labels
+from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.read.gate import Finding
+from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.read.split import in_both, split_drivers
+from rearl_jax.discovery.report.groups import verdict_of_groups
+from rearl_jax.discovery.thresholds import THRESHOLDS
+from rearl_jax.problems import InvalidInputError, Problem
+from rearl_jax.progress import shown
+from rearl_jax.results import Study
+
+
+@dataclass(frozen=True)
+class Drivers:
+    """All drivers of the recordings.
+
+    Attributes:
+        id: Identity of the data.
+        generated: Whether any of the data were generated, not measured.
+        recordings: Where they are from.
+        findings: What the columns show of the measurement.
+        data: The drivers.
+    """
+
+    id: str
+    generated: bool
+    recordings: list[Recording]
+    findings: list[Finding]
+    data: Measured
+
+    def parts(self, data: Measured, seed: int) -> Parts:
+        """Some of the drivers, split into those that are fitted, checked and reported."""
+        fitted, checked, reported = split_drivers(data, seed=seed)
+        notes = _each_once([note for recording in self.recordings for note in recording.info.notes])
+        if data.jumps:
+            notes += (f"positions jump {data.jumps} times: left out around them",)
+        if shared := in_both(fitted, reported):
+            text = "their runs are split: drivers reported on are not all others than those fitted"
+            notes += (f"{shared} persons or cars are too few to be kept apart, {text}",)
+        infos = tuple(recording.info for recording in self.recordings)
+        return Parts(self.id, self.generated, infos, self.findings, fitted, checked, reported, notes)
+
+
+def compute(
+    config: DiscoverTask, bar: Progress, identity: str, *, generated: bool, study: Study | None = None
+) -> Discovery:
+    """What the traffic model lacks; nothing is printed.
+
+    Args:
+        config: The task.
+        bar: Shows how far it is.
+        identity: Identity of the data.
+        generated: Whether any of the data were generated, not measured.
+        study: Keeps the simulated nulls, the longest part, for a run that goes on after it was killed; None to keep
+            nothing.
+
+    Raises:
+        FileNotFoundError, ValueError: As `task.run`.
+    """
+    begin = time.perf_counter()
+    drivers = read_drivers(config, identity, bar, generated=generated)
+    by = config.discover.by
+    if by is None:
+        parts = drivers.parts(drivers.data, config.discover.seed)
+        discovery = discovery_of(config, parts, drivers.recordings, bar, study)
+    else:
+        kinds = _kinds(config, drivers, bar) if by == AUTO else None
+        names = drivers.data.label(by).tolist() if kinds is None else kinds.names()
+        discovery = _of_groups(config, drivers, grouped(drivers.data, names), bar, study)
+        if kinds is not None:
+            labels = {name: drivers.data.label(name).tolist() for name in drivers.data.labels}
+            found = {name: purity(kinds.of_driver, values, config.discover.seed) for name, values in labels.items()}
+            known = {name: value for name, value in found.items() if value is not None}
+            discovery.verdict["grouping"] |= kinds.plain() | {"purity": known}
+    discovery.verdict["seconds"] = time.perf_counter() - begin
+    return discovery
+
+
+def _kinds(config: DiscoverTask, drivers: Drivers, bar: Progress) -> Kinds:
+    """Kinds of drivers, told apart by how they were calibrated, all of them together."""
+    say = shown(bar, "telling kinds of drivers apart")
+    say(0, 2)
+    solver = Solver(Programs(layout_of(drivers.data, prior_of(config.driver)), drivers.data.dt))
+    fit = base_of(solver, drivers.data, lane_changes=config.discover.lane_changes).fit
+    say(1, 2)
+    kinds = kinds_of(seen_of(solver, fit), config.discover.seed)
+    say(2, 2)
+    return kinds
+
+
+def read_drivers(config: DiscoverTask, identity: str, bar: Progress, *, generated: bool) -> Drivers:
+    """Recordings read and looked at, and the drivers in them.
+
+    Raises:
+        ValueError: The frame rates differ, a label is unknown, or too few drivers follow a leader long enough.
+    """
+    say = shown(bar, "reading recordings")
+    recordings: list[Recording] = []
+    for recording in iterate_recordings(config.data, list(named_labels(config.discover).values())):
+        recordings.append(recording)
+        say(len(recordings), len(recordings))
+    same = label_of_same(config.data)
+    findings, data = measured_drivers(recordings, config.discover, prior_of(config.driver), same)
+    if data.n_drivers < THRESHOLDS.least_drivers:
+        said = f"{data.n_drivers} drivers follow a leader long enough, at least {THRESHOLDS.least_drivers} are needed"
+        remedy = "choose more recordings, or longer ones"
+        raise InvalidInputError(Problem("too-few-drivers", said, remedy, key="data.recordings"))
+    return Drivers(identity, generated, recordings, findings, data)
+
+
+def group_studies(
+    study: Study, config: DiscoverTask, names: Sequence[str], identity: str, *, generated: bool
+) -> dict[str, Study]:
+    """The folder of each group inside that of the study, by its name."""
+    folders = [re.sub(r"[^A-Za-z0-9_.-]", "_", name).lstrip(".") or "_" for name in names]
+    if len(set(folders)) < len(folders):
+        folders = [f"{folder}_{number}" for number, folder in enumerate(folders)]
+    root = study.path / "groups"
+    return {
+        name: Study(root, folder, config, "discover", identity, generated=generated)
+        for name, folder in zip(names, folders, strict=True)
+    }
+
+
+def _of_groups(
+    config: DiscoverTask, drivers: Drivers, grouping: Grouping, bar: Progress, study: Study | None
+) -> Discovery:
+    """A discovery of each group, and what they have in common."""
+    if not grouping.groups:
+        found = ", ".join(f"{name} {n}" for name, n in grouping.left_out.items())
+        said = f"no group has the {THRESHOLDS.least_drivers} drivers that are needed: {found}"
+        raise InvalidInputError(Problem("too-few-drivers", said, "choose another label", key="discover.by"))
+    names = [group.name for group in grouping.groups]
+    studies = {} if study is None else group_studies(study, config, names, drivers.id, generated=drivers.generated)
+    groups = {}
+    for group in grouping.groups:
+        parts = drivers.parts(group.data, config.discover.seed)
+        of_group = replace(config, study=f"{config.study}_{group.name}")
+        groups[group.name] = discovery_of(
+            of_group, parts, drivers.recordings, bar, studies.get(group.name), f"{config.discover.by} {group.name}"
+        )
+    verdict = verdict_of_groups(config.discover, groups, grouping.left_out)
+    return Discovery(config, drivers.id, verdict, groups=groups)
+
+
+def _each_once(notes: Sequence[str]) -> tuple[str, ...]:
+    """Notes without repetition; of those that differ in their numbers only, the first."""
+    alike: dict[str, list[str]] = {}
+    for note in notes:
+        alike.setdefault(re.sub(r"\d+", "#", note), []).append(note)
+    said = []
+    for same in alike.values():
+        others = len(set(same)) - 1
+        said.append(f"{same[0]} (and {others} alike with other numbers)" if others else same[0])
+    return tuple(said)

@@ -1,0 +1,56 @@
+"""Groups of drivers by a label."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.thresholds import THRESHOLDS
+
+UNKNOWN = "unknown"
+"""Name of those whose group is unknown."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Drivers who are told apart from others.
+
+    Attributes:
+        name: Value of the label, or of the kind that was found.
+        data: The drivers.
+    """
+
+    name: str
+    data: Measured
+
+
+@dataclass(frozen=True)
+class Grouping:
+    """Drivers told apart.
+
+    Attributes:
+        groups: Groups of enough drivers, by name.
+        left_out: Number of drivers of each value that too few have, and of those whose value is unknown.
+    """
+
+    groups: tuple[Group, ...]
+    left_out: dict[str, int]
+
+
+def grouped(data: Measured, names: Sequence[str | None]) -> Grouping:
+    """Drivers of each name, where there are enough to fit, check and report on different ones.
+
+    Args:
+        data: All drivers.
+        names: Name of each driver's group, None where it is unknown.
+    """
+    of_driver = np.array([UNKNOWN if name is None else name for name in names], object)
+    groups, left_out = [], {}
+    for name in sorted(set(of_driver.tolist())):
+        members = of_driver == name
+        if name == UNKNOWN or members.sum() < THRESHOLDS.least_drivers:
+            left_out[name] = int(members.sum())
+        else:
+            groups.append(Group(name, data.of_drivers(members)))
+    return Grouping(tuple(groups), left_out)

@@ -1,0 +1,59 @@
+"""Parts of measured drivers that share nobody: what is fitted, checked and reported rests on different drivers."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Int
+
+from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.thresholds import THRESHOLDS
+
+SHARES = (1 / 3, 1 / 3, 1 / 3)
+"""Shares of drivers that are fitted, checked and reported."""
+
+
+def split_drivers(data: Measured, shares: Sequence[float] = SHARES, seed: int = 0) -> list[Measured]:
+    """Parts of the data that share no driver: whole persons or cars where there are enough of them, else whole
+    recordings, both where they are alike in size; else drivers at random.
+
+    Args:
+        data: All drivers.
+        shares: Shares of each part; they sum to 1.
+        seed: Seed of the order of drivers.
+    """
+    owner = None
+    if known_again(data) >= THRESHOLDS.least_drivers:
+        # Whoever is not known again is somebody for himself.
+        alone = data.identity.max() + 1 + data.driver
+        owner = _whole(np.where(data.identity < 0, alone, data.identity), shares)
+    if owner is None:
+        owner = _whole(data.recording, shares)
+    if owner is None:
+        rng = np.random.default_rng(seed)
+        order = rng.permutation(data.n_drivers)
+        edges = np.round(np.cumsum(shares) * data.n_drivers).astype(int)
+        part_of = np.searchsorted(edges, np.argsort(order), side="right")
+        owner = part_of[data.driver]
+    return [data.select(np.flatnonzero(owner == part)) for part in range(len(shares))]
+
+
+def known_again(data: Measured) -> int:
+    """Number of persons or cars whose tracks are known to be theirs."""
+    return len(np.unique(data.identity[data.identity >= 0]))
+
+
+def in_both(first: Measured, second: Measured) -> int:
+    """Number of persons or cars with tracks in two parts."""
+    return len(np.setdiff1d(np.intersect1d(first.identity, second.identity), [-1]))
+
+
+def _whole(units: Int[np.ndarray, " pieces"], shares: Sequence[float]) -> Int[np.ndarray, " pieces"] | None:
+    """Part of each piece where no unit is divided, the largest units first; None if they are too unlike in size."""
+    owner, filled = np.full(len(units), -1), np.zeros(len(shares))
+    numbers, sizes = np.unique(units, return_counts=True)
+    for place in np.argsort(-sizes, kind="stable"):
+        part = int(np.argmin(filled / np.array(shares)))
+        owner[units == numbers[place]] = part
+        filled[part] += sizes[place]
+    is_filled = filled >= THRESHOLDS.least_part_filled * np.array(shares) * sizes.sum()
+    return owner if is_filled.all() else None

@@ -1,0 +1,115 @@
+"""The verdict on groups of drivers: what is missing in each, and how they differ.
+
+The verdict of a discovery by groups has the keys of any other. Its word is the strongest of the groups', its effects
+say of which group they are, its errors are those of all reported drivers, each with its group's model. What only a
+group has (candidates, unseen effects, adequacy) is in its own verdict, `groups/<name>/verdict.json`. Beside it:
+
+groups    [{by, value, drivers, driver_seconds, cars, shared, verdict, effects, error, equilibrium_time_gap, notes}]:
+          `cars` is the number of persons or cars, null where nobody is known again; `shared` the number of them that
+          are both among the fitted and the reported drivers; `equilibrium_time_gap` {speed [m/s]: {value, low, high}},
+          the median over fitted drivers of gap over speed [s] behind a leader of that speed in the calibrated model,
+          null where fewer than half of the drivers want to drive that fast
+grouping  {by, left_out: {value: drivers}}: who is in no group; where kinds were found without labels, also {kinds,
+          evidence, distinctness, gain, chance, uncertain, purity: {label: {value, by_chance}}}, see `groups.kinds`
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from rearl_jax.config import DiscoverConfig
+from rearl_jax.discovery.discover import Behind, Discovery
+from rearl_jax.discovery.observe.solver import FitState, Solver
+from rearl_jax.discovery.read.split import in_both, known_again
+from rearl_jax.discovery.report import tables
+from rearl_jax.discovery.report.errors import ModelErrors
+from rearl_jax.discovery.thresholds import THRESHOLDS
+
+SPEEDS = (10.0, 20.0)
+"""Speeds at which equilibrium time gaps are stated [m/s]."""
+
+STRONGEST_FIRST = ("named", "improved", "unexplained", "artefact", "nothing")
+
+
+def verdict_of_groups(
+    options: DiscoverConfig, groups: Mapping[str, Discovery], left_out: Mapping[str, int]
+) -> dict[str, Any]:
+    """The verdict on all groups, without the time it took."""
+    rows = [_row(options, name, discovery) for name, discovery in groups.items()]
+    words = [row["verdict"] for row in rows]
+    errors = _joined([behind.errors for behind in map(_behind, groups.values())])
+    data = [discovery.verdict["data"] for discovery in groups.values()]
+    notes = list(dict.fromkeys(note for part in data for note in part["notes"]))
+    return {
+        "verdict": min(words, key=STRONGEST_FIRST.index),
+        "effects": [effect | {"group": row["value"]} for row in rows for effect in row["effects"]],
+        "candidates": [],
+        "lane_changes": [],
+        "unseen": [],
+        "error": tables.error_block(errors, options.confidence, options.draws, options.seed),
+        "adequacy": None,
+        "lane_choice": None,
+        "data": data[0]
+        | {
+            "drivers": {part: sum(one["drivers"][part] for one in data) for part in data[0]["drivers"]},
+            "driver_seconds": sum(one["driver_seconds"] for one in data),
+            "notes": notes,
+        },
+        "thresholds": THRESHOLDS.plain(),
+        "groups": rows,
+        "grouping": {"by": options.by, "left_out": dict(left_out)},
+    }
+
+
+def equilibrium_time_gaps(solver: Solver, state: FitState, options: DiscoverConfig) -> dict[str, Any]:
+    """Median over drivers of gap over speed [s] behind a leader of constant speed, by that speed [m/s]."""
+    prior, rng = solver.layout.prior, np.random.default_rng(options.seed)
+    model = prior.model.of_rows(jnp.asarray(prior.values(state.z, state.truck).T))
+    share = [(1 - options.confidence) / 2, (1 + options.confidence) / 2]
+    found: dict[str, Any] = {}
+    for speed in SPEEDS:
+        gaps = np.asarray(model.equilibrium_gap(jnp.full(len(state.z), speed))) / speed
+        gaps = gaps[(np.asarray(model.desired_speed) > speed) & np.isfinite(gaps)]
+        if len(gaps) < len(state.z) / 2:
+            found[f"{speed:g}"] = None
+            continue
+        resampled = np.median(rng.choice(gaps, (options.draws, len(gaps))), axis=1)
+        low, high = np.quantile(resampled, share).tolist()
+        found[f"{speed:g}"] = {"value": float(np.median(gaps)), "low": low, "high": high}
+    return found
+
+
+def _row(options: DiscoverConfig, name: str, discovery: Discovery) -> dict[str, Any]:
+    verdict, behind = discovery.verdict, _behind(discovery)
+    parts, first = behind.parts, behind.search.first.state
+    persons = known_again(parts.fitted.beside(parts.checked).beside(parts.reported))
+    return {
+        "by": options.by,
+        "value": name,
+        "drivers": verdict["data"]["drivers"],
+        "driver_seconds": verdict["data"]["driver_seconds"],
+        "cars": persons or None,
+        "shared": in_both(parts.fitted, parts.reported),
+        "verdict": verdict["verdict"],
+        "effects": verdict["effects"],
+        "error": verdict["error"],
+        "equilibrium_time_gap": equilibrium_time_gaps(behind.solver, first, options),
+        "notes": verdict["data"]["notes"],
+    }
+
+
+def _behind(discovery: Discovery) -> Behind:
+    assert discovery.behind is not None
+    return discovery.behind
+
+
+def _joined(groups: Sequence[Mapping[str, ModelErrors]]) -> dict[str, ModelErrors]:
+    """Errors of the drivers of all groups; where nothing was added to a group's model, it is after as it was before."""
+    joined = {}
+    for model in ("before", "after"):
+        parts = [errors.get(model, errors["before"]) for errors in groups]
+        by_driver = {name: np.concatenate([part.by_driver[name] for part in parts]) for name in parts[0].by_driver}
+        joined[model] = ModelErrors(by_driver, np.concatenate([part.floor for part in parts]))
+    return joined

@@ -1,0 +1,68 @@
+"""How groups of drivers differ, as a section of the document."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from rearl_jax.discovery.report.words import described
+from rearl_jax.document.document import Section
+from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, percent, sentence, spoken
+
+MOST_NUMBERS = 2
+"""Parameters of an effect that are shown with it; the verdict of the group has all."""
+
+
+def groups_section(verdict: Mapping[str, Any]) -> Section:
+    """A row per group: drivers, verdict, effects, errors and time gaps; empty where drivers are not told apart."""
+    rows = verdict.get("groups", ())
+    if not rows:
+        return Section("Groups")
+    speeds = list(rows[0]["equilibrium_time_gap"])
+    headings = ("drivers", "verdict", "effects", "gap error before [m]", "after [m]")
+    headings += tuple(f"time gap at {speed} m/s [s]" for speed in speeds)
+    drawn = tuple(Row(row["value"], _cells(row, speeds)) for row in rows)
+    by = spoken(verdict["grouping"]["by"])
+    words = (
+        f"Each group by {by} was calibrated and searched alone, with its own parts of drivers. Time gaps are those at "
+        "equilibrium behind a leader of constant speed, medians of the calibrated drivers. Candidates, curves and the "
+        "repaired model of each group are in its own folder."
+    )
+    notes = _kinds_notes(verdict["grouping"])
+    for name, n in verdict["grouping"]["left_out"].items():
+        notes.append(f"{n} drivers of group {name} are left out")
+    return Section("Groups", (words,), (Table(f"Groups by {by}", headings, drawn),), tuple(map(sentence, notes)))
+
+
+def _kinds_notes(grouping: Mapping[str, Any]) -> list[str]:
+    """How many kinds were found without labels, how sure that is, and how they agree with labels."""
+    if "kinds" not in grouping:
+        return []
+    if grouping["kinds"] == 1:
+        return ["no kinds of drivers were told apart: the evidence for several is not beyond what one kind gives"]
+    notes = [
+        f"{grouping['kinds']} kinds of drivers were told apart without labels: the evidence is {grouping['gain']:.0f} "
+        f"nats above that for one kind; at most {percent(grouping['chance'])} of data sets of one kind reach as much"
+    ]
+    for label, share in grouping["purity"].items():
+        words = f"{percent(share['value'])} of drivers have the most common {spoken(label)} of their kind"
+        notes.append(f"purity: {words}, {percent(share['by_chance'])} by chance")
+    return notes
+
+
+def _cells(row: Mapping[str, Any], speeds: list[str]) -> tuple[Cell, ...]:
+    error = row["error"]
+    effects = "; ".join(_effect(effect) for effect in row["effects"]) or NONE
+    figures = [error["before"], error["after"], *(row["equilibrium_time_gap"][speed] for speed in speeds)]
+    n_drivers = f"{sum(row['drivers'].values())}" + (f" of {row['cars']} persons or cars" if row["cars"] else "")
+    return (Cell(n_drivers), Cell(row["verdict"]), Cell(effects), *map(_figure, figures))
+
+
+def _figure(value: Mapping[str, Any] | None) -> Cell:
+    return Cell(NONE) if value is None else Cell(number(value["value"]), interval(value["low"], value["high"]))
+
+
+def _effect(effect: Mapping[str, Any]) -> str:
+    numbers = list(effect["parameters"].values())
+    if len(numbers) > MOST_NUMBERS:
+        return described(effect)
+    values = (f"{number(one['value'])} {one['unit']}".removesuffix(" -") for one in numbers)
+    return " ".join((described(effect), ", ".join(values))).strip()
