@@ -37,6 +37,14 @@ class Thresholds:
     least_scale_error: float = 0.015
     """Relative difference of columns that matters [-]."""
 
+    sensor_roughness: float = 0.5
+    """Standard deviation of the fast part of integrated speeds, as a share of that of positions, up to which speeds are
+    the better measurement of what vehicles do within seconds [-].
+    """
+    sensor_own_share: float = 0.5
+    """Share of the variance of the fast part of integrated speeds that no filter of the positions explains, from which
+    speeds were measured by themselves [-].
+    """
     noisy_positions: float = 0.25
     """Standard deviation of positions [m] beyond what cameras over motorways have (highD, pNEUMA: below 0.1 to 0.2)."""
 

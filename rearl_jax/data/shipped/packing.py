@@ -3,12 +3,12 @@
     python -m rearl_jax.data.shipped.packing i80 FOLDER_OF_THE_SOURCE FOLDER_TO_WRITE
 
 with `i80`, `i80_slice`, `i80_lateral`, `openacc` or `fhwa`. Rows are chosen as `SETS` says, numbers are rounded to a
-fixed count of decimals and stored as decimal numbers, differences from row to row, compressed with zstd. That is a
-third of the size of the same numbers in 32-bit floating point.
+fixed count of decimals and stored as decimal numbers, differences from row to row, compressed with zstd, because these
+files take less than the same numbers in 32-bit floating point.
 """
 
+import argparse
 import re
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -34,7 +34,7 @@ class Packed:
             camera or receiver resolves, the source's own where it has fewer.
         chosen: Column of text, and what it must match in the rows that are taken; None for all rows.
         shortest: Least number of rows of a track that is taken.
-        beside: File of the source that are copied, with the rows of the chosen runs; None for none.
+        beside: File of the source that is copied, with the rows of the chosen runs; None for none.
     """
 
     file: str
@@ -136,4 +136,9 @@ def _packed(column: pa.ChunkedArray, name: str, decimals: int) -> pa.ChunkedArra
 
 
 if __name__ == "__main__":
-    print(pack(sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])))
+    parser = argparse.ArgumentParser(description="Make a shipped file from the published table.")
+    parser.add_argument("name", choices=SETS)
+    parser.add_argument("source", type=Path, help="folder of the published table")
+    parser.add_argument("target", type=Path, help="folder to write to")
+    words = parser.parse_args()
+    print(pack(words.name, words.source, words.target))

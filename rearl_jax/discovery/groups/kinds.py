@@ -1,18 +1,19 @@
 """Kinds of drivers, found without labels: by their own parameters, and by how evenly they drive.
 
-Every driver is calibrated under one model. What is known of its parameters, of the variance of its innovations
-(machines are smoother) and of their correlation over half a second goes into mixtures of populations. The number of
-kinds is that of the largest evidence among mixtures whose populations are distinct and have enough drivers.
+Every driver is calibrated under one model. What is known of its parameters, and of the size of its noise and how long
+that lasts (machines are smoother), goes into mixtures of populations. The number of kinds is that of the largest
+evidence among mixtures whose populations are distinct and have enough drivers.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from rearl_jax.discovery.groups.mixture import Mixture, Seen, drawn_from, one_group, split_further
 from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.observer import unrest
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -26,11 +27,19 @@ HOPELESS = 10.0
 REPLICATES = 39
 """Data sets of one kind that say how often chance gives the evidence for two."""
 
-LAG = 0.5
-"""Time over which the correlation of innovations is taken [s]."""
+FACTORS = 2.0 ** np.arange(-4, 4)
+"""Factors of the usual noise of drivers and of the time it lasts that innovations are held against [-]."""
+
+FARTHEST = 4.0
+"""Spreads from the usual driver at which a driver's numbers are taken to lie at most [-]: far beyond what was seen, the
+likelihood is not the parabola that it is taken for.
+"""
+
+HARDLY_KNOWN = 0.1
+"""Information about a number below which it is taken to be as usual [-]."""
 
 LARGEST = 4.0
-"""Innovations beyond so many standard deviations of a driver's own count as that much [-]."""
+"""Innovations beyond so many standard deviations count as that much [-]."""
 
 DRAWS = 200
 """Random assignments that the purity by chance is the mean of."""
@@ -103,8 +112,10 @@ def kinds_of(seen: Seen, seed: int) -> Kinds:
 
 
 def seen_of(solver: Solver, fit: Fit) -> Seen:
-    """What is known of each driver of a calibrated model: of its standardised parameters about its class's mean, of the
-    logarithm of the variance of its innovations, and of their correlation.
+    """What is known of each driver of a calibrated model, about the mean of its class, car or truck: its standardised
+    parameters, in the directions in which data tell most of them and least, and its noise.
+
+    A direction stands for what is known together: gaps at usual speeds, and not time gap and jam gap, which trade.
     """
     state = fit.state
     assert state.sums is not None
@@ -112,14 +123,18 @@ def seen_of(solver: Solver, fit: Fit) -> Seen:
     information = state.sums.gram[:, own, own] / state.variances[:, None, None]
     slope = state.sums.gradient[:, own] / state.variances[:, None]
     away = state.z - state.mean[state.truck]
-    weighted = np.einsum("nij,nj->ni", information, away) - slope
-    values, deviations = _evenness(solver, fit)
-    n, size = weighted.shape
+    n, size = away.shape
+    # Each driver counts alike: with the share of its spread that its data tell.
+    told = np.linalg.solve(information + np.eye(size), information).mean(axis=0)
+    _, directions = np.linalg.eigh((told + told.T) / 2)
+    best = away - np.linalg.solve(information + HARDLY_KNOWN * np.eye(size), slope[:, :, None])[:, :, 0]
+    best = np.clip(best @ directions, -FARTHEST, FARTHEST)
+    values, known = _noise_of_drivers(solver, fit)
     whole = np.zeros((n, size + 2, size + 2))
-    whole[:, own, own] = information
+    whole[:, own, own] = np.einsum("ji,njk,kl->nil", directions, information, directions)
     for k in range(2):
-        whole[:, size + k, size + k] = deviations[:, k] ** -2.0
-    return Seen(whole, np.concatenate([weighted, values * deviations**-2.0], axis=1))
+        whole[:, size + k, size + k] = known[:, k]
+    return Seen(whole, np.einsum("nij,nj->ni", whole, np.concatenate([best, values], axis=1)))
 
 
 def purity(kinds: Sequence[int | None], labels: Sequence[str | None], seed: int) -> dict[str, float] | None:
@@ -160,28 +175,33 @@ def _gains_by_chance(seen: Seen, single: Mixture, seed: int) -> list[float]:
     return gains
 
 
-def _evenness(solver: Solver, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Logarithm of the variance of each driver's innovations, their correlation over LAG, and standard deviations."""
-    state, data = fit.state, fit.state.data
-    (innovation,) = solver.innovations([state])
-    looks = data.stride
-    weight = data.weight[::looks] > 0
-    even = innovation[::looks] / np.sqrt(1 + fit.noise.growth * unrest(data)[::looks])
-    count = np.bincount(data.driver, weight.sum(axis=0), data.n_drivers)
+def _noise_of_drivers(solver: Solver, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """Logarithms of the size of each driver's noise and of the time it lasts, over the usual ones, and what is known of
+    them: where its innovations are likeliest among FACTORS, and how fast they become less likely.
+    """
+    noise, data = fit.noise, fit.state.data
+    looks = slice(None, None, data.stride)
+    weight = (data.weight[looks] > 0) * noise.independent
+    unequal = 1 + noise.growth * unrest(data)[looks]
 
-    def mean(values: np.ndarray, over: np.ndarray) -> np.ndarray:
-        total, number = (np.bincount(data.driver, one, data.n_drivers) for one in ((values * over).sum(0), over.sum(0)))
-        return total / np.maximum(number, 1.0)
+    def likely(other: Noise) -> np.ndarray:
+        gain = other.gain(data.dt, data.stride)
+        (innovation,) = solver.innovations([fit.state], gain)
+        square = np.minimum(innovation[looks] ** 2 / unequal / gain.variance, LARGEST**2)
+        by_piece = -0.5 * ((square + np.log(gain.variance)) * weight).sum(axis=0)
+        return np.bincount(data.driver, by_piece, data.n_drivers)
 
-    for _ in range(3):  # large ones are few, and their variance must not rule that of the rest
-        variance = mean(even**2, weight)
-        bound = LARGEST * np.sqrt(variance)[data.driver]
-        even = np.clip(even, -bound, bound)
-    standard = even / np.sqrt(variance)[data.driver]
-    lag = max(1, round(LAG / (data.dt * looks)))
-    pairs = weight[lag:] & weight[:-lag]
-    correlation = mean(standard[lag:] * standard[:-lag], pairs)
-    kurtosis = np.maximum(mean(standard**4, weight) - 1.0, 1.0)
-    number = np.maximum(count * fit.noise.independent, 4.0)
-    values = np.stack([np.log(variance) - np.median(np.log(variance)), correlation], axis=1)
-    return values, np.stack([np.sqrt(kurtosis / number), np.sqrt(1 / number)], axis=1)
+    sizes = np.stack([likely(replace(noise, acceleration=noise.acceleration * factor)) for factor in FACTORS])
+    times = np.stack([likely(replace(noise, time=noise.time * factor)) for factor in FACTORS])
+    (size, of_size), (time, of_time) = _tops(sizes), _tops(times)
+    return np.stack([size, time], axis=1), np.stack([of_size, of_time], axis=1)
+
+
+def _tops(likely: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where log-likelihoods over FACTORS are largest, as logarithms of the factor, and their curvature there."""
+    step, drivers = float(np.log(FACTORS[1] / FACTORS[0])), np.arange(likely.shape[1])
+    middle = np.clip(likely.argmax(axis=0), 1, len(FACTORS) - 2)
+    below, here, above = (likely[middle + k, drivers] for k in (-1, 0, 1))
+    curvature = np.maximum(2 * here - below - above, 0.0) / step**2
+    away = np.clip((above - below) / (2 * step) / np.maximum(curvature, HARDLY_KNOWN), -step, step)
+    return np.log(FACTORS)[middle] + away, curvature

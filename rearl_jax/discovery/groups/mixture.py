@@ -16,14 +16,16 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-ITERATIONS = 60
-"""Steps of the search from one start."""
+ITERATIONS, NEARBY = 60, 12
+"""Steps of the search from one start at most, and from a mixture that differs in one number."""
 
-TOLERANCE = 0.01
+TOLERANCE = 0.02
 """Rise of the log-likelihood below which the search ends [nats]."""
 
-LEAST_SHARE_OF_SPREAD = 0.02
-"""Least variance of a population in any direction, as a share of that of all drivers [-]: none is exact."""
+USUAL_DRIVERS = 20.0
+"""Drivers that the usual covariance, the unit matrix of standardised numbers, is worth: data must not make a spread of
+what they hardly tell.
+"""
 
 PRIOR_DRIVERS = 4.0
 """Drivers that the factor of a population's covariance being 1 is worth."""
@@ -99,11 +101,12 @@ def one_group(seen: Seen) -> Mixture:
 def split_further(seen: Seen, mixture: Mixture) -> Mixture:
     """The best mixture with one population more.
 
-    It is searched from each population split at the middle of each number, in which means then differ; more numbers
-    are taken in while evidence rises. The same mixture where no population can be split.
+    It is searched from each population split at the middle of each number. Means then differ in that number, and in
+    more of them while evidence rises; or in all numbers, and in fewer of them while evidence rises: either alone misses
+    kinds that the other finds. The same mixture where no population can be split.
     """
     pooled, numbers = spread_of_all(seen), range(seen.weighted.shape[1])
-    found = []
+    few, all_of_them = [], []
     for k in range(len(mixture.share)):
         weights = mixture.member[:, k]
         for place in numbers:
@@ -111,21 +114,23 @@ def split_further(seen: Seen, mixture: Mixture) -> Mixture:
             above = (values > np.average(values, weights=weights)).astype(float)
             member = np.column_stack([np.delete(mixture.member, k, axis=1), weights * above, weights * (1 - above)])
             if member.sum(axis=0).min() >= 1.0:
-                found.append(_climbed(seen, member, {*mixture.differing, place}, pooled))
-    if not found:
+                few.append(_climbed(seen, member, {*mixture.differing, place}, pooled))
+                all_of_them.append(_climbed(seen, member, numbers, pooled))
+    if not few:
         return mixture
-    best = max(found, key=lambda one: one.evidence)
-    while len(best.differing) < len(numbers):
-        wider = [
-            _climbed(seen, best.member, {*best.differing, place}, pooled)
-            for place in numbers
-            if place not in best.differing
-        ]
-        better = max(wider, key=lambda one: one.evidence)
-        if better.evidence <= best.evidence:
-            break
-        best = better
-    return best
+    ends = (_improved(seen, max(starts, key=lambda one: one.evidence), pooled) for starts in (few, all_of_them))
+    return max(ends, key=lambda one: one.evidence)
+
+
+def _improved(seen: Seen, mixture: Mixture, pooled: np.ndarray) -> Mixture:
+    """The mixture with one more or one fewer of the numbers differing, again and again while evidence rises."""
+    while True:
+        others = [{*mixture.differing} ^ {place} for place in range(len(pooled))]
+        tried = [_climbed(seen, mixture.member, places, pooled, NEARBY) for places in others if places]
+        better = max(tried, key=lambda one: one.evidence, default=mixture)
+        if better.evidence <= mixture.evidence:
+            return mixture
+        mixture = better
 
 
 def drawn_from(seen: Seen, mixture: Mixture, rng: np.random.Generator) -> Seen:
@@ -147,8 +152,8 @@ def spread_of_all(seen: Seen) -> Float[np.ndarray, "numbers numbers"]:
         expected, error, _ = _posterior(seen, mean, covariance)
         mean = expected.mean(axis=0)
         away = expected - mean
-        covariance = (np.einsum("ni,nj->ij", away, away) + error.sum(axis=0)) / len(away)
-        covariance += 1e-6 * np.eye(size)
+        covariance = away.T @ away + error.sum(axis=0) + USUAL_DRIVERS * np.eye(size)
+        covariance = covariance / (len(away) + USUAL_DRIVERS)
     return covariance
 
 
@@ -164,13 +169,15 @@ def _posterior(seen: Seen, mean: np.ndarray, covariance: np.ndarray) -> tuple[np
     return expected, error, likely
 
 
-def _climbed(seen: Seen, member: np.ndarray, differing: Collection[int], pooled: np.ndarray) -> Mixture:
+def _climbed(
+    seen: Seen, member: np.ndarray, differing: Collection[int], pooled: np.ndarray, iterations: int = ITERATIONS
+) -> Mixture:
     """The mixture that a start leads to."""
     n_groups, size, places = member.shape[1], len(pooled), tuple(sorted(differing))
     mean, covariance, shape = np.zeros((n_groups, size)), np.stack([pooled] * n_groups), pooled
     posteriors = [_posterior(seen, np.zeros(size), pooled)] * n_groups
     reached = -np.inf
-    for _ in range(ITERATIONS):
+    for _ in range(iterations):
         counts = member.sum(axis=0)
         own = np.stack([member[:, k] @ posteriors[k][0] / counts[k] for k in range(n_groups)])
         mean = _constrained(own, counts, covariance, places)
@@ -182,8 +189,8 @@ def _climbed(seen: Seen, member: np.ndarray, differing: Collection[int], pooled:
         if n_groups > 1:
             excess = np.einsum("ij,kji->k", np.linalg.inv(shape), scatter) / size
             factor = (excess + PRIOR_DRIVERS) / (counts + PRIOR_DRIVERS)
-        shape = (scatter / factor[:, None, None]).sum(axis=0) / counts.sum()
-        shape = shape + LEAST_SHARE_OF_SPREAD * np.diag(np.diag(pooled))
+        shape = (scatter / factor[:, None, None]).sum(axis=0) + USUAL_DRIVERS * np.eye(size)
+        shape = shape / (counts.sum() + USUAL_DRIVERS)
         covariance = factor[:, None, None] * shape
         posteriors = [_posterior(seen, mean[k], covariance[k]) for k in range(n_groups)]
         share = counts / counts.sum()

@@ -23,7 +23,7 @@ from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.following import begin_effects, follow
 from rearl_jax.discovery.observe.candidates import effects_at
 from rearl_jax.discovery.observe.closed_loop import FARTHEST
-from rearl_jax.discovery.observe.kalman import State, correct, halfway, predict
+from rearl_jax.discovery.observe.kalman import Gain, State, correct, halfway, predict
 from rearl_jax.discovery.observe.residuals import Residuals, smoothed_acceleration
 from rearl_jax.discovery.observe.solver import Solver
 
@@ -95,28 +95,39 @@ def felt(
     pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers
 ) -> Float[np.ndarray, "columns steps pieces"]:
     """Change of the innovations [m] by accelerations of 1 m/s^2 times `pushed`."""
-    out = np.empty(pushed.shape, np.float32)
-    for first in range(0, len(pushed), AT_ONCE):
-        out[first : first + AT_ONCE] = _felt(pushed[first : first + AT_ONCE], left, answer)
-    return _flushed(out)
-
-
-def _felt(pushed: np.ndarray, left: Residuals, answer: Answers) -> np.ndarray:
     data = left.state.data
-    dt, gain, looks = data.dt, left.noise.gain(data.dt, data.stride), data.looks()
-    out = np.empty_like(pushed)
-    *state, last = (np.zeros((len(pushed), pushed.shape[2])) for _ in range(5))
-    change = State(*state)
-    for t in range(pushed.shape[1]):
-        slope = out[:, t] = -change.x - change.w
-        change = correct(change, looks[t] * slope, gain)
+    gain = left.noise.gain(data.dt, data.stride)
+    parts = [
+        _felt(pushed[first : first + AT_ONCE], answer.x, answer.v, data.looks(), gain, data.dt)
+        for first in range(0, len(pushed), AT_ONCE)
+    ]
+    return _flushed(np.concatenate([np.asarray(part, np.float32) for part in parts]))
+
+
+@partial(jax.jit, static_argnames="dt")
+def _felt(
+    pushed: Float[Array, "columns steps pieces"],
+    by_x: Float[Array, "steps pieces"],
+    by_v: Float[Array, "steps pieces"],
+    looks: Float[Array, " steps"],
+    gain: Gain,
+    dt: float,
+) -> Float[Array, "columns steps pieces"]:
+    def step(carry: tuple[State, Array], now: tuple) -> tuple[tuple[State, Array], Array]:
+        (change, last), (push, answer_x, answer_v, look) = carry, now
+        slope = -change.x - change.w
+        change = correct(change, look * slope, gain)
         x, v = halfway(change, last, dt)
-        last = answer.x[t] * x + answer.v[t] * v + pushed[:, t] + change.o
+        last = answer_x * x + answer_v * v + push + change.o
         change = predict(change, change.v + dt * last, gain, dt)
         # Bounded: right behind a leader that is measured too close, a linear answer runs away.
-        x, v = (np.clip(values, -FARTHEST, FARTHEST) for values in (change.x, change.v))
-        change = change._replace(x=x, v=v)
-    return out
+        x, v = (jnp.clip(values, -FARTHEST, FARTHEST) for values in (change.x, change.v))
+        return (change._replace(x=x, v=v), last), slope
+
+    rows = jnp.moveaxis(jnp.asarray(pushed, float), 1, 0)
+    nothing = jnp.zeros_like(rows[0])
+    begin = (State(nothing, nothing, nothing, nothing), nothing)
+    return jnp.moveaxis(lax.scan(step, begin, (rows, by_x, by_v, looks))[1], 0, 1)
 
 
 def driver_scores(pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers) -> DriverScores:

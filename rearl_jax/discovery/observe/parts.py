@@ -1,6 +1,6 @@
 """The data of a discovery: drivers of recordings, in parts that share none."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -15,11 +15,12 @@ from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.noise import is_exact
 from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.read.gate import Finding, amount, gate
+from rearl_jax.discovery.read.gate import Finding, amount, gate, smoothed_positions
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.read.reading import EXACT_NOISE, LEAST_NOISE, measure, one_frame_rate
-from rearl_jax.discovery.read.smoothing import Thinned, thinned
-from rearl_jax.discovery.read.smoothness import Smoothness, smoothness
+from rearl_jax.discovery.read.reading import EXACT_NOISE, measure, one_frame_rate
+from rearl_jax.discovery.read.smoothing import thinned
+from rearl_jax.discovery.read.smoothness import smoothness
+from rearl_jax.discovery.read.speed_sensor import SPEED_SENSOR, has_speed_sensor, with_fast_speeds
 
 AUTO = "auto"
 """Value of `discover.by` by which kinds of drivers are found without labels."""
@@ -70,15 +71,20 @@ def measured_drivers(
     """
     one_frame_rate(recordings)
     tables = [thinned(recording) for recording in recordings]
+    findings = gate(tables)
+    if not any(finding.is_artefact for finding in findings) and has_speed_sensor(tables):
+        findings.append(SPEED_SENSOR)
+        tables = [with_fast_speeds(table) for table in tables]
     smooth = smoothness(tables)
     labels = labels_of(recordings, options)
     same = options.same or (same if same in labels else None)
     known = partial(measure, labels=labels, same=same)
-    findings, data = _measured(known, tables, smooth, options)
+    known = partial(known, position_lag=amount(findings, "position_lag"))
+    data = _chosen(known(tables, smooth=smooth), options)
     if data.noise < EXACT_NOISE and _are_exact(data, prior):
         # A simulation without noise is as smooth by itself as a kernel would have made it.
-        findings, data = _measured(known, tables, Smoothness(), options, EXACT_NOISE)
-    return findings, data
+        return findings, _chosen(known(tables, least_noise=EXACT_NOISE), options)
+    return [*findings, *([smoothed_positions(smooth.drives)] if smooth.drives else [])], data
 
 
 def labels_of(recordings: Sequence[Recording], options: DiscoverConfig) -> dict[str, list[pd.Series]]:
@@ -98,16 +104,8 @@ def named_labels(options: DiscoverConfig) -> dict[str, str]:
     return {key: name for key, name in named.items() if name is not None and (key, name) != ("by", AUTO)}
 
 
-def _measured(
-    read: Callable[..., Measured],
-    tables: Sequence[Thinned],
-    smooth: Smoothness,
-    options: DiscoverConfig,
-    least_noise: float = LEAST_NOISE,
-) -> tuple[list[Finding], Measured]:
-    """Findings and drivers, taken for smoothed or not."""
-    findings = gate(tables, smooth.drives)
-    data = read(tables, amount(findings, "position_lag"), smooth, least_noise)
+def _chosen(data: Measured, options: DiscoverConfig) -> Measured:
+    """At most so many drivers of each group, at random."""
     by = named_labels(options).get("by")
     groups = np.zeros(data.n_drivers, int) if by is None else pd.factorize(data.label(by))[0]
     rng = np.random.default_rng(options.seed)
@@ -117,7 +115,7 @@ def _measured(
         if len(members) > options.max_drivers:
             members = members[rng.choice(len(members), options.max_drivers, replace=False)]
         is_kept[members] = True
-    return findings, data if is_kept.all() else data.of_drivers(is_kept)
+    return data if is_kept.all() else data.of_drivers(is_kept)
 
 
 def _are_exact(data: Measured, prior: Prior) -> bool:

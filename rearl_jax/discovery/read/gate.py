@@ -43,10 +43,8 @@ def amount(findings: Sequence[Finding], name: str) -> float:
     return next((finding.value for finding in findings if finding.name == name), 0.0)
 
 
-def gate(tables: Sequence[Thinned], smoothing: float) -> list[Finding]:
-    """Lags, scales and noise that the columns show; `smoothing` is the width of the kernel positions have been smoothed
-    with [s], 0 for none.
-    """
+def gate(tables: Sequence[Thinned]) -> list[Finding]:
+    """Lags, scales and noise that the columns show."""
     noise = [position_noise(table["position"].to_numpy(), *track_bounds(table)) for table, _ in tables]
     lag, scale = _speed_against_position(tables, noise)
     found = []
@@ -80,10 +78,13 @@ def gate(tables: Sequence[Thinned], smoothing: float) -> list[Finding]:
         spread = float(np.std(noise) / np.sqrt(len(noise))) if len(noise) > 1 else 0.05 * typical
         words = f"positions scatter by {typical:.2f} m, more than a motorway camera's"
         found.append(Finding("position_noise", False, "sd", "m", typical, spread, words))
-    if smoothing:
-        words = f"positions have been smoothed over about {smoothing:.1f} s before they were released"
-        found.append(Finding("smoothing", False, "time", "s", smoothing, 0.2 * smoothing, words))
     return found
+
+
+def smoothed_positions(width: float) -> Finding:
+    """That positions have been smoothed with a kernel of this width [s]."""
+    words = f"positions have been smoothed over about {width:.1f} s before they were released"
+    return Finding("smoothing", False, "time", "s", width, 0.2 * width, words)
 
 
 def _speed_against_position(

@@ -10,8 +10,7 @@ groups    [{by, value, drivers, driver_seconds, cars, shared, verdict, effects, 
           the median over fitted drivers of gap over speed [s] behind a leader of that speed in the calibrated model,
           null where fewer than half of the drivers want to drive that fast
 grouping  {by, left_out: {value: drivers}}: who is in no group; where kinds were found without labels, also {kinds,
-          evidence [nats] and distinctness of each mixture, gain, chance, uncertain, purity: {label: {value,
-          by_chance}}}, see `groups.kinds`
+          evidence, distinctness, gain, chance, uncertain, purity: {label: {value, by_chance}}}, see `groups.kinds`
 """
 
 from collections.abc import Mapping, Sequence

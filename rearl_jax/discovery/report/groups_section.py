@@ -39,9 +39,8 @@ def _kinds_notes(grouping: Mapping[str, Any]) -> list[str]:
     if grouping["kinds"] == 1:
         return ["no kinds of drivers were told apart: the evidence for several is not beyond what one kind gives"]
     notes = [
-        f"{grouping['kinds']} kinds of drivers were told apart without labels: the evidence is "
-        f"{grouping['gain']:.0f} nats above that for one kind, "
-        f"which {percent(grouping['chance'])} of data sets of one kind reach at most"
+        f"{grouping['kinds']} kinds of drivers were told apart without labels: the evidence is {grouping['gain']:.0f} "
+        f"nats above that for one kind; at most {percent(grouping['chance'])} of data sets of one kind reach as much"
     ]
     for label, share in grouping["purity"].items():
         words = f"{percent(share['value'])} of drivers have the most common {spoken(label)} of their kind"
@@ -53,7 +52,7 @@ def _cells(row: Mapping[str, Any], speeds: list[str]) -> tuple[Cell, ...]:
     error = row["error"]
     effects = "; ".join(_effect(effect) for effect in row["effects"]) or NONE
     figures = [error["before"], error["after"], *(row["equilibrium_time_gap"][speed] for speed in speeds)]
-    n_drivers = f"{sum(row['drivers'].values())}" + (f" of {row['cars']}" if row["cars"] else "")
+    n_drivers = f"{sum(row['drivers'].values())}" + (f" of {row['cars']} persons or cars" if row["cars"] else "")
     return (Cell(n_drivers), Cell(row["verdict"]), Cell(effects), *map(_figure, figures))
 
 

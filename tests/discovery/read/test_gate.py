@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from rearl_jax.discovery.read.gate import gate
+from rearl_jax.discovery.read.gate import gate, smoothed_positions
 from rearl_jax.discovery.read.smoothness import Smoothness, smoothness
 
 
 def test_a_clean_data_set_shows_nothing(tables_of):
-    assert gate(tables_of(), 0.0) == []
+    assert gate(tables_of()) == []
 
 
 @pytest.mark.parametrize(
@@ -22,7 +22,7 @@ def test_a_clean_data_set_shows_nothing(tables_of):
     ],
 )
 def test_faults_between_columns_are_named_and_measured(tables_of, name, parameter, value):
-    (found,) = gate(tables_of(name), 0.0)
+    (found,) = gate(tables_of(name))
     assert (found.name, found.parameter) == (name, parameter)
     assert found.value == pytest.approx(value, rel=0.1)
 
@@ -31,7 +31,7 @@ def test_smoothed_tracks_are_noticed(tables_of):
     smooth = smoothness(tables_of("smoothing"))
     assert 0.4 < smooth.drives < 0.9
     assert smooth.errors == 0.0
-    assert "smoothing" in [finding.name for finding in gate(tables_of("smoothing"), smooth.drives)]
+    assert smoothed_positions(smooth.drives).value == smooth.drives
 
 
 def test_smooth_errors_are_not_taken_for_smoothed_drives(tables_of):

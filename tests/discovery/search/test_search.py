@@ -279,14 +279,14 @@ def test_a_curve_without_a_name_improves_a_model_if_the_error_is_surely_lower(
 def test_a_model_is_never_worse_than_the_one_it_contains(solver, calibrated):
     state, noise = calibrated
     candidate = solver.layout.candidates[Term("leader_acceleration")]
-    base = Fit(None, copied(state, log=[100.0]), noise)
+    base = Fit(None, copied(state), noise)
     solver.solve([base.state], iterations=3)
     theta = state.theta.copy()
     theta[list(candidate.free)] = 1.5
     stuck = copied(base.state, theta=theta, active=(candidate.term,))
-    stuck.log = [base.state.log[-1] + 190.0]
+    stuck.objective = base.state.objective + 190.0
     (fit,) = nested(solver, base, {candidate.term: Fit(candidate, stuck, noise)}).values()
-    assert fit.state.log[-1] <= base.state.log[-1] + 0.1
+    assert fit.state.objective <= base.state.objective + 0.1
 
 
 def test_simulations_are_asked_for_as_much_as_they_show(calibrated):

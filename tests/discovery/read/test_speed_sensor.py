@@ -1,0 +1,52 @@
+"""Speeds that were measured by themselves, and positions that take their fast part from them."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+
+from rearl_jax.discovery.read.smoothing import position_noise, track_bounds
+from rearl_jax.discovery.read.speed_sensor import has_speed_sensor, with_fast_speeds
+
+POSITION_NOISE, SPEED_NOISE = 0.5, 0.03
+
+
+def measured(tables, seed=1, *, speeds):
+    """Tables with noisy positions [m], and speeds [m/s] of a sensor or computed from these positions."""
+    rng, made = np.random.default_rng(seed), []
+    for table, dt in tables:
+        position = table["position"].to_numpy() + POSITION_NOISE * rng.standard_normal(len(table))
+        speed = table["speed"].to_numpy() + SPEED_NOISE * rng.standard_normal(len(table))
+        if speeds == "computed":
+            for start, stop in zip(*track_bounds(table), strict=True):
+                smooth = gaussian_filter1d(position[start:stop], 0.5 / dt)
+                speed[start:stop] = np.gradient(smooth, dt)
+        made.append((table.assign(position=position, speed=speed), dt))
+    return made
+
+
+@pytest.fixture
+def true_tables(tables_of):
+    return tables_of(position_noise=0.0)
+
+
+def test_a_sensor_is_told_from_speeds_that_were_computed(true_tables, tables_of):
+    assert has_speed_sensor(measured(true_tables, speeds="sensor"))
+    assert not has_speed_sensor(measured(true_tables, speeds="computed"))
+    assert not has_speed_sensor(tables_of())
+
+
+def test_fast_motion_comes_from_the_sensor_and_the_place_from_the_position(true_tables):
+    (raw, dt), (truth, _) = measured(true_tables, speeds="sensor")[0], true_tables[0]
+    fused, _ = with_fast_speeds((raw, dt))
+    bounds = track_bounds(raw)
+    before, after = (position_noise(one["position"].to_numpy(), *bounds) for one in (raw, fused))
+    assert before == pytest.approx(POSITION_NOISE, rel=0.1)
+    assert after < 0.05 * before
+    error = (fused["position"] - truth["position"]).to_numpy()
+    assert np.sqrt(np.mean(error**2)) < 0.4 * POSITION_NOISE
+
+
+def test_a_speed_that_is_wrong_by_a_little_does_not_drift_away(true_tables):
+    (raw, dt), (truth, _) = measured(true_tables, speeds="sensor")[0], true_tables[0]
+    fused, _ = with_fast_speeds((raw.assign(speed=raw["speed"] + 0.1), dt))
+    assert np.abs(fused["position"] - truth["position"]).max() < 3 * POSITION_NOISE
