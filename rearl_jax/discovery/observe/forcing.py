@@ -127,7 +127,7 @@ def _felt(
     rows = jnp.moveaxis(jnp.asarray(pushed, float), 1, 0)
     nothing = jnp.zeros_like(rows[0])
     begin = (State(nothing, nothing, nothing, nothing), nothing)
-    return jnp.moveaxis(lax.scan(step, begin, (rows, by_x, by_v, looks))[1], 0, 1)
+    return jnp.moveaxis(lax.scan(step, begin, (rows, by_x[:, None], by_v[:, None], looks))[1], 0, 1)
 
 
 def driver_scores(pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers) -> DriverScores:

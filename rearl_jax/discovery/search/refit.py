@@ -125,8 +125,10 @@ def refit(
         ]
         solver.solve(states, iterations=15, tolerance=0.3)
         best = min(states, key=lambda state: state.objective)
-        best, noise = under_best_noise(solver, best, noises(base.noise, lower[-TRIED:]))
-        fits[candidate.term] = Fit(candidate, best, noise)
+        again, noise = under_best_noise(solver, best, noises(base.noise, lower[-TRIED:]))
+        # What is most likely for noise of that size need not be so for the size that was found.
+        found = (Fit(candidate, best, base.noise), Fit(candidate, again, noise))
+        fits[candidate.term] = min(found, key=lambda fit: fit.state.objective)
         if progress is not None:
             progress(number + 1, len(candidates))
     return fits
