@@ -122,10 +122,10 @@ def seen_of(solver: Solver, fit: Fit) -> Seen:
     own = slice(0, state.z.shape[1])
     information = state.sums.gram[:, own, own] / state.variances[:, None, None]
     slope = state.sums.gradient[:, own] / state.variances[:, None]
-    away = state.z - state.mean[state.truck]
+    away = state.away
     n, size = away.shape
     # Each driver counts alike: with the share of its spread that its data tell.
-    told = np.linalg.solve(information + np.eye(size), information).mean(axis=0)
+    told = np.linalg.solve(information + state.precision, information).mean(axis=0)
     _, directions = np.linalg.eigh((told + told.T) / 2)
     best = away - np.linalg.solve(information + HARDLY_KNOWN * np.eye(size), slope[:, :, None])[:, :, 0]
     best = np.clip(best @ directions, -FARTHEST, FARTHEST)

@@ -37,7 +37,7 @@ def on_others(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[FitSt
     for fit in fits:
         state = new_state(data, solver.layout, fit.noise)
         state.mean, state.theta, state.active = fit.state.mean.copy(), fit.state.theta.copy(), fit.state.active
-        state.z = state.mean[state.truck]
+        state.z, state.spread = state.mean[state.truck], fit.state.spread
         state.variance = fit.state.variance
         state.holds_population = state.holds_variance = state.holds_theta = True
         solver.solve([state], iterations=15, tolerance=0.1)
@@ -53,6 +53,7 @@ def with_others(solver: Solver, fit: Fit, data: Measured) -> Fit:
     state = fit.state
     both = new_state(state.data.beside(data), solver.layout, fit.noise)
     both.mean, both.theta, both.active = state.mean.copy(), state.theta, state.active
+    both.spread = state.spread
     both.z = np.concatenate([state.z, both.mean[both.truck[state.data.n_drivers :]]])
     solver.solve([both], iterations=15, tolerance=0.3)
     both, noise = under_best_noise(solver, both, noises(fit.noise, ACCELERATIONS), iterations=15)

@@ -29,11 +29,12 @@ class FitState:
         pieces: The same for the observer.
         z: Standardised parameters of the drivers.
         mean: Their mean over cars and trucks.
+        spread: Their standard deviation between drivers; 1 before anything is known of it.
         theta: What was added.
         active: Terms that have been added; theirs are the places of theta that are searched.
         variance: Usual variance of the innovations, S_usual [m^2].
         freedom: Innovations f that it is worth; inf where all drivers have the usual variance.
-        holds_population: Whether the mean stays as it is, and only the drivers are searched.
+        holds_population: Whether the mean stays as it is, and only the drivers are searched; the spread always does.
         holds_variance: Whether S_usual stays as it is.
         holds_theta: Whether what was added stays as it is.
         sums: At these parameters; None until they have been evaluated.
@@ -44,6 +45,7 @@ class FitState:
     pieces: Pieces
     z: Float[np.ndarray, "drivers own"]
     mean: Float[np.ndarray, "classes own"]
+    spread: Float[np.ndarray, " own"]
     theta: Float[np.ndarray, " parameters"]
     active: tuple[Term, ...]
     variance: float
@@ -62,6 +64,16 @@ class FitState:
         return out
 
     @property
+    def away(self) -> Float[np.ndarray, "drivers own"]:
+        """Standardised parameters less their mean."""
+        return self.z - self.mean[self.truck]
+
+    @property
+    def precision(self) -> Float[np.ndarray, "own own"]:
+        """Inverse covariance of standardised parameters between drivers."""
+        return np.diag(self.spread**-2.0)
+
+    @property
     def variances(self) -> Float[np.ndarray, " drivers"]:
         """Variance S of each driver's innovations [m^2]; the usual one before they have been evaluated."""
         if self.sums is None or np.isinf(self.freedom):
@@ -78,7 +90,7 @@ class FitState:
 
     def penalised(self) -> Float[np.ndarray, " drivers"]:
         """Log-likelihood of each driver and of its parameters in their population [nats]."""
-        return self.log_likelihood() - 0.5 * ((self.z - self.mean[self.truck]) ** 2).sum(axis=1)
+        return self.log_likelihood() - 0.5 * (self.away**2 / self.spread**2).sum(axis=1)
 
 
 @dataclass(frozen=True)
@@ -105,6 +117,7 @@ def new_state(data: Measured, layout: Layout, noise: Noise) -> FitState:
         pieces=pieces_of(data, noise),
         z=np.zeros((data.n_drivers, layout.prior.size)),
         mean=np.zeros((CLASSES, layout.prior.size)),
+        spread=np.ones(layout.prior.size),
         theta=layout.reference.copy(),
         active=(),
         variance=float(noise.gain(data.dt, data.stride).variance),

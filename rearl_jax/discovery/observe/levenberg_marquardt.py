@@ -58,18 +58,18 @@ class Search:
         steps = np.concatenate([np.ones(n_own), unit])
         gram = state.sums.gram[:, :size, :size] * (steps[:, None] * steps) / state.variances[:, None, None]
         gradient = state.sums.gradient[:, :size] * steps / state.variances[:, None]
-        away = state.z - state.mean[state.truck]
+        precision, away = state.precision, state.away @ state.precision
         n_mean = 0 if state.holds_population else CLASSES * n_own
         n, n_shared = len(state.z), n_mean + len(free)
-        own_block = gram[:, own, own] + np.eye(n_own)
+        own_block = gram[:, own, own] + precision
         own_gradient = gradient[:, own] + away
         coupling = np.zeros((n, n_own, n_shared))
         block, slope = np.zeros((n_shared, n_shared)), np.zeros(n_shared)
         for c in range(CLASSES if n_mean else 0):
             place = slice(c * n_own, (c + 1) * n_own)
             members = state.truck == c
-            coupling[members, :, place] = -np.eye(n_own)
-            block[place, place] = (members.sum() + 1) * np.eye(n_own)
+            coupling[members, :, place] = -precision
+            block[place, place] = members.sum() * precision + np.eye(n_own)
             slope[place] = state.mean[c] - away[members].sum(axis=0)
         last = slice(n_mean, n_shared)
         coupling[:, :, last] = gram[:, own, added]

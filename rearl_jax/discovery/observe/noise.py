@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from rearl_jax.discovery.observe.autocorrelation import autocorrelation
-from rearl_jax.discovery.observe.fit_state import FitState, new_state, with_noise
+from rearl_jax.discovery.observe.fit_state import FitState, copied, new_state, with_noise
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.observer import unrest
 from rearl_jax.discovery.observe.solver import Solver
@@ -27,6 +28,15 @@ USUAL = Noise(0.15, 1.5, 0.1)
 
 MOST_GROWTH = 3.0
 """Bound of the growth of noise with the squared acceleration of the leader [s^4/m^2]."""
+
+SPREAD_ITERATIONS = 3
+"""Times that the spread between drivers is found and the drivers with it."""
+
+USUAL_DRIVERS = 10.0
+"""Drivers that what is usual of the spread is worth."""
+
+SPREADS = (0.5, 4.0)
+"""Bounds of the spread as a share of the usual one [-]."""
 
 INDEPENDENT_AFTER = 4.0
 """Time after which innovations have nothing to do with each other [s]."""
@@ -85,7 +95,7 @@ def _log_width(state: FitState) -> float:
     """Logarithm of how sharply the drivers' own parameters are known, against their population."""
     assert state.sums is not None
     n_own = state.z.shape[1]
-    own = state.sums.gram[:, :n_own, :n_own] / state.variances[:, None, None] + np.eye(n_own)
+    own = state.sums.gram[:, :n_own, :n_own] / state.variances[:, None, None] + state.precision
     return float(np.linalg.slogdet(own)[1].sum())
 
 
@@ -115,10 +125,30 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     if with_lasting > likely + THRESHOLDS.lasting_noise_gain:
         noise = other
     state, noise = under_best_time(solver, state, noises(noise, ACCELERATIONS))
+    for _ in range(SPREAD_ITERATIONS):
+        state = copied(state, spread=spread_of(state))
+        solver.solve([state], iterations=5, tolerance=0.3)
     noise = _as_innovations_are(solver, state, noise)
     state = with_noise(state, noise)
     solver.solve([state], iterations=10)
     return state, noise
+
+
+def spread_of(state: FitState) -> Float[np.ndarray, " own"]:
+    """Standard deviations of standardised parameters between the drivers of a state that has been solved.
+
+    What is not known of a driver counts as spread, so that drivers who show little do not look alike; the usual spread
+    counts as much as some drivers do. It is found once, for the calibrated model, and every candidate is held against
+    it: a spread that shrank under one candidate only would be false evidence.
+
+    Source: expectation maximisation, Dempster, Laird & Rubin, J. R. Stat. Soc. B 39 (1977) 1.
+    """
+    assert state.sums is not None
+    n_own = state.z.shape[1]
+    own = state.sums.gram[:, :n_own, :n_own] / state.variances[:, None, None] + state.precision
+    unknown = np.einsum("dii->di", np.linalg.inv(own))
+    square = (USUAL_DRIVERS + (state.away**2 + unknown).sum(axis=0)) / (USUAL_DRIVERS + len(state.z))
+    return np.clip(np.sqrt(square), *SPREADS)
 
 
 def _as_innovations_are(solver: Solver, state: FitState, noise: Noise) -> Noise:

@@ -2,10 +2,10 @@
 
 Minimises for a state (one data set under one candidate)
 
-    sum over drivers [(n + f) / 2 log S - f / 2 log S_usual + |z - mean|^2 / 2]
+    sum over drivers [(n + f) / 2 log S - f / 2 log S_usual + |(z - mean) / spread|^2 / 2]
         + |mean|^2 / 2 + |(theta - ref) / scale|^2 / 2,   S = (f S_usual + sum over steps of nu^2) / (f + n)
 
-many states side by side. The population's spread stays at its prior: shrinking it towards the data makes false
+many states side by side. The population's spread stays as it is: one that shrank with every step would make false
 evidence. S is the variance of a driver's innovations, n of which count; it scatters between drivers about S_usual as if
 each had shown f innovations before.
 """

@@ -43,13 +43,13 @@ def known(solver: Solver, state: FitState) -> Known:
     gradient = state.sums.gradient / state.variances[:, None]
     n_own = state.z.shape[1]
     own, added = slice(0, n_own), slice(n_own, n_own + len(free))
-    inverse = np.linalg.inv(gram[:, own, own] + np.eye(n_own))
+    inverse = np.linalg.inv(gram[:, own, own] + state.precision)
     drivers = np.sqrt(np.einsum("dii->di", inverse))
     if not len(free):
         return Known(np.empty(0), drivers)
     response, information = _projected(state, len(free))
     information = information + np.diag(solver.layout.scale[free] ** -2.0)
-    away = state.z - state.mean[state.truck]
+    away = state.away @ state.precision
     scores = gradient[:, added] - np.einsum("dij,di->dj", response, gradient[:, own] + away)
     covariance = np.linalg.pinv(information)
     scores = scores - scores.mean(axis=0)
@@ -66,7 +66,7 @@ def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:
     own, added = slice(0, n_own), slice(n_own, n_own + n_free)
     gram = state.sums.gram / state.variances[:, None, None]
     coupling = gram[:, own, added]
-    response = np.linalg.solve(gram[:, own, own] + np.eye(n_own), coupling)
+    response = np.linalg.solve(gram[:, own, own] + state.precision, coupling)
     return response, (gram[:, added, added] - np.einsum("dij,dik->djk", coupling, response)).sum(axis=0)
 
 

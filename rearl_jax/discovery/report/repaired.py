@@ -54,19 +54,19 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
     state, truck, classes = fit.state, fit.state.truck, {}
     lengths = np.zeros(data.n_drivers)
     lengths[data.driver] = data.length
-    spread = prior.spread
+    unit, spread = prior.spread, prior.spread * state.spread
     for number, (name, usual) in enumerate(zip((CAR, TRUCK), prior.usual, strict=True)):
         members = truck == number
         share = float(members.mean())
         if share < THRESHOLDS.least_truck_share:
             continue
-        away = (state.z[members] - state.mean[number]) * spread
+        away = state.away[members] * unit
         # The calibrated scatter shrinks where the data say little about a parameter: the prior fills that up.
         own = away.T @ away / max(members.sum(), 1)
         covariance = own + np.diag(np.maximum(spread**2 - np.diag(own), 0.0)) * _unknown(fit, members)
         classes[name] = DriverClass(
             share=share,
-            log_mean=dict(zip(prior.names, (np.log(usual) + spread * state.mean[number]).tolist(), strict=True)),
+            log_mean=dict(zip(prior.names, (np.log(usual) + unit * state.mean[number]).tolist(), strict=True)),
             log_covariance=((covariance + covariance.T) / 2).tolist(),
             noise_sd=fit.noise.acceleration,
             noise_time=fit.noise.time,
@@ -82,7 +82,7 @@ def _unknown(fit: Fit, members: np.ndarray) -> np.ndarray:
     assert fit.state.sums is not None
     n_own = fit.state.z.shape[1]
     gram = fit.state.sums.gram[members][:, :n_own, :n_own] / fit.state.variances[members, None, None]
-    left = np.einsum("dii->di", np.linalg.inv(gram + np.eye(n_own)))
+    left = np.einsum("dii->di", np.linalg.inv(gram + fit.state.precision)) / fit.state.spread**2
     return np.clip(left.mean(axis=0), 0.0, 1.0)
 
 

@@ -70,8 +70,8 @@ def _scores(
     n_kept, n_own = len(free), layout.prior.size
     variances = state.variances
     gradient, nuisance = sums["gradient"] / variances[:, None], sums["nuisance"] / variances[:, None, None]
-    away = state.z - state.mean[state.truck]
-    block = nuisance[:, :n_own, :n_own] + np.eye(n_own)
+    precision, away = state.precision, state.away @ state.precision
+    block = nuisance[:, :n_own, :n_own] + precision
     coupling = nuisance[:, :n_own, n_own:]
     slope = gradient[:, :n_own] + away
     solved = np.linalg.solve(block, np.concatenate([slope[:, :, None], coupling], axis=2))
@@ -87,9 +87,9 @@ def _scores(
             members = state.truck == c
             if not members.any():
                 continue
-            mean_block = (np.eye(n_own) - inverse[members]).sum(axis=0) + np.eye(n_own)
-            coupled = response[members].sum(axis=0)
-            rest = state.mean[c] - away[members].sum(axis=0) + step[members].sum(axis=0)
+            mean_block = (precision - precision @ inverse[members] @ precision).sum(axis=0) + np.eye(n_own)
+            coupled = precision @ response[members].sum(axis=0)
+            rest = state.mean[c] - away[members].sum(axis=0) + precision @ step[members].sum(axis=0)
             answer = np.linalg.solve(mean_block, coupled)
             score = score + answer.T @ rest
             kept = kept - coupled[:, :n_kept].T @ answer
