@@ -7,9 +7,10 @@ import pytest
 
 from rearl_jax.discovery.groups import kinds
 from rearl_jax.discovery.observe.base import base_of
+from rearl_jax.discovery.observe.fit_state import copied
 from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.normal_equations import Programs
-from rearl_jax.discovery.observe.solver import Solver, copied
+from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.search.null import simulate_again
 
 pytestmark = pytest.mark.slow
