@@ -76,9 +76,9 @@ class Kinds:
         """As in verdict.json."""
         return {
             "kinds": self.n,
-            "evidence": self.evidence,
+            "evidence": list(map(float, self.evidence)),
             "distinctness": self.distinctness,
-            "gain": self.gain,
+            "gain": float(self.gain),
             "chance": self.chance,
             "uncertain": sum(kind is None for kind in self.of_driver),
         }

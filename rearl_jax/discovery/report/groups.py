@@ -4,7 +4,8 @@ The verdict of a discovery by groups has the keys of any other. Its word is the 
 say of which group they are, its errors are those of all reported drivers, each with its group's model. What only a
 group has (candidates, unseen effects, adequacy) is in its own verdict, `groups/<name>/verdict.json`. Beside it:
 
-groups    [{by, value, drivers, driver_seconds, cars, shared, verdict, effects, error, equilibrium_time_gap, notes}]:
+groups    [{by, value, drivers, driver_seconds, cars, shared, labels, verdict, effects, error, equilibrium_time_gap,
+          notes}]: `labels` {label: {value, share}} the most common value of each label and its share of the drivers,
           `cars` is the number of persons or cars, null where nobody is known again; `shared` the number of them that
           are both among the fitted and the reported drivers; `equilibrium_time_gap` {speed [m/s]: {value, low, high}},
           the median over fitted drivers of gap over speed [s] behind a leader of that speed in the calibrated model,
@@ -13,6 +14,7 @@ grouping  {by, left_out: {value: drivers}}: who is in no group; where kinds were
           evidence, distinctness, gain, chance, uncertain, purity: {label: {value, by_chance}}}, see `groups.kinds`
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -22,6 +24,7 @@ import numpy as np
 from rearl_jax.config import DiscoverConfig
 from rearl_jax.discovery.discover import Behind, Discovery
 from rearl_jax.discovery.observe.solver import FitState, Solver
+from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.split import in_both, known_again
 from rearl_jax.discovery.report.error_block import error_block
 from rearl_jax.discovery.report.errors import ModelErrors
@@ -85,7 +88,8 @@ def equilibrium_time_gaps(solver: Solver, state: FitState, options: DiscoverConf
 def _row(options: DiscoverConfig, name: str, discovery: Discovery) -> dict[str, Any]:
     verdict, behind = discovery.verdict, _behind(discovery)
     parts, first = behind.parts, behind.search.first.state
-    persons = known_again(parts.fitted.beside(parts.checked).beside(parts.reported))
+    everybody = parts.fitted.beside(parts.checked).beside(parts.reported)
+    persons = known_again(everybody)
     return {
         "by": options.by,
         "value": name,
@@ -93,12 +97,23 @@ def _row(options: DiscoverConfig, name: str, discovery: Discovery) -> dict[str, 
         "driver_seconds": verdict["data"]["driver_seconds"],
         "cars": persons or None,
         "shared": in_both(parts.fitted, parts.reported),
+        "labels": _most_common(everybody),
         "verdict": verdict["verdict"],
         "effects": verdict["effects"],
         "error": verdict["error"],
         "equilibrium_time_gap": equilibrium_time_gaps(behind.solver, first, options),
         "notes": verdict["data"]["notes"],
     }
+
+
+def _most_common(data: Measured) -> dict[str, Any]:
+    """The most common value of each label that is known of some drivers."""
+    common = {}
+    for name in data.labels:
+        counts = Counter(value for value in data.label(name).tolist() if value is not None)
+        for value, n in counts.most_common(1):
+            common[name] = {"value": value, "share": n / data.n_drivers}
+    return common
 
 
 def _behind(discovery: Discovery) -> Behind:

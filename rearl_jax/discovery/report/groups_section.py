@@ -1,6 +1,6 @@
 """How groups of drivers differ, as a section of the document."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rearl_jax.discovery.report.words import described
@@ -26,13 +26,13 @@ def groups_section(verdict: Mapping[str, Any]) -> Section:
         "equilibrium behind a leader of constant speed, medians of the calibrated drivers. Candidates, curves and the "
         "repaired model of each group are in its own folder."
     )
-    notes = _kinds_notes(verdict["grouping"])
+    notes = _kinds_notes(verdict["grouping"], rows)
     for name, n in verdict["grouping"]["left_out"].items():
         notes.append(f"{n} drivers of group {name} are left out")
     return Section("Groups", (words,), (Table(f"Groups by {by}", headings, drawn),), tuple(map(sentence, notes)))
 
 
-def _kinds_notes(grouping: Mapping[str, Any]) -> list[str]:
+def _kinds_notes(grouping: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """How many kinds were found without labels, how sure that is, and how they agree with labels."""
     if "kinds" not in grouping:
         return []
@@ -45,6 +45,9 @@ def _kinds_notes(grouping: Mapping[str, Any]) -> list[str]:
     for label, share in grouping["purity"].items():
         words = f"{percent(share['value'])} of drivers have the most common {spoken(label)} of their kind"
         notes.append(f"purity: {words}, {percent(share['by_chance'])} by chance")
+    for row in rows:
+        labels = (f"{spoken(name)} {one['value']} {percent(one['share'])}" for name, one in row["labels"].items())
+        notes.append(f"most common in {row['value']}: {', '.join(labels) or NONE}")
     return notes
 
 

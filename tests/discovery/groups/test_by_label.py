@@ -98,6 +98,7 @@ def test_groups_are_a_table_and_a_line():
         "by": "setting", "value": "L", "drivers": {"fitted": 5, "checked": 5, "reported": 6}, "cars": 10, "shared": 0,
         "verdict": "named", "effects": [effect], "error": {"before": figure, "after": figure},
         "equilibrium_time_gap": {"10": figure, "20": None}, "notes": [],
+        "labels": {"acc": {"value": "1", "share": 0.75}},
     }  # fmt: skip
     other = row | {"value": "S", "verdict": "nothing", "effects": [], "cars": None}
     grouping = {"by": "setting", "left_out": {"M": 4}}
@@ -113,3 +114,4 @@ def test_groups_are_a_table_and_a_line():
     notes = " ".join(groups_section({"groups": [row, other], "grouping": grouping | kinds}).notes)
     assert "2 kinds" in notes
     assert "90.0 %" in notes
+    assert "acc 1 75.0 %" in notes
