@@ -41,8 +41,8 @@ class DiscoverConfig:
     )
     base: tuple[str, ...] | None = key(
         None,
-        "car-following models that are compared with that of driver, which stays unless another surely predicts other "
-        f"drivers better: some of {', '.join(CALIBRATED)}; null: all of them, but none where driver is given; []: none; "
+        "car-following models compared with that of driver, which stays unless another surely predicts other drivers "
+        f"better: some of {', '.join(CALIBRATED)}; null: all of them, but none where driver is given; []: none; "
         "with discover.oracle none",
     )
     lane_changes: bool = key(

@@ -26,8 +26,10 @@ from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import left_out_runs
 from rearl_jax.discovery.report.protocols import PROTOCOL_MEASURES, protocol_errors
 
-MOST_DRIVERS = 40
-"""Drivers that models are calibrated to, and checked on, at most: drawn at random where there are more."""
+MOST_FITTED, MOST_CHECKED = 40, 120
+"""Drivers that models are calibrated to, and compared on, at most; drawn at random where there are more. Calibration
+takes most of the time, while every further driver that is only asked makes the comparison surer.
+"""
 
 ONE_STEP = "one_step"
 """Where the table holds log-likelihoods: one time step ahead, not under one of the protocols."""
@@ -51,11 +53,11 @@ class Compared:
     errors: Mapping[str, Mapping[str, Float[np.ndarray, " tested"]]] = field(default_factory=dict)
 
 
-def some_of(data: Measured, seed: int) -> Measured:
-    """At most MOST_DRIVERS of the drivers."""
-    if data.n_drivers <= MOST_DRIVERS:
+def some_of(data: Measured, most: int, seed: int) -> Measured:
+    """At most so many of the drivers."""
+    if data.n_drivers <= most:
         return data
-    kept = np.random.default_rng(seed).choice(data.n_drivers, MOST_DRIVERS, replace=False)
+    kept = np.random.default_rng(seed).choice(data.n_drivers, most, replace=False)
     return data.of_drivers(np.isin(np.arange(data.n_drivers), kept))
 
 

@@ -9,6 +9,8 @@ import numpy as np
 from rearl_jax.config import DiscoverConfig
 from rearl_jax.discovery.comparison.choice import Choice, choice_of, is_beaten
 from rearl_jax.discovery.comparison.compared import (
+    MOST_CHECKED,
+    MOST_FITTED,
     Compared,
     compared_models,
     compared_table,
@@ -69,7 +71,11 @@ def comparison_of(
         progress: Called with the models done and wanted.
         study: Keeps what was found for a run that goes on after it was killed; None to keep nothing.
     """
-    fitted, checked, base = some_of(parts.fitted, options.seed), some_of(parts.checked, options.seed), None
+    fitted, checked = (
+        some_of(parts.fitted, MOST_FITTED, options.seed),
+        some_of(parts.checked, MOST_CHECKED, options.seed),
+    )
+    base = None
     if study is not None and study.owns(BASE_TABLE):  # of a run that was killed
         found = read_compared(study.path / f"{BASE_TABLE}.parquet")
     else:
