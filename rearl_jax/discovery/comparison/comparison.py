@@ -71,11 +71,8 @@ def comparison_of(
         progress: Called with the models done and wanted.
         study: Keeps what was found for a run that goes on after it was killed; None to keep nothing.
     """
-    fitted, checked = (
-        some_of(parts.fitted, MOST_FITTED, options.seed),
-        some_of(parts.checked, MOST_CHECKED, options.seed),
-    )
-    base = None
+    fitted = some_of(parts.fitted, MOST_FITTED, options.seed)
+    checked, base = some_of(parts.checked, MOST_CHECKED, options.seed), None
     if study is not None and study.owns(BASE_TABLE):  # of a run that was killed
         found = read_compared(study.path / f"{BASE_TABLE}.parquet")
     else:

@@ -16,13 +16,10 @@ def base_section(verdict: Mapping[str, Any]) -> Section:
         return Section(title)
     shown = [name for name in PROTOCOLS if any(row["protocols"][name] for row in base["compared"])]
     headings = ("gain [nats]", "most likely in", *(f"{spoken(name)} [m]" for name in shown), "")
-    rows = tuple(
-        Row(
-            spoken(row["name"]),
-            (*_evidence(row), *(_error(row["protocols"][name]) for name in shown), _mark(row, base)),
-        )
-        for row in base["compared"]
-    )
+    rows = []
+    for row in base["compared"]:
+        errors = (_error(row["protocols"][name]) for name in shown)
+        rows.append(Row(spoken(row["name"]), (*_evidence(row, base), *errors, _mark(row, base))))
     drivers = base["drivers"]
     how = (
         f"Each was calibrated to {drivers['fitted']} of the fitted drivers and asked about {drivers['checked']} of the "
@@ -31,13 +28,17 @@ def base_section(verdict: Mapping[str, Any]) -> Section:
         "of drivers. Errors are mean closed-loop gap errors of the check drivers, by what is known of a driver; models "
         "that surely are less likely than the best were not simulated."
     )
-    notes = [f"{words}" for words in (_time_gaps(base), *_dependences(verdict)) if words]
+    notes = [words for words in (_time_gaps(base), *_dependences(verdict)) if words]
     said = base_words(base) or f"no model surely is better than {spoken(base['driver'])}, which stays"
-    return Section(title, (f"{sentence(said)} {how}",), (Table(title, headings, rows),), tuple(map(sentence, notes)))
+    return Section(
+        title, (f"{sentence(said)} {how}",), (Table(title, headings, tuple(rows)),), tuple(map(sentence, notes))
+    )
 
 
-def _evidence(row: Mapping[str, Any]) -> tuple[Cell, Cell]:
+def _evidence(row: Mapping[str, Any], base: Mapping[str, Any]) -> tuple[Cell, Cell]:
     gain = row["gain"]
+    if row["name"] == base["driver"]:
+        return Cell(NONE), Cell(percent(row["best_share"]))
     return Cell(number(gain["value"], "+"), interval(gain["low"], gain["high"], "+")), Cell(percent(row["best_share"]))
 
 
