@@ -15,6 +15,7 @@ from typing import Any, TypeAlias, TypeVar
 
 import jax
 import pandas as pd
+import yaml
 
 from rearl_jax.config import DiscoverTask, EvaluateTask, PrepareTask, ResultsConfig
 from rearl_jax.config._schema import finished, from_plain, keys_of, nearest
@@ -250,8 +251,17 @@ def _task_record(words: str, keys: Mapping[str, Any]) -> Any:
             message = f"must be left out, for {words}() writes nothing: call save(FOLDER) of its result"
             raise InvalidInputError(Problem("key-implied", message, key=name))
     task = next(task for task in TASKS if task.words == words)
-    implied = (word.split("=") for group, word in task.implied.items() if group in keys)
-    return _configured(task.load_config(), dict(implied) | dict(keys))
+    for group, word in task.implied.items():
+        if group in keys:
+            keys = _with_default(keys, *word.split("="))
+    return _configured(task.load_config(), keys)
+
+
+def _with_default(keys: Mapping[str, Any], name: str, value: str) -> Mapping[str, Any]:
+    """The keys with the value of one, as the command line has it, unless it is among them."""
+    group, _, key = name.rpartition(".")
+    default = {key: yaml.safe_load(value)}
+    return default | dict(keys) if not group else {**keys, group: default | dict(keys.get(group, {}))}
 
 
 def _with_table(config: Record, table: pd.DataFrame | None) -> Record:

@@ -16,7 +16,7 @@ from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.config.decision import AdmissibleConfig, DecisionConfig, ExecConfig, MatcherConfig, PolicyName
 from rearl_jax.config.detection import DetectionConfig, ReferenceConfig
 from rearl_jax.config.discover import DiscoverConfig
-from rearl_jax.config.driver import DEFAULT, DriverConfig, record_of
+from rearl_jax.config.driver import CALIBRATED, DEFAULT, DriverConfig, record_of
 from rearl_jax.config.evaluation import EvaluationConfig, Method, Variant
 from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.llm import LlmConfig, PromptConfig
@@ -102,6 +102,16 @@ class DiscoverTask:
     def check(self) -> None:
         """Raise InvalidInputError for drivers that cannot be calibrated, and for keys that are estimated."""
         self.driver.check_prior()
+
+    @property
+    def compared(self) -> tuple[DriverConfig, ...]:
+        """Car-following models that are compared: that of `driver` first, alone where no others are asked for."""
+        others = self.discover.base
+        if others is None:
+            others = CALIBRATED if self.driver == record_of("idm")() else ()
+        if self.discover.oracle is not None:
+            others = ()  # nothing is looked for
+        return self.driver, *(record_of(name)() for name in dict.fromkeys(others) if name != self.driver.model)
 
 
 @dataclass(unsafe_hash=True)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from rearl_jax.config._key import key
 from rearl_jax.config._ranges import check_least
+from rearl_jax.config.driver import CALIBRATED
 from rearl_jax.problems import out_of_range
 
 
@@ -38,6 +39,12 @@ class DiscoverConfig:
         "label by which the same driver or car is known again in other tracks and recordings; null: that of the format "
         "(openacc: model, fhwa: person), nothing for other formats",
     )
+    base: tuple[str, ...] | None = key(
+        None,
+        "car-following models compared with that of driver, which stays unless another surely predicts other drivers "
+        f"better: some of {', '.join(CALIBRATED)}; null: all of them, but none where driver is given; []: none; "
+        "with discover.oracle none",
+    )
     lane_changes: bool = key(
         True,
         "early answers to the next leader and relaxation after a change of leader are part of the calibrated model, "
@@ -60,5 +67,9 @@ class DiscoverConfig:
         if not 0.5 <= self.confidence < 1.0:
             raise out_of_range("confidence", "must be within 0.5 and 1", self.confidence)
         check_least(self, 100, "draws")
+        for name in self.base or ():
+            if name not in CALIBRATED:
+                message = f"must be some of {', '.join(CALIBRATED)}, which have usual values to calibrate from"
+                raise out_of_range("base", message, name)
         if self.by is not None and self.oracle is not None:
             raise out_of_range("by", "must be null where discover.oracle says what is missing", self.by)

@@ -29,6 +29,7 @@ class Claim:
         confidence: Probability that it is there [-].
         evidence: Log-likelihood it adds [nats], of an effect on the choice of the lane on drivers it was not fitted to;
             None where nothing was fitted.
+        depends_on_base: Names of other car-following models under which it does not hold.
     """
 
     name: str
@@ -37,10 +38,14 @@ class Claim:
     variables: tuple[str, ...]
     confidence: float
     evidence: float | None
+    depends_on_base: tuple[str, ...] = ()
 
     def plain(self) -> dict[str, Any]:
         """As an entry of `effects` in verdict.json."""
-        return asdict(self) | {"variables": list(self.variables)}
+        return asdict(self) | {
+            "variables": list(self.variables),
+            "depends_on_base": list(self.depends_on_base),
+        }
 
 
 def share_of(total: float, rivals: Sequence[float]) -> float:

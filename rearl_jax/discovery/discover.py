@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -14,20 +14,22 @@ from rich.progress import Progress
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.claims import Claim
+from rearl_jax.discovery.comparison.compared import compared_table, solver_of
+from rearl_jax.discovery.comparison.comparison import BASE_TABLE, Comparison, base_block, comparison_of
+from rearl_jax.discovery.comparison.dependence import dependent_effects
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
-from rearl_jax.discovery.observe.base import base_of
+from rearl_jax.discovery.observe.base import Base, base_of
 from rearl_jax.discovery.observe.candidates import LENS, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.layout import layout_of
-from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import known
 from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report import tables
+from rearl_jax.discovery.report.equilibrium import equilibrium_time_gaps
 from rearl_jax.discovery.report.error_block import error_block
 from rearl_jax.discovery.report.errors import ModelErrors, model_errors
 from rearl_jax.discovery.report.repaired import repaired_model
@@ -126,21 +128,33 @@ def discovery_of(
         ValueError: `discover.oracle` names no candidate.
     """
     begin = time.perf_counter()
-    solver = Solver(Programs(layout_of(parts.fitted, prior_of(config.driver)), parts.fitted.dt))
+    priors, whose = [prior_of(driver) for driver in config.compared], f"{name}: " if name else ""
     if config.discover.oracle is not None:
-        discovery = Discovery(config, parts.id, _oracle(config, solver, parts))
+        discovery = Discovery(config, parts.id, _oracle(config, solver_of(parts.fitted, priors[0]), parts))
     else:
-        outcome = _search(config, study, solver, parts, bar, f"{name}: " if name else "")
+        comparison = None
+        if len(priors) > 1:
+            say = shown(bar, f"{whose}comparing car-following models")
+            comparison = comparison_of(priors, parts, config.discover, say, study)
+        solver = solver_of(parts.fitted, priors[0] if comparison is None else comparison.prior)
+        known_base = None if comparison is None else comparison.base
+        outcome = _search(config, study, solver, parts, known_base, bar, whose)
         lanes = lane_choice(solver, outcome, parts, recordings, config.discover)
-        discovery = _discovery(config, solver, parts, outcome, lanes)
+        discovery = _discovery(config, solver, parts, comparison, outcome, lanes)
     discovery.verdict["seconds"] = time.perf_counter() - begin
     return discovery
 
 
 def _search(
-    config: DiscoverTask, study: Study | None, solver: Solver, parts: Parts, bar: Progress, whose: str
+    config: DiscoverTask,
+    study: Study | None,
+    solver: Solver,
+    parts: Parts,
+    calibrated: Base | None,
+    bar: Progress,
+    whose: str,
 ) -> Search:
-    """Search for effects of car following; `whose` begins what the bar says."""
+    """Search for effects of car following beside a model, which may be calibrated; `whose` begins what the bar says."""
     options = config.discover
     line = bar.add_task(f"{whose}calibrating drivers", total=None)
     replicates = shown(bar, f"{whose}simulated nulls")
@@ -156,7 +170,16 @@ def _search(
             study.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
         return null
 
-    look = partial(search, solver, parts.fitted, parts.checked, null_for, report, lane_changes=options.lane_changes)
+    look = partial(
+        search,
+        solver,
+        parts.fitted,
+        parts.checked,
+        null_for,
+        report,
+        lane_changes=options.lane_changes,
+        calibrated=calibrated,
+    )
     outcome = look()
     if not clocks_confirmed(solver, outcome, parts.checked, options.seed):
         log.info("clocks put right make simulations of other drivers worse: left as they are")
@@ -169,7 +192,12 @@ def _search(
 
 
 def _discovery(
-    config: DiscoverTask, solver: Solver, parts: Parts, outcome: Search, lanes: LaneChangeFindings
+    config: DiscoverTask,
+    solver: Solver,
+    parts: Parts,
+    comparison: Comparison | None,
+    outcome: Search,
+    lanes: LaneChangeFindings,
 ) -> Discovery:
     """The verdict, with the tables and the model."""
     options = config.discover
@@ -180,6 +208,8 @@ def _discovery(
         errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed)
     deviations = known(solver, outcome.last.state).theta
     effects = _effects(deviations, outcome, left, parts.findings, options.confidence)
+    if comparison is not None:
+        effects = _with_dependence(effects, comparison, outcome, parts)
     error = error_block(errors, options.confidence, options.draws, options.seed)
     change = error["change"]
     following = {
@@ -189,6 +219,9 @@ def _discovery(
         "lane_changes": lane_changes_block(outcome, deviations, options.confidence),
         "unseen": unseen(outcome, outcome.null.threshold(THRESHOLDS.candidate_z_score)),
         "error": error,
+        "base": None
+        if comparison is None
+        else base_block(comparison, options, equilibrium_time_gaps(solver, outcome.first.state, options)),
         "adequacy": {
             "kurtosis": left.kurtosis,
             "kurtosis_before": left.kurtosis_before,
@@ -219,6 +252,8 @@ def _discovery(
         "drivers": tables.driver_table(solver, outcome),
         NULL_TABLE: tables.null_table(outcome.null),
     }
+    if comparison is not None:
+        written[BASE_TABLE] = compared_table(comparison.found)
     return Discovery(config, parts.id, verdict, written, model, Behind(solver, outcome, parts, reported, errors))
 
 
@@ -242,6 +277,16 @@ def _effects(
     return effects
 
 
+def _with_dependence(effects: Sequence[Claim], comparison: Comparison, outcome: Search, parts: Parts) -> list[Claim]:
+    """Claims, those with a name together with the car-following models that they do not hold under."""
+    if not any(effect.kind in ("driver", "road") for effect in effects):
+        return list(effects)
+    by_name = {prior.name: prior for prior in comparison.priors}
+    without = dependent_effects(outcome, [by_name[name] for name in comparison.rivals], parts.fitted)
+    names = {(term.effect, outcome.layout.candidates[term].variables): found for term, found in without.items()}
+    return [replace(one, depends_on_base=names.get((one.name, one.variables), ())) for one in effects]
+
+
 def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any]:
     """Error of the model that was told the effect; nothing else is looked for."""
     assert config.discover.oracle is not None
@@ -261,6 +306,7 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
         "candidates": [],
         "unseen": [],
         "error": error_block(errors, options.confidence, options.draws, options.seed),
+        "base": None,
         "adequacy": None,
         "lane_choice": None,
         "data": _described(parts, solver, parts.notes),

@@ -1,6 +1,7 @@
 """The task `rearl discover`: measured trajectories in; what the traffic model lacks out.
 
-Writes into the study folder `null.parquet` (evidence where nothing is missing), `residuals.parquet` and
+Writes into the study folder `base.parquet` (car-following models compared, of every check driver), `null.parquet`
+(evidence where nothing is missing), `residuals.parquet` and
 `maps.parquet`, `planes.parquet` (what the calibrated model leaves, and on what it depends), `drivers.parquet`
 (calibrated parameters), `candidates.parquet`, `errors.parquet` (before and after, of every report driver),
 `model.yaml`, figures, `page.html`, `verdict.json`, `config.json` and, last of all, `summary.json`; without figures,
@@ -11,6 +12,7 @@ import json
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import data_id, is_generated
+from rearl_jax.discovery.comparison.comparison import BASE_TABLE
 from rearl_jax.discovery.compute import compute, group_studies
 from rearl_jax.discovery.discover import NULL_TABLE, Discovery
 from rearl_jax.discovery.report import tables
@@ -55,7 +57,7 @@ def write(study: Study, discovery: Discovery) -> None:
         write(inside, groups[name])
     seeds = {"seeds": f"discover.seed={discovery.config.discover.seed}"}
     for name, table in discovery.tables.items():
-        if name != NULL_TABLE or not study.owns(name):  # the null is kept as soon as it is known
+        if name not in (NULL_TABLE, BASE_TABLE) or not study.owns(name):  # kept as soon as they are known
             study.write_table(name, table, **seeds)
     if discovery.model is not None:
         write_model(study.path / "model.yaml", discovery.model)

@@ -73,6 +73,19 @@ class Thresholds:
     least_null_spread: float = 1.0
     """Lower bound of the standard deviation of null evidence [nats]: few replicates must not make a threshold sharp."""
 
+    base_confidence: float = 0.99
+    """Share of resamples of drivers in which a car-following model must be more likely than that of `driver` to take
+    its place [-]: that one stays where none surely is.
+    """
+
+    least_base_gain: float = 16.0
+    """Gain of the checked drivers [nats] that such a model must exceed: few drivers may agree by chance."""
+
+    base_error_share: float = 0.05
+    """Share by which the mean gap error of such a model, with parameters of the population or of the first half of a
+    drive, may surely exceed that of the best one [-].
+    """
+
     candidate_z_score: float = 4.5
     """Standard deviations above the null's mean from which the evidence for a candidate exceeds chance [-]."""
 

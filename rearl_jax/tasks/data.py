@@ -55,6 +55,7 @@ DATA = (
             "rearl discover data.root=FOLDER data.format=highd study=NAME",
             "rearl evaluate model=results/highd_effects/model.yaml",
         ),
+        implied={"driver": "discover.base=[]"},
         x64=True,
     ),
     Task(

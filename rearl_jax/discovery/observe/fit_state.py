@@ -92,6 +92,21 @@ class FitState:
         """Log-likelihood of each driver and of its parameters in their population [nats]."""
         return self.log_likelihood() - 0.5 * (self.away**2 / self.spread**2).sum(axis=1)
 
+    def log_width(self) -> Float[np.ndarray, " drivers"]:
+        """Twice the logarithm of how much narrower than its population each driver's own parameters are known [-]."""
+        assert self.sums is not None
+        n_own = self.z.shape[1]
+        own = self.sums.gram[:, :n_own, :n_own] / self.variances[:, None, None] + self.precision
+        return np.linalg.slogdet(own)[1] + 2 * np.log(self.spread).sum()
+
+    def marginal(self) -> Float[np.ndarray, " drivers"]:
+        """Log-likelihood of each driver with its own parameters integrated out over their population [nats]: models of
+        different numbers of parameters compare, for each parameter costs what the data narrow it by.
+
+        Source: Laplace approximation of the evidence, MacKay, Neural Comput. 4 (1992) 415.
+        """
+        return self.penalised() - 0.5 * self.log_width()
+
 
 @dataclass(frozen=True)
 class DriverSums:

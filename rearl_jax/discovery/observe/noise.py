@@ -62,7 +62,7 @@ def best_noise(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple
     # S is what each observer expects, not what fits best: the errors' size says how large the noise is.
     trials = [with_noise(state, noise) for noise in tried]
     solver.sums(trials)
-    likely = [float(trial.log_likelihood().sum()) - 0.5 * _log_width(trial) for trial in trials]
+    likely = [float(trial.log_likelihood().sum()) - 0.5 * float(trial.log_width().sum()) for trial in trials]
     best = int(np.argmax(likely))
     return tried[best], likely[best]
 
@@ -89,14 +89,6 @@ def under_best_time(solver: Solver, state: FitState, tried: Sequence[Noise]) -> 
     likely = [best_noise(solver, one, [noise])[1] for one, noise in zip(states, chosen, strict=True)]
     best = int(np.argmax(likely))
     return states[best], chosen[best]
-
-
-def _log_width(state: FitState) -> float:
-    """Logarithm of how sharply the drivers' own parameters are known, against their population."""
-    assert state.sums is not None
-    n_own = state.z.shape[1]
-    own = state.sums.gram[:, :n_own, :n_own] / state.variances[:, None, None] + state.precision
-    return float(np.linalg.slogdet(own)[1].sum())
 
 
 def is_exact(solver: Solver, data: Measured) -> bool:

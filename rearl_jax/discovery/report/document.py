@@ -8,6 +8,7 @@ import pandas as pd
 from rearl_jax.config import DiscoverTask
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.lane_changes.candidates import LANE_CHOICE_DEPENDENCE
+from rearl_jax.discovery.report.base_section import base_section
 from rearl_jax.discovery.report.groups_section import groups_section
 from rearl_jax.discovery.report.protocols import PROTOCOLS
 from rearl_jax.discovery.report.words import (
@@ -93,6 +94,7 @@ def document_of(
         lanes_fitted = f"{sentence(lane_choice_words(verdict['lane_choice']))} {lanes_fitted}"
     sections = (
         groups_section(verdict),
+        base_section(verdict),
         _error_section(verdict["error"]),
         _effect_section(verdict),
         _protocol_section(verdict["error"]),

@@ -4,12 +4,12 @@ The verdict of a discovery by groups has the keys of any other. Its word is the 
 say of which group they are, its errors are those of all reported drivers, each with its group's model. What only a
 group has (candidates, unseen effects, adequacy) is in its own verdict, `groups/<name>/verdict.json`. Beside it:
 
-groups    [{by, value, drivers, driver_seconds, cars, shared, labels, verdict, effects, error, equilibrium_time_gap,
-          notes}]: `labels` {label: {value, share}} the most common value of each label and its share of the drivers,
-          `cars` is the number of persons or cars, null where nobody is known again; `shared` the number of them that
-          are both among the fitted and the reported drivers; `equilibrium_time_gap` {speed [m/s]: {value, low, high}},
-          the median over fitted drivers of gap over speed [s] behind a leader of that speed in the calibrated model,
-          null where fewer than half of the drivers want to drive that fast
+groups    [{by, value, drivers, driver_seconds, cars, shared, labels, verdict, effects, error, base,
+          equilibrium_time_gap, notes}]: `labels` {label: {value, share}} the most common value of each label and its
+          share of the drivers, `cars` the number of persons or cars, null where nobody is known again; `shared` the
+          number of them that are both among the fitted and the reported drivers; `equilibrium_time_gap` {speed [m/s]:
+          {value, low, high}}, the median over fitted drivers of gap over speed [s] behind a leader of that speed in the
+          calibrated model, null where fewer than half of the drivers want to drive that fast
 grouping  {by, left_out: {value: drivers}}: who is in no group; where kinds were found without labels, also {kinds,
           evidence, distinctness, gain, chance, uncertain, purity: {label: {value, by_chance}}}, see `groups.kinds`
 """
@@ -18,21 +18,17 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from rearl_jax.config import DiscoverConfig
 from rearl_jax.discovery.discover import Behind, Discovery
-from rearl_jax.discovery.observe.solver import FitState, Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.split import in_both, known_again
+from rearl_jax.discovery.report.equilibrium import equilibrium_time_gaps
 from rearl_jax.discovery.report.error_block import error_block
 from rearl_jax.discovery.report.errors import ModelErrors
 from rearl_jax.discovery.report.protocols import ProtocolErrors
 from rearl_jax.discovery.thresholds import THRESHOLDS
-
-SPEEDS = (10.0, 20.0)
-"""Speeds at which equilibrium time gaps are stated [m/s]."""
 
 STRONGEST_FIRST = ("named", "improved", "unexplained", "artefact", "nothing")
 
@@ -55,8 +51,10 @@ def verdict_of_groups(
         "error": error_block(errors, options.confidence, options.draws, options.seed),
         "adequacy": None,
         "lane_choice": None,
+        "base": None,
         "data": data[0]
         | {
+            "car_following": ", ".join(dict.fromkeys(one["car_following"] for one in data)),
             "drivers": {part: sum(one["drivers"][part] for one in data) for part in data[0]["drivers"]},
             "driver_seconds": sum(one["driver_seconds"] for one in data),
             "notes": notes,
@@ -65,24 +63,6 @@ def verdict_of_groups(
         "groups": rows,
         "grouping": {"by": options.by, "left_out": dict(left_out)},
     }
-
-
-def equilibrium_time_gaps(solver: Solver, state: FitState, options: DiscoverConfig) -> dict[str, Any]:
-    """Median over drivers of gap over speed [s] behind a leader of constant speed, by that speed [m/s]."""
-    prior, rng = solver.layout.prior, np.random.default_rng(options.seed)
-    model = prior.model.of_rows(jnp.asarray(prior.values(state.z, state.truck).T))
-    share = [(1 - options.confidence) / 2, (1 + options.confidence) / 2]
-    found: dict[str, Any] = {}
-    for speed in SPEEDS:
-        gaps = np.asarray(model.equilibrium_gap(jnp.full(len(state.z), speed))) / speed
-        gaps = gaps[(np.asarray(model.desired_speed) > speed) & np.isfinite(gaps)]
-        if len(gaps) < len(state.z) / 2:
-            found[f"{speed:g}"] = None
-            continue
-        resampled = np.median(rng.choice(gaps, (options.draws, len(gaps))), axis=1)
-        low, high = np.quantile(resampled, share).tolist()
-        found[f"{speed:g}"] = {"value": float(np.median(gaps)), "low": low, "high": high}
-    return found
 
 
 def _row(options: DiscoverConfig, name: str, discovery: Discovery) -> dict[str, Any]:
@@ -101,6 +81,7 @@ def _row(options: DiscoverConfig, name: str, discovery: Discovery) -> dict[str, 
         "verdict": verdict["verdict"],
         "effects": verdict["effects"],
         "error": verdict["error"],
+        "base": verdict["base"],
         "equilibrium_time_gap": equilibrium_time_gaps(behind.solver, first, options),
         "notes": verdict["data"]["notes"],
     }

@@ -88,6 +88,7 @@ def summary(verdict: dict[str, Any]) -> dict[str, Any]:
     error = verdict["error"]
     return {
         "verdict": verdict["verdict"],
+        "car_following": verdict["data"].get("car_following", "idm"),
         "effects": [
             {
                 "name": effect["name"],

@@ -3,13 +3,22 @@
 verdict      named | improved | artefact | unexplained | nothing; improved: a curve that no name stands for surely
              lowers the error of other drivers
 effects      [{name, kind: driver | road | artefact | generic, parameters: {name: {value, low, high, unit}},
-               variables, confidence, evidence}]; low and high are null for what was not estimated
+               variables, confidence, evidence, depends_on_base}]; low and high are null for what was not estimated;
+               `depends_on_base`: names of other car-following models under which the effect does not hold
 candidates   [{name, kind, variables, evidence, surprise, gain, check, ambiguous, told_apart_by}], the best first; those
              of car following, then those of the choice of the lane, whose surprise is in standard deviations of the
              slope between drivers
 lane_changes [{name, parameters, gain, check, is_sure}]: what changes of lane bring with them, in the calibrated model
              from the start; empty where too few leaders change
 unseen       [{name, parameter, strength, unit}]: what an effect would have needed to be seen in these data
+base         {chosen, driver, differs, compared, drivers: {fitted, checked}, equilibrium_time_gap}: car-following models
+             compared on checked drivers, null where none were; everything else is told of the `chosen` one, and
+             `driver` is that of the keys; `compared`: [{name, n_parameters, log_likelihood [nats], gain: beyond that
+             of `driver`, better_share: share of resamples of drivers in which it is more likely than `driver`,
+             best_share: in which it is the most likely, is_vetoed: simulations speak against it, protocols: {name:
+             {n_drivers, gap_rmse, gap_nrmse, speed_rmse}}, null for what was not simulated}]; `equilibrium_time_gap`
+             {speed [m/s]: {value, low, high}} [s]: the median over fitted drivers of gap over speed behind a leader of
+             that speed, null where fewer than half of them want to drive that fast
 error        {measure, protocol, n_drivers, before, after, change, floor, noise_alone, oracle, explained_share, all,
               protocols, response_time}: `measure` under `protocol` in figures {value, low, high}; `noise_alone`: the
               error that drives with the drivers' own noise make under the last model; `floor`: the same, at most the

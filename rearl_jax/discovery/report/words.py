@@ -6,17 +6,18 @@ from typing import Any
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.lane_changes.candidates import LANE_CHOICE_DEPENDENCE
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, PROTOCOLS
+from rearl_jax.document.table import spoken
 
 
 def verdict_words(verdict: Mapping[str, Any]) -> str:
-    """The verdict in one line, of each group where there are several: on car following, then on the choice of the lane
-    where something was found there.
+    """The verdict in one line, of each group where there are several: on the car-following model where another one than
+    that of `driver` was chosen, on what is missing beside it, then on the choice of the lane where something was found.
     """
     if len(verdict.get("groups", ())) > 1:
         return "; ".join(f"{row['value']}: {verdict_words(row)}" for row in verdict["groups"])
     following = [effect for effect in verdict["effects"] if not is_lane_choice(effect)]
     lanes = [effect for effect in verdict["effects"] if is_lane_choice(effect)]
-    words = []
+    words = [base_words(verdict["base"])] if verdict.get("base") and verdict["base"]["differs"] else []
     if following or not lanes or verdict["verdict"] == "unexplained":
         words.append(_following_words(verdict["verdict"], following))
     if lanes:
@@ -37,8 +38,26 @@ def _following_words(word: str, effects: Sequence[Mapping[str, Any]]) -> str:
     return "nothing significant is missing"
 
 
+def base_words(base: Mapping[str, Any]) -> str:
+    """What the model of `driver` lacks of the chosen one; empty where it was chosen itself."""
+    if not base["differs"]:
+        return ""
+    (gain,) = (row["gain"] for row in base["compared"] if row["name"] == base["chosen"])
+    return (
+        f"{spoken(base['driver'])} lacks what {spoken(base['chosen'])} has, "
+        f"{gain['value']:+.0f} ({gain['low']:+.0f} to {gain['high']:+.0f}) nats on {base['drivers']['checked']} other "
+        "drivers"
+    )
+
+
 def _names(effects: Sequence[Mapping[str, Any]]) -> str:
-    return " and ".join(described(effect) for effect in effects)
+    return " and ".join(described(effect) + _dependence(effect) for effect in effects)
+
+
+def _dependence(effect: Mapping[str, Any]) -> str:
+    """Car-following models under which an effect does not hold."""
+    without = effect.get("depends_on_base")
+    return f" (depends on the car-following model: not under {' and '.join(map(spoken, without))})" if without else ""
 
 
 def is_lane_choice(row: Mapping[str, Any]) -> bool:

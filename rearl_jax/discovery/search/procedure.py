@@ -181,6 +181,7 @@ def search(
     report: Report,
     *,
     lane_changes: bool = True,
+    calibrated: Base | None = None,
     excluded: frozenset[Term] = frozenset(),
 ) -> Search:
     """The loop: until nothing exceeds chance any more, or nothing that does is accepted.
@@ -192,10 +193,11 @@ def search(
         null_for: The null of the calibrated model.
         report: Called with what is being done, and how far it is.
         lane_changes: Whether what changes of lane bring with them is part of the calibrated model.
+        calibrated: The calibrated model where it is known; None to calibrate.
         excluded: Candidates, or clocks, that are not looked for.
     """
     report("calibrating drivers", 0, 1)
-    of_lanes = base_of(solver, fitted, lane_changes=lane_changes)
+    of_lanes = calibrated or base_of(solver, fitted, lane_changes=lane_changes)
     base = of_lanes.fit
     everybody = with_others(solver, base, checked)
     null = null_for(everybody)

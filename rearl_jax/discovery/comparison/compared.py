@@ -1,0 +1,150 @@
+"""What car-following models, calibrated to the same drivers, predict of the same others.
+
+Every model is calibrated with its own drivers, population and noise. How much the innovations count is the same for
+all, as the model of `driver` leaves it, for log-likelihoods compare only where they weigh the same data alike.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from rearl_jax.discovery.comparison.choice import is_beaten
+from rearl_jax.discovery.observe.base import Base, base_of
+from rearl_jax.discovery.observe.closed_loop import calibrated_to_gap, simulated_error
+from rearl_jax.discovery.observe.drivers import Prior
+from rearl_jax.discovery.observe.fit import Fit, on_others
+from rearl_jax.discovery.observe.fit_state import FitState, new_state
+from rearl_jax.discovery.observe.layout import layout_of
+from rearl_jax.discovery.observe.noise import ACCELERATIONS, noises, under_best_time
+from rearl_jax.discovery.observe.normal_equations import Programs
+from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.read.training import left_out_runs
+from rearl_jax.discovery.report.protocols import PROTOCOL_MEASURES, protocol_errors
+
+MOST_FITTED, MOST_CHECKED = 40, 120
+"""Drivers that models are calibrated to, and compared on, at most; drawn at random where there are more. Calibration
+takes most of the time, while every further driver that is only asked makes the comparison surer.
+"""
+
+ONE_STEP = "one_step"
+"""Where the table holds log-likelihoods: one time step ahead, not under one of the protocols."""
+
+LOG_LIKELIHOOD = "log_likelihood"
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What one model predicts of the checked drivers.
+
+    Attributes:
+        name: Of the car-following model.
+        log_likelihood: Of each driver, its own parameters integrated out [nats].
+        errors: Each of PROTOCOL_MEASURES of each driver who could be tested, by protocol; without those in which
+            nobody could, and empty where the log-likelihood says enough.
+    """
+
+    name: str
+    log_likelihood: Float[np.ndarray, " drivers"]
+    errors: Mapping[str, Mapping[str, Float[np.ndarray, " tested"]]] = field(default_factory=dict)
+
+
+def some_of(data: Measured, most: int, seed: int) -> Measured:
+    """At most so many of the drivers."""
+    if data.n_drivers <= most:
+        return data
+    kept = np.random.default_rng(seed).choice(data.n_drivers, most, replace=False)
+    return data.of_drivers(np.isin(np.arange(data.n_drivers), kept))
+
+
+def solver_of(data: Measured, prior: Prior) -> Solver:
+    """A solver with the places and knots of some data."""
+    return Solver(Programs(layout_of(data, prior), data.dt))
+
+
+def compared_models(
+    solvers: Sequence[Solver],
+    fitted: Measured,
+    checked: Measured,
+    seed: int,
+    progress: Callable[[int, int], None],
+    *,
+    lane_changes: bool,
+) -> tuple[list[Compared], Base]:
+    """What every model predicts of the checked drivers, and the first one as it was calibrated.
+
+    Args:
+        solvers: One of each model, that of `driver` first.
+        fitted: Drivers they are calibrated to.
+        checked: Drivers they are compared on.
+        seed: Of the resamples of drivers.
+        progress: Called with the models done and wanted.
+        lane_changes: Whether what changes of lane bring with them is part of the calibrated models.
+    """
+    progress(0, len(solvers))
+    base = base_of(solvers[0], fitted, lane_changes=lane_changes)
+    fits, states, likely = [], [], []
+    for number, solver in enumerate(solvers):
+        fit = base.fit if number == 0 else calibrated_alike(solver, fitted, base.fit)
+        (state,) = on_others(solver, checked, [fit])
+        fits.append(fit)
+        states.append(state)
+        likely.append(state.marginal())
+        progress(number + 1, len(solvers))
+    found = []
+    for number, (solver, fit, state) in enumerate(zip(solvers, fits, states, strict=True)):
+        is_asked = number == 0 or not is_beaten(likely[number], likely, checked, seed)
+        errors = _errors(solver, fit, state) if is_asked else {}
+        found.append(Compared(solver.layout.prior.name, likely[number], errors))
+    return found, base
+
+
+def calibrated_alike(solver: Solver, data: Measured, like: Fit) -> Fit:
+    """Another model calibrated to the drivers of a fit: the measurement and what innovations count are as they were
+    found there, everything else is found anew; what changes of lane bring with them begins where it was.
+    """
+    state = new_state(data, solver.layout, like.noise)
+    state.theta, state.active = like.state.theta.copy(), like.state.active
+    solver.solve([state], iterations=10, tolerance=1.0)
+    return Fit(None, *under_best_time(solver, state, noises(like.noise, ACCELERATIONS)))
+
+
+def _errors(solver: Solver, fit: Fit, state: FitState) -> dict[str, dict[str, Float[np.ndarray, " tested"]]]:
+    """Errors under every protocol in which somebody can be tested."""
+    data = state.data
+    runs = left_out_runs(data, data.same, np.ones(data.n_drivers, bool))
+    in_sample = simulated_error(solver, calibrated_to_gap(solver, state))
+    found = protocol_errors(solver, state, fit, in_sample, runs)
+    return {name: dict(one.by_driver) for name, one in found.items() if one is not None}
+
+
+def compared_table(found: Sequence[Compared]) -> pd.DataFrame:
+    """Every measure of every checked driver by model and protocol."""
+    parts = []
+    for one in found:
+        measures = {ONE_STEP: {LOG_LIKELIHOOD: one.log_likelihood}, **one.errors}
+        for protocol, by_driver in measures.items():
+            part = pd.DataFrame({name: by_driver.get(name, np.nan) for name in (LOG_LIKELIHOOD, *PROTOCOL_MEASURES)})
+            part.insert(0, "driver", np.arange(len(part)))
+            part.insert(0, "protocol", protocol)
+            part.insert(0, "model", one.name)
+            parts.append(part)
+    return pd.concat(parts, ignore_index=True)
+
+
+def read_compared(path: Path) -> list[Compared]:
+    """The comparison of a run that was killed."""
+    found = []
+    for name, rows in pd.read_parquet(path).groupby("model", sort=False):
+        by_protocol = {str(protocol): part for protocol, part in rows.groupby("protocol", sort=False)}
+        likely = by_protocol.pop(ONE_STEP)[LOG_LIKELIHOOD].to_numpy(float)
+        errors = {
+            protocol: {measure: part[measure].to_numpy(float) for measure in PROTOCOL_MEASURES}
+            for protocol, part in by_protocol.items()
+        }
+        found.append(Compared(str(name), likely, errors))
+    return found

@@ -1,0 +1,135 @@
+"""The comparison of car-following models as a step of a discovery: done once per data set, kept, and reported."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rearl_jax.config import DiscoverConfig
+from rearl_jax.discovery.comparison.choice import Choice, choice_of, is_beaten
+from rearl_jax.discovery.comparison.compared import (
+    MOST_CHECKED,
+    MOST_FITTED,
+    Compared,
+    compared_models,
+    compared_table,
+    read_compared,
+    solver_of,
+    some_of,
+)
+from rearl_jax.discovery.observe.base import Base
+from rearl_jax.discovery.observe.drivers import Prior
+from rearl_jax.discovery.observe.parts import Parts
+from rearl_jax.discovery.report.error_block import STATISTICS, Resampling
+from rearl_jax.discovery.report.protocols import PROTOCOL_MEASURES, PROTOCOLS
+from rearl_jax.results import Study
+
+BASE_TABLE = "base"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Car-following models on the checked drivers, and the one that the discovery goes on with.
+
+    Attributes:
+        priors: The models, that of `driver` first.
+        found: What each predicts.
+        choice: The model that was chosen.
+        n_fitted: Drivers that they were calibrated to.
+        base: The model of `driver` as it was calibrated; None unless it was chosen and all fitted drivers took part.
+        rivals: Names of the models that are not surely less likely than the chosen one, or else of the next best, the
+            most likely first.
+    """
+
+    priors: Sequence[Prior]
+    found: Sequence[Compared]
+    choice: Choice
+    n_fitted: int
+    base: Base | None
+    rivals: tuple[str, ...]
+
+    @property
+    def prior(self) -> Prior:
+        """The chosen model."""
+        return self.priors[self.choice.chosen]
+
+
+def comparison_of(
+    priors: Sequence[Prior],
+    parts: Parts,
+    options: DiscoverConfig,
+    progress: Callable[[int, int], None],
+    study: Study | None = None,
+) -> Comparison:
+    """The comparison of some models on the checked drivers, that of `driver` first.
+
+    Args:
+        priors: The models.
+        parts: The drivers.
+        options: Keys of discovery.
+        progress: Called with the models done and wanted.
+        study: Keeps what was found for a run that goes on after it was killed; None to keep nothing.
+    """
+    fitted = some_of(parts.fitted, MOST_FITTED, options.seed)
+    checked, base = some_of(parts.checked, MOST_CHECKED, options.seed), None
+    if study is not None and study.owns(BASE_TABLE):  # of a run that was killed
+        found = read_compared(study.path / f"{BASE_TABLE}.parquet")
+    else:
+        solvers = [solver_of(parts.fitted, prior) for prior in priors]
+        found, base = compared_models(
+            solvers, fitted, checked, options.seed, progress, lane_changes=options.lane_changes
+        )
+        if study is not None:
+            study.write_table(BASE_TABLE, compared_table(found), seeds=f"discover.seed={options.seed}")
+    likely = [one.log_likelihood for one in found]
+    errors = [{name: by_driver["gap_rmse"] for name, by_driver in one.errors.items()} for one in found]
+    choice = choice_of(likely, errors, checked, options.seed)
+    if choice.chosen != 0 or fitted is not parts.fitted:
+        base = None
+    order = sorted(range(len(found)), key=lambda number: -float(likely[number].sum()))
+    others = [number for number in order if number != choice.chosen]
+    equal = [
+        number
+        for number in others
+        if not is_beaten(likely[number], [likely[number], likely[choice.chosen]], checked, options.seed)
+    ]
+    rivals = tuple(found[number].name for number in equal or others[:1])
+    return Comparison(priors, found, choice, fitted.n_drivers, base, rivals)
+
+
+def base_block(comparison: Comparison, options: DiscoverConfig, time_gaps: dict[str, Any]) -> dict[str, Any]:
+    """`base` of the verdict; `time_gaps` are those at equilibrium under the chosen model."""
+    over, choice = Resampling(options.confidence, options.draws, options.seed), comparison.choice
+    rows = []
+    for number, one in enumerate(comparison.found):
+        protocols: dict[str, Any] = dict.fromkeys(PROTOCOLS)
+        for name, by_driver in one.errors.items():
+            figures = {
+                measure: {
+                    statistic: over.figure(over.drawn(by_driver[measure], pool))
+                    for statistic, pool in STATISTICS.items()
+                }
+                for measure in PROTOCOL_MEASURES
+            }
+            protocols[name] = {"n_drivers": len(by_driver["gap_rmse"])} | figures
+        rows.append(
+            {
+                "name": one.name,
+                "n_parameters": comparison.priors[number].size,
+                "log_likelihood": over.figure(over.drawn(one.log_likelihood, np.sum)),
+                "gain": over.figure(over.drawn(choice.gains[number], np.sum)),
+                "better_share": choice.better_share[number],
+                "best_share": choice.best_share[number],
+                "is_vetoed": number in choice.vetoed,
+                "protocols": protocols,
+            }
+        )
+    return {
+        "chosen": comparison.prior.name,
+        "driver": comparison.priors[0].name,
+        "differs": choice.chosen != 0,
+        "compared": rows,
+        "drivers": {"fitted": comparison.n_fitted, "checked": len(comparison.found[0].log_likelihood)},
+        "equilibrium_time_gap": time_gaps,
+    }

@@ -1,0 +1,31 @@
+"""Time gaps of calibrated drivers at equilibrium: what they do, whatever the parameters of their model are."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from rearl_jax.config import DiscoverConfig
+from rearl_jax.discovery.observe.fit_state import FitState
+from rearl_jax.discovery.observe.solver import Solver
+
+SPEEDS = (10.0, 20.0)
+"""Speeds at which equilibrium time gaps are stated [m/s]."""
+
+
+def equilibrium_time_gaps(solver: Solver, state: FitState, options: DiscoverConfig) -> dict[str, Any]:
+    """Median over drivers of gap over speed [s] behind a leader of constant speed, by that speed [m/s]."""
+    prior, rng = solver.layout.prior, np.random.default_rng(options.seed)
+    model = prior.model.of_rows(jnp.asarray(prior.values(state.z, state.truck).T))
+    share = [(1 - options.confidence) / 2, (1 + options.confidence) / 2]
+    found: dict[str, Any] = {}
+    for speed in SPEEDS:
+        gaps = np.asarray(model.equilibrium_gap(jnp.full(len(state.z), speed))) / speed
+        gaps = gaps[(np.asarray(model.desired_speed) > speed) & np.isfinite(gaps)]
+        if len(gaps) < len(state.z) / 2:
+            found[f"{speed:g}"] = None
+            continue
+        resampled = np.median(rng.choice(gaps, (options.draws, len(gaps))), axis=1)
+        low, high = np.quantile(resampled, share).tolist()
+        found[f"{speed:g}"] = {"value": float(np.median(gaps)), "low": low, "high": high}
+    return found
