@@ -33,6 +33,7 @@ def test_a_grade_is_found_and_repaired(discovered):
     assert verdict["verdict"] == "named"
     (effect,) = verdict["effects"]
     assert (effect["name"], effect["kind"]) == ("grade", "road")
+    assert effect["confidence"] > 0.9
     push = effect["parameters"]["push"]
     assert push["low"] < -0.525 < push["high"] or push["value"] == pytest.approx(-0.525, rel=0.2)
     error = verdict["error"]

@@ -267,6 +267,8 @@ def _round(
         )
         # Nothing is added before all that it is easily taken for have been tried as well.
         accepted, contradicted = simulated(solver, other_base, accepted)
+        asked = {trial.candidate.term: trial for trial in (*accepted, *contradicted)}
+        trials = [asked.get(trial.candidate.term, trial) for trial in trials]
         tried = with_families({trial.candidate.term for trial in accepted[:1]}, known)
         if tried <= fits.keys():
             z_score |= {trial.candidate.term: 0.0 for trial in trials if _is_of_numerics(trial)}
