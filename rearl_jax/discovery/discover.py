@@ -32,6 +32,7 @@ from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.report.equilibrium import equilibrium_time_gaps
 from rearl_jax.discovery.report.error_block import error_block
 from rearl_jax.discovery.report.errors import ModelErrors, model_errors
+from rearl_jax.discovery.report.population import population_block
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.verdict import (
     MISJUDGED,
@@ -222,6 +223,7 @@ def _discovery(
         "base": None
         if comparison is None
         else base_block(comparison, options, equilibrium_time_gaps(solver, outcome.first.state, options)),
+        "population": population_block(solver, outcome.first.state),
         "adequacy": {
             "kurtosis": left.kurtosis,
             "kurtosis_before": left.kurtosis_before,

@@ -228,6 +228,12 @@ class Thresholds:
     least_truck_share: float = 0.02
     """Share of trucks below which they are no class of their own in the repaired model [-]."""
 
+    least_told: float = 0.2
+    """Share of the variance between drivers that one driver's data must narrow a parameter by for it to be called
+    identified [-].
+    """
+    most_at_bound: float = 0.1
+    """Share of drivers at a bound of a parameter beyond which its values are said to be the bound's [-]."""
     least_leader_changes: int = 10
     """Changes of leader from which early answers to the next one, and relaxation, are part of the calibrated model."""
 

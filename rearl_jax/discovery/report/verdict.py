@@ -31,6 +31,7 @@ error        {measure, protocol, n_drivers, before, after, change, floor, noise_
               before; `population`: the error on the same drives with the parameters of the population in the model
               before, and `population_share`, by which share after is above it; `response_time`: {before, after} [s],
               how much later than the model asks drivers accelerate; null where not identified
+population   {parameter: {value, unit, spread, told, at_bound}}: the calibrated drivers, see `population`
 adequacy     {kurtosis, autocorrelation, misjudgement, staleness, remaining, ...}: what is left after all that was added
 lane_choice  {changes, opportunities, loss: {before, after, change}}: lane changes by choice, the chances for one, and
              the mean log-loss of the report drivers' choices [nats], null where there were too few; what was found

@@ -1,0 +1,66 @@
+"""The calibrated drivers as a population: what is usual of them, how they differ, and what the data do not tell.
+
+`population` of the verdict: {parameter: {value, unit, spread, told, at_bound}}; `value` is that of the middle driver,
+`spread` the standard deviation of its logarithm between drivers, `told` the share of the spread's variance that the
+data of one driver narrow it by on average, and `at_bound` the share of drivers who are at a bound of the parameter.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from rearl_jax.discovery.observe.fit_state import FitState
+from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.uncertainty import known
+from rearl_jax.discovery.thresholds import THRESHOLDS
+from rearl_jax.document.document import Section
+from rearl_jax.document.table import Cell, Row, Table, number, percent, sentence, spoken
+
+NEAR = 1e-6
+"""Distance from a bound that is none [-]."""
+
+
+def population_block(solver: Solver, state: FitState) -> dict[str, dict[str, Any]]:
+    """`population` of the verdict, of the fitted drivers of a calibrated model."""
+    prior, truck = solver.layout.prior, state.truck
+    low, high = (bound[truck] for bound in prior.bounds)
+    values = np.exp(np.median(np.log(prior.values(state.z, truck)), axis=0))
+    told = 1 - np.mean((known(solver, state).drivers / state.spread) ** 2, axis=0)
+    at_bound = ((state.z <= low + NEAR) | (state.z >= high - NEAR)).mean(axis=0)
+    rows = zip(prior.names, prior.units, values, prior.spread * state.spread, told, at_bound, strict=True)
+    return {
+        name: {
+            "value": float(value),
+            "unit": unit,
+            "spread": float(spread),
+            "told": float(np.clip(share, 0.0, 1.0)),
+            "at_bound": float(bound),
+        }
+        for name, unit, value, spread, share, bound in rows
+    }
+
+
+def population_section(verdict: Mapping[str, Any]) -> Section:
+    """Table of the population, and which parameters must not be read; empty where there is none."""
+    title, population = "Drivers of the calibrated model", verdict.get("population")
+    if not population:
+        return Section(title)
+    rows, notes = [], []
+    for name, found in population.items():
+        unit = "" if found["unit"] == "-" else f" [{found['unit']}]"
+        cells = (number(found["value"]), number(found["spread"]), percent(found["told"]), percent(found["at_bound"]))
+        rows.append(Row(f"{spoken(name)}{unit}", tuple(map(Cell, cells))))
+        if found["told"] < THRESHOLDS.least_told:
+            notes.append(f"{spoken(name)} is not identified here: its value is what is usual of drivers")
+        if found["at_bound"] > THRESHOLDS.most_at_bound:
+            notes.append(
+                f"{spoken(name)} is at its bound in {percent(found['at_bound'])} of drivers: it cannot be read"
+            )
+    words = (
+        "Parameters are shrunk to the population as far as a driver's data leave them open. Spread: standard deviation "
+        "of the logarithm between drivers. Told by data: how much one driver's data narrow it, on average. Parameters "
+        "trade with each other; time gaps at equilibrium do not."
+    )
+    table = Table(title, ("middle driver", "spread", "told by data", "at a bound"), tuple(rows))
+    return Section(title, (words,), (table,), tuple(map(sentence, notes)), is_folded=True)
