@@ -218,10 +218,11 @@ def compared(**changes):
 def test_what_the_usual_car_following_model_lacks_is_said_and_shown():
     text = printed(base=compared())
     parts = (
-        "Idm lacks what constant time headway has, +60 (+40 to +80) nats on 35 other drivers; missing in the model: "
+        "The car-following model idm lacks what constant time headway has, +60 (+40 to +80) nats on 35 "
+        "other drivers; missing in the model: "
         "reaction delay.",
-        "Car-following models compared gain [nats] most likely in population [m]",
-        "constant time headway +60.0 98.0 % 1.50 chosen",
+        "Car-following models compared (GENERATED recordings) gain [nats] most likely in population [m]",
+        "constant time headway +60.0 98.0 % 1.50 chosen +40.0 to +80.0",
         "krauss +0 2.0 % - simulations speak against it",
         "Time gap at equilibrium under constant time headway: 1.50 s (1.00 to 2.00) at 10 m/s.",
     )
