@@ -173,6 +173,16 @@ def test_keys_imply_what_they_do_on_the_command_line():
     assert methods == [Method.base, Method.rearl, Method.base, Method.ppo, Method.ppo]
 
 
+def test_the_car_following_model_that_is_chosen_is_compared_with_others_only_where_they_are_named():
+    named = {"discover": {"base": ["fvdm"]}}
+    compared = [
+        [driver.model for driver in _task_record("discover", keys).compared]
+        for keys in ({"driver": "idm"}, {"driver": "idm", "discover": {"draws": 200}}, {"driver": "idm"} | named)
+    ]
+    assert compared == [["idm"], ["idm"], ["idm", "fvdm"]]
+    assert len(_task_record("discover", {}).compared) > 2
+
+
 def test_a_table_in_memory_is_read_as_its_file_is(tmp_path):
     recording = next(rearl_jax.read_recordings())
     write_recording(recording, tmp_path / "one.csv")

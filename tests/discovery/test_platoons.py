@@ -30,7 +30,7 @@ def test_platoons_of_highway_env(tmp_path, what, seed, driver_noise, position_no
         study="platoons",
         results=ResultsConfig(str(tmp_path / "results")),
         data=DataConfig(format=DataFormat.table, root=str(tmp_path / "data")),
-        discover=DiscoverConfig(page=False),
+        discover=DiscoverConfig(page=False, base=()),
     )
     verdict = run(config)
     assert (verdict["verdict"], [effect["name"] for effect in verdict["effects"]]) == expected

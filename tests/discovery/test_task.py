@@ -23,7 +23,7 @@ def discovered(folder_of, tmp_path_factory):
         study="grade",
         results=ResultsConfig(str(root), resume=True),
         data=DataConfig(format=DataFormat.table, root=str(folder_of("grade", 1.5, n_vehicles=24))),
-        discover=DiscoverConfig(replicates=6, draws=200),
+        discover=DiscoverConfig(replicates=6, draws=200, base=("constant_time_headway",)),
     )
     return run(config), root / "grade", config
 
@@ -45,6 +45,22 @@ def test_a_grade_is_found_and_repaired(discovered):
     assert any(row["name"] == "reaction_delay" and row["strength"] > 0 for row in verdict["unseen"])
     assert any("too few lane changes: " in note for note in verdict["data"]["notes"])
     assert verdict["lane_choice"]["loss"] is None
+
+
+def test_drivers_of_idm_keep_it_and_a_grade_is_there_whatever_they_follow_by(discovered):
+    from rearl_jax.models.file import read_model
+
+    verdict, folder, _ = discovered
+    base = verdict["base"]
+    assert (base["chosen"], base["differs"]) == ("idm", False)
+    assert [row["name"] for row in base["compared"]] == ["idm", "constant_time_headway"]
+    assert base["compared"][1]["gain"]["value"] < 0
+    assert 0.5 < base["equilibrium_time_gap"]["10"]["value"] < 3.0
+    (effect,) = verdict["effects"]
+    assert effect["depends_on_base"] == []
+    assert read_model(folder / "model.yaml").car_following == "idm"
+    table = pd.read_parquet(folder / "base.parquet")
+    assert set(table["model"]) == {"idm", "constant_time_headway"}
 
 
 def test_errors_are_told_under_every_protocol(discovered):

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.search.decision import bounded_gains
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 DRAWS = 2000
@@ -23,15 +21,12 @@ class Choice:
 
     Attributes:
         chosen: Its number.
-        gains: Log-likelihood of each model beyond that of the first, by driver, within the bounds of what one driver
-            can contribute [nats].
         better_share: Share of resamples of drivers in which each is more likely than the first [-].
         best_share: Share of resamples in which each is the most likely [-].
         vetoed: Those that simulations speak against.
     """
 
     chosen: int
-    gains: list[Float[np.ndarray, " drivers"]]
     better_share: list[float]
     best_share: list[float]
     vetoed: frozenset[int]
@@ -43,21 +38,17 @@ def resamples(n: int, seed: int) -> Int[np.ndarray, "draws drivers"]:
 
 
 def choice_of(
-    likely: Sequence[Float[np.ndarray, " drivers"]],
-    errors: Sequence[Mapping[str, Float[np.ndarray, " tested"]]],
-    data: Measured,
-    seed: int,
+    gains: Sequence[Float[np.ndarray, " drivers"]], errors: Sequence[Mapping[str, Float[np.ndarray, " _"]]], seed: int
 ) -> Choice:
     """The first model, or the most likely of those that surely are more likely and that simulations do not deny.
 
     Args:
-        likely: Log-likelihood of each driver [nats] under each model, that of `driver` first.
+        gains: Log-likelihood of each driver under each model beyond that under the model of `driver` [nats], that one
+            first.
         errors: Gap error [m] of each driver who could be tested, by protocol, of each model; none where no protocol was
             asked.
-        data: The drivers.
         seed: Of the resamples.
     """
-    gains = [bounded_gains(one - likely[0], data) for one in likely]
     drawn = np.stack([one[resamples(len(one), seed)].sum(axis=1) for one in gains])
     better = (drawn > drawn[0]).mean(axis=1).tolist()
     best = np.bincount(drawn.argmax(axis=0), minlength=len(gains)) / DRAWS
@@ -70,15 +61,12 @@ def choice_of(
         and number not in vetoed
     ]
     chosen = max(able, key=lambda number: float(gains[number].sum()), default=0)
-    return Choice(chosen, gains, better, best.tolist(), vetoed)
+    return Choice(chosen, better, best.tolist(), vetoed)
 
 
-def is_beaten(
-    one: Float[np.ndarray, " drivers"], likely: Sequence[Float[np.ndarray, " drivers"]], data: Measured, seed: int
-) -> bool:
-    """True if a model surely is less likely than the most likely one."""
-    best = max(likely, key=lambda other: float(other.sum()))
-    gain = bounded_gains(best - one, data)
+def is_beaten(one: Float[np.ndarray, " drivers"], gains: Sequence[Float[np.ndarray, " drivers"]], seed: int) -> bool:
+    """True if the gains of a model surely are less than the largest ones."""
+    gain = max(gains, key=lambda other: float(other.sum())) - one
     drawn = gain[resamples(len(gain), seed)].sum(axis=1)
     return bool((drawn > 0).mean() >= THRESHOLDS.base_confidence and gain.sum() > THRESHOLDS.least_base_gain)
 

@@ -25,6 +25,7 @@ from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import left_out_runs
 from rearl_jax.discovery.report.protocols import PROTOCOL_MEASURES, protocol_errors
+from rearl_jax.discovery.search.decision import bounded_gains
 
 MOST_FITTED, MOST_CHECKED = 40, 120
 """Drivers that models are calibrated to, and compared on, at most; drawn at random where there are more. Calibration
@@ -50,7 +51,7 @@ class Compared:
 
     name: str
     log_likelihood: Float[np.ndarray, " drivers"]
-    errors: Mapping[str, Mapping[str, Float[np.ndarray, " tested"]]] = field(default_factory=dict)
+    errors: Mapping[str, Mapping[str, Float[np.ndarray, " _"]]] = field(default_factory=dict)
 
 
 def some_of(data: Measured, most: int, seed: int) -> Measured:
@@ -95,12 +96,19 @@ def compared_models(
         states.append(state)
         likely.append(state.marginal())
         progress(number + 1, len(solvers))
-    found = []
+    found, gains = [], gains_of(likely, checked)
     for number, (solver, fit, state) in enumerate(zip(solvers, fits, states, strict=True)):
-        is_asked = number == 0 or not is_beaten(likely[number], likely, checked, seed)
+        is_asked = number == 0 or not is_beaten(gains[number], gains, seed)
         errors = _errors(solver, fit, state) if is_asked else {}
         found.append(Compared(solver.layout.prior.name, likely[number], errors))
     return found, base
+
+
+def gains_of(likely: Sequence[Float[np.ndarray, " drivers"]], data: Measured) -> list[Float[np.ndarray, " drivers"]]:
+    """Log-likelihood of each driver beyond that under the first model, within the bounds of what one can contribute
+    [nats].
+    """
+    return [bounded_gains(one - likely[0], data) for one in likely]
 
 
 def calibrated_alike(solver: Solver, data: Measured, like: Fit) -> Fit:
@@ -113,7 +121,7 @@ def calibrated_alike(solver: Solver, data: Measured, like: Fit) -> Fit:
     return Fit(None, *under_best_time(solver, state, noises(like.noise, ACCELERATIONS)))
 
 
-def _errors(solver: Solver, fit: Fit, state: FitState) -> dict[str, dict[str, Float[np.ndarray, " tested"]]]:
+def _errors(solver: Solver, fit: Fit, state: FitState) -> dict[str, dict[str, Float[np.ndarray, " _"]]]:
     """Errors under every protocol in which somebody can be tested."""
     data = state.data
     runs = left_out_runs(data, data.same, np.ones(data.n_drivers, bool))

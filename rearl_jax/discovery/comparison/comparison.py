@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from rearl_jax.config import DiscoverConfig
 from rearl_jax.discovery.comparison.choice import Choice, choice_of, is_beaten
@@ -14,6 +15,7 @@ from rearl_jax.discovery.comparison.compared import (
     Compared,
     compared_models,
     compared_table,
+    gains_of,
     read_compared,
     solver_of,
     some_of,
@@ -35,6 +37,7 @@ class Comparison:
     Attributes:
         priors: The models, that of `driver` first.
         found: What each predicts.
+        gains: Its log-likelihood beyond that of the first, by checked driver, see `gains_of`.
         choice: The model that was chosen.
         n_fitted: Drivers that they were calibrated to.
         base: The model of `driver` as it was calibrated; None unless it was chosen and all fitted drivers took part.
@@ -44,6 +47,7 @@ class Comparison:
 
     priors: Sequence[Prior]
     found: Sequence[Compared]
+    gains: Sequence[Float[np.ndarray, " drivers"]]
     choice: Choice
     n_fitted: int
     base: Base | None
@@ -82,20 +86,18 @@ def comparison_of(
         )
         if study is not None:
             study.write_table(BASE_TABLE, compared_table(found), seeds=f"discover.seed={options.seed}")
-    likely = [one.log_likelihood for one in found]
+    gains = gains_of([one.log_likelihood for one in found], checked)
     errors = [{name: by_driver["gap_rmse"] for name, by_driver in one.errors.items()} for one in found]
-    choice = choice_of(likely, errors, checked, options.seed)
+    choice = choice_of(gains, errors, options.seed)
     if choice.chosen != 0 or fitted is not parts.fitted:
         base = None
-    order = sorted(range(len(found)), key=lambda number: -float(likely[number].sum()))
+    order = sorted(range(len(found)), key=lambda number: -float(gains[number].sum()))
     others = [number for number in order if number != choice.chosen]
     equal = [
-        number
-        for number in others
-        if not is_beaten(likely[number], [likely[number], likely[choice.chosen]], checked, options.seed)
+        number for number in others if not is_beaten(gains[number], [gains[number], gains[choice.chosen]], options.seed)
     ]
     rivals = tuple(found[number].name for number in equal or others[:1])
-    return Comparison(priors, found, choice, fitted.n_drivers, base, rivals)
+    return Comparison(priors, found, gains, choice, fitted.n_drivers, base, rivals)
 
 
 def base_block(comparison: Comparison, options: DiscoverConfig, time_gaps: dict[str, Any]) -> dict[str, Any]:
@@ -118,7 +120,7 @@ def base_block(comparison: Comparison, options: DiscoverConfig, time_gaps: dict[
                 "name": one.name,
                 "n_parameters": comparison.priors[number].size,
                 "log_likelihood": over.figure(over.drawn(one.log_likelihood, np.sum)),
-                "gain": over.figure(over.drawn(choice.gains[number], np.sum)),
+                "gain": over.figure(over.drawn(comparison.gains[number], np.sum)),
                 "better_share": choice.better_share[number],
                 "best_share": choice.best_share[number],
                 "is_vetoed": number in choice.vetoed,

@@ -12,7 +12,7 @@ from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.decision import Trial, trial_of
 from rearl_jax.discovery.search.procedure import Search
-from rearl_jax.discovery.search.refit import nested
+from rearl_jax.discovery.search.refit import nested, rebased
 
 MOST_OTHERS = 2
 """Other models under which effects are looked for at most."""
@@ -41,14 +41,15 @@ def dependent_effects(outcome: Search, priors: Sequence[Prior], fitted: Measured
 def _holding(solver: Solver, outcome: Search) -> Mapping[Term, bool]:
     """Whether each addition holds under another model beside those before it."""
     fit = calibrated_alike(solver, outcome.first.state.data, outcome.first)
-    (other,) = on_others(solver, outcome.checked, [fit])
     found = {}
     for trial in outcome.added:
-        after = _with(solver, fit, trial)
-        (other_after,) = on_others(solver, outcome.checked, [after])
-        null_mean = outcome.null.null_mean(trial.candidate.term)
-        found[trial.candidate.term] = trial_of(solver, after, fit.state, other_after, other, null_mean).holds
-        fit, other = after, other_after
+        term = trial.candidate.term
+        fits = {term: _with(solver, fit, trial)}
+        fit = rebased(solver, fit, fits)
+        after = nested(solver, fit, fits)[term]
+        before, other = on_others(solver, outcome.checked, [fit, after])
+        found[term] = trial_of(solver, after, fit.state, other, before, outcome.null.null_mean(term)).holds
+        fit = after
     return found
 
 
@@ -59,5 +60,4 @@ def _with(solver: Solver, fit: Fit, trial: Trial) -> Fit:
     state = copied(fit.state, theta=theta, active=(*fit.state.active, trial.candidate.term))
     solver.solve([state], iterations=15, tolerance=0.3)
     lower = [sd for sd in ACCELERATIONS if sd <= fit.noise.acceleration] or [ACCELERATIONS[0]]
-    after = Fit(trial.candidate, *under_best_noise(solver, state, noises(fit.noise, lower)))
-    return nested(solver, fit, {trial.candidate.term: after})[trial.candidate.term]
+    return Fit(trial.candidate, *under_best_noise(solver, state, noises(fit.noise, lower)))

@@ -95,8 +95,8 @@ def document_of(
         lanes_fitted = f"{sentence(lane_choice_words(verdict['lane_choice']))} {lanes_fitted}"
     sections = (
         groups_section(verdict),
-        base_section(verdict),
         _error_section(verdict["error"]),
+        base_section(verdict),
         _effect_section(verdict),
         _protocol_section(verdict["error"]),
         _section("Candidates", fitted, _candidate_table("Candidates of car following", following, verdict)),

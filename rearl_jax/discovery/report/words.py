@@ -44,7 +44,7 @@ def base_words(base: Mapping[str, Any]) -> str:
         return ""
     (gain,) = (row["gain"] for row in base["compared"] if row["name"] == base["chosen"])
     return (
-        f"{spoken(base['driver'])} lacks what {spoken(base['chosen'])} has, "
+        f"the car-following model {spoken(base['driver'])} lacks what {spoken(base['chosen'])} has, "
         f"{gain['value']:+.0f} ({gain['low']:+.0f} to {gain['high']:+.0f}) nats on {base['drivers']['checked']} other "
         "drivers"
     )

@@ -20,7 +20,7 @@ from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.reactions import Reaction
 from rearl_jax.document.html import page_of
 from rearl_jax.document.terminal import text_of
-from tests.discovery.made_verdict import KEEP_RIGHT, LANE_SCORES, LOSS, VERDICT
+from tests.discovery.made_verdict import FIGURE, KEEP_RIGHT, LANE_SCORES, LOSS, VERDICT
 
 CURVE = {"name": "dependence", "kind": "generic"}
 NEW = ("protocol", "noise_alone", "protocols", "response_time")
@@ -194,3 +194,52 @@ def test_evidence_is_drawn_of_candidates_with_and_without_a_null():
     null = Null({Term("reaction_delay"): 1.0}, {Term("reaction_delay"): 0.5}, 7)
     rows = [*VERDICT["candidates"], CURVE | LANE_SCORES | {"variables": ["gap"]}]
     assert draw_evidence(rows, null, generated=True).startswith(b"\x89PNG")
+
+
+def compared(**changes):
+    """A comparison made by hand in which constant time headway was chosen."""
+    measures = {measure: dict.fromkeys(("mean", "median", "pooled"), FIGURE) for measure in ("gap_rmse", "speed_rmse")}
+    protocols = {"population": measures | {"n_drivers": 35}, "first_half": None, "other_runs": None, "in_sample": None}
+    row = {"name": "idm", "n_parameters": 5, "log_likelihood": FIGURE, "gain": dict.fromkeys(FIGURE, 0.0)}
+    row |= {"better_share": 0.0, "best_share": 0.02, "is_vetoed": False, "protocols": protocols}
+    gain = {"value": 60.0, "low": 40.0, "high": 80.0}
+    other = row | {"name": "constant_time_headway", "n_parameters": 6, "gain": gain, "best_share": 0.98}
+    last = row | {"name": "krauss", "is_vetoed": True, "protocols": dict.fromkeys(protocols)}
+    return {
+        "chosen": "constant_time_headway",
+        "driver": "idm",
+        "differs": True,
+        "compared": [row, other, last],
+        "drivers": {"fitted": 36, "checked": 35},
+        "equilibrium_time_gap": {"10": FIGURE, "20": None},
+    } | changes
+
+
+def test_what_the_usual_car_following_model_lacks_is_said_and_shown():
+    text = printed(base=compared())
+    parts = (
+        "The car-following model idm lacks what constant time headway has, +60 (+40 to +80) nats on 35 "
+        "other drivers; missing in the model: "
+        "reaction delay.",
+        "Car-following models compared (GENERATED recordings) gain [nats] most likely in population [m]",
+        "constant time headway +60.0 98.0 % 1.50 chosen +40.0 to +80.0",
+        "krauss +0 2.0 % - simulations speak against it",
+        "Time gap at equilibrium under constant time headway: 1.50 s (1.00 to 2.00) at 10 m/s.",
+    )
+    for part in parts:
+        assert part in text
+    assert "first half [m]" not in text  # nobody could be tested
+
+
+def test_where_the_usual_model_stays_the_verdict_says_nothing_of_it():
+    base = compared(chosen="idm", differs=False)
+    assert "lacks" not in printed(base=base)
+    assert "No model surely is better than idm, which stays." in printed(base=base)
+    assert "Car-following models compared" not in printed(base=None)
+
+
+def test_an_effect_that_depends_on_the_car_following_model_is_said_to():
+    effects = [VERDICT["effects"][0] | {"depends_on_base": ["idm", "fvdm"]}]
+    text = printed(base=compared(), effects=effects)
+    assert "reaction delay (depends on the car-following model: not under idm and fvdm)" in text
+    assert "Reaction delay holds beside constant time headway and not beside idm and fvdm" in text

@@ -1,0 +1,63 @@
+"""The choice of a car-following model from what every model predicts of the same drivers."""
+
+import numpy as np
+import pytest
+
+from rearl_jax.discovery.comparison.choice import choice_of, is_beaten
+from rearl_jax.discovery.thresholds import THRESHOLDS
+
+N = 30
+ERROR = np.full(N, 4.0)
+
+
+def chosen(gains, errors=()):
+    every = [np.zeros(N), *gains]
+    return choice_of(every, [*errors, *({} for _ in range(len(every) - len(errors)))], seed=1)
+
+
+def scattered(mean, seed=0):
+    """Gains of the drivers that differ by more than their mean, which is exact."""
+    away = 2.0 * np.random.default_rng(seed).normal(size=N)
+    return mean + away - away.mean()
+
+
+@pytest.mark.parametrize(("mean", "expected"), [(-2.0, 0), (0.0, 0), (0.3, 0), (2.0, 1)])
+def test_the_usual_model_stays_unless_another_surely_is_more_likely(mean, expected):
+    found = chosen([scattered(mean)])
+    assert found.chosen == expected
+    assert (found.better_share[1] >= THRESHOLDS.base_confidence) == (expected == 1)
+
+
+def test_few_nats_are_not_enough_however_alike_the_drivers_are():
+    sure = np.full(N, THRESHOLDS.least_base_gain / N)
+    assert chosen([sure]).better_share[1] == 1.0
+    assert chosen([sure]).chosen == 0
+    assert chosen([1.1 * sure]).chosen == 1
+
+
+def test_the_most_likely_of_those_that_surely_are_better_is_chosen_and_how_sure_that_is_is_told():
+    found = chosen([scattered(2.0), scattered(2.6, seed=1), scattered(-1.0, seed=2)])
+    assert found.chosen == 2
+    assert sum(found.best_share) == pytest.approx(1.0)
+    assert found.best_share[2] > found.best_share[1] > found.best_share[3] == 0.0
+
+
+@pytest.mark.parametrize("protocol", ["population", "first_half", "in_sample"])
+@pytest.mark.parametrize(("factor", "is_vetoed"), [(1.2, True), (1.04, False), (0.9, False)])
+def test_simulations_speak_against_a_model_that_predicts_surely_worse_gaps(protocol, factor, is_vetoed):
+    found = chosen([np.full(N, 3.0)], [{protocol: ERROR}, {protocol: factor * ERROR}])
+    is_vetoed = is_vetoed and protocol != "in_sample"  # which predicts nothing
+    assert (1 in found.vetoed) == is_vetoed
+    assert found.chosen == (0 if is_vetoed else 1)
+
+
+def test_the_next_one_is_chosen_where_the_most_likely_simulates_worse():
+    errors = [{"population": ERROR}, {"population": 1.3 * ERROR}, {"population": 0.8 * ERROR}]
+    found = chosen([np.full(N, 5.0), np.full(N, 3.0)], errors)
+    assert found.vetoed >= {1}
+    assert found.chosen == 2
+
+
+def test_a_model_is_beaten_only_where_another_surely_is_more_likely():
+    gains = [np.zeros(N), scattered(2.0), scattered(1.9)]
+    assert [is_beaten(one, gains, seed=0) for one in gains] == [True, False, False]
