@@ -133,10 +133,10 @@ class Thresholds:
     they were behind by 7 and 12.
     """
 
+    borne_growth: float = 0.02
+    """Growth of the squared closed-loop error by a candidate that nobody minds [-]: 1 % of the error."""
     contradiction_share: float = 0.8
-    """Share of resamples of drivers in which the closed-loop error must be larger with a candidate than without for
-    simulations to contradict it [-].
-    """
+    """Share of resamples of drivers in which simulations must lose by a candidate to contradict it [-]."""
 
     rejection_share: float = 0.95
     """Share of resamples of drivers in which the closed-loop error must be larger for an addition to be rejected

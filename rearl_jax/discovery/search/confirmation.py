@@ -27,9 +27,11 @@ def confirmed(solver: Solver, outcome: Search, seed: int) -> Search:
     fits = [outcome.first, *(trial.fit for trial in outcome.added)]
     errors = gap_errors(solver, on_others(solver, outcome.checked, fits))
     kept = len(outcome.added)
-    while kept > 1 and is_free(outcome.added[kept - 1]) and share_worse(errors[kept - 1], errors[kept], seed) > 0.5:
+    while (
+        kept > 1 and is_free(outcome.added[kept - 1]) and share_worse(errors[kept - 1], errors[kept], seed=seed) > 0.5
+    ):
         kept -= 1
-    while kept and share_worse(errors[0], errors[kept], seed) >= THRESHOLDS.rejection_share:
+    while kept and share_worse(errors[0], errors[kept], THRESHOLDS.borne_growth, seed) >= THRESHOLDS.rejection_share:
         kept -= 1
     if kept == len(outcome.added):
         return outcome
@@ -49,7 +51,7 @@ def clocks_confirmed(solver: Solver, outcome: Search, checked: Measured, seed: i
         *on_others(solver, outcome.checked, [outcome.first]),
     ]
     before, after = gap_errors(solver, states)
-    return share_worse(before, after, seed) < 0.5
+    return share_worse(before, after, seed=seed) < 0.5
 
 
 def lens_confirmed(solver: Solver, outcome: Search, seed: int) -> bool:
@@ -60,5 +62,5 @@ def lens_confirmed(solver: Solver, outcome: Search, seed: int) -> bool:
         if turn.chosen is not None and turn.chosen.candidate.term == LENS:
             states = on_others(solver, outcome.checked, [turn.base, turn.chosen.fit])
             before, after = gap_errors(solver, states)
-            return share_worse(before, after, seed) < 0.5
+            return share_worse(before, after, seed=seed) < 0.5
     return True

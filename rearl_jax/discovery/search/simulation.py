@@ -35,7 +35,8 @@ def simulated(solver: Solver, base: FitState, accepted: Sequence[Trial]) -> tupl
         replace(trial, simulated=simulated_gains(before, after, base.data))
         for trial, after in zip(leading, errors, strict=True)
     ]
-    worse = [share_worse(before, after) > THRESHOLDS.contradiction_share for after in errors]
+    borne = simulated_gains(before, before * np.sqrt(1 + THRESHOLDS.borne_growth), base.data)
+    worse = [is_contradicted(simulated_gains(before, after, base.data), borne) for after in errors]
     agreed = [trial for trial, is_worse in zip(asked, worse, strict=True) if not is_worse]
     contradicted = [trial for trial, is_worse in zip(asked, worse, strict=True) if is_worse]
     return sorted(agreed, key=lambda trial: -trial.overall), contradicted
@@ -55,8 +56,24 @@ def simulated_gains(
     return bounded_gains(gains, data)
 
 
-def share_worse(before: Float[np.ndarray, " drivers"], after: Float[np.ndarray, " drivers"], seed: int = 0) -> float:
-    """Share of resamples of drivers in which the squared error is larger after than before [-]."""
+def is_contradicted(gains: Float[np.ndarray, " drivers"], borne: Float[np.ndarray, " drivers"], seed: int = 0) -> bool:
+    """True if in most resamples of drivers their simulations lose more than is borne [nats].
+
+    What each says is bounded: one driver whom a model loses altogether does not outvote all others.
+    """
+    drawn = np.random.default_rng(seed).integers(0, len(gains), (DRAWS, len(gains)))
+    return bool(((gains - borne)[drawn].mean(axis=1) < 0).mean() > THRESHOLDS.contradiction_share)
+
+
+def share_worse(
+    before: Float[np.ndarray, " drivers"],
+    after: Float[np.ndarray, " drivers"],
+    borne: float = ROUNDING,
+    seed: int = 0,
+) -> float:
+    """Share of resamples of drivers in which the squared error is larger after than before [-], by more than a share
+    `borne` of what it was.
+    """
     worse = after**2 - before**2
     drawn = np.random.default_rng(seed).integers(0, len(worse), (DRAWS, len(worse)))
-    return float((worse[drawn].mean(axis=1) > ROUNDING * (before**2).mean()).mean())
+    return float((worse[drawn].mean(axis=1) > borne * (before**2).mean()).mean())

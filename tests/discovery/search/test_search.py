@@ -22,7 +22,7 @@ from rearl_jax.discovery.search.null import Null, simulate_again, summarise
 from rearl_jax.discovery.search.procedure import Round, Search
 from rearl_jax.discovery.search.refit import nested
 from rearl_jax.discovery.search.screen import evidences, scores
-from rearl_jax.discovery.search.simulation import simulated_gains
+from rearl_jax.discovery.search.simulation import is_contradicted, simulated_gains
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
@@ -295,6 +295,10 @@ def test_simulations_are_asked_for_as_much_as_they_show(calibrated):
     gains = simulated_gains(before, before / 2, data)
     assert gains.min() > 0
     np.testing.assert_allclose(simulated_gains(before, before, data), 0.0)
+    lost = np.where(np.arange(len(before)) == 0, 100.0 * before, 0.9 * before)
+    borne = simulated_gains(before, 1.01 * before, data)
+    assert not is_contradicted(simulated_gains(before, lost, data), borne)
+    assert is_contradicted(simulated_gains(before, 1.1 * before, data), borne)
     # A difference far below the error of the positions says nothing.
     assert np.abs(simulated_gains(before * 1e-3, before * 1e-4, data)).max() < 1e-2
 
