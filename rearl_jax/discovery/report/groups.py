@@ -5,10 +5,10 @@ say of which group they are, its errors are those of all reported drivers, each 
 group has (candidates, unseen effects, adequacy) is in its own verdict, `groups/<name>/verdict.json`. Beside it:
 
 groups    [{by, value, drivers, driver_seconds, cars, shared, verdict, effects, error, car_following, base,
-          equilibrium_time_gap, notes}]: `cars` is the number of persons or cars, null where nobody is known again; `shared` the number of
-          them that are both among the fitted and the reported drivers; `equilibrium_time_gap` {speed [m/s]: {value,
-          low, high}}, the median over fitted drivers of gap over speed [s] behind a leader of that speed in the
-          calibrated model, null where fewer than half of the drivers want to drive that fast
+          equilibrium_time_gap, notes}]: `cars` is the number of persons or cars, null where nobody is known again;
+          `shared` the number of them that are both among the fitted and the reported drivers; `equilibrium_time_gap`
+          {speed [m/s]: {value, low, high}}, the median over fitted drivers of gap over speed [s] behind a leader of
+          that speed in the calibrated model, null where fewer than half of the drivers want to drive that fast
 grouping  {by, left_out: {value: drivers}}: who is in no group; where kinds were found without labels, also {kinds,
           evidence [nats] and distinctness of each mixture, gain, chance, uncertain, purity: {label: {value,
           by_chance}}}, see `groups.kinds`
