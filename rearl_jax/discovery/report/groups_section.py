@@ -17,7 +17,7 @@ def groups_section(verdict: Mapping[str, Any]) -> Section:
     if not rows:
         return Section("Groups")
     speeds = list(rows[0]["equilibrium_time_gap"])
-    headings = ("drivers", "verdict", "effects", "gap error before [m]", "after [m]")
+    headings = ("drivers", "model", "verdict", "effects", "gap error before [m]", "after [m]")
     headings += tuple(f"time gap at {speed} m/s [s]" for speed in speeds)
     drawn = tuple(Row(row["value"], _cells(row, speeds)) for row in rows)
     by = spoken(verdict["grouping"]["by"])
@@ -56,7 +56,8 @@ def _cells(row: Mapping[str, Any], speeds: list[str]) -> tuple[Cell, ...]:
     effects = "; ".join(_effect(effect) for effect in row["effects"]) or NONE
     figures = [error["before"], error["after"], *(row["equilibrium_time_gap"][speed] for speed in speeds)]
     n_drivers = f"{sum(row['drivers'].values())}" + (f" of {row['cars']} persons or cars" if row["cars"] else "")
-    return (Cell(n_drivers), Cell(row["verdict"]), Cell(effects), *map(_figure, figures))
+    model = spoken(row.get("car_following", "idm"))
+    return (Cell(n_drivers), Cell(model), Cell(row["verdict"]), Cell(effects), *map(_figure, figures))
 
 
 def _figure(value: Mapping[str, Any] | None) -> Cell:
