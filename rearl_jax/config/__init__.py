@@ -23,6 +23,7 @@ from rearl_jax.config.llm import LlmConfig, PromptConfig
 from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
 from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.config.ppo import PpoConfig, PpoPolicyConfig
+from rearl_jax.config.real import OWN, RealConfig
 from rearl_jax.config.report import FolderConfig, ReportConfig
 from rearl_jax.config.results import ResultsConfig
 from rearl_jax.config.scenes import (
@@ -316,6 +317,25 @@ class StudyTable4Task:
                 "must be matcher or llm, the policies with a row in this table; table4.llm=true adds a language model"
             )
             raise out_of_range("decision.policy", message, self.decision.policy.name)
+
+
+@dataclass(unsafe_hash=True)
+class StudyRealTask(DiscoverTask):
+    """Discovery in real recordings."""
+
+    study: str = _study("study_real")
+    real: RealConfig = _group(RealConfig)
+
+    def check(self) -> None:
+        """Raise InvalidInputError for keys that the sets set themselves."""
+        super().check()
+        if self.discover.oracle is not None:
+            raise out_of_range("discover.oracle", "must be null: the effects are unknown", self.discover.oracle)
+        for name in ("by", "same"):
+            value = getattr(self.discover, name)
+            if value is not None and OWN not in self.real.sets:
+                message = f"is set by the sets: name it together with real.sets=[{OWN}]"
+                raise InvalidInputError(Problem("set-by-task", message, key=f"discover.{name}", value=value))
 
 
 @dataclass(unsafe_hash=True)
