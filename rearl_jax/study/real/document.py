@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from rearl_jax.discovery.report.protocols import PROTOCOLS
@@ -22,18 +23,17 @@ def summary_of(table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFra
     `n_shorter` (cars whose time gap is shorter in S than in L); `leader_difference` with `_low` and `_high` (ACC less
     person, time gaps of the same people), `leader_cars`, and `is_leader_equal`. None where nothing of it was computed.
     """
-    words = Counter(table["verdict"])
-    known = facts[facts["known"].notna()]
+    words = Counter(table["verdict"].tolist())
+    known = facts.dropna(subset=["known"])
+    away = known["model_free"].to_numpy(float, na_value=np.nan) - known["known"].to_numpy(float, na_value=np.nan)
     summary: dict[str, Any] = {
-        "n_sets": int(table["set"].nunique()),
+        "n_sets": len(set(table["set"].tolist())),
         "n_groups": len(table),
-        "n_worse": int((table["worse_in"] != "").sum()),
+        "n_worse": sum(name != "" for name in table["worse_in"].tolist()),
         **{f"n_{word}": words[word] for word in STRONGEST_FIRST},
         "n_known": len(known),
-        "n_within": int(known["within"].fillna(value=False).sum()),
-        "n_within_model_free": int(
-            ((known["model_free"] - known["known"]).abs() <= TOLERANCE).fillna(value=False).sum()
-        ),
+        "n_within": sum(value is True for value in known["within"].astype(object).tolist()),
+        "n_within_model_free": int((np.abs(away) <= TOLERANCE).sum()),
     }
     setting = _difference(differences, "L", "S")
     summary |= {"n_cars": None, "n_shorter": None}
@@ -51,8 +51,11 @@ def summary_of(table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFra
 
 def _difference(differences: pd.DataFrame, first: str, second: str) -> Mapping[str, Any] | None:
     """Of calibrated drivers, in the first set that has both settings."""
-    is_asked = differences["told"].eq("calibrated") & differences["first"].eq(first) & differences["second"].eq(second)
-    return next(iter(differences[is_asked].to_dict("records")), None)
+    asked = {"told": "calibrated", "first": first, "second": second}
+    for row in differences.astype(object).to_dict("records"):
+        if all(row[name] == value for name, value in asked.items()):
+            return {str(name): value for name, value in row.items()}
+    return None
 
 
 def document_of(
@@ -87,7 +90,7 @@ def document_of(
 
 def _verdict(summary: Mapping[str, Any]) -> str:
     words = ", ".join(f"{summary[f'n_{word}']} {word}" for word in STRONGEST_FIRST if summary[f"n_{word}"])
-    text = f"{summary['n_groups']} groups of drivers in {summary['n_sets']} sets of recordings: {words}"
+    text = f"Groups of drivers: {words}"
     if summary["n_known"]:
         text += (
             f"; {summary['n_within']} of {summary['n_known']} known time gaps are met within {TOLERANCE:g} s by "

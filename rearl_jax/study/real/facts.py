@@ -132,8 +132,8 @@ def differences_of(facts: pd.DataFrame, options: DiscoverConfig) -> pd.DataFrame
     gap in `first`. Pairs of settings that fewer than two cars drove in are left out.
     """
     over, rows = Resampling(options.confidence, options.draws, options.seed), []
-    for (name, title), inside in facts.groupby(["set", "title"], sort=False):
-        settings = sorted(inside["setting"].unique())
+    for name, inside in facts.groupby("set", sort=False):
+        title, settings = inside["title"].iloc[0], sorted(set(inside["setting"].tolist()))
         for number, first in enumerate(settings):
             for second in settings[number + 1 :]:
                 for told in ("calibrated", "model_free"):

@@ -112,23 +112,26 @@ def run(config: StudyRealTask) -> dict:
             verdict = discovery.run(cell.part, show=False, bar=bar)
             found = rows_of(cell.name, cell.title, cell.group, verdict)
             rows += found
-            facts.append(_facts(cell, {row["group"]: row["base"] for row in found}, bar))
+            if cell.car is not None:
+                facts.append(_facts(cell, cell.car, {row["group"]: row["base"] for row in found}, bar))
             for finished in set(bar.task_ids) - {line}:
                 bar.remove_task(finished)
-    return _publish(study, config, cells, real_table(rows), pd.concat(facts, ignore_index=True))
+    columns = ["set", "title", *FACT_COLUMNS]
+    table = pd.concat(facts, ignore_index=True) if facts else pd.DataFrame(columns=columns)
+    return _publish(study, config, cells, real_table(rows), table)
 
 
-def _facts(cell: Cell, bases: Mapping[str, str], bar: Progress) -> pd.DataFrame:
+def _facts(cell: Cell, car: str, bases: Mapping[str, str], bar: Progress) -> pd.DataFrame:
     """Time gaps of the cars of a set; read from disk if they were computed before.
 
     Args:
         cell: The set.
+        car: Label by which cars, or persons, are told apart.
         bases: Car-following model that was chosen for each group.
         bar: Shows how far it is.
     """
-    by, car = cell.part.discover.by, cell.car
-    if by is None or car is None:
-        return pd.DataFrame(columns=["set", "title", *FACT_COLUMNS])
+    by = cell.part.discover.by
+    assert by is not None
     folder = cell.part.study.replace("/sets/", "/facts/")
     part = Study(cell.part.results.root, folder, cell.part, TASK, cell.id, generated=cell.generated)
     if not part.owns("facts"):
