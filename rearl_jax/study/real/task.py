@@ -100,9 +100,9 @@ def run(config: StudyRealTask) -> dict:
         FileNotFoundError, ValueError: As `rearl_jax.discovery.task.run`, of each set.
     """
     cells = cells_of(config)
-    identity = hashlib.sha256("\n".join(cell.id for cell in cells).encode()).hexdigest()[:12]
+    identity = f"real-{hashlib.sha256(' '.join(cell.id for cell in cells).encode()).hexdigest()[:12]}"
     generated = any(cell.generated for cell in cells)
-    study = Study(config.results.root, config.study, config, TASK, f"real-{identity}", generated=generated)
+    study = Study(config.results.root, config.study, config, TASK, identity, generated=generated)
     study.write_config()
     rows, facts = [], []
     with progress_bar() as bar:
@@ -118,7 +118,7 @@ def run(config: StudyRealTask) -> dict:
                 bar.remove_task(finished)
     columns = ["set", "title", *FACT_COLUMNS]
     table = pd.concat(facts, ignore_index=True) if facts else pd.DataFrame(columns=columns)
-    return _publish(study, config, cells, real_table(rows), table)
+    return _publish(study, config, cells, identity, real_table(rows), table)
 
 
 def _facts(cell: Cell, car: str, bases: Mapping[str, str], bar: Progress) -> pd.DataFrame:
@@ -160,7 +160,7 @@ def _is_zalazone(data: DataConfig) -> bool:
 
 
 def _publish(
-    study: Study, config: StudyRealTask, cells: list[Cell], table: pd.DataFrame, facts: pd.DataFrame
+    study: Study, config: StudyRealTask, cells: list[Cell], identity: str, table: pd.DataFrame, facts: pd.DataFrame
 ) -> dict[str, Any]:
     """The summary, with tables, page and summary written."""
     differences = differences_of(facts, config.discover)
@@ -174,7 +174,7 @@ def _publish(
     generated = any(cell.generated for cell in cells)
     document = document_of(table, facts, differences, remarks, generated=generated)
     print_document(document)
-    study.write_text("page.html", page_of(document, config, {}, data_id=", ".join(cell.id for cell in cells)))
+    study.write_text("page.html", page_of(document, config, {}, data_id=identity))
     summary = summary_of(table, facts, differences)
     study.write_summary(summary)
     return summary

@@ -3,6 +3,7 @@
 import pandas as pd
 import pytest
 
+from rearl_jax.config import StudyRealTask
 from rearl_jax.document.html import page_of
 from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.study.real.document import document_of, summary_of
@@ -101,4 +102,4 @@ def test_the_document_has_every_group_protocol_and_fact(tables):
     assert [one.cells[0].value for one in score.tables[0].rows] == ["1 of 3", "2 of 3", "8 of 9 cars", "yes, 9 persons"]
     assert len(time_gaps.tables[0].rows) == 3
     assert len(differences.tables[0].rows) == 3
-    assert "FHWA, person" in page_of(document, None, {}, data_id="x")
+    assert "FHWA, person" in page_of(document, StudyRealTask(), {}, data_id="x")
