@@ -164,7 +164,8 @@ def _publish(
 ) -> dict[str, Any]:
     """The summary, with tables, page and summary written."""
     differences = differences_of(facts, config.discover)
-    infos = tuple(recording.info for cell in cells for recording in iterate_recordings(cell.part.data))
+    read = (recording.info for cell in cells for recording in iterate_recordings(cell.part.data))
+    infos = tuple({info.id: info for info in read}.values())
     data = f"{len(infos)} recordings in {len(cells)} sets: {', '.join(cell.title for cell in cells)}."
     remarks = Remarks(data, sources=data_sources(infos))
     seeds = {"seeds": f"discover.seed={config.discover.seed}"}
