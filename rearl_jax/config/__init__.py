@@ -23,17 +23,10 @@ from rearl_jax.config.llm import LlmConfig, PromptConfig
 from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
 from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.config.ppo import PpoConfig, PpoPolicyConfig
-from rearl_jax.config.real import OWN, RealConfig
+from rearl_jax.config.real import RealConfig
 from rearl_jax.config.report import FolderConfig, ReportConfig
 from rearl_jax.config.results import ResultsConfig
-from rearl_jax.config.scenes import (
-    FeaturesConfig,
-    ScenesConfig,
-    SpacingConfig,
-    SpeedConfig,
-    SplitConfig,
-    TracksConfig,
-)
+from rearl_jax.config.scenes import FeaturesConfig, ScenesConfig, SpacingConfig, SpeedConfig, SplitConfig, TracksConfig
 from rearl_jax.config.study import StepsConfig, Table1Config, Table4Config
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.config.validation import ValidationConfig
@@ -329,13 +322,7 @@ class StudyRealTask(DiscoverTask):
     def check(self) -> None:
         """Raise InvalidInputError for keys that the sets set themselves."""
         super().check()
-        if self.discover.oracle is not None:
-            raise out_of_range("discover.oracle", "must be null: the effects are unknown", self.discover.oracle)
-        for name in ("by", "same"):
-            value = getattr(self.discover, name)
-            if value is not None and OWN not in self.real.sets:
-                message = f"is set by the sets: name it together with real.sets=[{OWN}]"
-                raise InvalidInputError(Problem("set-by-task", message, key=f"discover.{name}", value=value))
+        self.real.check_discovery(self.discover)
 
 
 @dataclass(unsafe_hash=True)

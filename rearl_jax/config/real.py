@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 from rearl_jax.config._key import key
 from rearl_jax.config.data import DataFormat, OnBad
-from rearl_jax.problems import out_of_range
+from rearl_jax.config.discover import DiscoverConfig
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 @dataclass(frozen=True)
@@ -66,3 +67,13 @@ class RealConfig:
         for name in self.sets:
             if name not in (*SETS, OWN):
                 raise out_of_range("sets", f"must be some of {', '.join((*SETS, OWN))}", name)
+
+    def check_discovery(self, options: DiscoverConfig) -> None:
+        """Raise InvalidInputError for keys of discovery that the sets set themselves."""
+        if options.oracle is not None:
+            raise out_of_range("discover.oracle", "must be null: what is missing is unknown", options.oracle)
+        for name in ("by", "same"):
+            value = getattr(options, name)
+            if value is not None and OWN not in self.sets:
+                message = f"is set by the sets: name it together with real.sets=[{OWN}]"
+                raise InvalidInputError(Problem("set-by-task", message, key=f"discover.{name}", value=value))
