@@ -23,16 +23,10 @@ from rearl_jax.config.llm import LlmConfig, PromptConfig
 from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
 from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.config.ppo import PpoConfig, PpoPolicyConfig
+from rearl_jax.config.real import RealConfig
 from rearl_jax.config.report import FolderConfig, ReportConfig
 from rearl_jax.config.results import ResultsConfig
-from rearl_jax.config.scenes import (
-    FeaturesConfig,
-    ScenesConfig,
-    SpacingConfig,
-    SpeedConfig,
-    SplitConfig,
-    TracksConfig,
-)
+from rearl_jax.config.scenes import FeaturesConfig, ScenesConfig, SpacingConfig, SpeedConfig, SplitConfig, TracksConfig
 from rearl_jax.config.study import StepsConfig, Table1Config, Table4Config
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.config.validation import ValidationConfig
@@ -316,6 +310,19 @@ class StudyTable4Task:
                 "must be matcher or llm, the policies with a row in this table; table4.llm=true adds a language model"
             )
             raise out_of_range("decision.policy", message, self.decision.policy.name)
+
+
+@dataclass(unsafe_hash=True)
+class StudyRealTask(DiscoverTask):
+    """Discovery in real recordings."""
+
+    study: str = _study("study_real")
+    real: RealConfig = _group(RealConfig)
+
+    def check(self) -> None:
+        """Raise InvalidInputError for keys that the sets set themselves."""
+        super().check()
+        self.real.check_discovery(self.discover)
 
 
 @dataclass(unsafe_hash=True)

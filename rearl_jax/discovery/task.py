@@ -9,6 +9,9 @@ page and maps where `discover.page` is false.
 """
 
 import json
+from contextlib import nullcontext
+
+from rich.progress import Progress
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import data_id, is_generated
@@ -25,12 +28,13 @@ from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 
 
-def run(config: DiscoverTask, *, show: bool = True) -> dict:
+def run(config: DiscoverTask, *, show: bool = True, bar: Progress | None = None) -> dict:
     """The verdict, as in verdict.json.
 
     Args:
         config: The task.
         show: Whether the verdict is printed.
+        bar: Shows how far it is; None for one of its own.
 
     Raises:
         FileNotFoundError, ValueError: There are no recordings, one is bad, or too few drivers follow a leader.
@@ -39,8 +43,8 @@ def run(config: DiscoverTask, *, show: bool = True) -> dict:
     study = Study(config.results.root, config.study, config, "discover", identity, generated=generated)
     if study.begin(resume=config.results.resume) is not None:
         return json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
-    with progress_bar() as bar:
-        discovery = compute(config, bar, identity, generated=generated, study=study)
+    with progress_bar() if bar is None else nullcontext(bar) as lines:
+        discovery = compute(config, lines, identity, generated=generated, study=study)
     write(study, discovery)
     if show:
         print_document(document_of(config, discovery.verdict))

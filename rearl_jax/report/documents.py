@@ -10,6 +10,9 @@ from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.report.discovery import blind_document, discovery_document
 from rearl_jax.report.finished import FinishedStudy
 from rearl_jax.study.document import document_of as study_document_of
+from rearl_jax.study.real.document import document_of as real_document_of
+from rearl_jax.study.real.facts import FACT_COLUMNS
+from rearl_jax.study.real.table import ROW_COLUMNS
 from rearl_jax.sweep.document import SUMMARY_KEYS
 from rearl_jax.sweep.document import document_of as sweep_document_of
 
@@ -62,6 +65,18 @@ def paper_document(study: FinishedStudy) -> Document:
     return study_document_of(form, study.config, table, summary, remarks, generated=study.generated)
 
 
+def real_document(study: FinishedStudy) -> Document:
+    """The document of a study of real recordings.
+
+    Raises:
+        FileNotFoundError, ValueError: A table is missing, or of an older version.
+    """
+    table, facts, differences = (study.table(name) for name in ("real", "facts", "differences"))
+    study.needs(table, ROW_COLUMNS, "real.parquet")
+    study.needs(facts, FACT_COLUMNS, "facts.parquet")
+    return real_document_of(table, facts, differences, _remarks(study, "real"), generated=study.generated)
+
+
 def _remarks(study: FinishedStudy, table: str) -> Remarks:
     """Text that goes with a table; empty in studies of an older version."""
     remarks = study.metadata(table).get("remarks")
@@ -73,6 +88,7 @@ DOCUMENTS: dict[str, Callable[[FinishedStudy], Document]] = {
     "discover": discovery_document,
     "discover blind": blind_document,
     "sweep thresholds": sweep_document,
+    "study real": real_document,
     **{f"study {name}": paper_document for name in ("table1", "table3", "table4", "fig6", "fig7", "fig8")},
 }
 """The document of a study, by the task that made it."""

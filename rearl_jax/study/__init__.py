@@ -1,1 +1,1 @@
-"""Studies of the paper's tables and figures, one command each: this package's figures beside the paper's."""
+"""Studies, one command each: the paper's tables and figures with this package's beside them, and real traffic."""

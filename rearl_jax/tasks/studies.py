@@ -86,6 +86,27 @@ STUDIES = (
         examples=("rearl study fig8", "rearl study fig8 data=highd data.root=/data/highD study=highd_fig8"),
     ),
     Task(
+        words="study real",
+        run="rearl_jax.study.real.task:run",
+        config="rearl_jax.config:StudyRealTask",
+        summary="what the driver model lacks in the shipped real recordings, and whether known time gaps come out",
+        goes_on=True,
+        description=(
+            "Makes a discovery of each set of real recordings (I-80, FHWA by leader, ZalaZone by setting and by car), "
+            "as `rearl discover` does, in a folder of its own below sets/, and puts verdicts and errors under every "
+            "protocol into one table. Known time gaps of these vehicles at equilibrium are compared with those "
+            "of the calibrated drivers. data.recordings other than * takes the place of the pattern of each set. A "
+            "killed study continues where it stopped. Prints the tables, writes Parquet and one HTML page."
+        ),
+        examples=(
+            "rearl study real",
+            "rearl study real real.sets=[fhwa,openacc] study=time_gaps",
+            "rearl study real real.sets=[own] data=openacc data.root=/data/platoons discover.by=setting study=platoons",
+        ),
+        implied={"driver": "discover.base=[]"},
+        x64=True,
+    ),
+    Task(
         words="report",
         run="rearl_jax.report.task:run",
         config="rearl_jax.config:ReportTask",

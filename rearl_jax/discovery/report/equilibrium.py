@@ -4,6 +4,7 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from rearl_jax.config import DiscoverConfig
 from rearl_jax.discovery.observe.fit_state import FitState
@@ -13,15 +14,24 @@ SPEEDS = (10.0, 20.0)
 """Speeds at which equilibrium time gaps are stated [m/s]."""
 
 
+def time_gaps(solver: Solver, state: FitState, speed: float) -> Float[np.ndarray, " drivers"]:
+    """Gap over speed [s] of each driver behind a leader of a constant speed [m/s]; NaN where it does not want to drive
+    that fast.
+    """
+    prior = solver.layout.prior
+    model = prior.model.of_rows(jnp.asarray(prior.values(state.z, state.truck).T))
+    gaps = np.asarray(model.equilibrium_gap(jnp.full(len(state.z), speed))) / speed
+    return np.where((np.asarray(model.desired_speed) > speed) & np.isfinite(gaps), gaps, np.nan)
+
+
 def equilibrium_time_gaps(solver: Solver, state: FitState, options: DiscoverConfig) -> dict[str, Any]:
     """Median over drivers of gap over speed [s] behind a leader of constant speed, by that speed [m/s]."""
-    prior, rng = solver.layout.prior, np.random.default_rng(options.seed)
-    model = prior.model.of_rows(jnp.asarray(prior.values(state.z, state.truck).T))
+    rng = np.random.default_rng(options.seed)
     share = [(1 - options.confidence) / 2, (1 + options.confidence) / 2]
     found: dict[str, Any] = {}
     for speed in SPEEDS:
-        gaps = np.asarray(model.equilibrium_gap(jnp.full(len(state.z), speed))) / speed
-        gaps = gaps[(np.asarray(model.desired_speed) > speed) & np.isfinite(gaps)]
+        gaps = time_gaps(solver, state, speed)
+        gaps = gaps[np.isfinite(gaps)]
         if len(gaps) < len(state.z) / 2:
             found[f"{speed:g}"] = None
             continue

@@ -53,7 +53,7 @@ def _kinds_notes(grouping: Mapping[str, Any], rows: Sequence[Mapping[str, Any]])
 
 def _cells(row: Mapping[str, Any], speeds: list[str]) -> tuple[Cell, ...]:
     error = row["error"]
-    effects = "; ".join(_effect(effect) for effect in row["effects"]) or NONE
+    effects = "; ".join(with_numbers(effect) for effect in row["effects"]) or NONE
     figures = [error["before"], error["after"], *(row["equilibrium_time_gap"][speed] for speed in speeds)]
     n_drivers = f"{sum(row['drivers'].values())}" + (f" of {row['cars']} persons or cars" if row["cars"] else "")
     model = spoken(row.get("car_following", "idm"))
@@ -64,7 +64,8 @@ def _figure(value: Mapping[str, Any] | None) -> Cell:
     return Cell(NONE) if value is None else Cell(number(value["value"]), interval(value["low"], value["high"]))
 
 
-def _effect(effect: Mapping[str, Any]) -> str:
+def with_numbers(effect: Mapping[str, Any]) -> str:
+    """An effect of a verdict with its parameters, where they are few."""
     numbers = list(effect["parameters"].values())
     if len(numbers) > MOST_NUMBERS:
         return described(effect)

@@ -1,0 +1,79 @@
+"""Keys of the study of real traffic, and the sets of shipped recordings that it looks into."""
+
+from dataclasses import dataclass
+
+from rearl_jax.config._key import key
+from rearl_jax.config.data import DataFormat, OnBad
+from rearl_jax.config.discover import DiscoverConfig
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
+
+
+@dataclass(frozen=True)
+class RealSet:
+    """Drivers of shipped recordings that one discovery is made of.
+
+    Attributes:
+        title: Name of the set in tables.
+        format: Format of the recordings, whose shipped ones are read.
+        recordings: Shell pattern of the recordings.
+        by: Label by which drivers are told apart, None where all are one group.
+        group: Name of that one group.
+        on_bad: Treatment of bad rows that the format usually needs.
+    """
+
+    title: str
+    format: DataFormat
+    recordings: str = "*"
+    by: str | None = None
+    group: str = "all"
+    on_bad: OnBad = OnBad.stop
+
+
+SETS = {
+    "i80": RealSet("I-80", DataFormat.i80),
+    "fhwa": RealSet("FHWA, by leader", DataFormat.fhwa, by="leader"),
+    "openacc": RealSet(
+        "ZalaZone, by setting", DataFormat.openacc, "openacc_*_dynamic_*", "setting", "", OnBad.drop_row
+    ),
+    "openacc_people": RealSet(
+        "ZalaZone, people", DataFormat.openacc, "openacc_no_ACC_*", None, "people", OnBad.drop_row
+    ),
+    # One setting only: two of them in one car differ by more than two cars do. Runs of setting S are named short or
+    # mixed, which tells them from medium.
+    "openacc_model": RealSet(
+        "ZalaZone, setting S, by car", DataFormat.openacc, "openacc_[sm][hi]*_dynamic_*", "model", "", OnBad.drop_row
+    ),
+}
+"""Sets by the name that `real.sets` has for them."""
+
+OWN = "own"
+"""Name of the set of the recordings that the keys `data` describe, told apart by `discover.by`."""
+
+
+@dataclass(unsafe_hash=True)
+class RealConfig:
+    """Sets of real recordings"""
+
+    sets: tuple[str, ...] = key(
+        tuple(SETS),
+        f"sets that are looked into, one discovery each: some of {', '.join(SETS)}, which are shipped, and {OWN}: the "
+        "recordings of data.format and data.root, told apart by discover.by",
+    )
+
+    def check(self) -> None:
+        """Raise InvalidInputError for a set that there is not, or that is named twice."""
+        if not self.sets or len(set(self.sets)) != len(self.sets):
+            raise out_of_range("sets", "must name each set once, and at least one", f"[{', '.join(self.sets)}]")
+        for name in self.sets:
+            if name not in (*SETS, OWN):
+                raise out_of_range("sets", f"must be some of {', '.join((*SETS, OWN))}", name)
+
+    def check_discovery(self, options: DiscoverConfig) -> None:
+        """Raise InvalidInputError for keys of discovery that the sets set themselves."""
+        if options.oracle is not None:
+            raise out_of_range("discover.oracle", "must be null: what is missing is unknown", options.oracle)
+        for name in ("by", "same"):
+            value = getattr(options, name)
+            if value is not None and OWN not in self.sets:
+                message = f"is set by the sets: name it together with real.sets=[{OWN}]"
+                raise InvalidInputError(Problem("set-by-task", message, key=f"discover.{name}", value=value))

@@ -1,0 +1,193 @@
+"""Document of the study of real traffic: verdicts, errors by protocol, time gaps of cars, and facts as a score."""
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.discovery.report.protocols import PROTOCOLS
+from rearl_jax.document.document import Document, Section
+from rearl_jax.document.table import Cell, Row, Table, number, percent, spoken, table_of
+from rearl_jax.evaluation.remarks import Remarks
+from rearl_jax.study.real.known import TOLERANCE
+from rearl_jax.study.real.table import SPEEDS, WORSE
+
+STRONGEST_FIRST = ("named", "improved", "unexplained", "artefact", "nothing")
+
+
+def summary_of(table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFrame) -> dict[str, Any]:
+    """Flat figures: `n_sets`, `n_groups`, `n_worse` (groups with a protocol in which the repaired model is worse), the
+    number of groups by verdict `n_named` ...; the score `n_known`, `n_within`, `n_within_model_free`, `n_cars`,
+    `n_shorter` (cars whose time gap is shorter in S than in L); `leader_difference` with `_low` and `_high` (ACC less
+    person, time gaps of the same people), `leader_cars`, and `is_leader_equal`. None where nothing of it was computed.
+    """
+    words = Counter(table["verdict"].tolist())
+    known = facts.dropna(subset=["known"])
+    away = known["model_free"].to_numpy(float, na_value=np.nan) - known["known"].to_numpy(float, na_value=np.nan)
+    summary: dict[str, Any] = {
+        "n_sets": len(set(table["set"].tolist())),
+        "n_groups": len(table),
+        "n_worse": sum(name != "" for name in table["worse_in"].tolist()),
+        **{f"n_{word}": words[word] for word in STRONGEST_FIRST},
+        "n_known": len(known),
+        "n_within": sum(value is True for value in known["within"].astype(object).tolist()),
+        "n_within_model_free": int((np.abs(away) <= TOLERANCE).sum()),
+    }
+    setting = _difference(differences, "L", "S")
+    summary |= {"n_cars": None, "n_shorter": None}
+    if setting is not None:
+        summary |= {"n_cars": int(setting["cars"]), "n_shorter": int(setting["longer"])}
+    leader = _difference(differences, "ACC", "person")
+    names = ("leader_difference", "leader_difference_low", "leader_difference_high", "leader_cars", "is_leader_equal")
+    summary |= dict.fromkeys(names)
+    if leader is not None:
+        value, low, high = (float(leader[end]) for end in ("value", "low", "high"))
+        figures = (value, low, high, int(leader["cars"]), low <= 0.0 <= high)
+        summary |= dict(zip(names, figures, strict=True))
+    return summary
+
+
+def _difference(differences: pd.DataFrame, first: str, second: str) -> Mapping[str, Any] | None:
+    """Of calibrated drivers, in the first set that has both settings."""
+    asked = {"told": "calibrated", "first": first, "second": second}
+    for row in differences.astype(object).to_dict("records"):
+        if all(row[name] == value for name, value in asked.items()):
+            return {str(name): value for name, value in row.items()}
+    return None
+
+
+def document_of(
+    table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFrame, remarks: Remarks, *, generated: bool
+) -> Document:
+    """The document of a study.
+
+    Args:
+        table: As in real.parquet.
+        facts: As in facts.parquet.
+        differences: As in differences.parquet.
+        remarks: The data and their sources.
+        generated: Whether any of the data were generated.
+    """
+    summary = summary_of(table, facts, differences)
+    named = pd.DataFrame(table).assign(name=table["title"] + ", " + table["group"])
+    sections = (
+        _verdicts(named),
+        _errors(named),
+        *(() if facts.empty else (_score(summary, facts), _time_gaps(facts), _differences(differences))),
+    )
+    return Document(
+        title="What the driver model lacks in real recordings",
+        verdict=_verdict(summary),
+        sections=sections,
+        command="study real",
+        generated=generated,
+        data=remarks.data,
+        sources=remarks.sources,
+    )
+
+
+def _verdict(summary: Mapping[str, Any]) -> str:
+    words = ", ".join(f"{summary[f'n_{word}']} {word}" for word in STRONGEST_FIRST if summary[f"n_{word}"])
+    text = f"Groups of drivers: {words}"
+    if summary["n_known"]:
+        text += (
+            f"; {summary['n_within']} of {summary['n_known']} known time gaps are met within {TOLERANCE:g} s by "
+            "calibrated drivers"
+        )
+    return f"{text}."
+
+
+def _verdicts(named: pd.DataFrame) -> Section:
+    columns = {"name": "", "drivers": "drivers", "base": "base model", "verdict": "verdict", "effects": "effects"}
+    columns |= {f"time_gap_{speed}": f"time gap at {speed} m/s [s]" for speed in SPEEDS} | {"worse_in": "worse in"}
+    spoken_words = {"base": named["base"].map(spoken), "effects": named["effects"].replace("", None)}
+    worse = named["worse_in"].map(lambda names: ", ".join(map(spoken, names.split(","))) if names else None)
+    words = (
+        "Each group was calibrated and searched alone; its folder in sets/ has candidates, curves and the repaired "
+        "model. Time gaps are those at equilibrium behind a leader of constant speed, medians of the calibrated "
+        f"drivers. Worse in: protocols in which the repaired model's mean gap error is more than {percent(WORSE)} "
+        "above that of the base model.",
+    )
+    return Section("Verdicts", words, (table_of("Verdicts", named.assign(**spoken_words, worse_in=worse), columns),))
+
+
+def _errors(named: pd.DataFrame) -> Section:
+    """One table per protocol; those in which no group could be tested are left out."""
+    tables = []
+    for protocol, words in PROTOCOLS.items():
+        tested = named[named[f"{protocol}_before"].notna()]
+        if tested.empty:
+            continue
+        columns = {"name": "", f"{protocol}_drivers": "drivers", f"{protocol}_before": "before [m]"}
+        columns |= {f"{protocol}_after": "after [m]", f"{protocol}_change": "change [m]", "share": "change [%]"}
+        share = {f"share{end}": 100 * tested[f"{protocol}_change_share{end}"] for end in ("", "_low", "_high")}
+        tables.append(table_of(f"{spoken(protocol)}: {words}", tested.assign(**share), columns))
+    words = (
+        "Mean over the drivers reported on, who took no part in the fit or the search, of the root mean square error "
+        "of the gap, simulated behind the measured leader.",
+    )
+    return Section("Gap error before and after, by protocol", words, tuple(tables))
+
+
+def _score(summary: Mapping[str, Any], facts: pd.DataFrame) -> Section:
+    """What is known of these vehicles, and whether it comes out."""
+    rows = []
+    if summary["n_known"]:
+        rows += [
+            Row(
+                f"known time gaps within {TOLERANCE:g} s, calibrated drivers",
+                (Cell(f"{summary['n_within']} of {summary['n_known']}"),),
+            ),
+            Row(
+                f"known time gaps within {TOLERANCE:g} s, measured without a model",
+                (Cell(f"{summary['n_within_model_free']} of {summary['n_known']}"),),
+            ),
+        ]
+    if summary["n_cars"] is not None:
+        rows.append(
+            Row("shorter in setting S than in L", (Cell(f"{summary['n_shorter']} of {summary['n_cars']} cars"),))
+        )
+    if summary["is_leader_equal"] is not None:
+        low, high = (number(summary[f"leader_difference_{end}"], "+") for end in ("low", "high"))
+        said = f"{'yes' if summary['is_leader_equal'] else 'no'}, {summary['leader_cars']} persons"
+        rows.append(Row("behind ACC as behind people", (Cell(said, f"{low} to {high} s"),)))
+    if not rows:
+        return Section("Facts", (f"No time gap is known of these {len(facts)} cars and settings.",))
+    return Section("Facts", tables=(Table("What is known of these vehicles", ("comes out",), tuple(rows)),))
+
+
+def _time_gaps(facts: pd.DataFrame) -> Section:
+    columns = {"name": "", "tracks": "tracks", "runs": "runs", "speed": "speed [m/s]", "model_free": "measured [s]"}
+    columns |= {"calibrated": "calibrated [s]", "difference": "difference [s]", "known": "known [s]"}
+    spread = {
+        f"{name}{end}": facts[name] + sign * facts[f"{name}_deviation"]
+        for name in ("model_free", "known")
+        for end, sign in (("_low", -1), ("_high", 1))
+    }
+    shown = facts.assign(name=facts["car"] + ", " + facts["setting"], **spread)
+    words = (
+        "Measured without a model: median of gap over speed in stretches near equilibrium, and one standard error "
+        "between runs on either side. Calibrated: the chosen car-following model at the speed that is usual in these "
+        "stretches, median of a car's tracks.",
+    )
+    tables = tuple(
+        table_of(str(title), own.dropna(axis=1, how="all"), columns)
+        for title, own in shown.groupby("title", sort=False)
+    )
+    return Section("Time gaps by car and setting", words, tables, is_folded=True)
+
+
+def _differences(differences: pd.DataFrame) -> Section:
+    headings = {"name": "", "told": "told by", "cars": "cars", "first_mean": "first [s]", "second_mean": "second [s]"}
+    headings |= {"value": "difference [s]", "longer": "longer in the first"}
+    title = differences["title"] + ": " + differences["first"] + " and " + differences["second"]
+    shown = differences.assign(
+        name=title,
+        told=differences["told"].map(spoken),
+        value_low=differences["low"],
+        value_high=differences["high"],
+    )
+    words = ("Mean over the cars, or persons, that drove in both, with an interval over them.",)
+    return Section("Differences between settings", words, (table_of("Differences", shown, headings),))

@@ -1,0 +1,149 @@
+"""Time gaps at equilibrium of each car (or person) under each setting (or leader): measured, and of calibrated drivers.
+
+Measured without a model: the median of gap over speed in stretches near equilibrium. Calibrated: the car-following
+model that the discovery of the set chose is calibrated to all tracks of a setting, and the median over a car's tracks
+is taken of the gap over speed behind a leader that drives as fast as is usual in these stretches.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool, Float
+
+from rearl_jax.config import DiscoverConfig
+from rearl_jax.config.driver import DriverConfig
+from rearl_jax.discovery.comparison.compared import solver_of
+from rearl_jax.discovery.observe.base import base_of
+from rearl_jax.discovery.observe.drivers import prior_of
+from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.report.equilibrium import time_gaps
+from rearl_jax.discovery.report.error_block import Resampling
+from rearl_jax.discovery.report.protocols import gap_of
+from rearl_jax.study.real.known import KnownTimeGap
+
+MOST_ACCELERATION, MOST_APPROACH, LEAST_SPEED = 0.2, 0.3, 5.0
+"""Near equilibrium a driver accelerates [m/s^2] and approaches the leader [m/s] by less, and drives faster [m/s]."""
+
+LEAST_STEADY = 2.0
+"""Time near equilibrium from which on a time gap is told without a model [s]."""
+
+FACT_COLUMNS = ("setting", "car", "tracks", "runs", "steady_seconds", "speed", "model_free", "model_free_deviation")
+FACT_COLUMNS += ("calibrated", "difference", "known", "known_deviation", "within")
+
+
+def near_equilibrium(data: Measured) -> Bool[np.ndarray, "steps pieces"]:
+    """Where drivers neither accelerate nor come closer to their leaders, at time steps that count."""
+    speed = data.smooth_speed
+    acceleration = np.gradient(speed, data.dt, axis=0)
+    approach = speed - data.around.leader_speed
+    is_steady = (np.abs(acceleration) < MOST_ACCELERATION) & (np.abs(approach) < MOST_APPROACH)
+    return is_steady & (speed > LEAST_SPEED) & (data.weight > 0)
+
+
+def facts_of(
+    data: Measured,
+    by: str,
+    car: str,
+    models: Mapping[str, DriverConfig],
+    known: Mapping[str, Mapping[str, KnownTimeGap]],
+    tolerance: float,
+    *,
+    lane_changes: bool,
+) -> pd.DataFrame:
+    """One row per setting and car, with FACT_COLUMNS; what cannot be told is null.
+
+    Args:
+        data: All drivers.
+        by: Label that tells settings apart.
+        car: Label that tells cars, or persons, apart.
+        models: Car-following model to calibrate in each setting; settings without one are measured only.
+        known: Known time gaps by car and setting.
+        tolerance: Distance from a known one within which `within` is true [s].
+        lane_changes: As in `base_of`.
+    """
+    rows = []
+    settings = data.labels[by]
+    for setting in sorted({value for value in settings.tolist() if value is not None}):
+        inside = data.select(np.flatnonzero(settings == setting))
+        is_steady = near_equilibrium(inside)
+        speed = float(np.median(inside.smooth_speed[is_steady])) if is_steady.any() else np.nan
+        of_driver = np.full(inside.n_drivers, np.nan)
+        if setting in models and np.isfinite(speed):
+            of_driver = _calibrated(inside, models[setting], speed, lane_changes=lane_changes)
+        cars = inside.label(car)
+        for name in sorted({value for value in cars.tolist() if value is not None}):
+            row = {"setting": setting, "car": name, "speed": speed}
+            row |= _measured(inside, is_steady, inside.labels[car] == name)
+            row |= {"tracks": int((cars == name).sum()), "calibrated": _middle(of_driver[cars == name])}
+            row["difference"] = row["calibrated"] - row["model_free"]
+            if (fact := known.get(name, {}).get(setting)) is not None:
+                row |= {"known": fact.value, "known_deviation": fact.deviation}
+                if np.isfinite(row["calibrated"]):
+                    row["within"] = bool(abs(row["calibrated"] - fact.value) <= tolerance)
+            rows.append(row)
+    table = pd.DataFrame(rows, columns=list(FACT_COLUMNS))
+    whole, truth = ("tracks", "runs"), ("within",)
+    kinds = {name: "Int64" if name in whole else "boolean" for name in (*whole, *truth)}
+    numbers = [name for name in FACT_COLUMNS if name not in ("setting", "car", *kinds)]
+    return table.astype(kinds | dict.fromkeys(numbers, "Float64"))
+
+
+def _calibrated(
+    data: Measured, model: DriverConfig, speed: float, *, lane_changes: bool
+) -> Float[np.ndarray, " drivers"]:
+    """Time gaps [s] at equilibrium of the drivers of a calibrated model."""
+    solver = solver_of(data, prior_of(model))
+    return time_gaps(solver, base_of(solver, data, lane_changes=lane_changes).fit.state, speed)
+
+
+def _measured(data: Measured, is_steady: np.ndarray, pieces: np.ndarray) -> dict[str, float | int]:
+    """Time gap of some pieces without a model, the standard error of its medians by run, and what it rests on."""
+    time_gap = gap_of(data) / np.maximum(data.smooth_speed, LEAST_SPEED)
+    step = data.dt * data.stride
+
+    def median(chosen: np.ndarray) -> float:
+        values = time_gap[:, chosen][is_steady[:, chosen]]
+        return float(np.median(values)) if len(values) * step >= LEAST_STEADY else np.nan
+
+    runs = np.unique(data.recording[pieces])
+    by_run = np.array([median(pieces & (data.recording == run)) for run in runs])
+    by_run = by_run[np.isfinite(by_run)]
+    deviation = float(by_run.std(ddof=1) / np.sqrt(len(by_run))) if len(by_run) > 1 else np.nan
+    return {
+        "runs": len(runs),
+        "steady_seconds": float(is_steady[:, pieces].sum() * step),
+        "model_free": median(pieces),
+        "model_free_deviation": deviation,
+    }
+
+
+def _middle(values: Float[np.ndarray, " tracks"]) -> float:
+    """Median of those that are known, NaN if fewer than half are."""
+    found = values[np.isfinite(values)]
+    return float(np.median(found)) if len(found) and len(found) >= len(values) / 2 else np.nan
+
+
+def differences_of(facts: pd.DataFrame, options: DiscoverConfig) -> pd.DataFrame:
+    """How much longer the time gap of the same cars is in one setting than in another: mean with an interval over cars.
+
+    One row per set, pair of settings and way of telling (`calibrated`, `model_free`): `first`, `second`, `cars`,
+    `first_mean`, `second_mean`, `value`, `low`, `high` [s] and `longer`, the number of cars that keep the longer time
+    gap in `first`. Pairs of settings that fewer than two cars drove in are left out.
+    """
+    over, rows = Resampling(options.confidence, options.draws, options.seed), []
+    for name, inside in facts.groupby("set", sort=False):
+        title, settings = inside["title"].iloc[0], sorted(set(inside["setting"].tolist()))
+        for number, first in enumerate(settings):
+            for second in settings[number + 1 :]:
+                for told in ("calibrated", "model_free"):
+                    wide = inside.pivot(index="car", columns="setting", values=told)[[first, second]].dropna()
+                    ends = wide.to_numpy(float)
+                    if len(ends) < 2:
+                        continue
+                    away = ends[:, 0] - ends[:, 1]
+                    row = {"set": name, "title": title, "first": first, "second": second, "told": told}
+                    row |= {"cars": len(away), "first_mean": ends[:, 0].mean(), "second_mean": ends[:, 1].mean()}
+                    rows.append(row | over.figure(over.drawn(away, np.mean)) | {"longer": int((away > 0).sum())})
+    columns = ["set", "title", "first", "second", "told", "cars", "first_mean", "second_mean", "value", "low", "high"]
+    return pd.DataFrame(rows, columns=[*columns, "longer"])

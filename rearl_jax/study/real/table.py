@@ -1,0 +1,77 @@
+"""Verdicts on groups of drivers as rows of one table: what was found, and errors before and after by protocol."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+from rearl_jax.discovery.report.groups_section import with_numbers
+from rearl_jax.discovery.report.protocols import PROTOCOLS
+
+WORSE = 0.01
+"""Increase of the mean gap error, as a share of it, beyond which the repaired model is said to be worse [-]."""
+
+FIGURES = ("before", "after", "change", "change_share")
+"""Mean gap error over drivers before and after [m], and its change, also as a share of before [-]."""
+
+SPEEDS = ("10", "20")
+"""Speeds at which time gaps at equilibrium are told [m/s]."""
+
+ROW_COLUMNS = ("set", "title", "group", "drivers", "base", "verdict", "effects", "worse_in")
+
+
+def rows_of(name: str, title: str, group: str, verdict: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A row for each group of a discovery, or the one row of a discovery without groups.
+
+    Args:
+        name: Name of the set.
+        title: Its name in tables.
+        group: Name of the drivers of a discovery without groups.
+        verdict: As in verdict.json.
+    """
+    usual = verdict["data"]["car_following"]
+    if "groups" in verdict:
+        return [_row(name, title, row["value"], row, row["drivers"], usual) for row in verdict["groups"]]
+    return [_row(name, title, group, verdict, verdict["data"]["drivers"], usual)]
+
+
+def _row(
+    name: str, title: str, group: str, found: Mapping[str, Any], drivers: Mapping[str, int], usual: str
+) -> dict[str, Any]:
+    base = found["base"]
+    protocols = found["error"]["protocols"]
+    gaps = {protocol: None if one is None else one["gap_rmse"]["mean"] for protocol, one in protocols.items()}
+    time_gaps = found.get("equilibrium_time_gap") or (base or {}).get("equilibrium_time_gap") or {}
+    row: dict[str, Any] = {
+        "set": name,
+        "title": title,
+        "group": group,
+        "drivers": sum(drivers.values()),
+        "base": usual if base is None else base["chosen"],
+        "verdict": found["verdict"],
+        "effects": "; ".join(map(with_numbers, found["effects"])),
+        "worse_in": ",".join(
+            protocol for protocol in PROTOCOLS if (one := gaps[protocol]) and one["change_share"]["value"] > WORSE
+        ),
+    }
+    for protocol in PROTOCOLS:
+        one = protocols[protocol]
+        row[f"{protocol}_drivers"] = None if one is None else one["n_drivers"]
+        for figure in FIGURES:
+            row |= _figure(f"{protocol}_{figure}", (gaps[protocol] or {}).get(figure))
+    for speed in SPEEDS:
+        row |= _figure(f"time_gap_{speed}", time_gaps.get(speed))
+    return row
+
+
+def _figure(name: str, value: Mapping[str, float] | None) -> dict[str, float | None]:
+    ends = {"": "value", "_low": "low", "_high": "high"}
+    return {f"{name}{suffix}": None if value is None else value[end] for suffix, end in ends.items()}
+
+
+def real_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """The rows of all sets; figures that do not exist are null, never NaN."""
+    table = pd.DataFrame(list(rows))
+    whole = ["drivers", *(f"{protocol}_drivers" for protocol in PROTOCOLS)]
+    numbers = [name for name in table.columns if name not in (*ROW_COLUMNS, *whole)]
+    return table.astype(dict.fromkeys(whole, "Int64") | dict.fromkeys(numbers, "Float64"))
