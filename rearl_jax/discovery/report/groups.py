@@ -4,9 +4,9 @@ The verdict of a discovery by groups has the keys of any other. Its word is the 
 say of which group they are, its errors are those of all reported drivers, each with its group's model. What only a
 group has (candidates, unseen effects, adequacy) is in its own verdict, `groups/<name>/verdict.json`. Beside it:
 
-groups    [{by, value, drivers, driver_seconds, cars, shared, labels, verdict, effects, error,
-          car_following, base, equilibrium_time_gap, notes}]: `labels` {label: {value, share}} the most common value of
-          each label and its share of the drivers, `cars` the number of persons or cars, null where nobody is known again; `shared` the
+groups    [{by, value, drivers, driver_seconds, cars, shared, labels, verdict, effects, error, car_following, base,
+          equilibrium_time_gap, notes}]: `labels` {label: {value, share}} the most common value of each label and its
+          share of the drivers, `cars` the number of persons or cars, null where nobody is known again; `shared` the
           number of them that are both among the fitted and the reported drivers; `equilibrium_time_gap` {speed [m/s]:
           {value, low, high}}, the median over fitted drivers of gap over speed [s] behind a leader of that speed in the
           calibrated model, null where fewer than half of the drivers want to drive that fast
