@@ -83,7 +83,11 @@ class Thresholds:
 
     base_error_share: float = 0.05
     """Share by which the mean gap error of such a model, with parameters of the population or of the first half of a
-    drive, may surely exceed that of the best one [-].
+    drive, may exceed that of the best one [-].
+    """
+    base_veto_share: float = 0.5
+    """Share of resamples of drivers in which it exceeds that, beyond which the model is not chosen [-]: whoever takes the
+    place of the usual model must prove itself.
     """
 
     candidate_z_score: float = 4.5

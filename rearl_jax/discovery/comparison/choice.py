@@ -52,7 +52,7 @@ def choice_of(
     drawn = np.stack([one[resamples(len(one), seed)].sum(axis=1) for one in gains])
     better = (drawn > drawn[0]).mean(axis=1).tolist()
     best = np.bincount(drawn.argmax(axis=0), minlength=len(gains)) / DRAWS
-    vetoed = frozenset().union(*(_surely_worse([one.get(name) for one in errors], seed) for name in VETOING))
+    vetoed = frozenset().union(*(_probably_worse([one.get(name) for one in errors], seed) for name in VETOING))
     able = [
         number
         for number, share in enumerate(better)
@@ -71,8 +71,8 @@ def is_beaten(one: Float[np.ndarray, " drivers"], gains: Sequence[Float[np.ndarr
     return bool((drawn > 0).mean() >= THRESHOLDS.base_confidence and gain.sum() > THRESHOLDS.least_base_gain)
 
 
-def _surely_worse(errors: Sequence[Float[np.ndarray, " tested"] | None], seed: int) -> frozenset[int]:
-    """Models whose mean error surely exceeds the least one by more than is borne."""
+def _probably_worse(errors: Sequence[Float[np.ndarray, " tested"] | None], seed: int) -> frozenset[int]:
+    """Models whose mean error more likely than not exceeds the least one by more than is borne."""
     tested = {number: one for number, one in enumerate(errors) if one is not None}
     if not tested:
         return frozenset()
@@ -82,5 +82,5 @@ def _surely_worse(errors: Sequence[Float[np.ndarray, " tested"] | None], seed: i
     return frozenset(
         number
         for number, one in tested.items()
-        if (one[drawn].mean(axis=1) > borne).mean() >= THRESHOLDS.rejection_share
+        if (one[drawn].mean(axis=1) > borne).mean() > THRESHOLDS.base_veto_share
     )
