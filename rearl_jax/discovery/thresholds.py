@@ -86,9 +86,7 @@ class Thresholds:
     drive, may exceed that of the best one [-].
     """
     base_veto_share: float = 0.5
-    """Share of resamples of drivers in which it exceeds that, beyond which the model is not chosen [-]: whoever takes the
-    place of the usual model must prove itself.
-    """
+    """Share of resamples of drivers in which it exceeds that, beyond which the model is not chosen [-]."""
 
     candidate_z_score: float = 4.5
     """Standard deviations above the null's mean from which the evidence for a candidate exceeds chance [-]."""
