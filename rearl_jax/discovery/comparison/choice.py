@@ -59,6 +59,7 @@ def choice_of(
         if share >= THRESHOLDS.base_confidence
         and gains[number].sum() > THRESHOLDS.least_base_gain
         and number not in vetoed
+        and (errors[number] or not any(errors))  # nobody is chosen unseen where others were simulated
     ]
     chosen = max(able, key=lambda number: float(gains[number].sum()), default=0)
     return Choice(chosen, better, best.tolist(), vetoed)

@@ -43,7 +43,7 @@ def test_parts_of_a_verdict_are_plain_and_complete(lane_findings):
     found = lane_findings
     parts = json.loads(json.dumps(found.as_verdict_parts(), allow_nan=False))
     (effect,) = parts["effects"]
-    assert set(effect) == {"name", "kind", "parameters", "variables", "confidence", "evidence"}
+    assert set(effect) == {"name", "kind", "parameters", "variables", "confidence", "evidence", "depends_on_base"}
     assert set(effect["parameters"]["bias"]) == {"value", "low", "high", "unit"}
     assert len(parts["candidates"]) == len(CANDIDATES)
     keys = {"name", "kind", "variables", "evidence", "surprise", "gain", "check", "ambiguous", "told_apart_by"}

@@ -20,7 +20,7 @@ def test_the_middle_driver_and_the_spread_are_told(solver, drivers):
     assert tuple(found) == prior.names
     values = prior.values(drivers.z, drivers.truck)[:, prior.names.index("time_gap")]
     assert found["time_gap"]["value"] == pytest.approx(np.median(values), rel=1e-3)
-    assert found["time_gap"]["told"] > 0.5 > found["comfort_decel"]["told"]
+    assert found["time_gap"]["told"] > 0.9 > found["jam_gap"]["told"]
     assert all(row["at_bound"] == 0.0 for row in found.values())
     spread = dict(zip(prior.names, prior.spread * drivers.spread, strict=True))
     assert found["jam_gap"]["spread"] == pytest.approx(spread["jam_gap"])
