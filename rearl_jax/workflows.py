@@ -251,9 +251,9 @@ def _task_record(words: str, keys: Mapping[str, Any]) -> Any:
             message = f"must be left out, for {words}() writes nothing: call save(FOLDER) of its result"
             raise InvalidInputError(Problem("key-implied", message, key=name))
     task = next(task for task in TASKS if task.words == words)
-    for group, word in task.implied.items():
-        if group in keys:
-            keys = _with_default(keys, *word.split("="))
+    implied = dict(word.split("=") for group, word in task.implied.items() if group in keys)  # the last one counts
+    for name, value in implied.items():
+        keys = _with_default(keys, name, value)
     return _configured(task.load_config(), keys)
 
 
