@@ -79,7 +79,7 @@ def test_candidates_on_top_of_what_was_added_are_scored_without_it(solver, calib
     """Once an effect is in the model, its own direction has nothing left to say."""
     state, _ = calibrated
     term = Term("speed_dependent_time_gap")
-    added = replace(state, active=(term,), z=state.z.copy(), mean=state.mean.copy(), log=[])
+    added = copied(state, active=(term,))
     solver.solve([added], iterations=15)
     (found,) = scores(solver, [added])
     assert abs(found[term].score[0]) < 1e-2 * np.sqrt(found[Term("asymmetry")].information[0, 0]) + 1.0
