@@ -9,10 +9,8 @@ from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.drivers import prior_of
-from rearl_jax.discovery.observe.layout import layout_of
-from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.parts import measured_drivers
-from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.tables import fit_table
 from rearl_jax.models.file import write_model
@@ -46,7 +44,7 @@ def calibration(config: DiscoverTask) -> Calibration:
     """
     prior = prior_of(config.driver)
     findings, data = measured_drivers(list(iterate_recordings(config.data)), config.discover, prior)
-    solver = Solver(Programs(layout_of(data, prior), data.dt))
+    solver = solver_of(data, prior)
     fit = base_of(solver, data, lane_changes=config.discover.lane_changes).fit
     model = repaired_model(fit, fit, (), (), (), data, solver.layout, data_id(config.data), config.study)
     return Calibration(fit_table(solver, fit), model, tuple(finding.words for finding in findings))

@@ -15,10 +15,8 @@ from rearl_jax.discovery.groups.group import Grouping, grouped
 from rearl_jax.discovery.groups.kinds import Kinds, kinds_of, purity, seen_of
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.drivers import prior_of
-from rearl_jax.discovery.observe.layout import layout_of
-from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.parts import AUTO, Parts, measured_drivers, named_labels
-from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.split import in_both, split_drivers
@@ -99,7 +97,7 @@ def _kinds(config: DiscoverTask, drivers: Drivers, bar: Progress) -> Kinds:
     """Kinds of drivers, told apart by how they were calibrated, all of them together."""
     say = shown(bar, "telling kinds of drivers apart")
     say(0, 2)
-    solver = Solver(Programs(layout_of(drivers.data, prior_of(config.driver)), drivers.data.dt))
+    solver = solver_of(drivers.data, prior_of(config.driver))
     fit = base_of(solver, drivers.data, lane_changes=config.discover.lane_changes).fit
     say(1, 2)
     kinds = kinds_of(seen_of(solver, fit), config.discover.seed)

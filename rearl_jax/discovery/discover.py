@@ -14,7 +14,7 @@ from rich.progress import Progress
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.claims import Claim
-from rearl_jax.discovery.comparison.compared import compared_table, solver_of
+from rearl_jax.discovery.comparison.compared import compared_table
 from rearl_jax.discovery.comparison.comparison import BASE_TABLE, Comparison, base_block, comparison_of
 from rearl_jax.discovery.comparison.dependence import dependent_effects
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
@@ -24,7 +24,7 @@ from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.parts import Parts
-from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.observe.uncertainty import known
 from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.measured import Measured

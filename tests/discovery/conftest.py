@@ -82,12 +82,10 @@ def measured_of(tables_of):
 @pytest.fixture(scope="session")
 def solver(measured_of):
     """A solver for the control."""
-    from rearl_jax.discovery.observe.layout import layout_of
-    from rearl_jax.discovery.observe.normal_equations import Programs
-    from rearl_jax.discovery.observe.solver import Solver
+    from rearl_jax.discovery.observe.solver import solver_of
 
     data = measured_of()
-    return Solver(Programs(layout_of(data), data.dt))
+    return solver_of(data)
 
 
 @pytest.fixture(scope="session")

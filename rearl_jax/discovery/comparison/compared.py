@@ -15,15 +15,12 @@ from jaxtyping import Float
 from rearl_jax.discovery.comparison.choice import is_beaten
 from rearl_jax.discovery.observe.base import Base, base_of
 from rearl_jax.discovery.observe.closed_loop import calibrated_to_gap, simulated_error
-from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit, on_others
 from rearl_jax.discovery.observe.fit_state import FitState, new_state
-from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, noises, under_best_time
-from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.read.training import left_out_runs
+from rearl_jax.discovery.read.training import every_run
 from rearl_jax.discovery.report.protocols import PROTOCOL_MEASURES, protocol_errors
 from rearl_jax.discovery.search.decision import bounded_gains
 
@@ -60,11 +57,6 @@ def some_of(data: Measured, most: int, seed: int) -> Measured:
         return data
     kept = np.random.default_rng(seed).choice(data.n_drivers, most, replace=False)
     return data.of_drivers(np.isin(np.arange(data.n_drivers), kept))
-
-
-def solver_of(data: Measured, prior: Prior) -> Solver:
-    """A solver with the places and knots of some data."""
-    return Solver(Programs(layout_of(data, prior), data.dt))
 
 
 def compared_models(
@@ -123,10 +115,8 @@ def calibrated_alike(solver: Solver, data: Measured, like: Fit) -> Fit:
 
 def _errors(solver: Solver, fit: Fit, state: FitState) -> dict[str, dict[str, Float[np.ndarray, " _"]]]:
     """Errors under every protocol in which somebody can be tested."""
-    data = state.data
-    runs = left_out_runs(data, data.same, np.ones(data.n_drivers, bool))
     in_sample = simulated_error(solver, calibrated_to_gap(solver, state))
-    found = protocol_errors(solver, state, fit, in_sample, runs)
+    found = protocol_errors(solver, state, fit, in_sample, every_run(state.data))
     return {name: dict(one.by_driver) for name, one in found.items() if one is not None}
 
 

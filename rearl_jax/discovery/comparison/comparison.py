@@ -17,12 +17,12 @@ from rearl_jax.discovery.comparison.compared import (
     compared_table,
     gains_of,
     read_compared,
-    solver_of,
     some_of,
 )
 from rearl_jax.discovery.observe.base import Base
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.parts import Parts
+from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.report.error_block import STATISTICS, Resampling
 from rearl_jax.discovery.report.protocols import PROTOCOL_MEASURES, PROTOCOLS
 from rearl_jax.results import Study

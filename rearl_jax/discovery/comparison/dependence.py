@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 
-from rearl_jax.discovery.comparison.compared import calibrated_alike, solver_of
+from rearl_jax.discovery.comparison.compared import calibrated_alike
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit, on_others
 from rearl_jax.discovery.observe.fit_state import copied
-from rearl_jax.discovery.observe.noise import ACCELERATIONS, noises, under_best_noise
-from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.noise import no_larger, noises, under_best_noise
+from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.decision import Trial, trial_of
 from rearl_jax.discovery.search.procedure import Search
@@ -59,5 +59,4 @@ def _with(solver: Solver, fit: Fit, trial: Trial) -> Fit:
     theta[places] = trial.fit.state.theta[places]
     state = copied(fit.state, theta=theta, active=(*fit.state.active, trial.candidate.term))
     solver.solve([state], iterations=15, tolerance=0.3)
-    lower = [sd for sd in ACCELERATIONS if sd <= fit.noise.acceleration] or [ACCELERATIONS[0]]
-    return Fit(trial.candidate, *under_best_noise(solver, state, noises(fit.noise, lower)))
+    return Fit(trial.candidate, *under_best_noise(solver, state, noises(fit.noise, no_larger(fit.noise))))

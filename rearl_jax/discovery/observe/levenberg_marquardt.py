@@ -31,7 +31,7 @@ LEAST_STEPS = 3
 """Steps taken before a small gain ends the search."""
 
 
-class Search:
+class LevenbergMarquardt:
     """Search from a state that has been evaluated; the state is changed in place.
 
     Attributes:

@@ -102,6 +102,11 @@ def noises(like: Noise, accelerations: Sequence[float]) -> list[Noise]:
     return [replace(like, acceleration=sd, time=time) for sd in accelerations for time in TIMES]
 
 
+def no_larger(noise: Noise) -> list[float]:
+    """Sizes of the drivers' noise up to the present one [m/s^2]: an addition can only lower what is left to chance."""
+    return [sd for sd in ACCELERATIONS if sd <= noise.acceleration] or [ACCELERATIONS[0]]
+
+
 def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     """Drivers, their population and the noise, jointly, with nothing added to the model."""
     usual = replace(USUAL, position=data.noise)

@@ -11,10 +11,8 @@ from rearl_jax.config import DiscoverConfig
 from rearl_jax.data.labels import track_labels
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
-from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.noise import is_exact
-from rearl_jax.discovery.observe.normal_equations import Programs
-from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.gate import Finding, amount, gate, smoothed_positions
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.reading import EXACT_NOISE, measure, one_frame_rate
@@ -78,8 +76,7 @@ def measured_drivers(
     smooth = smoothness(tables)
     labels = labels_of(recordings, options)
     same = options.same or (same if same in labels else None)
-    known = partial(measure, labels=labels, same=same)
-    known = partial(known, position_lag=amount(findings, "position_lag"))
+    known = partial(measure, position_lag=amount(findings, "position_lag"), labels=labels, same=same)
     data = _chosen(known(tables, smooth=smooth), options)
     if data.noise < EXACT_NOISE and _are_exact(data, prior):
         # A simulation without noise is as smooth by itself as a kernel would have made it.
@@ -121,4 +118,4 @@ def _chosen(data: Measured, options: DiscoverConfig) -> Measured:
 def _are_exact(data: Measured, prior: Prior) -> bool:
     """True if some of the drivers, which are enough to see it, do nothing beside the model."""
     some = data.select(np.flatnonzero(data.driver < ENOUGH))
-    return is_exact(Solver(Programs(layout_of(some, prior), some.dt)), some)
+    return is_exact(solver_of(some, prior), some)

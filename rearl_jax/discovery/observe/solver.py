@@ -18,9 +18,11 @@ import numpy as np
 from jaxtyping import Int
 
 from rearl_jax.discovery.observe.clocks import following
+from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
 from rearl_jax.discovery.observe.fit_state import DriverSums, FitState, replace_gain
 from rearl_jax.discovery.observe.kalman import Gain
-from rearl_jax.discovery.observe.levenberg_marquardt import Search
+from rearl_jax.discovery.observe.layout import layout_of
+from rearl_jax.discovery.observe.levenberg_marquardt import LevenbergMarquardt
 from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.observer import Pieces
 from rearl_jax.discovery.read.measured import Measured
@@ -48,7 +50,7 @@ class Solver:
         """
         free = self.free(states[0])
         self._evaluate(states)
-        searches = [Search(state, self.layout, free) for state in states]
+        searches = [LevenbergMarquardt(state, self.layout, free) for state in states]
         for _ in range(iterations):
             going = [search for search in searches if search.goes_on]
             if not going:
@@ -92,6 +94,11 @@ class Solver:
         theta = np.repeat(np.stack([state.theta for state in states], axis=1), n_pieces, axis=1)
         deviation = np.concatenate([np.sqrt(state.variances)[state.data.driver] for state in states])
         return {"z": z, "theta": theta, "pieces": replace(joined, deviation=deviation)}
+
+
+def solver_of(data: Measured, prior: Prior = IDM_PRIOR) -> Solver:
+    """A solver with the places and knots of some data."""
+    return Solver(Programs(layout_of(data, prior), data.dt))
 
 
 def _joined(parts: Sequence[Pieces]) -> Pieces:

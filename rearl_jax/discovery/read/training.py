@@ -112,6 +112,11 @@ def left_out_runs(
     ]
 
 
+def every_run(data: Measured) -> list[Split]:
+    """The splits of `left_out_runs` in which every run of those who are known to have several is predicted."""
+    return left_out_runs(data, data.same, np.ones(data.n_drivers, bool))
+
+
 def _folds(data: Measured, same: Int[np.ndarray, " drivers"], several: np.ndarray) -> Int[np.ndarray, " drivers"]:
     """Fold of each run, in order of time: the runs of one driver in at most MOST_FOLDS parts of about the same size."""
     begin = np.full(data.n_drivers, np.inf)

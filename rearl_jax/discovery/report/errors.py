@@ -17,7 +17,7 @@ from rearl_jax.discovery.observe.fit_state import FitState, copied
 from rearl_jax.discovery.observe.response_time import Responses, responses
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.read.training import Split, left_out_runs
+from rearl_jax.discovery.read.training import Split, every_run
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, ProtocolErrors, protocol_errors
 from rearl_jax.discovery.search.null import behind_noisy_drive, position_errors
 
@@ -72,7 +72,7 @@ def model_errors(solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: 
         fits: The models by name.
         seed: Of the noise.
     """
-    runs = left_out_runs(data, data.same, np.ones(data.n_drivers, bool))
+    runs = every_run(data)
     states = on_others(solver, data, list(fits.values()))
     return {
         name: _errors(solver, state, fit, seed, runs) for (name, fit), state in zip(fits.items(), states, strict=True)

@@ -8,7 +8,7 @@ import numpy as np
 from rearl_jax.discovery.observe.candidates import Candidate, Layout, Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import FitState, copied, with_noise
-from rearl_jax.discovery.observe.noise import ACCELERATIONS, noises, under_best_noise
+from rearl_jax.discovery.observe.noise import no_larger, noises, under_best_noise
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.search.screen import Score
 
@@ -114,8 +114,6 @@ def refit(
 
     `progress` is called with the candidates done and wanted.
     """
-    # Adding an effect can only lower what is left to chance.
-    lower = [sd for sd in ACCELERATIONS if sd <= base.noise.acceleration] or [ACCELERATIONS[0]]
     fits = {}
     for number, candidate in enumerate(candidates):
         active = (*base.state.active, candidate.term)
@@ -125,7 +123,7 @@ def refit(
         ]
         solver.solve(states, iterations=15, tolerance=0.3)
         best = min(states, key=lambda state: state.objective)
-        again, noise = under_best_noise(solver, best, noises(base.noise, lower[-TRIED:]))
+        again, noise = under_best_noise(solver, best, noises(base.noise, no_larger(base.noise)[-TRIED:]))
         # What is most likely for noise of that size need not be so for the size that was found.
         found = (Fit(candidate, best, base.noise), Fit(candidate, again, noise))
         fits[candidate.term] = min(found, key=lambda fit: fit.state.objective)

@@ -36,9 +36,10 @@ def simulated(solver: Solver, base: FitState, accepted: Sequence[Trial]) -> tupl
         for trial, after in zip(leading, errors, strict=True)
     ]
     borne = simulated_gains(before, before * np.sqrt(1 + THRESHOLDS.borne_growth), base.data)
-    worse = [is_contradicted(simulated_gains(before, after, base.data), borne) for after in errors]
-    agreed = [trial for trial, is_worse in zip(asked, worse, strict=True) if not is_worse]
-    contradicted = [trial for trial, is_worse in zip(asked, worse, strict=True) if is_worse]
+    agreed, contradicted = [], []
+    for trial in asked:
+        assert trial.simulated is not None
+        (contradicted if is_contradicted(trial.simulated, borne) else agreed).append(trial)
     return sorted(agreed, key=lambda trial: -trial.overall), contradicted
 
 
@@ -61,8 +62,7 @@ def is_contradicted(gains: Float[np.ndarray, " drivers"], borne: Float[np.ndarra
 
     What each says is bounded: one driver whom a model loses altogether does not outvote all others.
     """
-    drawn = np.random.default_rng(seed).integers(0, len(gains), (DRAWS, len(gains)))
-    return bool(((gains - borne)[drawn].mean(axis=1) < 0).mean() > THRESHOLDS.contradiction_share)
+    return bool((_means(gains - borne, seed) < 0).mean() > THRESHOLDS.contradiction_share)
 
 
 def share_worse(
@@ -74,6 +74,10 @@ def share_worse(
     """Share of resamples of drivers in which the squared error is larger after than before [-], by more than a share
     `borne` of what it was.
     """
-    worse = after**2 - before**2
-    drawn = np.random.default_rng(seed).integers(0, len(worse), (DRAWS, len(worse)))
-    return float((worse[drawn].mean(axis=1) > borne * (before**2).mean()).mean())
+    return float((_means(after**2 - before**2, seed) > borne * (before**2).mean()).mean())
+
+
+def _means(values: Float[np.ndarray, " drivers"], seed: int) -> Float[np.ndarray, " draws"]:
+    """Means over resamples of drivers."""
+    drawn = np.random.default_rng(seed).integers(0, len(values), (DRAWS, len(values)))
+    return values[drawn].mean(axis=1)

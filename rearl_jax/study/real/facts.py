@@ -13,9 +13,9 @@ from jaxtyping import Bool, Float
 
 from rearl_jax.config import DiscoverConfig
 from rearl_jax.config.driver import DriverConfig
-from rearl_jax.discovery.comparison.compared import solver_of
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.drivers import prior_of
+from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report.equilibrium import time_gaps
 from rearl_jax.discovery.report.error_block import Resampling

@@ -9,7 +9,7 @@ from rearl_jax.config import DataConfig, DiscoverConfig, DiscoverTask, ResultsCo
 from rearl_jax.config.data import DataFormat
 from rearl_jax.config.driver import record_of
 from rearl_jax.discovery.comparison import comparison as module
-from rearl_jax.discovery.comparison.compared import MOST_FITTED, solver_of, some_of
+from rearl_jax.discovery.comparison.compared import MOST_FITTED, some_of
 from rearl_jax.discovery.comparison.comparison import BASE_TABLE, base_block, comparison_of
 from rearl_jax.discovery.comparison.dependence import dependent_effects
 from rearl_jax.discovery.observe.base import base_of
@@ -19,6 +19,7 @@ from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import copied, new_state
 from rearl_jax.discovery.observe.noise import USUAL
 from rearl_jax.discovery.observe.parts import Parts
+from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.reading import measure
 from rearl_jax.discovery.read.split import split_drivers
 from rearl_jax.discovery.search.decision import Trial

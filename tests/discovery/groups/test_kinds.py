@@ -8,9 +8,7 @@ import pytest
 from rearl_jax.discovery.groups import kinds
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.fit_state import copied
-from rearl_jax.discovery.observe.layout import layout_of
-from rearl_jax.discovery.observe.normal_equations import Programs
-from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.search.null import simulate_again
 
 pytestmark = pytest.mark.slow
@@ -20,7 +18,7 @@ pytestmark = pytest.mark.slow
 def calibrated_many(measured_of):
     """Drivers of one recording without anything missing, calibrated."""
     data = measured_of(None, 1.0, n_vehicles=48, duration=60.0)
-    solver = Solver(Programs(layout_of(data), data.dt))
+    solver = solver_of(data)
     return solver, base_of(solver, data, lane_changes=False).fit
 
 

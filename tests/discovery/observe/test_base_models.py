@@ -16,10 +16,8 @@ from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import new_state
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP
-from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.noise import USUAL, calibrate
-from rearl_jax.discovery.observe.normal_equations import Programs
-from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.tables import fit_table
 from rearl_jax.models.file import read_model, write_model
@@ -41,7 +39,7 @@ def calibrated_by(request, measured_of):
     """A model, drivers who drive by it behind measured leaders, and what calibration finds."""
     name, data = request.param, measured_of()
     prior = prior_of(record_of(name)())
-    solver = Solver(Programs(layout_of(data, prior), data.dt))
+    solver = solver_of(data, prior)
     state = new_state(data, solver.layout, USUAL)
     rng = np.random.default_rng(5)
     state.z = 0.8 * rng.normal(size=state.z.shape)

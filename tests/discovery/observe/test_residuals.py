@@ -13,11 +13,9 @@ from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import new_state, replace_gain
 from rearl_jax.discovery.observe.forcing import DriverScores, answers, felt, scores_and_seen
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, MEASURED, STIFFNESS, Noise, steady_state
-from rearl_jax.discovery.observe.layout import layout_of
-from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.observer import pieces_of
 from rearl_jax.discovery.observe.residuals import residuals_of, smoothed_acceleration
-from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.measured import is_new
 from rearl_jax.discovery.read.reading import measure
 from rearl_jax.discovery.read.smoothing import thinned
@@ -42,7 +40,7 @@ def solver_and_world(tmp_path_factory):
     write_dataset(folder, Scenario(5, n_recordings=1, n_vehicles=18, duration=30.0, lane_changes=2))
     recordings = iterate_recordings(DataConfig(format=DataFormat.table, root=str(folder)))
     data = measure([thinned(recording) for recording in recordings])
-    solver = Solver(Programs(layout_of(data), data.dt))
+    solver = solver_of(data)
     return solver, new_state(data, solver.layout, NOISE)
 
 

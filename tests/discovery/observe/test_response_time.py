@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.noise import calibrate
-from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.response_time import Covariances, Responses, responses
-from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.reading import measure
 
 PLANTED = 0.7
@@ -16,7 +14,7 @@ PLANTED = 0.7
 
 def response_of(tables):
     data = measure(tables)
-    solver = Solver(Programs(layout_of(data), data.dt))
+    solver = solver_of(data)
     return responses(solver, calibrate(solver, data)[0])
 
 

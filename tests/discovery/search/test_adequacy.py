@@ -8,11 +8,9 @@ import pytest
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import with_noise
-from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.noise import calibrate
-from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.residuals import residuals_of
-from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.search.adequacy import Adequacy, by_noise_alone, misjudgement, staleness
 from rearl_jax.discovery.search.null import noise_alone
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -33,13 +31,13 @@ def test_noise_does_not_ask_what_the_model_wants(measured_of, solver, calibrated
 @pytest.mark.parametrize("name", ["action_points", "perception_noise"])
 def test_old_decisions_and_misjudged_gaps_do(measured_of, name):
     data = measured_of(name)
-    solver = Solver(Programs(layout_of(data), data.dt))
+    solver = solver_of(data)
     assert max(growth_in(data, solver, calibrate(solver, data))) > 2.0
 
 
 def test_every_driver_has_a_vote_whichever_part_they_are_in(measured_of):
     data = measured_of("action_points")
-    solver = Solver(Programs(layout_of(data), data.dt))
+    solver = solver_of(data)
     state, noise = calibrate(solver, data)
     fit = Fit(None, state, noise)
     (left,) = residuals_of(solver, [state], [fit])
