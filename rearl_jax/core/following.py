@@ -6,7 +6,7 @@ Effects act in the order in which they are listed; without effects the bare mode
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from rearl_jax.core.car_following.model import CarFollowing
+from rearl_jax.core.car_following.model import LEAST_DESIRED_SPEED, LEAST_TIME_GAP, CarFollowing
 from rearl_jax.core.effects.effect import Effect
 from rearl_jax.core.effects.stimulus import Stimulus
 
@@ -80,6 +80,9 @@ def adjust_setpoints(
         desired_speed = effect.desired_speed(desired_speed, seen, own_memory)
         time_gap = effect.time_gap(time_gap, seen, own_memory)
         jam_gap = effect.standstill_gap(jam_gap, seen, own_memory)
+    # Effects that take something away may take too much: shares above 1, or several of them together.
+    desired_speed = jnp.maximum(desired_speed, LEAST_DESIRED_SPEED)
+    time_gap, jam_gap = jnp.maximum(time_gap, LEAST_TIME_GAP), jnp.maximum(jam_gap, 0.0)
     return driver.with_setpoints(desired_speed, time_gap, jam_gap)
 
 

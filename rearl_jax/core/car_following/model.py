@@ -21,6 +21,9 @@ SMALLEST_GAP = 0.5
 LEAST_DESIRED_SPEED = 0.1
 """Least desired speed [m/s]; the value of absent vehicles would cause a division by zero."""
 
+LEAST_TIME_GAP = 0.05
+"""Least time gap that effects leave [s]: some models divide by it."""
+
 COMFORTABLE_DECELERATION = 2.0
 """Deceleration [m/s^2] that drivers of models without such a parameter find comfortable.
 

@@ -8,8 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.config.driver import MODELS
+from rearl_jax.core.car_following import CAR_FOLLOWING
 from rearl_jax.core.car_following.idm import IDM
 from rearl_jax.core.effects import EFFECTS
+from rearl_jax.core.effects.effect import Effect
 from rearl_jax.core.effects.intentions import SimulatedStimulus
 from rearl_jax.core.effects.side_lane import SideLane
 from rearl_jax.core.following import begin_effects, follow
@@ -123,6 +126,33 @@ def test_derivatives_are_finite_and_there(name):
     if name != "action_points":  # when somebody looks is no smooth matter
         strengths = [item.name for item in EFFECTS[name].parameters if item.is_strength]
         assert any(np.abs(slopes[key]).max() > 1e-6 for key in strengths)
+
+
+SETPOINTS = [
+    name
+    for name, kind in EFFECTS.items()
+    if any(getattr(kind, hook) is not getattr(Effect, hook) for hook in ("desired_speed", "time_gap", "standstill_gap"))
+]
+
+
+@pytest.mark.parametrize("model", sorted(CAR_FOLLOWING))
+def test_no_setpoint_is_taken_below_what_a_model_can_drive_by(model):
+    assert {"relaxation", "speed_limit"} <= set(SETPOINTS)
+    # Nothing is a whole number here, for a power of those is never wrong.
+    drivers = CAR_FOLLOWING[model](*(jnp.full(N, 1.1 * (item.usual or 30.0)) for item in MODELS[model].parameters))
+    strayed = drawn(
+        SimulatedStimulus,
+        5,
+        speed=jnp.linspace(0.0, 40.0, N),
+        time_since_change=jnp.zeros(N),
+        time_gap_at_change=jnp.zeros(N),
+        gap=jnp.linspace(-5.0, 30.0, N),
+    )
+    for name in SETPOINTS:
+        for bound in ("low", "high"):
+            effects = (effect(name, {item.name: getattr(item, bound) for item in EFFECTS[name].parameters}),)
+            memory = begin_effects(effects, strayed, drivers, TICK)
+            assert np.isfinite(follow(strayed, drivers, effects, memory, jnp.zeros(N), TICK)[0]).all(), (name, bound)
 
 
 def test_effects_pass_on_what_they_make_of_the_situation():
