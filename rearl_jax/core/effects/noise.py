@@ -1,4 +1,4 @@
-"""Random effects: noise of the acceleration and of perceived distances and speeds."""
+"""Random effects: noise of the acceleration, of perceived distances and speeds, and of the time gap."""
 
 from dataclasses import field, replace
 from typing import ClassVar
@@ -121,3 +121,35 @@ class PerceptionNoise(Effect):
         gap = seen.gap * jnp.exp(self.gap_error * memory[0].value)
         leader_speed = seen.leader_speed - self.rate_error * seen.gap * seen.has_leader * memory[1].value
         return replace(seen, gap=gap, leader_speed=leader_speed)
+
+
+class TimeGapVariation(Effect):
+    """Drivers keep a longer time gap for a while, and then a shorter one."""
+
+    sd: Float[Array, "*#n"]
+    time: Float[Array, "*#n"]
+    seed: Int[Array, "*#seeds"] = field(default_factory=no_seed)
+
+    name: ClassVar[str] = "time_gap_variation"
+    kind: ClassVar[str] = "random"
+    equation: ClassVar[str] = "T exp(sd w), w an Ornstein-Uhlenbeck process of variance 1 and correlation time `time`"
+    source: ClassVar[str] = (
+        "after Wagner, Transp. Res. B 46 (2012) 1384; Tian, Treiber, Ma, Jia & Zhang, ibid. 71 (2015) 59 (time gaps "
+        "that vary within a driver)"
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("sd", "-", "standard deviation of log T", off=0.0, low=0.0, high=1.5, scale=0.2),
+        Parameter("time", "s", "its correlation time", 20.0, 0.05, 120.0, 10.0, is_strength=False),
+    )
+
+    def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> Fluctuation:
+        """The variation at the start."""
+        return begin_fluctuation(self.seed, 3, seen.speed)
+
+    def remember(self, memory: Fluctuation, seen: Stimulus, driver: CarFollowing, dt: float) -> Fluctuation:
+        """The variation in this time step."""
+        return fluctuate(memory, self.seed, 3, self.time, dt)
+
+    def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: Fluctuation) -> Float[Array, "*n"]:
+        """Longer or shorter."""
+        return value * jnp.exp(self.sd * memory.value)

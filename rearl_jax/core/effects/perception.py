@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 from jax import lax
@@ -15,54 +15,74 @@ from rearl_jax.core.effects.stimulus import Stimulus
 LONGEST_DELAY = 1.5
 """Longest reaction delay that is remembered [s]."""
 
-DELAYED = ("speed", "has_leader", "gap", "leader_speed")
+AHEAD = ("has_leader", "gap", "leader_speed")
+"""What is seen late of the vehicle ahead."""
 
 
 class ReactionDelay(Effect):
-    """The driver acts on the gap and the speeds of a moment ago. A negative delay is anticipation by extrapolation."""
+    """The driver acts on the gap and the leader's speed of a moment ago, and on the own speed of another moment.
+
+    Own motion is felt, which may take no time; where both delays are equal, everything is late. A negative delay is
+    anticipation by extrapolation.
+    """
 
     delay: Float[Array, "*#n"]
+    own_delay: Float[Array, "*#n"]
 
     name: ClassVar[str] = "reaction_delay"
     depends_on: ClassVar[tuple[str, ...]] = ("gap", "approach_rate", "speed")
-    equation: ClassVar[str] = "a(t) = f(s, v, dv at t - delay)"
-    source: ClassVar[str] = "Treiber, Kesting & Helbing, Physica A 360 (2006) 71, eq. 9"
+    equation: ClassVar[str] = "a(t) = f(s, v_leader at t - delay; v at t - own_delay)"
+    source: ClassVar[str] = (
+        "Treiber, Kesting & Helbing, Physica A 360 (2006) 71, eq. 9, whose drivers extrapolate their own speed (eq. 12)"
+    )
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("delay", "s", "reaction time", off=0.0, low=-0.09, high=LONGEST_DELAY - 0.1, scale=0.5),
+        Parameter("delay", "s", "reaction time to the vehicle ahead", 0.0, -0.09, LONGEST_DELAY - 0.1, 0.5),
+        Parameter("own_delay", "s", "time until the own speed is felt", 0.0, -0.09, LONGEST_DELAY - 0.1, 0.5),
     )
 
-    def begin(
-        self, seen: Stimulus, driver: CarFollowing, dt: float
-    ) -> tuple[Int[Array, ""], Float[Array, "fields past *n"], Float[Array, "fields *n"]]:
+    def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> "Past":
         """A past in which the present stimulus has always been the same."""
         length = math.ceil(LONGEST_DELAY / dt) + 2
         now = _stacked(seen)
-        return jnp.zeros((), jnp.int32), jnp.broadcast_to(now[:, None], (len(DELAYED), length, *now.shape[1:])), now
+        return Past(jnp.zeros((), jnp.int32), jnp.broadcast_to(now[:, None], (len(now), length, *now.shape[1:])), now)
 
-    def remember(
-        self,
-        memory: tuple[Int[Array, ""], Float[Array, "fields past *n"], Float[Array, "fields *n"]],
-        seen: Stimulus,
-        driver: CarFollowing,
-        dt: float,
-    ) -> tuple[Int[Array, ""], Float[Array, "fields past *n"], Float[Array, "fields *n"]]:
-        """The past in a ring, and in it the moment `delay` ago, interpolated."""
-        count, past = memory[0], memory[1]
-        past = lax.dynamic_update_index_in_dim(past, _stacked(seen), count % past.shape[1], axis=1)
-        ticks = self.delay / dt
-        floor = jnp.floor(jnp.maximum(ticks, 0.0))
-        whole, share = floor.astype(jnp.int32), jnp.broadcast_to(ticks - floor, past.shape[2:])[None]
+    def remember(self, memory: "Past", seen: Stimulus, driver: CarFollowing, dt: float) -> "Past":
+        """The past in a ring, and in it the moments that are acted on, interpolated."""
+        now = _stacked(seen)
+        ring = lax.dynamic_update_index_in_dim(memory.ring, now, memory.count % memory.ring.shape[1], axis=1)
 
-        def ago(ticks_before: Int[Array, "*#n"]) -> Float[Array, "fields *n"]:
-            place = jnp.broadcast_to((count - ticks_before) % past.shape[1], past.shape[2:])
-            return jnp.take_along_axis(past, place[None, None], axis=1)[:, 0]
+        def ago(rows: slice, delay: Float[Array, "*#n"]) -> Float[Array, "fields *n"]:
+            past, ticks = ring[rows], delay / dt
+            floor = jnp.floor(jnp.maximum(ticks, 0.0))
+            whole, share = floor.astype(jnp.int32), jnp.broadcast_to(ticks - floor, past.shape[2:])[None]
 
-        return count + 1, past, ago(whole) * (1 - share) + ago(whole + 1) * share
+            def at(ticks_before: Int[Array, "*#n"]) -> Float[Array, "fields *n"]:
+                place = jnp.broadcast_to((memory.count - ticks_before) % past.shape[1], past.shape[2:])
+                return jnp.take_along_axis(past, place[None, None], axis=1)[:, 0]
 
-    def perceive(self, seen: Stimulus, memory: tuple[Array, Array, Array]) -> Stimulus:
-        """The remembered moment in the place of the present."""
-        return replace(seen, **dict(zip(DELAYED, memory[2], strict=True)))
+            return at(whole) * (1 - share) + at(whole + 1) * share
+
+        acted_on = jnp.concatenate([ago(slice(0, 1), self.own_delay), ago(slice(1, None), self.delay)])
+        return Past(memory.count + 1, ring, acted_on)
+
+    def perceive(self, seen: Stimulus, memory: "Past") -> Stimulus:
+        """The remembered moments in the place of the present."""
+        return replace(seen, **dict(zip(("speed", *AHEAD), memory.acted_on, strict=True)))
+
+
+class Past(NamedTuple):
+    """What a delayed driver remembers: own speed first, then what is ahead.
+
+    Attributes:
+        count: Ticks so far.
+        ring: The last moments, the newest at count - 1 modulo their number.
+        acted_on: The moments that are acted on.
+    """
+
+    count: Int[Array, ""]
+    ring: Float[Array, "fields past *n"]
+    acted_on: Float[Array, "fields *n"]
 
 
 def _stacked(seen: Stimulus) -> Float[Array, "fields *n"]:
-    return jnp.stack(jnp.broadcast_arrays(*(getattr(seen, name) for name in DELAYED)))
+    return jnp.stack(jnp.broadcast_arrays(*(getattr(seen, name) for name in ("speed", *AHEAD))))

@@ -23,8 +23,19 @@ def gap_errors(solver: Solver, states: Sequence[FitState]) -> list[Float[np.ndar
 
 
 def simulated_error(solver: Solver, state: FitState) -> Float[np.ndarray, "steps pieces"]:
-    """Measured less simulated positions [m]."""
-    return np.clip(solver.innovations([state], CLOSED_LOOP)[0], -FARTHEST, FARTHEST)
+    """Measured less simulated positions [m].
+
+    Raises:
+        FloatingPointError: The model gives no number for a driver.
+    """
+    error = solver.innovations([state], CLOSED_LOOP)[0]
+    if not np.isfinite(error).all():
+        lost = sorted({int(driver) for driver in state.data.driver[~np.isfinite(error).all(axis=0)]})
+        raise FloatingPointError(
+            f"{solver.layout.prior.name} simulates no position for the drivers {lost[:5]}: their parameters are "
+            f"{state.z[lost[0]].round(2).tolist()} standard deviations from the usual"
+        )
+    return np.clip(error, -FARTHEST, FARTHEST)
 
 
 def calibrated_to_gap(solver: Solver, state: FitState) -> FitState:

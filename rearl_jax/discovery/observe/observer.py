@@ -46,6 +46,7 @@ class Pieces(eqx.Module):
         gain: Gain of the filter, an array each.
         deviation: Standard deviation of innovations [m], beyond some multiples of which one is an outlier.
         known: Acceleration beside the model that is given [m/s^2]; one row of zeros for none.
+        varied: Logarithm of the time gap over the driver's own [-], where it varies; None where it does not.
     """
 
     y: Float[Any, "steps pieces"]
@@ -58,6 +59,7 @@ class Pieces(eqx.Module):
     gain: Gain
     deviation: Float[Any, " pieces"]
     known: Float[Any, "#steps pieces"]
+    varied: Float[Any, "steps pieces"] | None = None
 
 
 def innovations(
@@ -82,14 +84,14 @@ def innovations(
     def seen(x: Array, v: Array, now: Surroundings) -> Stimulus:
         return stimulus(x, v, length, pieces.is_truck, now if lens is None else straightened(now, lens))
 
-    def step(carry: tuple, now: tuple[Array, Array, Surroundings, Array]) -> tuple[tuple, Array]:
-        (state, last, memory), (y, looks, around, extra) = carry, now
+    def step(carry: tuple, now: tuple[Array, Array, Surroundings, Array, Array | None]) -> tuple[tuple, Array]:
+        (state, last, memory), (y, looks, around, extra, varied) = carry, now
         x = state.x
         innovation = y - state.w - (x if lens is None else x + lens.bend(x))
         state = correct(state, looks * innovation, gain)
         middle_x, middle_v = halfway(state, last, dt)
         stimuli = seen(middle_x, jnp.maximum(middle_v, 0.0), around)
-        wanted, memory = follow(stimuli, driver, effects, memory, last, dt)
+        wanted, memory = follow(stimuli, with_time_gap(driver, varied), effects, memory, last, dt)
         acceleration = wanted + state.o + extra
         speed = jnp.maximum(state.v + acceleration * dt, 0.0)
         return (predict(state, speed, gain, dt), acceleration, memory), innovation
@@ -99,7 +101,14 @@ def innovations(
     memory = begin_effects(effects, seen(x, v, jax.tree.map(lambda values: values[0], pieces.seen)), driver, dt)
     extra = jnp.broadcast_to(pieces.known, pieces.y.shape)
     begin = (State(x, v, o=nothing, w=nothing), nothing, memory)
-    return lax.scan(step, begin, (pieces.y, pieces.looks, pieces.seen, extra))[1]
+    return lax.scan(step, begin, (pieces.y, pieces.looks, pieces.seen, extra, pieces.varied))[1]
+
+
+def with_time_gap(driver: CarFollowing, varied: Float[Array, " pieces"] | None) -> CarFollowing:
+    """The drivers with a time gap that has varied by so much in its logarithm; None for their own."""
+    if varied is None:
+        return driver
+    return driver.with_setpoints(driver.desired_speed, driver.time_gap * jnp.exp(varied), driver.jam_gap)
 
 
 def stimulus(

@@ -111,12 +111,12 @@ def responses(solver: Solver, state: FitState) -> Responses:
     layout = solver.layout
     if late < SEEN_AS_LATE or DELAY in state.active or DELAY not in layout.candidates:
         return Responses(found)
-    (place,) = layout.candidates[DELAY].free
+    places = list(layout.candidates[DELAY].free)
     theta = state.theta.copy()
-    theta[place] = min(late, float(layout.high[place]))
+    theta[places] = np.minimum(late, layout.high[places])
     delayed = copied(state, theta=theta, active=(*state.active, DELAY))
     solver.solve([delayed], iterations=15, tolerance=0.1)
-    return Responses(found, covariances(solver, delayed), float(theta[place]))
+    return Responses(found, covariances(solver, delayed), float(theta[places[0]]))
 
 
 def covariances(solver: Solver, state: FitState) -> Covariances:

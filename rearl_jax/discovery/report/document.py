@@ -12,6 +12,7 @@ from rearl_jax.discovery.report.base_section import base_section
 from rearl_jax.discovery.report.groups_section import groups_section
 from rearl_jax.discovery.report.population import population_section
 from rearl_jax.discovery.report.protocols import PROTOCOLS
+from rearl_jax.discovery.report.variation import variation_section
 from rearl_jax.discovery.report.words import (
     described,
     error_words,
@@ -103,6 +104,7 @@ def document_of(
         _section("The choice of the lane", lanes_fitted, _candidate_table("Candidates of lane choice", lanes, verdict)),
         Section("Notes on data and model", notes=tuple(map(sentence, data["notes"]))),
         population_section(verdict),
+        variation_section(verdict),
         _left_section(verdict, maps),
         _section(
             "What these data could not have shown",

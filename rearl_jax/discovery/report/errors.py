@@ -19,10 +19,11 @@ from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import Split, every_run
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, ProtocolErrors, protocol_errors
+from rearl_jax.discovery.search.headway import energy_scores
 from rearl_jax.discovery.search.null import behind_noisy_drive, position_errors
 
-NOISY_RUNS, FLOOR_RUNS = 6, 4
-"""Realisations of the drivers' noise that the energy score and the floor rest on."""
+FLOOR_RUNS = 4
+"""Realisations of the drivers' noise that the floor rests on."""
 
 MOST_SQUARE = 2.0
 """Bound of the squared error of one realisation as a multiple of the middle one: now and then noise alone drives
@@ -87,17 +88,11 @@ def _errors(solver: Solver, state: FitState, fit: Fit, seed: int, runs: Sequence
     in_sample = protocols[IN_SAMPLE]
     assert in_sample is not None
     (innovation,) = solver.innovations([state])
-    rng = np.random.default_rng(seed)
-    noisy = [behind_noisy_drive(solver, state, fit.noise, rng) for _ in range(NOISY_RUNS)]
-    drawn = np.clip(np.stack(noisy), -FARTHEST, FARTHEST)
     mean = data.driver_mean
-    pairs = [(i, j) for i in range(len(drawn)) for j in range(i)]
-    spread = np.mean([np.sqrt(mean((drawn[i] - drawn[j]) ** 2)) for i, j in pairs], axis=0)
-    away = np.mean([np.sqrt(mean(one**2)) for one in drawn], axis=0)
     measures = {
         "gap_rmse_uncalibrated": np.sqrt(mean(uncalibrated**2)),
         "one_step": np.sqrt(mean(innovation**2)),
-        "energy_score": away - spread / 2,
+        "energy_score": energy_scores(solver, state, fit, seed),
         "log_likelihood": state.penalised(),
     }
     floor = _floor(solver, state, calibrated, fit, seed)

@@ -13,6 +13,7 @@ from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.decision import Trial
+from rearl_jax.discovery.search.headway import TimeGapVariation
 from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.models.record import CAR, TRUCK, DriverClass, EffectValues, RepairedModel, Source
 
@@ -23,6 +24,7 @@ def repaired_model(
     lane_changes: Sequence[Trial],
     added: Sequence[Trial],
     lanes: Sequence[Claim],
+    variation: TimeGapVariation,
     data: Measured,
     layout: Layout,
     data_id: str,
@@ -32,7 +34,7 @@ def repaired_model(
 
     What changes of lane certainly bring with them (`lane_changes`) is part of the calibrated model, beside its drivers.
     Artefacts are no part of a model, and neither is what counts in the choice of the lane (`lanes`) and no effect of
-    the library does.
+    the library does. What drivers do beside the model is split as `variation` says.
     """
     effects = [
         effect_values(trial.candidate, last.state.theta, layout)
@@ -40,9 +42,12 @@ def repaired_model(
         if trial.candidate.kind != "artefact"
     ]
     effects += [lane_effect_values(effect) for effect in lanes if effect.name in EFFECTS]
+    if variation.sd:
+        effects.append(EffectValues("time_gap_variation", {"sd": variation.sd, "time": variation.time}))
+    noise = replace(last.noise, acceleration=variation.noise_share * last.noise.acceleration)
     return RepairedModel(
         source=Source(data_id, study, __version__),
-        population=population(last, data, layout.prior),
+        population=population(replace(last, noise=noise), data, layout.prior),
         baseline=population(first, data, layout.prior),
         effects=tuple(effects),
         car_following=layout.prior.name,

@@ -32,6 +32,7 @@ error        {measure, protocol, n_drivers, before, after, change, floor, noise_
               before, and `population_share`, by which share after is above it; `response_time`: {before, after} [s],
               how much later than the model asks drivers accelerate; null where not identified
 population   {parameter: {value, unit, spread, told, at_bound}}: the calibrated drivers, see `population`
+time_gap_variation  {sd, time, noise_share, time_gap, energy_score}: how it varies within a driver, see `variation`
 adequacy     {kurtosis, autocorrelation, misjudgement, staleness, remaining, ...}: what is left after all that was added
 lane_choice  {changes, opportunities, loss: {before, after, change}}: lane changes by choice, the chances for one, and
              the mean log-loss of the report drivers' choices [nats], null where there were too few; what was found

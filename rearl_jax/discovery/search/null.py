@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
+from scipy.signal import lfilter
 
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit_state import FitState, copied
@@ -55,7 +56,7 @@ def driver_noise(
     noise: Noise, shape: tuple[int, int], dt: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "steps pieces"]:
     """Realisations of what drivers do beside the model [m/s^2]: a stationary Ornstein-Uhlenbeck process."""
-    return _lasting(noise.acceleration, noise.time, shape, dt, rng)
+    return lasting(noise.acceleration, noise.time, shape, dt, rng)
 
 
 def position_errors(
@@ -64,19 +65,17 @@ def position_errors(
     """Realisations of the errors of measured positions [m]."""
     if not noise.position_time:
         return noise.position * rng.standard_normal(shape)
-    return _lasting(noise.position, noise.position_time, shape, dt, rng)
+    return lasting(noise.position, noise.position_time, shape, dt, rng)
 
 
-def _lasting(
+def lasting(
     sd: float, time: float, shape: tuple[int, int], dt: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "steps pieces"]:
+    """Realisations of a stationary Ornstein-Uhlenbeck process of a standard deviation and a correlation time [s]."""
     kept = np.exp(-dt / time)
     shocks = rng.standard_normal(shape) * sd
-    values = np.empty(shape)
-    values[0] = shocks[0]
-    for k in range(1, shape[0]):
-        values[k] = kept * values[k - 1] + np.sqrt(1 - kept**2) * shocks[k]
-    return values
+    shocks[1:] *= np.sqrt(1 - kept**2)
+    return lfilter([1.0], [1.0, -kept], shocks, axis=0)
 
 
 def smoothed_alike(known: Float[np.ndarray, "steps pieces"], data: Measured) -> Float[np.ndarray, "steps pieces"]:

@@ -302,9 +302,8 @@ def _is_of_numerics(trial: Trial) -> bool:
     """
     if trial.candidate.term != Term("reaction_delay"):
         return False
-    (place,) = trial.candidate.free
-    data = trial.fit.state.data
-    return bool(abs(trial.fit.state.theta[place]) < max(data.dt, data.smoothing))
+    data, delays = trial.fit.state.data, trial.fit.state.theta[list(trial.candidate.free)]
+    return bool(np.abs(delays).max() < max(data.dt, data.smoothing))
 
 
 def _is_additional(trial: Trial, added: list[Trial]) -> bool:

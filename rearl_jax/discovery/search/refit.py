@@ -15,8 +15,8 @@ from rearl_jax.discovery.search.screen import Score
 TRIED = 7
 """Sizes of the drivers' noise that are tried under a candidate."""
 
-DELAYS = (0.25, 0.8)
-"""Reaction delays the search starts from [s]."""
+DELAYS = ((0.25, 0.25), (0.8, 0.8), (0.5, 0.0))
+"""Reaction delays to the vehicle ahead and to the own speed that the search starts from [s]."""
 
 LIMITS = (0.6, 0.75, 0.88)
 """Speed limits the search starts from, as shares of the mean desired speed [-]."""
@@ -33,7 +33,8 @@ def starts(candidate: Candidate, score: Score, state: FitState, layout: Layout) 
     theta = state.theta
     effect = candidate.term.effect if candidate.term.is_effect else ""
     if effect == "reaction_delay":
-        return [layout.with_values(theta, {"reaction_delay.delay": delay}) for delay in DELAYS]
+        names = ("reaction_delay.delay", "reaction_delay.own_delay")
+        return [layout.with_values(theta, dict(zip(names, delays, strict=True))) for delays in DELAYS]
     if effect in ("grade", "speed_limit"):
         return _sections(effect, score, state, layout)
     if effect == "weather":

@@ -129,8 +129,9 @@ def weather(seen, p, past):
 
 
 def reaction_delay(seen, p, past):
-    then = past[max(0, len(past) - 1 - round(p["delay"] / DT))]
-    return idm(then)
+    ahead, own = (past[max(0, len(past) - 1 - round(p[name] / DT))] for name in ("delay", "own_delay"))
+    leader = ahead.v - ahead.dv
+    return idm(ahead, v=own.v, dv=own.v - leader)
 
 
 def gap_relaxation(seen, p, past):

@@ -12,7 +12,7 @@ from rearl_jax.core.effects.action_points import SITUATION
 from rearl_jax.core.effects.noise import begin_fluctuation, fluctuate
 from rearl_jax.core.effects.randomness import standard_normal
 from tests.core.effects import traffic
-from tests.core.effects.traffic import DT, N_CARS, N_TICKS, NAMES, ON, Seen, idm
+from tests.core.effects.traffic import DT, N_CARS, N_TICKS, NAMES, ON, Seen, T, idm
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +84,15 @@ def test_perception_noise_is_relative_to_the_gap(states):
             gap = seen.gap * math.exp(ON["perception_noise"]["gap_error"] * gap_error[now, me])
             wanted[now, me] = np.clip(idm(seen, gap=gap, dv=dv), -9.0, 6.0)
     np.testing.assert_allclose(found[counts], wanted[counts], rtol=1e-9, atol=1e-9)
+
+
+def test_the_time_gap_varies_by_a_factor(states):
+    found, counts, scenario = traffic.executed(states, "time_gap_variation")
+    factor = np.exp(ON["time_gap_variation"]["sd"] * remembered(states, "time_gap_variation").value)
+    assert factor.min() < 0.8 < 1.25 < factor.max()
+    rows = moments(states, scenario)
+    wanted = [[idm(seen, time_gap=T * factor[now, me]) for me, seen in enumerate(row)] for now, row in enumerate(rows)]
+    np.testing.assert_allclose(found[counts], np.clip(wanted, -9.0, 6.0)[counts], rtol=1e-9, atol=1e-9)
 
 
 def test_between_action_points_the_acceleration_is_held(states):

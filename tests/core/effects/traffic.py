@@ -39,7 +39,7 @@ LENGTH = np.array([car[3] for car in CARS])
 IS_TRUCK = LENGTH > 10
 
 ON = {
-    "reaction_delay": {"delay": 0.5},
+    "reaction_delay": {"delay": 0.5, "own_delay": 0.2},
     "several_leaders": {"weight": 0.4, "relief": 0.7},
     "leader_acceleration": {"gain": 0.6, "reach": 50.0},
     "speed_dependent_time_gap": {"slope": 0.7},
@@ -65,6 +65,7 @@ ON = {
     "time_gap_dependence": {"values": (0.5, -0.3, 0.4)},
     "acceleration_noise": {"sd": 0.3, "time": 1.0},
     "perception_noise": {"gap_error": 0.1, "rate_error": 0.02, "time": 5.0},
+    "time_gap_variation": {"sd": 0.4, "time": 5.0},
     "action_points": {"mean_time": 0.5, "threshold": 0.3},
 }
 """One value of each parameter at which the effect acts."""

@@ -17,7 +17,7 @@ from rearl_jax.discovery.search.procedure import Round, Search
 
 def search_with(solver, calibrated, delay):
     """A search that has added a reaction delay, right or wrong."""
-    return search_that_added(solver, calibrated, ("reaction_delay", [delay]))
+    return search_that_added(solver, calibrated, ("reaction_delay", [delay, delay]))
 
 
 def search_that_added(solver, calibrated, *added):
@@ -62,7 +62,7 @@ def test_an_addition_that_does_nothing_is_left_alone(solver, calibrated):
     ],
 )
 def test_a_later_addition_that_makes_simulations_worse_goes_alone(solver, calibrated, monkeypatch, later, errors, kept):
-    found = search_that_added(solver, calibrated, ("reaction_delay", [0.0]), (later, 0.0))
+    found = search_that_added(solver, calibrated, ("reaction_delay", [0.0, 0.0]), (later, 0.0))
     module = "rearl_jax.discovery.search.confirmation"
     monkeypatch.setattr(f"{module}.gap_errors", lambda *_: [np.full(10, error) for error in errors])
     left = confirmed(solver, found, 0)

@@ -1,0 +1,77 @@
+"""How the time gap varies within a driver, and the energy score of simulations with and without it.
+
+`time_gap_variation` of the verdict: {sd, time, noise_share, time_gap, energy_score: {before, constant, varying, change,
+change_share}}: the standard deviation of log T within a driver [-] and its correlation time [s], what is left of the
+acceleration's noise beside it [-], the standard deviation of the middle driver's time gap [s], and the mean energy
+score of the report drivers [m] as figures {value, low, high}: of the calibrated model `before`, of the last model with
+a `constant` and with the `varying` time gap; `change` is from the first to the last of these,
+and `change_share` the same as a share, in the geometric mean of drivers.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.discovery.report.error_block import Resampling
+from rearl_jax.discovery.search.headway import SMALLEST, TimeGapVariation
+from rearl_jax.document.document import Section
+from rearl_jax.document.table import Cell, Row, Table, number, percent, sentence
+
+
+def variation_block(
+    variation: TimeGapVariation, time_gap: float, scores: Mapping[str, Float[np.ndarray, " drivers"]], over: Resampling
+) -> dict[str, Any]:
+    """`time_gap_variation` of the verdict.
+
+    Args:
+        variation: What was found on the fitted drivers.
+        time_gap: The middle driver's time gap [s].
+        scores: Energy score of the report drivers [m]: `before`, `constant`, `varying`.
+        over: Resampling of drivers.
+    """
+    drawn = {name: over.drawn(values, np.mean) for name, values in scores.items()}
+    figures = {name: over.figure(values) for name, values in drawn.items()}
+    figures["change"] = over.figure(drawn["varying"] - drawn["before"])
+    ratio = np.log(np.maximum(scores["varying"], SMALLEST) / np.maximum(scores["before"], SMALLEST))
+    figures["change_share"] = over.figure(np.exp(over.drawn(ratio, np.mean)) - 1)
+    # The standard deviation of a log-normal variable about its median m: m sqrt(exp(sd^2) (exp(sd^2) - 1)).
+    grown = np.exp(variation.sd**2)
+    return {
+        "sd": variation.sd,
+        "time": variation.time,
+        "noise_share": variation.noise_share,
+        "time_gap": float(time_gap * np.sqrt(grown * (grown - 1))),
+        "energy_score": figures,
+    }
+
+
+def variation_section(verdict: Mapping[str, Any]) -> Section:
+    """What varies, with the energy scores; empty where it was not looked for."""
+    title, found = "Time gaps that vary within a driver", verdict.get("time_gap_variation")
+    if found is None:
+        return Section(title)
+    if found["sd"] or found["noise_share"] < 1:
+        words = (
+            f"a driver's time gap varies by {number(found['time_gap'])} s over {number(found['time'])} s, as far "
+            f"as the fitted drivers show, and {percent(found['noise_share'])} of the acceleration's noise is left "
+            "beside it; simulations of the repaired model vary alike"
+        )
+    else:
+        words = "simulations in which a driver's time gap varies are not surely more like the fitted drivers"
+    how = (
+        "The energy score is the mean distance of noisy simulations from the measured drive less half their distance "
+        "from each other: it rewards a spread that is right, and a lower one is better."
+    )
+    names = {"before": "calibrated model", "constant": "last model", "varying": "last model, time gap varying"}
+    names |= {"change": "change from the first to the last"}
+    share = found["energy_score"]["change_share"]
+    rows = tuple(
+        Row(name, (Cell(number(one["value"])), Cell(f"{number(one['low'])} to {number(one['high'])}")))
+        for name, one in ((words, found["energy_score"][key]) for key, words in names.items())
+    )
+    ends = f"{percent(share['low'])} to {percent(share['high'])}"
+    rows += (Row("the same as a share, geometric mean", (Cell(percent(share["value"])), Cell(ends))),)
+    table = Table("Energy score of drivers nothing was fitted to", ("mean [m]", "interval"), rows)
+    return Section(title, (f"{sentence(words)} {how}",), (table,), is_folded=True)

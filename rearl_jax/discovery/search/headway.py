@@ -1,0 +1,98 @@
+"""What drivers do beside the model, split in two: noise of the acceleration, and a time gap that varies.
+
+A driver who keeps one time gap leaves most of the error of a long prediction: people keep a longer one for a while,
+then a shorter one. No prediction knows when; a simulation can vary as much and as slowly. The split is that under which
+the energy score of noisy simulations is lowest, as only the right spread makes it.
+
+Source: energy score and estimation by it, Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359, sections 4.3 and 9.1.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.discovery.observe.closed_loop import FARTHEST
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.fit_state import FitState
+from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.search.null import behind_noisy_drive, lasting
+
+REALISATIONS = 6
+"""Simulations of each driver that an energy score rests on."""
+
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Shares of the acceleration's noise that are tried [-]."""
+
+SIZES, TIMES = (0.0, 0.15, 0.3, 0.45, 0.65), (5.0, 15.0, 45.0)
+"""Standard deviations of log T [-] and correlation times [s] that are tried."""
+
+SMALLEST = 1e-3
+"""Energy score below which none is better [m]."""
+
+
+@dataclass(frozen=True)
+class TimeGapVariation:
+    """An Ornstein-Uhlenbeck process that the logarithm of a driver's time gap follows about its own.
+
+    Attributes:
+        sd: Its standard deviation [-]; 0 where nothing varies.
+        time: Its correlation time [s].
+        noise_share: What is left of the acceleration's noise beside it [-].
+    """
+
+    sd: float = 0.0
+    time: float = 15.0
+    noise_share: float = 1.0
+
+
+CONSTANT = TimeGapVariation()
+
+
+def energy_scores(
+    solver: Solver, state: FitState, fit: Fit, seed: int, variation: TimeGapVariation = CONSTANT
+) -> Float[np.ndarray, " drivers"]:
+    """Energy score of noisy simulations of each driver [m]: their mean distance to what was measured less half their
+    mean distance from each other.
+
+    Args:
+        solver: Of the model.
+        state: The drivers under the model.
+        fit: The model, whose noise acts.
+        seed: Of the noise, the same for all models.
+        variation: How the time gap varies, and what is left of the noise.
+    """
+    data, rng, variations = state.data, np.random.default_rng(seed), np.random.default_rng([seed, 2])
+    noise = replace(fit.noise, acceleration=variation.noise_share * fit.noise.acceleration)
+    drawn = []
+    for _ in range(REALISATIONS):
+        varied = lasting(variation.sd, variation.time, data.y.shape, data.dt, variations) if variation.sd else None
+        drives = replace(state, pieces=replace(state.pieces, varied=varied))
+        drawn.append(np.clip(behind_noisy_drive(solver, drives, noise, rng), -FARTHEST, FARTHEST))
+    mean = data.driver_mean
+    pairs = [(i, j) for i in range(REALISATIONS) for j in range(i)]
+    apart = np.mean([np.sqrt(mean((drawn[i] - drawn[j]) ** 2)) for i, j in pairs], axis=0)
+    away = np.mean([np.sqrt(mean(one**2)) for one in drawn], axis=0)
+    return away - apart / 2
+
+
+def time_gap_variation(solver: Solver, fit: Fit, seed: int) -> TimeGapVariation:
+    """The variation with the lowest energy score of the drivers that a model was fitted to, in the geometric mean,
+    which few drivers far off do not rule; none where it is not lower by two standard errors of the difference.
+    """
+    scores: dict[TimeGapVariation, Float[np.ndarray, " drivers"]] = {}
+
+    def best_of(tried: Iterable[TimeGapVariation]) -> TimeGapVariation:
+        for one in tried:
+            if one not in scores:
+                scores[one] = np.log(np.maximum(energy_scores(solver, fit.state, fit, seed, one), SMALLEST))
+        return min(scores, key=lambda one: float(scores[one].mean()))
+
+    best = best_of([CONSTANT, *(TimeGapVariation(sd, noise_share=share) for sd in SIZES for share in SHARES[::2])])
+    best = best_of(replace(best, time=time) for time in TIMES)
+    best = best_of(replace(best, noise_share=share) for share in SHARES)
+    best = best_of(replace(best, sd=sd) for sd in SIZES)
+    gained = scores[CONSTANT] - scores[best]
+    is_sure = len(gained) > 1 and gained.mean() > 2 * gained.std(ddof=1) / np.sqrt(len(gained))
+    return best if is_sure else CONSTANT
