@@ -53,12 +53,15 @@ def choice_of(
     better = (drawn > drawn[0]).mean(axis=1).tolist()
     best = np.bincount(drawn.argmax(axis=0), minlength=len(gains)) / DRAWS
     vetoed = frozenset().union(*(_probably_worse([one.get(name) for one in errors], seed) for name in VETOING))
+    # Where simulations speak against the first one too, one that does better in the mean of protocols may follow it.
+    is_first_denied, means = 0 in vetoed, [_mean_error(one) for one in errors]
+    denied = {number for number in vetoed if not is_first_denied or means[number] >= means[0]}
     able = [
         number
         for number, share in enumerate(better)
         if share >= THRESHOLDS.base_confidence
         and gains[number].sum() > THRESHOLDS.least_base_gain
-        and number not in vetoed
+        and number not in denied
         and (errors[number] or not any(errors))  # nobody is chosen unseen where others were simulated
     ]
     chosen = max(able, key=lambda number: float(gains[number].sum()), default=0)
@@ -70,6 +73,12 @@ def is_beaten(one: Float[np.ndarray, " drivers"], gains: Sequence[Float[np.ndarr
     gain = max(gains, key=lambda other: float(other.sum())) - one
     drawn = gain[resamples(len(gain), seed)].sum(axis=1)
     return bool((drawn > 0).mean() >= THRESHOLDS.base_confidence and gain.sum() > THRESHOLDS.least_base_gain)
+
+
+def _mean_error(errors: Mapping[str, Float[np.ndarray, " _"]]) -> float:
+    """Mean gap error [m], in the geometric mean of the protocols that predict."""
+    means = [errors[name].mean() for name in VETOING if name in errors]
+    return float(np.exp(np.mean(np.log(means)))) if means else np.inf
 
 
 def _probably_worse(errors: Sequence[Float[np.ndarray, " tested"] | None], seed: int) -> frozenset[int]:

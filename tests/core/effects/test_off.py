@@ -157,7 +157,8 @@ def test_no_setpoint_is_taken_below_what_a_model_can_drive_by(model):
 
 def test_effects_pass_on_what_they_make_of_the_situation():
     # A delayed error is not the error of now, and a situation kept in mind is not delayed again.
-    delay, noise = effect("reaction_delay", {"delay": 0.15, "own_delay": 0.15}), effect("perception_noise", ON["perception_noise"])
+    delay = effect("reaction_delay", {"delay": 0.15, "own_delay": 0.15})
+    noise = effect("perception_noise", ON["perception_noise"])
     both, alone = np.asarray(behaviour((noise, delay))), np.asarray(behaviour((delay,)))
     assert np.abs(both - alone).max() > 1e-3
     points = effect("action_points", {"mean_time": 0.0})

@@ -58,6 +58,17 @@ def test_the_next_one_is_chosen_where_the_most_likely_simulates_worse():
     assert found.chosen == 2
 
 
+@pytest.mark.parametrize(("first_half", "expected"), [(1.1, 1), (1.6, 0)])
+def test_where_simulations_speak_against_the_first_too_the_better_in_the_mean_follows(first_half, expected):
+    errors = [
+        {"population": ERROR, "first_half": ERROR},
+        {"population": 0.8 * ERROR, "first_half": first_half * ERROR},
+    ]
+    found = chosen([np.full(N, 5.0)], errors)
+    assert found.vetoed == {0, 1}
+    assert found.chosen == expected
+
+
 def test_a_model_is_beaten_only_where_another_surely_is_more_likely():
     gains = [np.zeros(N), scattered(2.0), scattered(1.9)]
     assert [is_beaten(one, gains, seed=0) for one in gains] == [True, False, False]
