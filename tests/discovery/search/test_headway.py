@@ -1,0 +1,74 @@
+"""Time gaps that vary within a driver: found where they do, and not where they do not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.fit_state import copied, new_state
+from rearl_jax.discovery.report.error_block import Resampling
+from rearl_jax.discovery.report.variation import variation_block, variation_section
+from rearl_jax.discovery.search.headway import CONSTANT, TimeGapVariation, energy_scores, time_gap_variation
+from rearl_jax.discovery.search.null import behind_noisy_drive, lasting
+
+QUIET = 0.05
+"""Noise of the acceleration of drivers whose time gap varies [m/s^2]."""
+
+
+def driven(solver, drivers, noise, varied):
+    """Drivers on drives that they made themselves, with a time gap that has varied so."""
+    state, _ = drivers
+    drives = replace(state, pieces=replace(state.pieces, varied=varied))
+    y = state.data.y - behind_noisy_drive(solver, drives, noise, np.random.default_rng(5))
+    return copied(state, data=replace(state.data, y=y), pieces=replace(state.pieces, y=y))
+
+
+@pytest.fixture(scope="module")
+def many(solver, calibrated):
+    """Eight times the calibrated drivers, and their noise."""
+    state, noise = calibrated
+    data, z = state.data, state.z
+    for _ in range(3):
+        data, z = data.beside(data), np.concatenate([z, z])
+    more = new_state(data, solver.layout, noise)
+    return copied(more, z=z, mean=state.mean, spread=state.spread, theta=state.theta, active=state.active), noise
+
+
+@pytest.fixture
+def varying(solver, many):
+    """Drivers whose time gap varies by a third over some seconds, taken for a noise that they do not have."""
+    state, noise = many
+    varied = lasting(0.35, 5.0, state.data.y.shape, state.data.dt, np.random.default_rng(4))
+    other = driven(solver, many, replace(noise, acceleration=QUIET), varied)
+    return Fit(None, other, replace(noise, acceleration=0.3))
+
+
+def test_a_time_gap_that_varies_is_found_and_scored_better(solver, varying):
+    found = time_gap_variation(solver, varying, 0)
+    assert 0.15 <= found.sd <= 0.65
+    assert found.noise_share < 1
+    scores = {
+        name: energy_scores(solver, varying.state, varying, 1, one)
+        for name, one in (("before", CONSTANT), ("constant", CONSTANT), ("varying", found))
+    }
+    block = variation_block(found, 1.3, scores, Resampling(0.95, 200, 0))
+    assert block["energy_score"]["change_share"]["high"] < 0
+    assert block["time_gap"] == pytest.approx(1.3 * found.sd, rel=0.5)
+    section = variation_section({"time_gap_variation": block})
+    assert len(section.tables[0].rows) == 5
+    assert not variation_section({}).tables
+
+
+def test_drivers_who_only_accelerate_unevenly_keep_their_time_gap(solver, many):
+    noise = replace(many[1], acceleration=0.3)
+    other = driven(solver, many, noise, None)
+    assert time_gap_variation(solver, Fit(None, other, noise), 0).sd <= 0.15
+
+
+def test_less_noise_and_no_variation_is_a_noisy_simulation_with_less_noise(solver, calibrated):
+    state, noise = calibrated
+    loud, quiet = (Fit(None, state, replace(noise, acceleration=sd)) for sd in (0.4, 0.2))
+    halved = energy_scores(solver, state, loud, 3, TimeGapVariation(noise_share=0.5))
+    np.testing.assert_allclose(halved, energy_scores(solver, state, quiet, 3), rtol=1e-5)
+    assert np.abs(halved - energy_scores(solver, state, loud, 3)).max() > 1e-3
