@@ -43,6 +43,7 @@ def run(config: PrepareTask) -> dict:
     with progress_bar() as progress:
         if config.data.format is DataFormat.generated:
             _generate(config, progress)
+            _refuse_others(config)
         generated = is_generated(config.data)
         identity = data_id(config.data)
         study = Study(config.results.root, config.study, config, "prepare", identity, generated=generated)
@@ -146,6 +147,17 @@ def _generate(config: PrepareTask, progress: Progress) -> None:
         Path(root),
         lambda done, total: progress.update(task, completed=done, total=total),
     )
+
+
+def _refuse_others(config: PrepareTask) -> None:
+    """Raise InvalidInputError if the folder holds recordings beside those that were asked for."""
+    wanted, found = config.generator.n_recordings, count_recordings(config.data)
+    if config.data.recordings == "*" and found > wanted:
+        fault = (
+            f"holds {found} recordings, of which {wanted} are those of generator.n_recordings and generator.first_id"
+        )
+        remedy = "name another folder with data.root, or choose with data.recordings"
+        raise InvalidInputError(Problem("recordings-beside", fault, remedy, key="data.root", value=config.data.root))
 
 
 def _print(summary: dict, *, generated: bool) -> None:

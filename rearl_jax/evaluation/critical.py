@@ -73,6 +73,7 @@ def _asked(
         adaptation = adapt_by_rounds(
             propose, try_out, critical.rounds, Proposer.llm.name, progress=shown(bar, "rounds of proposals")
         )
+        client.check_usable(is_finished=True)
         return adaptation, client.requests_frame()
 
 
