@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
 from rearl_jax.config import PrepareTask
 from rearl_jax.config.data import DataConfig, DataFormat
+from rearl_jax.console import standard_output
 from rearl_jax.data.canonical import METADATA, describe
 from rearl_jax.data.generator import generate
 from rearl_jax.data.recordings import count_recordings, data_id, is_generated, iterate_recordings
@@ -168,4 +168,4 @@ def _print(summary: dict, *, generated: bool) -> None:
         if name == "dropped":
             value = ", ".join(f"{cause} {n}" for cause, n in value.items()) or "nothing"
         table.add_row(name, f"{value:.3f}" if isinstance(value, float) else str(value))
-    Console().print(table)
+    standard_output(80).print(table)

@@ -176,17 +176,19 @@ class Client:
         of_sender = {name: getattr(self._sender, name, 0) for name in ("sent", "tries", "waiting", "in_flight")}
         return Counts(self._questions, sum(causes.values()), causes, self._kept, **of_sender)
 
-    def check_usable(self, *, is_finished: bool) -> None:
+    def check_usable(self, *, is_finished: bool, any_text: bool = False) -> None:
         """Raise InvalidInputError if no question so far has a usable answer, and it is no use to ask on.
 
         Args:
             is_finished: Whether there are no further questions; before, a few questions may stay without an answer.
+            any_text: Whether a text of the model is a result, whatever it says.
         """
         reasons = {cause: f"the last answer was {text[:80]!r}" for cause, text in self._last_texts.items()}
         check_usable(
             self.counts,
             reasons | (self._sender.reasons if self._sender is not None else {}),
             is_finished=is_finished,
+            any_text=any_text,
             refused_in_a_row=self._sender.refused_in_a_row if self._sender is not None else 0,
             most_refused=self._config.breaker_failures,
         )

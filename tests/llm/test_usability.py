@@ -13,9 +13,10 @@ from tests.llm.stub import Stub
 from tests.refusal import refused
 
 
-def check(causes, *, is_finished=False, in_a_row=0, reasons=None):
+def check(causes, *, is_finished=False, in_a_row=0, reasons=None, any_text=False):
     counts = Counts(sum(causes.values()), sum(causes.values()), causes, 0, 0, 0, 0, 0)
-    check_usable(counts, reasons or {}, is_finished=is_finished, refused_in_a_row=in_a_row, most_refused=8)
+    limits = {"refused_in_a_row": in_a_row, "most_refused": 8}
+    check_usable(counts, reasons or {}, is_finished=is_finished, any_text=any_text, **limits)
 
 
 @pytest.mark.parametrize(
@@ -50,6 +51,12 @@ def test_a_run_that_is_stopped(case, code):
         check(causes, is_finished=is_finished, in_a_row=in_a_row, reasons=dict.fromkeys(Cause, "HTTP 402: no credit"))
     assert "HTTP 402: no credit" in caught.value.problem.fault
     assert is_for_user(caught.value)
+
+
+def test_a_text_may_be_enough():
+    check({Cause.unparsable: 500}, is_finished=True, any_text=True)
+    with refused("answers-unusable"):
+        check({Cause.failed: 3}, is_finished=True, any_text=True)
 
 
 def test_credit_that_runs_out_stops_the_run_and_keeps_the_answers(tmp_path):
