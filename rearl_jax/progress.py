@@ -49,7 +49,7 @@ def progress_bar() -> Iterator[Progress]:
     bar = Progress(
         *done,
         console=Console(stderr=True),
-        disable=not sys.stderr.isatty(),
+        disable=sys.stderr is None or not sys.stderr.isatty(),
         transient=True,
         speed_estimate_period=_MEMORY,
     )

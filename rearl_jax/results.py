@@ -10,12 +10,13 @@ import json
 import logging
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 from rearl_jax.code_version import __version__, code_hash, git_sha
 from rearl_jax.config._schema import as_plain
+from rearl_jax.file_record import FileRecord
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.whole_files import claim, remove_leftovers, replacing
 
@@ -72,23 +73,26 @@ class Study:
         self._config = as_plain(config)
         values = (task, name, config_hash(config), __version__, code_hash(), git_sha(), data_id, generated)
         self._claim: object = None
+        self._files = FileRecord(self.path)
         self._provenance: dict[str, Any] = dict(zip(PROVENANCE, values, strict=True))
         self.path.mkdir(parents=True, exist_ok=True)
         remove_leftovers(self.path)
 
-    def begin(self, *, resume: bool) -> Any:
+    def begin(self, *, resume: bool, reusable: Collection[str] = ()) -> Any:
         """The summary of a study that is finished and not to be repeated; else None, and config.json is written.
 
         Args:
             resume: Whether a finished study of the same task, configuration, data and code is skipped.
+            reusable: As in `write_config`.
 
         Raises:
             FolderInUseError: Another process writes to the folder.
+            InvalidInputError: As `write_config`.
         """
         if resume and (stored := self.finished_summary()) is not None:
             log.info("finished before: %s", self.path)
             return stored
-        self.write_config()
+        self.write_config(reusable)
         return None
 
     def write_table(self, name: str, frame: "pandas.DataFrame", **metadata: str) -> Path:
@@ -173,16 +177,22 @@ class Study:
             whole = [self._provenance | _flat_object(f"[{i}]", part) for i, part in enumerate(parts)]
         return self.write_text("summary.json", json.dumps(whole, indent=2, allow_nan=False) + "\n")
 
-    def write_config(self) -> Path:
+    def write_config(self, reusable: Collection[str] = ()) -> Path:
         """Path of `config.json`: every key of the task with the value that was used.
 
         From here on no other process may write to the folder, until this object is dropped, and the study is not
-        finished: a summary of before is removed.
+        finished: a summary of before is removed, and so are the files of another task, configuration, data or code.
+
+        Args:
+            reusable: Beginnings of the names of files that stay, because the task checks by itself whether they can be
+                used.
 
         Raises:
             FolderInUseError: Another process writes to it.
+            InvalidInputError: The configuration names files in the folder that would be removed.
         """
         self._claim = claim(self.path)
+        self._files.begin({key: self._provenance[key] for key in SAME}, self._config, reusable)
         (self.path / "summary.json").unlink(missing_ok=True)
         return self.write_text("config.json", json.dumps(self._config, indent=2, allow_nan=False) + "\n")
 
@@ -194,8 +204,13 @@ class Study:
         """Path of the file `name` (with its ending) holding the content."""
         return self._write(name, lambda path: path.write_bytes(content))
 
+    def own(self, name: str) -> Path:
+        """Path of a file that the caller writes, or with `/` at the end of the name of a study inside this one."""
+        self._files.add(name)
+        return _inside(self.path, name, "file")
+
     def _write(self, name: str, write: Callable[[Path], object]) -> Path:
-        path = _inside(self.path, name, "file")
+        path = self.own(name)
         with replacing(path) as unfinished:
             write(unfinished)
         return path

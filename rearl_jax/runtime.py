@@ -16,6 +16,7 @@ from pathlib import Path
 import jax
 
 from rearl_jax.config.core import Precision
+from rearl_jax.problems import InvalidInputError, Problem
 
 
 def start(x64: bool = False, cpu_devices: int | None = None) -> None:
@@ -30,11 +31,13 @@ def start(x64: bool = False, cpu_devices: int | None = None) -> None:
 
     Raises:
         RuntimeError: JAX has already computed something with another number of CPU devices.
+        InvalidInputError: The environment names a platform that this JAX does not have.
     """
     _set_compiler_flags(x64)
     _set_cpu_devices(available_cores() if cpu_devices is None else cpu_devices)
     _set_compilation_cache()
     jax.config.update("jax_enable_x64", x64)
+    _check_platform()
 
 
 def set_precision(precision: Precision) -> None:
@@ -82,6 +85,37 @@ def describe_machine() -> dict[str, str | int | float]:
         "python_version": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
     }
+
+
+PLATFORM_VARIABLES = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
+"""Variables that choose what JAX computes on."""
+
+
+def _check_platform() -> None:
+    """Raise InvalidInputError if JAX cannot compute on what the environment chooses; it is started for that."""
+    chosen = {name: os.environ[name] for name in PLATFORM_VARIABLES if os.environ.get(name)}
+    if not chosen:
+        return
+    try:
+        jax.devices()
+    except Exception as error:  # RuntimeError, or an AssertionError of JAX
+        name, value = next(iter(chosen.items()))
+        why, there = " ".join(str(error).split()), _platforms()
+        fault = f"is {value}, but this JAX has only {' and '.join(there)}" + (f" ({why[:300]})" if why else "")
+        remedy = f"unset it or set it to {there[0]}, or install the jaxlib of that platform"
+        raise InvalidInputError(Problem("platform-missing", fault, remedy, key=name)) from None
+
+
+def _platforms() -> list[str]:
+    """Platforms that JAX finds if nothing is chosen, the preferred one first."""
+    found = subprocess.run(
+        [sys.executable, "-c", "import jax; print(jax.devices()[0].platform)"],
+        env={name: value for name, value in os.environ.items() if name not in PLATFORM_VARIABLES},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return list(dict.fromkeys([*found.stdout.split()[-1:], "cpu"]))
 
 
 @cache

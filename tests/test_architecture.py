@@ -83,6 +83,11 @@ def test_constraints_are_names_and_versions_and_cover_the_dependencies():
         assert normalised(re.split(r"[<>=\[]", wanted)[0]) in names
 
 
+def test_the_extra_gymnax_names_what_gymnax_imports_without_requiring_it():
+    names = {re.split(r"[<>=\[]", wanted)[0] for wanted in PROJECT["project"]["optional-dependencies"]["gymnax"]}
+    assert {"gymnax", "six"} <= names
+
+
 def test_public_names_are_sorted_complete_and_there():
     import rearl_jax
 

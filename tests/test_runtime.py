@@ -78,3 +78,21 @@ def test_machine_is_described_without_names_of_hosts_and_users():
 def test_gpu_is_described(tmp_path):
     said = run("print(runtime.describe_machine()['jax_backend'])", tmp_path, JAX_PLATFORMS="")
     assert "gpu" in said
+
+
+@pytest.mark.parametrize("platform", ["cuda", "nonsense"])
+@pytest.mark.parametrize("variable", ["JAX_PLATFORMS", "JAX_PLATFORM_NAME"])
+def test_a_platform_that_is_not_there_is_named(tmp_path, variable, platform):
+    code = (
+        "from rearl_jax.problems import InvalidInputError\n"
+        "try:\n    runtime.start()\nexcept InvalidInputError as error:\n"
+        "    print(error.code, error.problem.key, 'cpu' in error.problem.fault)"
+    )
+    chosen = {"JAX_PLATFORMS": "", variable: platform}
+    assert run(code, tmp_path, **chosen).split() == ["platform-missing", variable, "True"]
+
+
+def test_a_list_of_platforms_of_which_one_is_there_is_used(tmp_path):
+    assert run("runtime.start()\nprint(jax.devices()[0].platform)", tmp_path, JAX_PLATFORMS="cuda,cpu").split() == [
+        "cpu"
+    ]

@@ -17,6 +17,7 @@ from rearl_jax.cli.help import general_help, group_help, task_help, tasks_beginn
 from rearl_jax.cli.interruption import ended_by_signals, exit_code, name_of
 from rearl_jax.cli.multirun import run_many
 from rearl_jax.cli.running import complain, explained, is_for_user, run_task
+from rearl_jax.cli.streams import make_writable
 from rearl_jax.cli.summary_output import (
     multirun_object,
     standard_output_apart,
@@ -40,6 +41,7 @@ def main(argv: list[str] | None = None) -> int:
     interrupted by Ctrl-C, 143 by SIGTERM, 141 standard output was closed by its reader.
     """
     arguments = sys.argv[1:] if argv is None else list(argv)
+    make_writable()
     show_traceback = "--traceback" in arguments or os.environ.get("HYDRA_FULL_ERROR") == "1"
     try:
         with ended_by_signals():

@@ -26,6 +26,7 @@ from rearl_jax.cli.composition import (
 )
 from rearl_jax.cli.launchers import launcher_errors, settings
 from rearl_jax.cli.running import JobError, complain, is_for_user, run_task
+from rearl_jax.cli.streams import make_writable
 from rearl_jax.config._schema import finished
 from rearl_jax.results import cell_folder, config_hash, first_part
 from rearl_jax.tasks import Task
@@ -149,6 +150,7 @@ def run_job(composed: Any) -> None:
     from hydra.core.hydra_config import HydraConfig
     from omegaconf import OmegaConf
 
+    make_writable()
     hydra = HydraConfig.get()
     task = next(task for task in tasks.TASKS if task.config_name == hydra.job.config_name)
     name = hydra.job.override_dirname

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from rearl_jax.problems import ProblemError
 from rearl_jax.tasks import Task
 from rearl_jax.whole_files import is_private, private_folder
 
@@ -76,7 +77,7 @@ def _is_own(cache: Path) -> bool:
 
 def is_for_user(error: BaseException) -> bool:
     """Whether the message of an error is meant for the user: raised by this package, or by the file system."""
-    if isinstance(error, (OSError, JobError)):
+    if isinstance(error, (OSError, JobError, ProblemError)):
         return True
     if not isinstance(error, (ValueError, ImportError)) or error.__traceback__ is None:
         return False

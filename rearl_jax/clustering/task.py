@@ -42,7 +42,8 @@ def run(config: ClusterTask, *, show: bool = True) -> dict:
     builder = ReferenceBuilder(config)
     generated = is_generated(config.data)
     study = Study(config.results.root, config.study, config, "cluster", builder.data_id, generated=generated)
-    if (stored := study.begin(resume=config.results.resume)) is not None:
+    trace = (f"{TRACE}.parquet",) if config.bo.enabled else ()
+    if (stored := study.begin(resume=config.results.resume, reusable=trace)) is not None:
         return stored
     begin = time.perf_counter()
     with progress_bar() as bar:
@@ -69,7 +70,7 @@ def run(config: ClusterTask, *, show: bool = True) -> dict:
     study.write_table("centres", tables.centre_table(clusters), **metadata)
     study.write_table("scene_clusters", tables.scene_table(scenes, splits, clusters, coordinates), **metadata)
     study.write_table("references", tables.reference_table(scenes, clusters, references), **metadata)
-    if clusters.trace is not None and not (study.path / f"{TRACE}.parquet").exists():
+    if clusters.trace is not None and not study.owns(TRACE):
         study.write_table(TRACE, clusters.trace, **metadata)  # the clustering, and with it its trace, was on disk
     summary = tables.summary(config, scenes, splits, clusters)
     document = document_of(config, summary, data_sources(scenes.infos), generated=generated)

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
 from rearl_jax.config import PrepareTask
 from rearl_jax.config.data import DataConfig, DataFormat
+from rearl_jax.console import standard_output
 from rearl_jax.data.canonical import METADATA, describe
 from rearl_jax.data.generator import generate
 from rearl_jax.data.recordings import count_recordings, data_id, is_generated, iterate_recordings
@@ -43,6 +43,7 @@ def run(config: PrepareTask) -> dict:
     with progress_bar() as progress:
         if config.data.format is DataFormat.generated:
             _generate(config, progress)
+            _refuse_others(config)
         generated = is_generated(config.data)
         identity = data_id(config.data)
         study = Study(config.results.root, config.study, config, "prepare", identity, generated=generated)
@@ -148,6 +149,17 @@ def _generate(config: PrepareTask, progress: Progress) -> None:
     )
 
 
+def _refuse_others(config: PrepareTask) -> None:
+    """Raise InvalidInputError if the folder holds recordings beside those that were asked for."""
+    wanted, found = config.generator.n_recordings, count_recordings(config.data)
+    if config.data.recordings == "*" and found > wanted:
+        fault = (
+            f"holds {found} recordings, of which {wanted} are those of generator.n_recordings and generator.first_id"
+        )
+        remedy = "name another folder with data.root, or choose with data.recordings"
+        raise InvalidInputError(Problem("recordings-beside", fault, remedy, key="data.root", value=config.data.root))
+
+
 def _print(summary: dict, *, generated: bool) -> None:
     table = Table(title="Prepared recordings" + (" (generated, no measurements)" if generated else ""))
     table.add_column("figure")
@@ -156,4 +168,4 @@ def _print(summary: dict, *, generated: bool) -> None:
         if name == "dropped":
             value = ", ".join(f"{cause} {n}" for cause, n in value.items()) or "nothing"
         table.add_row(name, f"{value:.3f}" if isinstance(value, float) else str(value))
-    Console().print(table)
+    standard_output(80).print(table)

@@ -57,6 +57,7 @@ def write(study: Study, discovery: Discovery) -> None:
     groups = discovery.groups
     folders = group_studies(study, config, list(groups), discovery.data_id, generated=generated)
     for name, inside in folders.items():
+        study.own(f"{inside.path.relative_to(study.path).as_posix()}/")
         inside.write_config()
         write(inside, groups[name])
     seeds = {"seeds": f"discover.seed={discovery.config.discover.seed}"}
@@ -64,7 +65,7 @@ def write(study: Study, discovery: Discovery) -> None:
         if name not in (NULL_TABLE, BASE_TABLE) or not study.owns(name):  # kept as soon as they are known
             study.write_table(name, table, **seeds)
     if discovery.model is not None:
-        write_model(study.path / "model.yaml", discovery.model)
+        write_model(study.own("model.yaml"), discovery.model)
     if discovery.behind is not None and discovery.config.discover.page:
         # Only now, so that nobody waits for matplotlib to know the verdict.
         from rearl_jax.discovery.report.presentation import present

@@ -27,6 +27,9 @@ print(json.dumps({
 }))
 """
 
+_PLATFORMS = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
+"""Variables that choose what JAX computes on."""
+
 _GIB = 2**30
 _LITTLE_MEMORY = 4 * _GIB
 """The default tasks need about 1 GiB, discovery on a large data set 3.3 GiB."""
@@ -58,6 +61,8 @@ def _jax() -> list[Check]:
         answer: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
     except (IndexError, ValueError):
         message = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+        if chosen := " ".join(f"{name}={os.environ[name]}" for name in _PLATFORMS if os.environ.get(name)):
+            return [fail("jax", f"cannot be started with {chosen} ({message})", "unset it, or set it to cpu")]
         return [
             fail("jax", message, "pip install --force-reinstall jax jaxlib, or JAX_PLATFORMS=cpu without accelerator")
         ]

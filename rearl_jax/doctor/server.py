@@ -7,8 +7,8 @@ from rearl_jax.config.decision import DecisionConfig, PolicyName
 from rearl_jax.config.llm import LlmConfig
 from rearl_jax.doctor.check import Check, fail, ok
 from rearl_jax.llm.connection import Connection, read_key, server_address
+from rearl_jax.llm.listing import find_model
 from rearl_jax.llm.local_server import LOCAL, local_model
-from rearl_jax.llm.startup import find_model
 from rearl_jax.problems import ProblemError
 
 
@@ -18,10 +18,10 @@ def server_checks(decision: DecisionConfig, llm: LlmConfig) -> list[Check]:
         return [_local()] if decision.policy is PolicyName.llm else []
     try:
         connection = Connection(server_address(decision.server), llm, read_key(llm.api_key_env))
-        model = asyncio.run(_model(connection, replace(llm, tries=1, startup=0.0)))
+        model, is_listed = asyncio.run(_model(connection, replace(llm, tries=1, startup=0.0)))
     except ProblemError as error:
         return [fail("server", replace(error.problem, remedy="").message, error.problem.remedy)]
-    return [ok("server", f"{connection.address} has {model}")]
+    return [ok("server", f"{connection.place} " + (f"has {model}" if is_listed else "lists no models"))]
 
 
 def _local() -> Check:
@@ -31,8 +31,10 @@ def _local() -> Check:
         return fail("server", str(error), "make llm, or decision.server=http://HOST:PORT/v1")
 
 
-async def _model(connection: Connection, llm: LlmConfig) -> str:
+async def _model(connection: Connection, llm: LlmConfig) -> tuple[str, bool]:
+    """Name of the model, and whether the server lists it."""
     try:
-        return (await find_model(connection, llm))[0]
+        model, listed = await find_model(connection, llm)
+        return model, listed is not None
     finally:
         await connection.close()

@@ -36,8 +36,8 @@ def make_env(num_envs: int | None = None, **options: Any) -> gymnasium.Env | gym
 
     Args:
         num_envs: Scenarios that run in lockstep in a vector environment; None for a single environment.
-        **options: `scenes` (measured ones to begin with), the fields of `environments.highway.HighwayOptions`, and
-            those of `gymnasium.make` or `gymnasium.make_vec`.
+        **options: `scenes` (measured ones to begin with), `render_mode` (`rgb_array` or None), the fields of
+            `environments.highway.HighwayOptions`, and those of `gymnasium.make` or `gymnasium.make_vec`.
 
     Raises:
         TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road.

@@ -4,10 +4,11 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.decision.situation import N_ACTIONS
+from rearl_jax.environments import rendering
 from rearl_jax.environments.highway import HighwayOptions
 from rearl_jax.environments.programs import Scenarios, keys_of, restart_program, start_program, step_program
 from rearl_jax.environments.starts import with_scenes
@@ -21,22 +22,25 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
     controlled vehicle has crashed. Truncated: the episode has lasted `duration` seconds. All as highway-env's
     `highway-v0` has them.
 
-    `info` holds `speed` [m/s] and `crashed` of the controlled vehicle.
+    `info` holds `speed` [m/s] and `crashed` of the controlled vehicle. With `render_mode="rgb_array"` `render` gives a
+    picture of the road around it, see `rendering`.
     """
 
-    metadata = {"render_modes": []}
+    metadata = rendering.metadata()
 
-    def __init__(self, scenes: SceneSet | None = None, **options: Any) -> None:
+    def __init__(self, scenes: SceneSet | None = None, render_mode: str | None = None, **options: Any) -> None:
         """Prepares the environment; nothing is compiled before the first reset.
 
         Args:
             scenes: Measured scenes to begin with, each vehicle of each in the place of the controlled one; None to draw
                 the traffic.
+            render_mode: `rgb_array` for pictures, None for none.
             **options: Fields of `HighwayOptions`.
 
         Raises:
             TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road.
         """
+        self.render_mode = rendering.check_render_mode(render_mode)
         self.options, self._cases = with_scenes(HighwayOptions(**options), scenes)
         self.observation_space, self.action_space = spaces(self.options)
         self._scenarios: Scenarios | None = None
@@ -63,19 +67,35 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
     def step(self, action: Any) -> tuple[Float[np.ndarray, "rows columns"], float, bool, bool, dict[str, Any]]:
         """Observation, reward, whether the episode has terminated, whether it was truncated, and info.
 
+        Args:
+            action: A `MetaAction` or its number, of Python, NumPy or JAX, alone or in an array of one.
+
         Raises:
             RuntimeError: There was no reset.
             ValueError: The action is none of `MetaAction`.
         """
         if self._scenarios is None:
             raise RuntimeError("there is no episode yet: call reset() before step()")
-        if not self.action_space.contains(action):
+        number = np.asarray(action)
+        if number.size != 1 or not self.action_space.contains(number.reshape(())):
             raise ValueError(f"action {action!r} is none of 0 to {N_ACTIONS - 1}: see rearl_jax.MetaAction")
-        self._scenarios, outcome = step_program(self.options)(self._scenarios, np.array([action], np.int32))
+        self._scenarios, outcome = step_program(self.options)(self._scenarios, number.reshape(1).astype(np.int32))
         terminated = bool(outcome.terminated[0])
         info = {"speed": float(outcome.speed[0]), "crashed": terminated}
         observation = np.array(outcome.observation)[..., 0]
         return observation, float(outcome.reward[0]), terminated, bool(outcome.truncated[0]), info
+
+    def render(self) -> UInt8[np.ndarray, "height width 3"] | None:  # type: ignore[override]
+        """A picture of the present second with `render_mode="rgb_array"`, else None.
+
+        Raises:
+            RuntimeError: There was no reset.
+        """
+        if self.render_mode is None:
+            return None
+        if self._scenarios is None:
+            raise RuntimeError("there is no episode yet: call reset() before render()")
+        return rendering.pictures(self._scenarios.state, self.options)[0]
 
 
 def spaces(options: HighwayOptions) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Discrete]:

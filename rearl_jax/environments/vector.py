@@ -8,10 +8,11 @@ import jax
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt8
 
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.decision.situation import N_ACTIONS
+from rearl_jax.environments import rendering
 from rearl_jax.environments.highway import HighwayOptions
 from rearl_jax.environments.programs import (
     FirstObservation,
@@ -42,6 +43,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         num_envs: int = 1,
         scenes: SceneSet | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
         **options: Any,
     ) -> None:
         """Prepares the environment; nothing is compiled before the first reset.
@@ -51,6 +53,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
             scenes: Measured scenes to begin with, each vehicle of each in the place of the controlled one; None to draw
                 the traffic.
             autoreset_mode: Treatment of finished episodes.
+            render_mode: `rgb_array` for pictures, None for none.
             **options: Fields of `HighwayOptions`.
 
         Raises:
@@ -61,7 +64,8 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         self.num_envs = num_envs
         self.options, self._cases = with_scenes(HighwayOptions(**options), scenes)
         self._mode = AutoresetMode(autoreset_mode)
-        self.metadata = {"render_modes": [], "autoreset_mode": self._mode}
+        self.render_mode = rendering.check_render_mode(render_mode)
+        self.metadata = rendering.metadata(autoreset_mode=self._mode)
         self.single_observation_space, self.single_action_space = spaces(self.options)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -149,6 +153,18 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
             observation, speed = _scenarios_first(start.observation), np.asarray(start.speed)
             crashed = crashed & ~self._has_ended
         return observation, reward, terminated, truncated, extra | _info(speed, crashed, everybody)
+
+    def render(self) -> tuple[UInt8[np.ndarray, "height width 3"], ...] | None:  # type: ignore[override]
+        """A picture of the present second of every scenario with `render_mode="rgb_array"`, else None.
+
+        Raises:
+            RuntimeError: There was no reset.
+        """
+        if self.render_mode is None:
+            return None
+        if self._scenarios is None:
+            raise RuntimeError("there are no episodes yet: call reset() before render()")
+        return tuple(rendering.pictures(self._scenarios.state, self.options))
 
     def _restart(self, begins: Bool[np.ndarray, " scenarios"]) -> FirstObservation:
         """Observations once new episodes have begun."""

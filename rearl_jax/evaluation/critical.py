@@ -33,7 +33,7 @@ def adapt(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progr
 
     Raises:
         ImportError, OSError, ValueError: The language model cannot be reached; see `language_model.language_model`.
-        ValueError: The recordings hold too few cars.
+        ValueError: The recordings hold too few cars, or the language model has not answered at all.
     """
     adaptation, requests = _adapted(config, scenes, subset, bar)
     log.info("shares of the driver classes: %s", adaptation.mixture.written())
@@ -73,6 +73,8 @@ def _asked(
         adaptation = adapt_by_rounds(
             propose, try_out, critical.rounds, Proposer.llm.name, progress=shown(bar, "rounds of proposals")
         )
+        # Answers that are no mixture are the method's own outcome, which its row reports.
+        client.check_usable(is_finished=True, any_text=True)
         return adaptation, client.requests_frame()
 
 

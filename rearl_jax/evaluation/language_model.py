@@ -54,7 +54,12 @@ class LanguageModel:
         return self._client.requests_frame()
 
     def extra(self) -> Extra:
-        """Table, note and figures of the questions asked."""
+        """Table, note and figures of the questions asked.
+
+        Raises:
+            InvalidInputError: None of them has a usable answer.
+        """
+        self._client.check_usable(is_finished=True)
         requests = self.requests()
         return Extra({"requests": requests}, (request_note(requests),), request_figures(requests))
 

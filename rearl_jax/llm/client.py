@@ -6,6 +6,7 @@ continue while its questions are pending.
 """
 
 import asyncio
+import logging
 import threading
 from collections import Counter
 from collections.abc import Callable, Coroutine, Mapping, Sequence
@@ -16,15 +17,20 @@ from rearl_jax.config.llm import LlmConfig
 from rearl_jax.llm.answers import Answers, answers_path
 from rearl_jax.llm.connection import Connection, read_key, server_address
 from rearl_jax.llm.keeping import Keeper
+from rearl_jax.llm.parameters import without
 from rearl_jax.llm.parsing import majority, understand
 from rearl_jax.llm.profiles import request_body, request_digest
+from rearl_jax.llm.prompt_length import PromptLengths
 from rearl_jax.llm.records import KEEP_OUT, Answer, Cause, Question, Reply
 from rearl_jax.llm.requests_table import Counts, request_row, requests_frame
 from rearl_jax.llm.sending import Job, Sender
 from rearl_jax.llm.startup import Server, meet, replayed
+from rearl_jax.llm.usability import check_usable
 
 if TYPE_CHECKING:
     import pandas
+
+log = logging.getLogger(__name__)
 
 _Result = TypeVar("_Result")
 
@@ -72,6 +78,8 @@ class Client:
         self._questions = 0
         self._kept = 0
         self._causes: Counter[Cause] = Counter()
+        self._last_texts: dict[Cause, str] = {}
+        self._prompts: PromptLengths | None = PromptLengths()
 
     def __enter__(self) -> "Client":
         return self.open()
@@ -80,7 +88,7 @@ class Client:
         self.close()
 
     def __repr__(self) -> str:
-        return f"Client({self._address or 'replay'!r}, model={self.server.model if self._server else None!r})"
+        return f"Client({self.address or 'replay'!r}, model={self.server.model if self._server else None!r})"
 
     def open(self) -> "Client":
         """This client, when the server is ready and the file of answers open.
@@ -117,7 +125,7 @@ class Client:
     @property
     def address(self) -> str:
         """Address of the server with its version, as requests are sent to it; empty for a replay."""
-        return self._address
+        return self._address.partition("?")[0] if self._connection is None else self._connection.address
 
     @property
     def server(self) -> Server:
@@ -155,7 +163,8 @@ class Client:
                     seed=config.seed + vote,
                 )
                 digest = request_digest(body, server.dialect)
-                bodies.setdefault(digest, body)
+                # The digest is that of what was asked, so that a replay finds the answer whatever the server refused.
+                bodies.setdefault(digest, without(body, server.refused))
                 digests.append(digest)
             asked.append((question, tuple(digests)))
         return self._in_loop(self._answer(asked, bodies, second))
@@ -166,6 +175,23 @@ class Client:
         causes = dict(self._causes)
         of_sender = {name: getattr(self._sender, name, 0) for name in ("sent", "tries", "waiting", "in_flight")}
         return Counts(self._questions, sum(causes.values()), causes, self._kept, **of_sender)
+
+    def check_usable(self, *, is_finished: bool, any_text: bool = False) -> None:
+        """Raise InvalidInputError if no question so far has a usable answer, and it is no use to ask on.
+
+        Args:
+            is_finished: Whether there are no further questions; before, a few questions may stay without an answer.
+            any_text: Whether a text of the model is a result, whatever it says.
+        """
+        reasons = {cause: f"the last answer was {text[:80]!r}" for cause, text in self._last_texts.items()}
+        check_usable(
+            self.counts,
+            reasons | (self._sender.reasons if self._sender is not None else {}),
+            is_finished=is_finished,
+            any_text=any_text,
+            refused_in_a_row=self._sender.refused_in_a_row if self._sender is not None else 0,
+            most_refused=self._config.breaker_failures,
+        )
 
     def requests_frame(self) -> "pandas.DataFrame":
         """A row for every reply to every question so far; columns as in `requests_table.COLUMNS`."""
@@ -295,6 +321,8 @@ class Client:
                 action, cause = KEEP_OUT, reply.cause
                 if reply.text is not None:
                     action, cause = self._read(reply.text, question.choices, reply.finish)
+                    self._last_texts[cause] = reply.text
+                    self._watch_prompt(question, reply)
                 votes.append((action, cause))
                 of_row = {"digest": digest, "second": second, "vote": vote, "was_sent": digest in sent}
                 self._rows.append(request_row(question, reply, **of_row, action=action, cause=cause.name))
@@ -303,3 +331,16 @@ class Client:
             self._causes[cause] += 1
             answers.append(Answer(action, cause, tuple(replies[digest] for digest in digests), digests[0]))
         return answers
+
+    def _watch_prompt(self, question: Question, reply: Reply) -> None:
+        """Warns once of a server that cuts prompts."""
+        n_characters = sum(len(message.text) for message in question.messages)
+        if reply.from_cache or self._prompts is None or not self._prompts.is_cut(n_characters, reply.prompt_tokens):
+            return
+        self._prompts = None
+        log.warning(
+            "the server at %s counted %d tokens of a prompt of %d characters: it has cut it; raise its context length",
+            self.address,
+            reply.prompt_tokens,
+            n_characters,
+        )

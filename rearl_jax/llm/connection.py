@@ -4,15 +4,16 @@ import email.utils
 import math
 import os
 import re
+import ssl
 import time
 from dataclasses import dataclass
-from ipaddress import ip_address
 from urllib.parse import urlsplit
 
 import httpx
 
 from rearl_jax.code_version import __version__
 from rearl_jax.config.llm import LlmConfig
+from rearl_jax.llm.proxies import Proxy, proxy_for, unusable
 from rearl_jax.problems import InvalidInputError, Problem
 
 LARGEST_BODY = 4 * 2**20
@@ -24,12 +25,15 @@ _IDLE = 4.0
 _SHORTEST_SECRET = 8
 """Shorter keys are placeholders, and would be found in ordinary words [characters]."""
 
+_EXHAUSTED = (b"insufficient_quota", b"billing_hard_limit")
+"""What servers that answer 429 say when it is not the rate of the requests but the account that is used up."""
+
 
 def server_address(base_url: str) -> str:
-    """The address under which `/models` and `/chat/completions` are found.
+    """The address under which `/models` and `/chat/completions` are found, with its query if it has one.
 
-    Unchanged if its path ends in a version such as `/v1`; `/chat/completions` behind it is left out, and without a
-    version `/v1` is added.
+    `/chat/completions` at its end is left out. `/v1` is added to an address that has neither that nor a version such as
+    `v1beta` anywhere in its path, nor names a version in its query, as Azure's do.
 
     Raises:
         InvalidInputError: It is not an address of a server, or holds a password.
@@ -48,10 +52,12 @@ def server_address(base_url: str) -> str:
         message = "holds a user name or password"
         remedy = "leave it out and put the key of the server into the environment variable that llm.api_key_env names"
         raise InvalidInputError(Problem("password-in-address", message, remedy, key="decision.server"))
-    path = parts.path.rstrip("/").removesuffix("/chat/completions").rstrip("/")
-    if not re.search(r"/v\d+\w*$", path):
+    path = parts.path.rstrip("/")
+    is_whole = path.endswith("/chat/completions") or "api-version=" in parts.query
+    path = path.removesuffix("/chat/completions").rstrip("/")
+    if not is_whole and not re.search(r"/v\d+\w*(/|$)", path):
         path += "/v1"
-    return f"{parts.scheme}://{parts.netloc}{path}"
+    return f"{parts.scheme}://{parts.netloc}{path}" + (f"?{parts.query}" if parts.query else "")
 
 
 def read_key(variable: str) -> str:
@@ -90,7 +96,9 @@ class Response:
     @property
     def is_refusal(self) -> bool:
         """Whether the server refuses the request: the same request would be refused again."""
-        return self.status is not None and 300 <= self.status < 500 and self.status not in (408, 429)
+        if self.status == 429:
+            return any(word in self.content for word in _EXHAUSTED)
+        return self.status is not None and 300 <= self.status < 500 and self.status != 408
 
 
 class Connection:
@@ -101,13 +109,30 @@ class Connection:
     """
 
     def __init__(self, address: str, config: LlmConfig, key: str) -> None:
-        """Nothing is sent yet; the address is that of `server_address`, the key may be empty."""
-        self.address = address
+        """Nothing is sent yet; the address is that of `server_address`, the key may be empty.
+
+        Raises:
+            InvalidInputError: The environment names a proxy or certificates that cannot be used.
+        """
+        self.address, _, self._query = address.partition("?")
         self._key = key
         self._config = config
-        self._tls = httpx.create_ssl_context()
+        self._proxy = proxy_for(self.address)
+        self._tls = _certificates()
         self._free: list[httpx.AsyncClient] = []
         self._all: list[httpx.AsyncClient] = []
+        # The first one at once, as it shows whether the proxy can be used.
+        self._free.append(self._open())
+
+    @property
+    def place(self) -> str:
+        """The address, to be shown, and the proxy through which it is reached."""
+        return self.address if self._proxy is None else f"{self.address} (through {self._proxy})"
+
+    @property
+    def is_proxied(self) -> bool:
+        """Whether it is reached through a proxy."""
+        return self._proxy is not None
 
     async def post(self, path: str, body: bytes) -> Response:
         """The response to a body sent to a path."""
@@ -129,32 +154,58 @@ class Connection:
     async def _exchange(self, method: str, path: str, body: bytes | None, read_timeout: float) -> Response:
         client = self._free.pop() if self._free else self._open()
         timeout = httpx.Timeout(read_timeout, connect=self._config.connect_timeout)
+        url = f"{self.address}{path}" + (f"?{self._query}" if self._query else "")
         try:
-            async with client.stream(method, self.address + path, content=body, timeout=timeout) as response:
+            async with client.stream(method, url, content=body, timeout=timeout) as response:
                 return await _read(response)
         except httpx.TimeoutException as error:
             return Response(error=_said(error), timed_out=True)
-        except httpx.HTTPError as error:
+        except (httpx.HTTPError, httpx.InvalidURL, UnicodeError) as error:
             return Response(error=self.without_key(_said(error)))
         finally:
             self._free.append(client)
 
     def _open(self) -> httpx.AsyncClient:
-        client = httpx.AsyncClient(
-            headers={
-                "accept": "application/json",
-                "accept-encoding": "identity",
-                "content-type": "application/json",
-                "user-agent": f"rearl_jax/{__version__}",
-            }
-            | ({"authorization": f"Bearer {self._key}"} if self._key else {}),
-            limits=httpx.Limits(max_connections=1, keepalive_expiry=_IDLE),
-            # Proxies of the environment (`http_proxy`, `no_proxy`, ...) do not reach this machine's own addresses.
-            trust_env=not _is_loopback(urlsplit(self.address).hostname or ""),
-            verify=self._tls,  # shared: reading the certificates takes longer than a request
-        )
+        headers = {
+            "accept": "application/json",
+            "accept-encoding": "identity",
+            "content-type": "application/json",
+            "user-agent": f"rearl_jax/{__version__}",
+        }
+        if self._key:
+            headers["authorization"] = f"Bearer {self._key}"
+        if self._key and "api-version=" in self._query:
+            headers["api-key"] = self._key  # Azure's name for it
+        try:
+            client = httpx.AsyncClient(
+                headers=headers,
+                limits=httpx.Limits(max_connections=1, keepalive_expiry=_IDLE),
+                proxy=self._proxy.url if self._proxy else None,
+                trust_env=False,  # `proxies` reads the environment: httpx would read variables of other addresses too
+                verify=self._tls,  # shared: reading the certificates takes longer than a request
+            )
+        except (ImportError, ValueError, httpx.InvalidURL) as error:
+            raise _no_proxy(self._proxy, error) from None
         self._all.append(client)
         return client
+
+
+def _certificates() -> ssl.SSLContext:
+    try:
+        return httpx.create_ssl_context()
+    except (OSError, ValueError) as error:
+        fault = f"names certificates that cannot be read ({error})"
+        problem = Problem("certificates-unreadable", fault, "correct or unset it", key="SSL_CERT_FILE or SSL_CERT_DIR")
+        raise InvalidInputError(problem) from None
+
+
+def _no_proxy(proxy: Proxy | None, error: Exception) -> InvalidInputError:
+    if proxy is None:
+        raise error
+    name = proxy.variable or "the system settings"
+    if isinstance(error, ImportError):
+        return unusable(name, f"names the SOCKS proxy {proxy.place}", "install the package socksio, as httpx[socks]")
+    return unusable(name, "holds no address of a proxy", "write it as http://HOST:PORT")
 
 
 async def _read(response: httpx.Response) -> Response:
@@ -186,12 +237,5 @@ def read_retry_after(value: str | None, now: float) -> float | None:
     return max(seconds, 0.0) if math.isfinite(seconds) else None
 
 
-def _said(error: httpx.HTTPError) -> str:
+def _said(error: Exception) -> str:
     return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-
-
-def _is_loopback(host: str) -> bool:
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"

@@ -34,7 +34,11 @@ class LanguageModelPolicy:
         self._first, self._watch = first, watch
 
     def ask(self, situation: Situation) -> Future[np.ndarray]:
-        """Future of the actions that the answers choose; NO_ACTION for vehicles without an admissible answer."""
+        """Future of the actions that the answers choose; NO_ACTION for vehicles without an admissible answer.
+
+        Raises:
+            InvalidInputError: From the future: no question has had a usable answer, see `Client.check_usable`.
+        """
         questions = self._prompter.questions(situation, self._thresholds)
         n_vehicles, n_scenarios = situation.detection.mask.shape
         numbered = [replace(question, scenario=question.scenario + self._first) for question in questions]
@@ -44,7 +48,9 @@ class LanguageModelPolicy:
 
         def finish(done: Future[list[Answer]]) -> None:
             try:
-                actions.set_result(actions_of(questions, done.result(), (n_vehicles, n_scenarios)))
+                answered = done.result()
+                self._client.check_usable(is_finished=False)
+                actions.set_result(actions_of(questions, answered, (n_vehicles, n_scenarios)))
             except Exception as error:  # raised for the caller that waits for the actions
                 actions.set_exception(error)
 

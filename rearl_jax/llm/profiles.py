@@ -96,19 +96,27 @@ def request_digest(body: str, dialect: Dialect) -> str:
 def read_completion(content: bytes) -> Completion:
     """Completion in the body of a response.
 
-    A response without a text counts as the empty text if the model was cut off or returned only reasoning.
+    A response without a text counts as the empty text if the model was cut off or returned only reasoning. A text in
+    parts is joined; the words with which a model declines are its text.
 
     Raises:
-        ValueError: It is not a completion of a chat: no JSON, another shape, no choices, no text.
+        ValueError: It is not a completion of a chat: no JSON, an error, another shape, no choices, no text.
     """
     body = _object(read_json(content), "the response")
     choices = body.get("choices")
     if not isinstance(choices, list) or not choices:
-        raise ValueError("the response has no choices")
+        raise ValueError(
+            f"the response is an error: {read_error(content)}" if body.get("error") else "the response has no choices"
+        )
     choice = _object(choices[0], "the choice")
+    if choice.get("error"):
+        raise ValueError(f"the response is an error: {read_error(_encode(choice).encode())}")
     message = _object(choice.get("message"), "the message")
-    text, finish = message.get("content"), _text(choice.get("finish_reason"))
-    thinking = _text(message.get("reasoning_content")) or _text(message.get("reasoning"))
+    content_of, finish = message.get("content"), _text(choice.get("finish_reason"))
+    text, thought = _joined(content_of) if isinstance(content_of, list) else (content_of, "")
+    thinking = _text(message.get("reasoning_content")) or _text(message.get("reasoning")) or thought
+    if text is None:
+        text = message.get("refusal")
     if text is None and (thinking or finish == "length"):
         text = ""
     if not isinstance(text, str):
@@ -124,6 +132,23 @@ def read_completion(content: bytes) -> Completion:
         cached_tokens=_count(timings.get("cache_n")) if cached is None else cached,  # llama.cpp's own field
         answer_tokens=_count(usage.get("completion_tokens")),
     )
+
+
+def _joined(parts: list[Any]) -> tuple[str | None, str]:
+    """Text and reasoning of a content in parts; no text without a part that holds one.
+
+    Raises:
+        ValueError: A part is no object.
+    """
+    texts, thoughts = [], []
+    for part in parts:
+        part = _object(part, "a part of the content")
+        if part.get("type") in ("thinking", "reasoning"):
+            inside = part.get("thinking", part.get("text"))
+            thoughts.append((_joined(inside)[0] or "") if isinstance(inside, list) else _text(inside))
+        elif isinstance(said := part.get("text", part.get("refusal")), str):
+            texts.append(_text(said))
+    return "".join(texts) if texts else None, "".join(thoughts)
 
 
 def read_error(content: bytes, longest: int = 300) -> str:

@@ -21,6 +21,9 @@ from rearl_jax.llm.retries import last_result, retrying
 
 log = logging.getLogger(__name__)
 
+_OF_CONTENT = (400, 413, 415, 422)
+"""Statuses of refusals that may be due to the one request; with others the server refuses all alike."""
+
 
 @dataclass(eq=False, slots=True)
 class Job:
@@ -88,6 +91,8 @@ class Sender:
         self.in_flight = 0
         self.sent = 0
         self.tries = 0
+        self.refused_in_a_row = 0
+        self.reasons: dict[Cause, str] = {}
 
     @property
     def waiting(self) -> int:
@@ -164,6 +169,10 @@ class Sender:
             response = await self._connection.post("/chat/completions", body)
             job.status = response.status or job.status
             last = self._judge(response)
+            if last.completion is not None:
+                self.refused_in_a_row = 0
+            elif response.is_refusal and response.status not in _OF_CONTENT:
+                self.refused_in_a_row += 1
             return last
 
         jitter = wait_random_exponential(multiplier=self._config.backoff)
@@ -218,14 +227,14 @@ class Sender:
         if last.is_alive:
             if self._breaker.succeeded():
                 self._is_down.clear()
-                log.warning("the server at %s answers again", self._connection.address)
+                log.warning("the server at %s answers again", self._connection.place)
         elif self._breaker.failed(is_probe) and not is_probe:
             self._is_down.set()
             log.warning(
                 "%d requests in a row failed: the server at %s counts as down, and questions remain unanswered; it is "
                 "tried again every %g s",
                 self._config.breaker_failures,
-                self._connection.address,
+                self._connection.place,
                 self._config.breaker_pause,
             )
 
@@ -237,13 +246,14 @@ class Sender:
 
     def _report(self, job: Job, result: _Try) -> None:
         """Logs each kind of failure when it occurs for the first time."""
+        self.reasons[result.cause] = self._connection.without_key(result.why)
         if result.cause not in self._reported:
             self._reported.add(result.cause)
             log.warning(
                 "a request to %s remained without an answer (%s after %d tries; the first of its kind, others are "
                 "counted): %s",
-                self._connection.address,
+                self._connection.place,
                 result.cause.name,
                 job.tries,
-                self._connection.without_key(result.why),
+                self.reasons[result.cause],
             )

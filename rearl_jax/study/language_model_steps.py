@@ -108,6 +108,7 @@ def _measure(client: Client, prompt: PromptConfig, batch: Batch, repetition: int
         n_seconds=n_steps + 1,
     )
     wall_s = time.perf_counter() - begin
+    client.check_usable(is_finished=True)
     asked = client.requests_frame().iloc[before:]
     n_answered = int((asked["cause"] == Cause.answered.name).sum())
     return ModelSteps(size, repetition, wall_s, n_steps, len(asked), int(asked["was_sent"].sum()), n_answered)

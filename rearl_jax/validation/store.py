@@ -14,6 +14,9 @@ from rearl_jax.validation import records, workers
 from rearl_jax.validation.records import Recorded
 from rearl_jax.validation.workers import Job
 
+REFERENCES = "reference/"
+"""Folder of the files in a study."""
+
 FORMAT = 1
 """Version of the stored scenes. Raise it when scenes are recorded differently, so that older files are not read."""
 
@@ -55,4 +58,4 @@ class ReferenceStore:
     def _name(self, job: Job) -> str:
         key = hashlib.sha256(f"{self._origin} {job.variant.value} {job.scenario.identity()}".encode()).hexdigest()
         file = f"{job.scenario.index:04d}_{job.variant.value}_{key[:16]}.npz"
-        return str(PurePosixPath("reference", job.scenario.set_name, file))
+        return str(PurePosixPath(REFERENCES, job.scenario.set_name, file))

@@ -32,7 +32,7 @@ from rearl_jax.validation.document import document_of
 from rearl_jax.validation.figures import error_over_time
 from rearl_jax.validation.records import Recorded, stack
 from rearl_jax.validation.scenarios import SETS, TICKS_PER_SECOND, ScenarioSet
-from rearl_jax.validation.store import ReferenceStore
+from rearl_jax.validation.store import REFERENCES, ReferenceStore
 from rearl_jax.validation.workers import Job, Variant, vector_features
 
 FACTS = {
@@ -57,7 +57,7 @@ def run(config: ValidateTask) -> dict:
         raise ValueError("the comparison needs double precision: call rearl_jax.runtime.start(x64=True) first")
     options = config.validation
     study = Study(config.results.root, config.study, config, "validate")
-    study.write_config()
+    study.write_config(reusable=(REFERENCES,))
     reference = f"highway-env {version('highway-env')}"
     sets = [chosen for chosen in SETS if n_scenes(chosen, options)]
     with progress_bar() as progress:

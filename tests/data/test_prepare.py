@@ -80,6 +80,11 @@ def test_recordings_are_generated_first_where_asked_for(tmp_path):
     assert not (folder / "tables").exists()
     rows = pq.read_table(folder / "recordings.parquet").to_pylist()
     assert [row["recording"] for row in rows] == ["generated_01"]
+    for part in ("tracks", "tracksMeta", "recordingMeta"):
+        source = tmp_path / "made" / f"01_{part}.csv"
+        (tmp_path / "made" / f"02_{part}.csv").write_bytes(source.read_bytes())
+    with refused("recordings-beside", key="data.root"):
+        run(config)
 
 
 def test_unknown_lanes_are_no_lane_changes(highd_files, tmp_path):

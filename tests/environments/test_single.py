@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from rearl_jax import make_env
+from rearl_jax import MetaAction, make_env
 from rearl_jax.environments.highway import HighwayOptions
 from rearl_jax.environments.single import HighwayEnv
 from rearl_jax.problems import InvalidInputError
@@ -62,7 +62,21 @@ def test_actions_do_what_they_say(env):
     assert across[0] < across[1] < across[2]
 
 
-@pytest.mark.parametrize("action", [5, -1, 1.5, None])
+@pytest.mark.parametrize(
+    "kind", [jax.numpy.int32, np.int64, np.uint8, np.array, lambda n: np.array([n]), jax.numpy.array, MetaAction, int]
+)
+def test_an_action_is_a_number_of_any_library(env, kind):
+    env.reset(seed=8)
+    expected = env.step(4)
+    env.reset(seed=8)
+    found = env.step(kind(4))
+    np.testing.assert_array_equal(found[0], expected[0])
+    assert found[1:] == expected[1:]
+
+
+@pytest.mark.parametrize(
+    "action", [5, -1, 1.5, None, "1", [1, 2], jax.numpy.float32(1), jax.numpy.int32(5), jax.numpy.array([1, 2])]
+)
 def test_no_other_actions(env, action):
     env.reset(seed=0)
     with pytest.raises(ValueError, match="is none of 0 to 4"):

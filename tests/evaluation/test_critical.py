@@ -30,6 +30,7 @@ from rearl_jax.tasks import TASKS
 from tests.evaluation.test_rollouts import frames_of
 from tests.llm.asking import make_config
 from tests.llm.stub import Stub
+from tests.refusal import refused
 
 SUBSET = np.array([0, 2, 3])
 
@@ -192,7 +193,6 @@ def test_a_language_model_proposes_its_answers_are_kept_and_replayed(scenes, ask
         assert (requests.action == -1).all()
         assert "rounds without new shares: out_of_range 1" in answers.notes[0]
         assert len(stub.chats) == answers.summary["requests"] == 6
-        assert not any(seen.is_canary for seen in stub.log)
         assert stub.chats[0].body["max_tokens"] == 256
         again, (_, second) = adapted(asking(stub.url), scenes)
         assert len(stub.chats) == 6
@@ -202,23 +202,19 @@ def test_a_language_model_proposes_its_answers_are_kept_and_replayed(scenes, ask
     assert third.tables["requests"].text.tolist() == requests.text.tolist()
 
 
-@pytest.mark.parametrize(
-    ("stub", "cause", "attempts"),
-    [
-        (lambda: saying(lambda user: "{}"), "unparsable", 2),
-        (lambda: Stub(fault=lambda seen: None if seen.method == "GET" else 400), "refused", 1),
-    ],
-)
-def test_a_model_without_a_valid_answer_leaves_all_regular_and_is_counted(
-    scenes, asking, standing, stub, cause, attempts
-):
-    with stub() as server:
+def test_a_model_without_a_valid_answer_leaves_all_regular_and_is_counted(scenes, asking, standing):
+    with saying(lambda user: "{}") as server:
         mixture, (extra, answers) = adapted(asking(server.url), scenes)
     assert mixture == (0.0, 0.0, 0.0)
-    assert extra.tables["rounds"].cause.tolist() == ["start", *[cause] * 3]
-    assert extra.tables["rounds"].attempts.tolist() == [0, *[attempts] * 3]
-    assert answers.summary[f"cause_{cause}"] == 3 * attempts
-    assert f"{cause} 3" in answers.notes[0]
+    assert extra.tables["rounds"].cause.tolist() == ["start", *["unparsable"] * 3]
+    assert extra.tables["rounds"].attempts.tolist() == [0, *[2] * 3]
+    assert answers.summary["cause_unparsable"] == 6
+    assert "unparsable 3" in answers.notes[0]
+
+
+def test_a_server_that_answers_nothing_leaves_no_result(scenes, asking, standing):
+    with Stub(fault=lambda seen: 400) as server, refused("answers-unusable"):
+        adapted(asking(server.url), scenes)
 
 
 def test_no_server_is_said_before_anything_is_simulated(scenes, asking, monkeypatch):

@@ -20,6 +20,7 @@ from rearl_jax.problems import InvalidInputError
 from rearl_jax.progress import progress_bar
 from tests.llm.asking import make_config
 from tests.llm.stub import Fault, Stub
+from tests.refusal import refused
 
 HELD_OUT = np.array([1, 4])
 THRESHOLDS = (0.3, 0.2)
@@ -189,3 +190,11 @@ def test_a_run_goes_on_while_the_server_is_down_and_asks_again_when_it_is_back(
     assert second[requests["cause"] == "answered"].max() > second[requests["cause"] == "broken"].min()
     assert np.isfinite(values["h"]).all()
     assert len(values["h"]) == 3 * len(HELD_OUT)
+
+
+@pytest.mark.parametrize(("fault", "code"), [(402, "requests-refused"), (Fault.null_content, "answers-unusable")])
+def test_a_run_without_a_usable_answer_is_no_result(scenes, intervening, references, tmp_path, fault, code):
+    with Stub(fault=lambda seen: fault) as stub, refused(code):
+        quick = asking(intervening, tmp_path, stub.url, tries=1, breaker_failures=8)
+        run(quick, scenes, references)
+    assert len(stub.chats) < 200

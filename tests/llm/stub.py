@@ -116,12 +116,22 @@ class Stub:
         constrains: bool = True,
         key: str = "",
         fault: Callable[[Seen], Fault | int | None] = lambda seen: None,
+        trial_fault: Callable[[Seen], Fault | int | None] = lambda seen: None,
+        refuse: Callable[[dict], dict | None] = lambda body: None,
+        lists: bool = True,
+        root: str = "/v1",
         say: Callable[[dict], dict] | None = None,
     ) -> None:
-        """Nothing runs yet. Times in s; a fault may be a status; `say` gives the whole response to a body."""
+        """Nothing runs yet.
+
+        Times in s; a fault may be a status, `trial_fault` is that of trial requests; `refuse` gives the error, answered
+        with 400, to a body; `lists` and `root`: whether models are listed, and the path of everything; `say` gives the
+        whole response to a body.
+        """
         self.latency, self.stall, self.retry_after = latency, stall, retry_after
         self.models, self.owned_by, self.header = models, owned_by, header
         self.constrains, self.key, self.fault, self.say = constrains, key, fault, say
+        self.trial_fault, self.refuse, self.lists, self.root = trial_fault, refuse, lists, root
         self.loading = 0
         self.log: list[Seen] = []
         self.busiest = 0
@@ -137,11 +147,11 @@ class Stub:
 
     @property
     def url(self) -> str:
-        return f"http://127.0.0.1:{self.port}/v1"
+        return f"http://127.0.0.1:{self.port}{self.root}"
 
     @property
     def chats(self) -> list[Seen]:
-        """The chats it was asked, without those that try out the constraint."""
+        """The chats it was asked, without trial requests."""
         return [seen for seen in self.log if seen.method == "POST" and not seen.is_canary]
 
     def __enter__(self) -> "Stub":
@@ -211,12 +221,12 @@ class Stub:
         elif self.loading > 0:
             self.loading -= 1
             self._write(writer, 503, {"error": {"message": "Loading model"}})
-        elif seen.path == "/v1/models":
+        elif seen.path == f"{self.root}/models" and self.lists:
             listed = [{"id": model, "object": "model", "owned_by": self.owned_by} for model in self.models]
             self._write(writer, 200, {"object": "list", "data": listed})
         elif seen.path == "/api/version" and self.owned_by == "library":
             self._write(writer, 200, {"version": "0.13.0"})
-        elif seen.path != "/v1/chat/completions":
+        elif seen.path.partition("?")[0] != f"{self.root}/chat/completions":
             self._write(writer, 404, {"error": {"message": "not found"}})
         else:
             async with self._free:
@@ -230,8 +240,10 @@ class Stub:
         await writer.drain()
 
     async def _complete(self, seen: Seen, writer: asyncio.StreamWriter) -> None:
-        fault = self.fault(seen)
-        if fault is None:
+        fault = (self.trial_fault if seen.is_canary else self.fault)(seen)
+        if (error := self.refuse(seen.body)) is not None:
+            self._write(writer, 400, error)
+        elif fault is None:
             self._write(writer, 200, self._completion(seen.body))
         elif isinstance(fault, int):
             self._write(writer, fault, {"error": {"message": f"status {fault} was asked for"}})

@@ -8,9 +8,9 @@ from omegaconf import OmegaConf
 
 from rearl_jax.config.llm import LlmConfig, Profile, Thinking
 from rearl_jax.llm.client import Client
+from rearl_jax.llm.listing import ServerError
 from rearl_jax.llm.profiles import DIALECTS, read_completion, read_error, request_body, request_digest
 from rearl_jax.llm.records import Completion, Message
-from rearl_jax.llm.startup import ServerError
 from rearl_jax.problems import InvalidInputError
 from tests.llm.asking import make_config, make_questions
 from tests.llm.stub import Fault, Stub
@@ -206,20 +206,21 @@ def test_a_server_that_ignores_constraints_is_found_out(tmp_path, caplog, profil
 
 
 @pytest.mark.parametrize("changes", [{"constrained": False}, {"thinking": Thinking.on, "max_tokens": 4096}])
-def test_nothing_is_tried_out_without_constraints(tmp_path, changes):
+def test_there_is_a_trial_request_without_constraints_too(tmp_path, changes, caplog):
     with Stub() as stub, Client(make_config(tmp_path, **({"constrained": True} | changes)), stub.url) as client:
         client.submit(make_questions(3)).result()
-    assert not any(seen.is_canary for seen in stub.log)
+    assert sum(seen.is_canary for seen in stub.log) == 1
+    assert caplog.text == ""
 
 
 def test_constraint_is_tried_out_in_spite_of_faults(tmp_path, caplog):
     config = make_config(tmp_path, constrained=True)
-    with Stub(fault=lambda seen: Fault.unavailable if seen.number < 3 else None) as stub:
+    with Stub(trial_fault=lambda seen: Fault.unavailable if seen.number < 3 else None) as stub:
         Client(config, stub.url).open().close()
     assert caplog.text == ""
-    with Stub(fault=lambda seen: Fault.null_content) as stub:
+    with Stub(trial_fault=lambda seen: Fault.null_content) as stub:
         Client(config, stub.url).open().close()
-    assert "could not be tested: the message has no text" in caplog.text
+    assert "did not answer the trial request: the message has no text" in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -246,7 +247,7 @@ def test_model_is_one_the_server_has(tmp_path, models, wanted, used):
         (Stub(), "/deeper/v1", {}, "server-unknown", None),
         (Stub(key="right key"), "", {"api_key_env": "MY_KEY"}, "server-key", None),
         (
-            Stub(fault=lambda seen: 400),
+            Stub(trial_fault=lambda seen: 400),
             "",
             {"constrained": True, "profile": Profile.sglang},
             "dialect-refused",
@@ -262,13 +263,13 @@ def test_a_server_that_cannot_be_used_is_said_at_the_start(tmp_path, stub, path,
 
 
 def test_a_server_that_loads_is_waited_for(tmp_path, caplog, monkeypatch):
-    monkeypatch.setattr("rearl_jax.llm.startup._POLL", 0.05)
+    monkeypatch.setattr("rearl_jax.llm.listing._POLL", 0.05)
     caplog.set_level(logging.INFO)
     with Stub() as stub:
         stub.loading = 4
         with Client(make_config(tmp_path), stub.url) as client:
             assert client.server.model == "stub-model"
-        assert len(stub.log) == 5
+        assert sum(seen.method == "GET" for seen in stub.log) == 5
         assert caplog.text.count("is loading") == 1
         stub.loading = 10_000
         start = time.monotonic()

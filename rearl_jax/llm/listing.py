@@ -1,0 +1,160 @@
+"""The list of a server's models: waits until the server is there, and chooses the model that is asked.
+
+A server without such a list is asked for the configured model.
+"""
+
+import logging
+from dataclasses import replace
+from typing import Any
+
+from tenacity import AsyncRetrying, RetryCallState, stop_before_delay, wait_fixed
+
+from rearl_jax.config.llm import LlmConfig
+from rearl_jax.llm.connection import Connection, Response
+from rearl_jax.llm.profiles import read_error, read_json
+from rearl_jax.llm.retries import retrying
+from rearl_jax.problems import InvalidInputError, Problem, ProblemError
+
+log = logging.getLogger(__name__)
+
+_POLL = 1.0
+"""Pause before a server that is loading is asked again [s]."""
+
+PATIENCE = 10.0
+"""Longest time without a byte of a request that needs no model [s]."""
+
+
+class ServerError(ProblemError, ConnectionError):
+    """There is no server, or it does not become ready."""
+
+
+async def find_model(connection: Connection, config: LlmConfig) -> tuple[str, Response | None]:
+    """Name the server knows the wanted model by, and its list of models; None for a server without one.
+
+    A list that is only found beside the version of the address moves the connection's address there.
+
+    Raises:
+        ServerError: There is no server, or it does not become ready.
+        InvalidInputError: It does not have the model, or no model is named and it lists none.
+    """
+    response = await _models(connection, config)
+    if not is_list(response) and response.status in (404, 405) and (other := without_version(connection.address)):
+        versioned, connection.address = connection.address, other
+        beside = await _models(connection, config)
+        if is_list(beside):
+            response = beside
+        else:
+            connection.address = versioned
+    if is_list(response):
+        names = [model["id"] for model in entries(response)]
+        return _choose_model(names, config.model, connection.place), response
+    if response.status is None or not config.model:
+        raise _no_server(connection, config, response)
+    log.info(
+        "the server at %s lists no models (HTTP %d): it is asked for llm.model=%s",
+        connection.place,
+        response.status,
+        config.model,
+    )
+    return config.model, None
+
+
+def without_version(address: str) -> str:
+    """An address without the `/v1` at its end; empty if it has none."""
+    return address.removesuffix("/v1") if address.endswith("/v1") else ""
+
+
+def entries(response: Response) -> list[dict[str, Any]]:
+    """The models of a list of models; ValueError if it is not such a list."""
+    listed = read_json(response.content)
+    models = listed.get("data") if isinstance(listed, dict) else listed
+    # Ollama without a model says null.
+    if models is None and isinstance(listed, dict) and listed.get("object") == "list":
+        return []
+    if not isinstance(models, list):
+        raise ValueError("no list of models")
+    return [model for model in models if isinstance(model, dict) and isinstance(model.get("id"), str)]
+
+
+def is_list(response: Response) -> bool:
+    """Whether a response is a list of models."""
+    try:
+        entries(response)
+    except ValueError:
+        return False
+    return response.status == 200
+
+
+def until_loaded(connection: Connection, config: LlmConfig) -> AsyncRetrying:
+    """Sends a request again as long as the server says that it is loading, for `llm.startup` seconds."""
+    return retrying(
+        config,
+        _is_loading,
+        wait=wait_fixed(_POLL),
+        stop=stop_before_delay(config.startup),
+        before_sleep=lambda state: _say_once(state, connection, config),
+    )
+
+
+async def _models(connection: Connection, config: LlmConfig) -> Response:
+    """The response to the question for the models."""
+    asked = retrying(config, lambda response: not (is_list(response) or response.is_refusal or _is_loading(response)))
+    response = await until_loaded(connection, config)(asked, connection.get, "/models", PATIENCE)
+    if _is_loading(response):
+        http = f"HTTP {response.status}: {connection.without_key(read_error(response.content))}"
+        message = f"the server at {connection.place} is still loading after {config.startup:g} s ({http})"
+        raise ServerError(
+            Problem("server-loading", message, "start rearl again when it is ready, or raise llm.startup")
+        )
+    return response
+
+
+def _is_loading(response: Response) -> bool:
+    return response.status in (429, 503) and not response.is_refusal
+
+
+def _say_once(state: RetryCallState, connection: Connection, config: LlmConfig) -> None:
+    if state.attempt_number == 1:
+        log.info("the server at %s is loading: waiting up to %g s", connection.place, config.startup)
+
+
+def _no_server(connection: Connection, config: LlmConfig, response: Response) -> ProblemError:
+    """The problem with a response to the question for models that is not a list of models."""
+    place, status = connection.place, response.status
+    http = f"HTTP {status}: {connection.without_key(read_error(response.content))}"
+    if status is None:
+        message = f"no server answers at {place} ({response.error})"
+        remedy = "start one there, or set decision.server"
+        if connection.is_proxied:
+            remedy += ", or name its host in NO_PROXY if it needs no proxy"
+        return ServerError(Problem("server-absent", message, remedy))
+    if status in (401, 403):
+        return refused_access(connection, config, http)
+    if status >= 500:
+        return ServerError(Problem("server-fails", f"the server at {place} reports an error ({http})", "restart it"))
+    message = f"what answers at {place} lists no models (HTTP {status} for /models)"
+    return InvalidInputError(
+        Problem("server-unknown", message, "check decision.server, and name the model with llm.model")
+    )
+
+
+def refused_access(connection: Connection, config: LlmConfig, http: str) -> InvalidInputError:
+    """The error for a server that wants another key, or any."""
+    remedy = f"put its key into the environment variable {config.api_key_env or 'that llm.api_key_env names'}"
+    return InvalidInputError(Problem("server-key", f"the server at {connection.place} refuses access ({http})", remedy))
+
+
+def _choose_model(names: list[str], wanted: str, place: str) -> str:
+    """The name the server knows the wanted model by; the empty name stands for its only one."""
+    listed = ", ".join(names) or "none"
+    if not wanted and len(names) == 1:
+        return names[0]
+    for name in (wanted, f"{wanted}:latest"):  # Ollama's name for a model without a tag
+        if name in names:
+            return name
+    behind = [name for name in names if wanted and name.endswith(f"/{wanted}")]  # behind the name of its maker
+    if len(behind) == 1:
+        return behind[0]
+    message = f"must be one of the models of the server at {place} ({listed})"
+    problem = Problem("choice-unknown", message, "set it to one of them, or load it there", key="llm.model")
+    raise InvalidInputError(replace(problem, value=repr(wanted)))

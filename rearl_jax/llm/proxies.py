@@ -1,0 +1,92 @@
+"""The proxy of the environment through which an address is reached, by the usual variables.
+
+`http_proxy`, `https_proxy` and `all_proxy` in either case, or what the operating system has in their place; `no_proxy`
+names hosts, domains and networks that are reached directly, as this machine's own addresses always are.
+"""
+
+import os
+from dataclasses import dataclass
+from ipaddress import ip_address, ip_network
+from urllib.parse import urlsplit
+from urllib.request import getproxies, proxy_bypass
+
+from rearl_jax.problems import InvalidInputError, Problem
+
+SCHEMES = ("http", "https", "socks5", "socks5h")
+"""Kinds of proxies that httpx speaks to."""
+
+
+@dataclass(frozen=True)
+class Proxy:
+    """A proxy of the environment.
+
+    Attributes:
+        url: Its address, with the password if it has one.
+        variable: The environment variable that names it; empty if the operating system does.
+        place: Host and port, to be shown.
+    """
+
+    url: str
+    variable: str
+    place: str
+
+    def __str__(self) -> str:
+        return f"the proxy {self.place} of {self.variable or 'the system settings'}"
+
+
+def proxy_for(address: str) -> Proxy | None:
+    """The proxy through which an address is reached; None if it is reached directly.
+
+    Raises:
+        InvalidInputError: The variable holds no address of a proxy, or one of a kind that is not known.
+    """
+    parts = urlsplit(address)
+    host, proxies = parts.hostname or "", getproxies()
+    name = next((name for name in (parts.scheme, "all") if proxies.get(name)), None)
+    if name is None or _is_loopback(host) or proxy_bypass(parts.netloc) or proxy_bypass(host) or _is_excepted(host):
+        return None
+    url = proxies[name] if "://" in proxies[name] else f"http://{proxies[name]}"
+    wanted = f"{name}_proxy"
+    variable = next((variable for variable in sorted(os.environ, reverse=True) if variable.lower() == wanted), "")
+    try:
+        there = urlsplit(url)
+        place, is_proxy = f"{there.hostname}:{there.port or _port(there.scheme)}", bool(there.hostname)
+    except ValueError:
+        is_proxy, place = False, ""
+    if not is_proxy or there.scheme.lower() not in SCHEMES:
+        fault = "holds no address of a proxy" if not is_proxy else f"names a {there.scheme} proxy, which is not known"
+        raise unusable(variable or wanted, fault, f"write it as {' or '.join(SCHEMES)}://HOST:PORT")
+    return Proxy(url, variable, place)
+
+
+def unusable(variable: str, fault: str, remedy: str) -> InvalidInputError:
+    """The error for a variable that names a proxy that cannot be used."""
+    remedy = f"{remedy}, or unset it, or name the server's host in NO_PROXY"
+    return InvalidInputError(Problem("proxy-unusable", fault, remedy, key=variable))
+
+
+def _port(scheme: str) -> int:
+    return {"http": 80, "https": 443}.get(scheme, 1080)
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _is_excepted(host: str) -> bool:
+    """Whether `no_proxy` holds a network the address lies in."""
+    excepted = os.environ.get("no_proxy") or os.environ.get("NO_PROXY", "")
+    try:
+        own = ip_address(host)
+    except ValueError:
+        return False
+    for entry in excepted.split(","):
+        try:
+            if own in ip_network(entry.strip().strip("[]"), strict=False):
+                return True
+        except ValueError:
+            continue
+    return False

@@ -1,0 +1,91 @@
+"""Proxies of the environment: which one counts for an address, and what is said of one that cannot be used."""
+
+import os
+import ssl
+
+import pytest
+
+from rearl_jax.llm.client import Client
+from rearl_jax.llm.connection import Connection
+from rearl_jax.llm.listing import ServerError
+from rearl_jax.llm.proxies import proxy_for
+from rearl_jax.problems import InvalidInputError
+from tests.llm.asking import make_config
+from tests.llm.stub import Stub
+from tests.refusal import refused
+
+ADDRESS = "http://model.invalid:8000/v1"
+
+
+@pytest.fixture(autouse=True)
+def no_proxies(monkeypatch):
+    for name in list(os.environ):
+        if name.lower().endswith("_proxy"):
+            monkeypatch.delenv(name)
+
+
+@pytest.mark.parametrize(
+    ("variables", "address", "place", "variable"),
+    [
+        ({}, ADDRESS, None, None),
+        ({"http_proxy": "http://127.0.0.1:9"}, ADDRESS, "127.0.0.1:9", "http_proxy"),
+        ({"HTTP_PROXY": "proxy:3128"}, ADDRESS, "proxy:3128", "HTTP_PROXY"),
+        ({"ALL_PROXY": "http://u:secret@p"}, ADDRESS, "p:80", "ALL_PROXY"),
+        ({"https_proxy": "socks9://x"}, ADDRESS, None, None),
+        ({"http_proxy": "http://a:1", "ALL_PROXY": "socks5://b:2"}, ADDRESS, "a:1", "http_proxy"),
+        ({"http_proxy": "http://a:1", "NO_PROXY": "model.invalid"}, ADDRESS, None, None),
+        ({"http_proxy": "http://a:1", "NO_PROXY": "invalid"}, ADDRESS, None, None),
+        ({"http_proxy": "http://a:1", "no_proxy": "*"}, ADDRESS, None, None),
+        ({"http_proxy": "http://a:1", "NO_PROXY": "10.0.0.0/8"}, "http://10.1.2.3:8000/v1", None, None),
+        ({"http_proxy": "http://a:1", "NO_PROXY": "10.0.0.0/8"}, "http://11.1.2.3:8000/v1", "a:1", "http_proxy"),
+        ({"http_proxy": "http://a:1"}, "http://localhost:8000/v1", None, None),
+    ],
+)
+def test_proxy_that_counts(monkeypatch, variables, address, place, variable):
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    proxy = proxy_for(address)
+    assert (proxy and proxy.place, proxy and proxy.variable) == (place, variable)
+    assert "secret" not in str(proxy)
+
+
+@pytest.mark.parametrize("value", ["socks4://127.0.0.1:1080", "ftp://x", "http://", "http://x:port"])
+def test_a_proxy_that_cannot_be_used_is_named(tmp_path, monkeypatch, value):
+    monkeypatch.setenv("ALL_PROXY", value)
+    with refused("proxy-unusable", key="ALL_PROXY"):
+        Connection(ADDRESS, make_config(tmp_path), "")
+
+
+@pytest.mark.parametrize("scheme", ["socks5", "socks5h"])
+def test_socks_needs_its_package(tmp_path, monkeypatch, scheme):
+    monkeypatch.setenv("ALL_PROXY", f"{scheme}://u:secret@127.0.0.1:1080")
+    monkeypatch.setitem(__import__("sys").modules, "socksio", None)
+    with refused("proxy-unusable", key="ALL_PROXY") as caught:
+        Client(make_config(tmp_path), ADDRESS).open()
+    assert "socksio" in caught.value.problem.remedy
+    assert "secret" not in str(caught.value)
+
+
+def test_a_request_that_fails_at_the_proxy_names_it(tmp_path, monkeypatch):
+    monkeypatch.setenv("http_proxy", "http://127.0.0.1:9")
+    with pytest.raises(ServerError) as caught:
+        Client(make_config(tmp_path, tries=1), ADDRESS).open()
+    assert caught.value.code == "server-absent"
+    assert "through the proxy 127.0.0.1:9 of http_proxy" in caught.value.problem.fault
+
+
+def test_a_proxy_that_answers_itself_is_named(tmp_path, monkeypatch):
+    with Stub(root="/nowhere") as proxy:
+        monkeypatch.setenv("http_proxy", f"http://127.0.0.1:{proxy.port}")
+        with pytest.raises(InvalidInputError) as caught:
+            Client(make_config(tmp_path, tries=1), ADDRESS).open()
+    assert f"the proxy 127.0.0.1:{proxy.port} of http_proxy" in caught.value.problem.fault
+
+
+def test_certificates_that_cannot_be_read_are_named(tmp_path, monkeypatch):
+    def fail(*arguments, **options):
+        raise ssl.SSLError("no certificate")
+
+    monkeypatch.setattr("httpx.create_ssl_context", fail)
+    with refused("certificates-unreadable"):
+        Connection(ADDRESS, make_config(tmp_path), "")

@@ -1,0 +1,252 @@
+"""Servers that differ from OpenAI's in address, list of models, parameters and shape of answers: usable, or said."""
+
+import json
+
+import pytest
+
+from rearl_jax.config.llm import Profile
+from rearl_jax.llm.client import Client
+from rearl_jax.llm.connection import server_address
+from rearl_jax.llm.listing import ServerError
+from rearl_jax.llm.parameters import refused_parameter, without
+from rearl_jax.llm.profiles import read_completion
+from rearl_jax.llm.prompt_length import PromptLengths
+from rearl_jax.llm.records import Cause, Message, Question
+from rearl_jax.problems import InvalidInputError
+from tests.llm.asking import CHOICES, make_config, make_questions
+from tests.llm.stub import Fault, Stub
+
+NEW_NAME = {"error": {"message": "max_tokens is not supported, use max_completion_tokens"}}
+
+
+def causes(stub, config, n=4) -> set[Cause]:
+    with Client(config, stub.url) as client:
+        return {answer.replies[0].cause for answer in client.submit(make_questions(n)).result()}
+
+
+@pytest.mark.parametrize(
+    ("given", "address"),
+    [
+        ("http://host/v1beta/openai", "http://host/v1beta/openai"),
+        ("https://host/openai/v1/", "https://host/openai/v1"),
+        ("https://host/inference/chat/completions", "https://host/inference"),
+        (
+            "https://host/openai/deployments/m/chat/completions?api-version=2024-10-21",
+            "https://host/openai/deployments/m?api-version=2024-10-21",
+        ),
+        ("https://host/openai/deployments/m?api-version=1", "https://host/openai/deployments/m?api-version=1"),
+        ("https://host/ai?tenant=3", "https://host/ai/v1?tenant=3"),
+        ("https://host/dev1", "https://host/dev1/v1"),
+    ],
+)
+def test_address(given, address):
+    assert server_address(given) == address
+
+
+@pytest.mark.parametrize("root", ["/v1beta/openai", "/serving-endpoints", ""])
+@pytest.mark.parametrize("lists", [True, False])
+def test_version_anywhere_or_nowhere(tmp_path, root, lists):
+    config = make_config(tmp_path, model="stub-model")
+    with Stub(root=root, lists=lists) as stub:
+        assert causes(stub, config) == {Cause.answered}
+        with Client(config, stub.url) as client:
+            assert client.address == stub.url
+
+
+def test_query_of_the_address_and_the_key_azure_wants(tmp_path, monkeypatch):
+    monkeypatch.setenv("STUB_KEY", "a long secret")
+    config = make_config(tmp_path, model="m", api_key_env="STUB_KEY")
+    with Stub(root="/openai/deployments/m", lists=False) as stub:
+        with Client(config, f"{stub.url}?api-version=2024-10-21") as client:
+            client.submit(make_questions(1)).result()
+            assert "?" not in client.address
+    (chat,) = stub.chats
+    assert chat.path == "/openai/deployments/m/chat/completions?api-version=2024-10-21"
+    assert chat.headers["api-key"] == "a long secret"
+
+
+@pytest.mark.parametrize("status", [404, 405, 400, 501, 500, 403])
+def test_a_server_without_a_list_of_models_is_asked_for_the_configured_one(tmp_path, monkeypatch, status):
+    monkeypatch.setattr("rearl_jax.llm.connection.Connection.get", unlisted(status))
+    with Stub() as stub:
+        assert causes(stub, make_config(tmp_path, model="m")) == {Cause.answered}
+        with pytest.raises((InvalidInputError, ServerError)):
+            Client(make_config(tmp_path), stub.url).open()
+    assert {seen.body["model"] for seen in stub.chats} == {"m"}
+
+
+def unlisted(status):
+    from rearl_jax.llm.connection import Response
+
+    async def get(self, path, read_timeout):
+        return Response(status=status, content=b'{"error": "none"}')
+
+    return get
+
+
+@pytest.mark.parametrize("fault", [Fault.html, Fault.internal_error])
+def test_what_lists_no_models_and_answers_nothing_is_no_server(tmp_path, fault):
+    with Stub(lists=False, trial_fault=lambda seen: fault) as stub, pytest.raises(ServerError) as caught:
+        Client(make_config(tmp_path, model="m", tries=2), stub.url).open()
+    assert caught.value.code == "server-unknown"
+    assert stub.chats == []
+
+
+def test_a_model_is_found_behind_its_maker(tmp_path):
+    with Stub(models=("Qwen/Qwen3-32B", "other/one")) as stub:
+        assert causes(stub, make_config(tmp_path, model="Qwen3-32B")) == {Cause.answered}
+    assert {seen.body["model"] for seen in stub.chats} == {"Qwen/Qwen3-32B"}
+
+
+def refusing(*names, message="Unsupported parameter: '{}'"):
+    """Refuses bodies with any of some parameters, naming the first."""
+
+    def refuse(body):
+        found = [name for name in names if name in body]
+        return {"error": {"message": message.format(found[0])}} if found else None
+
+    return refuse
+
+
+@pytest.mark.parametrize(
+    ("refuse", "gone", "new"),
+    [
+        (lambda body: NEW_NAME if "max_tokens" in body else None, {"max_tokens"}, {"max_completion_tokens"}),
+        (refusing("temperature", "seed"), {"temperature", "seed"}, set()),
+        (refusing("max_tokens", "max_completion_tokens"), {"max_tokens"}, set()),
+        (refusing("seed", message="Bad Request"), {"seed"}, set()),
+        (refusing("seed", "temperature", message=""), {"seed", "temperature"}, set()),
+        (refusing("structured_outputs"), {"structured_outputs"}, set()),
+        (refusing("chat_template_kwargs"), {"chat_template_kwargs"}, set()),
+        (
+            lambda body: {"detail": [{"loc": ["body", "seed"], "msg": "Extra inputs"}]} if "seed" in body else None,
+            {"seed"},
+            set(),
+        ),
+    ],
+)
+def test_refused_parameters_are_left_out_and_said(tmp_path, caplog, refuse, gone, new):
+    config = make_config(tmp_path, constrained=True)
+    with Stub(refuse=refuse) as stub:
+        assert causes(stub, config) == {Cause.answered}
+        sent = [set(seen.body) for seen in stub.chats]
+        assert len(sent) == 4
+        assert not any(keys & gone for keys in sent)
+        assert all(new <= keys for keys in sent)
+        assert all(name in caplog.text for name in gone)
+        assert "ignores the constraint" not in caplog.text
+    # A replay, which asks nobody, finds the answers.
+    with Client(make_config(tmp_path, constrained=True), "", replay=True) as client:
+        replies = [answer.replies[0] for answer in client.submit(make_questions(4)).result()]
+    assert {reply.cause for reply in replies} == {Cause.answered}
+
+
+def test_a_message_of_the_system_that_is_refused_begins_that_of_the_user(tmp_path):
+    def refuse(body):
+        has_system = any(message["role"] == "system" for message in body["messages"])
+        return {"error": {"message": "System role not supported"}} if has_system else None
+
+    with Stub(refuse=refuse) as stub:
+        assert causes(stub, make_config(tmp_path), n=1) == {Cause.answered}
+    question = make_questions(1)[0]
+    (message,) = stub.chats[0].body["messages"]
+    assert message == {"role": "user", "content": "\n\n".join(part.text for part in question.messages)}
+
+
+@pytest.mark.parametrize(
+    ("status", "code"),
+    [(400, "request-refused"), (402, "request-refused"), (404, "request-refused"), (403, "server-key")],
+)
+def test_a_server_that_refuses_every_request_is_not_asked(tmp_path, status, code):
+    with Stub(trial_fault=lambda seen: status) as stub, pytest.raises(InvalidInputError) as caught:
+        Client(make_config(tmp_path), stub.url).open()
+    assert caught.value.code == code
+    assert f"status {status} was asked for" in caught.value.problem.fault
+    assert stub.chats == []
+
+
+def test_a_used_up_account_is_a_refusal(tmp_path, monkeypatch):
+    error = {"error": {"message": "You exceeded your current quota", "code": "insufficient_quota"}}
+    monkeypatch.setattr(Stub, "_complete", lambda stub, seen, writer: over(stub, writer, error))
+    with Stub() as stub, pytest.raises(InvalidInputError) as caught:
+        Client(make_config(tmp_path), stub.url).open()
+    assert caught.value.code == "request-refused"
+
+
+async def over(stub, writer, error):
+    stub._write(writer, 429, error)
+
+
+def test_parameter_named_in_an_error():
+    body = json.dumps({"model": "m", "messages": [], "max_tokens": 8, "seed": 1})
+    assert refused_parameter(body, json.dumps(NEW_NAME).encode()) == "max_tokens"
+    assert refused_parameter(body, b'{"error": {"message": "no such model", "param": "model"}}') is None
+    assert refused_parameter(body, b'{"error": {"message": "the reseeding failed"}}') is None
+    assert json.loads(without(body, ("max_tokens", "max_completion_tokens"))) == {
+        "model": "m",
+        "messages": [],
+        "seed": 1,
+    }
+    assert without(body, ()) == body
+
+
+def said(**message) -> bytes:
+    return json.dumps({"choices": [{"finish_reason": "stop", "message": message}]}).encode()
+
+
+@pytest.mark.parametrize(
+    ("content", "text", "thinking"),
+    [
+        ([{"type": "text", "text": "1"}], "1", ""),
+        ([{"type": "text", "text": "the "}, {"type": "output_text", "text": "3"}], "the 3", ""),
+        (
+            [{"type": "thinking", "thinking": [{"type": "text", "text": "4?"}]}, {"type": "text", "text": "1"}],
+            "1",
+            "4?",
+        ),
+        ([{"type": "reasoning", "text": "hm"}], "", "hm"),
+        ([{"type": "refusal", "refusal": "I cannot"}], "I cannot", ""),
+    ],
+)
+def test_content_in_parts_is_joined(content, text, thinking):
+    completion = read_completion(said(content=content))
+    assert (completion.text, completion.thinking) == (text, thinking)
+
+
+def test_what_a_model_declines_with_is_its_text():
+    assert read_completion(said(content=None, refusal="I cannot help")).text == "I cannot help"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b'{"error": {"message": "no credit left", "code": 402}}',
+        b'{"choices": [{"error": {"message": "no credit left"}, "message": {"content": "1"}}]}',
+    ],
+)
+def test_an_error_in_a_good_response_is_no_answer(content):
+    with pytest.raises(ValueError, match="no credit left"):
+        read_completion(content)
+
+
+def test_a_prompt_that_the_server_cuts_is_said_once(tmp_path, caplog):
+    message = {"choices": [{"message": {"content": "1"}}], "usage": {"prompt_tokens": 64}}
+    long = [Question(0, n, (Message("user", f"car {n} " + "gap=3.4 " * 400),), CHOICES) for n in range(3)]
+    with Stub(say=lambda body: message) as stub, Client(make_config(tmp_path), stub.url) as client:
+        client.submit(make_questions(2)).result()
+        assert "has cut it" not in caplog.text
+        client.submit(long).result()
+    assert caplog.text.count("has cut it") == 1
+
+
+def test_a_common_count_of_prompts_of_different_lengths_is_a_limit():
+    cut, whole, silent = PromptLengths(), PromptLengths(), PromptLengths()
+    assert [cut.is_cut(5000 + 100 * n, 4096) for n in range(10)] == [False] * 7 + [True] * 3
+    assert not any(whole.is_cut(3000 + 10 * n, 730 + 2 * n) for n in range(100))
+    assert not any(silent.is_cut(10_000, count) for count in (None, 0))
+
+
+def test_profile_of_a_server_without_a_list_is_its_own(tmp_path):
+    config = make_config(tmp_path, model="m", profile=Profile.auto)
+    with Stub(lists=False) as stub, Client(config, stub.url) as client:
+        assert client.server.dialect.profile is Profile.plain

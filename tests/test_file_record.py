@@ -1,0 +1,78 @@
+"""A study that begins anew in a folder removes the files of another one, and nothing else."""
+
+import pandas as pd
+import pytest
+
+from rearl_jax.results import Study
+from tests.refusal import refused
+
+FRAME = pd.DataFrame({"a": [1]})
+
+
+def begun(root, config, task="a task", name="study", **options) -> Study:
+    study = Study(root, name, config, task)
+    study.write_config(**options)
+    return study
+
+
+def names(study: Study) -> list[str]:
+    return sorted(path.relative_to(study.path).as_posix() for path in study.path.rglob("*"))
+
+
+@pytest.mark.parametrize("changes", [{"config": {"key": 2}}, {"task": "another"}])
+def test_files_of_another_study_are_removed(tmp_path, changes):
+    first = begun(tmp_path, {"key": 1})
+    first.write_table("tables/one", FRAME)
+    first.write_table("rows", FRAME)
+    first.write_bytes("rows.png", b"png")
+    first.own("model.yaml").write_text("model")
+    (first.path / "notes.txt").write_text("mine")
+    del first
+    second = begun(tmp_path, **({"config": {"key": 1}} | changes))
+    assert names(second) == ["config.json", "notes.txt"]
+
+
+def test_the_same_study_keeps_its_files(tmp_path):
+    begun(tmp_path, {"key": 1}).write_table("rows", FRAME)
+    again = begun(tmp_path, {"key": 1})
+    assert names(again) == ["config.json", "rows.parquet"]
+    again.write_table("more", FRAME)
+    del again
+    assert names(begun(tmp_path, {"key": 2})) == ["config.json"]
+
+
+def test_files_that_a_task_checks_by_itself_stay_and_remain_known(tmp_path):
+    first = begun(tmp_path, {"key": 1})
+    first.write_bytes("reference/a.npz", b"a")
+    first.write_bytes("rows.png", b"png")
+    del first
+    second = begun(tmp_path, {"key": 2}, reusable=("reference/",))
+    assert names(second) == ["config.json", "reference", "reference/a.npz"]
+    del second
+    assert names(begun(tmp_path, {"key": 3})) == ["config.json"]
+
+
+def test_studies_inside_go_with_the_one_that_made_them(tmp_path):
+    first = begun(tmp_path, {"key": 1})
+    first.own("groups/truck/")
+    begun(first.path / "groups", {"key": 1}, name="truck").write_table("null", FRAME)
+    del first
+    # The lock stays: another process may be waiting for it.
+    assert names(begun(tmp_path, {"key": 2})) == ["config.json", "groups", "groups/.truck.lock"]
+
+
+def test_files_that_are_to_be_read_are_not_removed(tmp_path):
+    first = begun(tmp_path, {"key": 1})
+    first.write_table("tables/one", FRAME)
+    del first
+    root = str(tmp_path / "study" / "tables")
+    with refused("input-in-study", key="data.root"):
+        begun(tmp_path, {"data": {"root": root}})
+    assert (tmp_path / "study" / "tables" / "one.parquet").exists()
+    begun(tmp_path, {"data": {"root": root}}, name="other")
+
+
+def test_a_damaged_record_removes_nothing(tmp_path):
+    begun(tmp_path, {"key": 1}).write_table("rows", FRAME)
+    (tmp_path / ".study.files").write_bytes(b"\xff\xfe")
+    assert "rows.parquet" in names(begun(tmp_path, {"key": 2}))
