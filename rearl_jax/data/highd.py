@@ -150,6 +150,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
     source = sound(source, _truncated(source, meta))
     source = sound(source, _without_value(source, "laneId")).astype({"laneId": np.int64})
     source = sound(source, _moving_otherwise(source, meta))
+    source = sound(source, _no_lane(source, meta, recording.markings))
     lanes, notes = _lane_ids(source, meta, recording.markings)
     lane_count = {side: high - low + 1 for side, (low, high) in lanes.items()}
     info = replace(info, lane_count=lane_count, notes=notes)
@@ -212,6 +213,20 @@ def _truncated(source: pd.DataFrame, meta: pd.DataFrame) -> Finding | None:
     first = which[np.argmax(short[which])]
     text = f"track {ids[first]} has {counts[first]} of the {stated[first]} frames that the meta file states"
     return Finding("truncated", "track_id", short[which], text, "the file is cut off: copy it again")
+
+
+def _no_lane(source: pd.DataFrame, meta: pd.DataFrame, markings: dict[int, tuple[float, ...]]) -> Finding | None:
+    """Rows whose laneId is no stripe of their carriageway or beside it; the stripe between the two counts for both."""
+    lane_id, between = source["laneId"].to_numpy(), len(markings[1]) + 1
+    upper = meta["drivingDirection"].reindex(source["track_id"].to_numpy()).to_numpy() == 1
+    first, last = np.where(upper, 1, between), np.where(upper, between, between + len(markings[2]))
+    bad = (lane_id < first) | (lane_id > last)
+    if not bad.any():
+        return None
+    row = int(np.argmax(bad))
+    text = f"laneId {lane_id[row]} of track {source['track_id'].iloc[row]} is no lane of its carriageway, "
+    text += f"they are {first[row]} to {last[row]}"
+    return Finding("lane_out_of_range", "lane", bad, text, "correct the laneId")
 
 
 def _moving_otherwise(source: pd.DataFrame, meta: pd.DataFrame) -> Finding | None:

@@ -100,7 +100,31 @@ def test_a_single_wrong_lane_id_does_not_move_the_lanes_of_others(tracks):
     assert dropped.dropped == {"lane_out_of_range": 150, "tracks": 1}
     assert dict(dropped.info.lane_count) == {1: 2, 2: 2}
     left = sound[sound["track_id"] != 1].reset_index(drop=True)
+    left = left.assign(time=left["time"] - left["time"].min())  # vehicle 1 was the first in view
     pd.testing.assert_frame_equal(dropped.table, left, check_categorical=False)
+
+
+@pytest.mark.parametrize("lane_id", [0, -1, 8, 5])
+def test_a_vehicle_on_no_lane_of_its_carriageway_does_not_move_the_lanes_of_others(tracks, lane_id):
+    _edit(tracks, lambda t: t.assign(laneId=t["laneId"].where(t["id"] != 1, lane_id)))
+    with refused("lane-out-of-range", column="laneId", row=1) as caught:
+        read_recording(tracks, STOP)
+    assert f"laneId {lane_id} of track 1" in caught.value.problem.fault
+    dropped = read_recording(tracks, DataConfig(on_bad=OnBad.drop_row))
+    assert dropped.dropped == {"lane_out_of_range": 150, "tracks": 1}
+    assert dict(dropped.info.lane_count) == {1: 2, 2: 2}
+
+
+def test_a_preceding_id_that_names_followers_stops(tracks):
+    rows = pd.read_csv(tracks)
+    following = rows.loc[rows["precedingId"] > 0, ["frame", "precedingId", "id"]]
+    following = following.rename(columns={"precedingId": "id", "id": "following"})
+    assert len(following) > 100
+    swapped = rows.merge(following, on=["frame", "id"], how="left")
+    rows.assign(precedingId=swapped["following"].fillna(0).astype(int)).to_csv(tracks, index=False)
+    with refused("wrong-leader", column="precedingId") as caught:
+        read_recording(tracks, STOP)
+    assert "drives behind" in caught.value.problem.fault
 
 
 def test_a_standing_vehicle_may_have_a_velocity_of_either_sign(tracks):
