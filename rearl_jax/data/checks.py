@@ -7,10 +7,11 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.data import DataConfig
+from rearl_jax.data.clock import resolution
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
+from rearl_jax.data.vehicle_classes import CLASSES
 
-CLASSES = ("car", "truck", "motorcycle", "other")
 NULLABLE = frozenset({"lateral", "lane", "acceleration", "width", "leader_id"})
 NUMBERED = frozenset({"track_id", "frame", "direction", "lane", "leader_id"})
 """Columns of whole numbers, which may be larger than any measure."""
@@ -191,9 +192,15 @@ def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Findin
 
 
 def times_beside_frames(table: pd.DataFrame, info: RecordingInfo) -> np.ndarray:
-    """Mask of rows whose time is more than half a frame off frame / frame rate, up to a start all rows share."""
-    off = table["time"].to_numpy() - table["frame"].to_numpy() / info.frame_rate
-    return np.abs(off - np.median(off)) > 0.5 / info.frame_rate
+    """Mask of rows whose time is more than half a frame off frame / frame rate, up to a start all rows share.
+
+    A time that is rounded may be off by half of what it is rounded to, too.
+    """
+    time = table["time"].to_numpy()
+    off = time - table["frame"].to_numpy() / info.frame_rate
+    middle = 0.5 * (np.quantile(off, 0.1) + np.quantile(off, 0.9))
+    # 1 % more, because the middle is known no better.
+    return np.abs(off - middle) > max(0.5 / info.frame_rate, 0.505 * resolution(time))
 
 
 def follows_row_before(track: np.ndarray) -> np.ndarray:

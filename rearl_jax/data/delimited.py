@@ -1,17 +1,70 @@
 """Reads text tables into Arrow tables; a broken line is an error with its number, or is skipped and counted."""
 
+import bz2
 import csv as header_csv
+import gzip
 import io
+import lzma
+import zipfile
+import zlib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 from pyarrow import csv
 
 from rearl_jax.config.data import OnBad
 from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, file_missing, require_columns
+
+_OPENERS = {".gz": gzip.GzipFile, ".bz2": bz2.BZ2File, ".xz": lzma.LZMAFile}
+_DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error)
+
+
+def text_endings(ending: str) -> tuple[str, ...]:
+    """The ending of a text table and of compressed ones, such as .csv, .csv.gz and .csv.zip."""
+    return (ending, *(f"{ending}{packed}" for packed in (*_OPENERS, ".zip")))
+
+
+def stem_of(path: Path) -> str:
+    """Name of a table without its ending, and without that of a compressed file."""
+    return Path(path.stem).stem if path.suffix.lower() in (*_OPENERS, ".zip") else path.stem
+
+
+def opened(path: Path) -> io.BufferedIOBase:
+    """The content of a text table, uncompressed.
+
+    Raises:
+        BadRecordingError: A .zip holds not one file.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".zip":
+        archive = zipfile.ZipFile(path)
+        names = [name for name in archive.namelist() if not name.endswith("/") and not name.startswith("__MACOSX")]
+        if len(names) != 1:
+            text = f"the archive holds {len(names)} files, not one table"
+            raise bad_recording("not-a-table", text, "unpack it, and name the folder", path)
+        return io.BytesIO(archive.read(names[0]))
+    return _OPENERS[suffix](path, "rb") if suffix in _OPENERS else path.open("rb")
+
+
+def first_lines(path: Path, number: int) -> list[str]:
+    """The first lines that are not empty, without what is not text."""
+    try:
+        with opened(path) as file:
+            lines = (line.decode(errors="replace").strip() for line in file)
+            return list(islice((line for line in lines if line), number))
+    except _DAMAGED as error:
+        raise _damaged(path, error) from None
+
+
+def _damaged(path: Path, error: Exception) -> BadRecordingError:
+    text = f"the file cannot be read ({str(error) or type(error).__name__})"
+    return bad_recording("not-text", text, "the file is damaged: copy it again", path)
 
 
 def read_header(path: Path) -> list[str]:
@@ -24,11 +77,13 @@ def read_header(path: Path) -> list[str]:
     if not path.is_file():
         raise file_missing(path)
     try:
-        with path.open(encoding="utf-8-sig") as file:
-            line = file.readline().strip()
+        with opened(path) as file:
+            line = file.readline().decode("utf-8-sig").strip()
         names = next(header_csv.reader([line], skipinitialspace=True), [])
     except (UnicodeDecodeError, header_csv.Error) as error:
         raise bad_recording("not-text", f"not a text file ({error})", "give a CSV file in UTF-8", path) from None
+    except _DAMAGED as error:
+        raise _damaged(path, error) from None
     if not line:
         raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
     return [name.strip() for name in names]
@@ -67,8 +122,11 @@ def read_blank_separated(
         columns: Name and type of every column to read.
         on_bad: stop makes a broken line an error.
     """
-    with path.open("rb") as file:
-        content = b"\n".join(b",".join(line.split()) for line in file)
+    try:
+        with opened(path) as file:
+            content = b"\n".join(b",".join(line.split()) for line in file)
+    except _DAMAGED as error:
+        raise _damaged(path, error) from None
     return _Lines(path, list(names), content).table(columns, on_bad)
 
 
@@ -94,13 +152,32 @@ class _Lines:
             # Looked at before broken lines are asked for: Arrow can hand them over only as text.
             self._require_text()
         broken: list[csv.InvalidRow] = []
+        # Whole numbers may be written as 12.0, as pandas does where a column holds gaps.
+        lenient = {name: pa.float64() if pa.types.is_integer(kind) else kind for name, kind in columns.items()}
         try:
-            table = self._parsed(columns, broken)
+            table = self._parsed(lenient, broken)
         except pa.ArrowInvalid as error:
             raise self._bad_value(str(error)) from None
         if broken and on_bad is OnBad.stop:
             raise self._broken_line(broken[0], len(broken))
-        return table, len(broken)
+        return self._whole(table, columns), len(broken)
+
+    def _whole(self, table: pa.Table, columns: dict[str, pa.DataType]) -> pa.Table:
+        """The table with whole numbers in the columns that must hold them."""
+        for place, name in enumerate(table.column_names):
+            values = table[name]
+            if columns[name] == values.type:
+                continue
+            numbers = values.to_numpy()
+            fraction = np.isfinite(numbers) & (numbers != np.rint(numbers))
+            if fraction.any():
+                row = int(np.argmax(fraction))
+                text = f"{numbers[row]:g} is not a whole number"
+                raise bad_recording(
+                    "value-unreadable", text, "write a whole number there", self.path, column=name, row=row + 1
+                )
+            table = table.set_column(place, name, values.cast(columns[name]))
+        return table
 
     def _parsed(self, columns: dict[str, pa.DataType], broken: list[csv.InvalidRow] | None) -> pa.Table:
         """The columns; broken lines are appended to the list, and are errors without a list."""
@@ -111,7 +188,7 @@ class _Lines:
             return "skip"
 
         return csv.read_csv(
-            self.path if self.content is None else io.BytesIO(self.content),
+            self.path if self._bytes is None else io.BytesIO(self._bytes),
             # Row numbers are known only to the sequential parser.
             read_options=csv.ReadOptions(
                 use_threads=broken is None, column_names=self.names, skip_rows=self._header_lines
@@ -122,12 +199,23 @@ class _Lines:
             ),
         )
 
+    @cached_property
+    def _bytes(self) -> bytes | None:
+        """The content in memory; None if Arrow can read the file itself."""
+        if self.content is not None or self.path.suffix.lower() not in (*_OPENERS, ".zip"):
+            return self.content
+        try:
+            with opened(self.path) as file:
+                return file.read()
+        except _DAMAGED as error:
+            raise _damaged(self.path, error) from None
+
     @property
     def _header_lines(self) -> int:
         return 1 if self.content is None else 0
 
     def _require_text(self) -> None:
-        with self.path.open("rb") as file:
+        with opened(self.path) as file:
             for number, line in enumerate(file, 1):
                 try:
                     line.decode()

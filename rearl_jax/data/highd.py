@@ -15,9 +15,10 @@ import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.delimited import read_csv, read_header
+from rearl_jax.data.folder import recordings_missing, visible_files
 from rearl_jax.data.highd_meta import read_recording_meta, read_tracks_meta
 from rearl_jax.data.losses import Losses, reject
-from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, file_missing, recordings_missing
+from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, file_missing
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
 LICENCE = "highD licence: non-commercial research on request, no redistribution"
@@ -61,14 +62,16 @@ def find_recordings(root: Path) -> list[Path]:
         FileNotFoundError: There is none.
     """
     for folder in (root, root / "data"):
-        found = sorted(folder.glob("*_tracks.csv"))
+        found = visible_files(folder, ("_tracks.csv",))
         if found:
             return found
     wanted = (
         "the folder with NN_tracks.csv, NN_tracksMeta.csv and NN_recordingMeta.csv of the highD format; "
         "`rearl prepare data=generated` writes such recordings"
     )
-    raise recordings_missing("no NN_tracks.csv, neither there nor in its subfolder data", root, wanted)
+    raise recordings_missing(
+        "no NN_tracks.csv, neither there nor in its subfolder data", root, wanted, ("_tracks.csv",)
+    )
 
 
 def recording_files(tracks_file: Path) -> tuple[Path, Path, Path]:

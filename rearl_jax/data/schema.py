@@ -12,13 +12,13 @@ import pandas as pd
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import checks, column_checks, placeholders
-from rearl_jax.data.checks import CLASSES
 from rearl_jax.data.labels import labelled
 from rearl_jax.data.leaders import wrong_leader
 from rearl_jax.data.losses import Losses, reject, remove_fragments
 from rearl_jax.data.motion_checks import wrong_motion
 from rearl_jax.data.problems import BadRecordingError, bad_recording, require_columns
 from rearl_jax.data.records import Recording, RecordingInfo
+from rearl_jax.data.vehicle_classes import CLASSES, classes_of
 
 __all__ = [
     "CLASSES",
@@ -149,6 +149,7 @@ def _numbers(table: pd.DataFrame, info: RecordingInfo) -> pd.DataFrame:
             table[name] = pd.Series(pd.NA, index=table.index, dtype="Int64") if "Int" in column.dtype else np.nan
         elif column.dtype != "category" and name in table:
             table[name] = _number(pd.Series(table[name]), column, info)
+    table["vehicle_class"] = classes_of(pd.Series(table["vehicle_class"]))
     if "time" not in table:
         table["time"] = (table["frame"] - table["frame"].min()) / info.frame_rate
     return table.reindex(columns=[*(column.name for column in COLUMNS), *info.labels])

@@ -8,10 +8,12 @@ carriageway from `column_checks`. Lanes and lateral positions are compared in `l
 import numpy as np
 import pandas as pd
 
-from rearl_jax.data.checks import CLASSES, follows_row_before, times_beside_frames
+from rearl_jax.data import clock
+from rearl_jax.data.checks import follows_row_before, times_beside_frames
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.units import SI_FACTOR
+from rearl_jax.data.vehicle_classes import CLASSES
 
 MOVING = 3.0  # m/s; below it rounding of positions hides the ratio of step and speed
 MIN_STEPS = 20  # fewer moving steps do not determine a unit
@@ -88,6 +90,11 @@ def wrong_time(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     if np.mean(bad) < WRONG_SHARE:
         return None
     text = f"time does not follow frame / frame rate at {info.frame_rate:g} frames per second"
+    found = clock.period_of(*(table[name].to_numpy(np.float64) for name in ("track_id", "frame", "time")))
+    units = {unit: found[0] * seconds * info.frame_rate for unit, seconds in clock.SECONDS.items()} if found else {}
+    unit = next((unit for unit, ratio in units.items() if abs(ratio - 1.0) <= RATIO_TOLERANCE), None)
+    if unit is not None:
+        return unit_finding("time", bad, f"{text}: it looks like {unit}", "give time in s")
     return unit_finding("time", bad, text, "give time in s and the frame rate of the recording")
 
 

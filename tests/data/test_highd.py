@@ -176,7 +176,7 @@ def test_a_file_cut_before_a_track_is_noticed_by_the_missing_track(tracks):
 CONTRADICTIONS = {
     "direction": ("tracksMeta", _set(4, drivingDirection=2), "wrong-direction", "xVelocity", 601, "track 5"),
     "third direction": ("tracksMeta", _set(4, drivingDirection=3), "wrong-direction", "drivingDirection", 5, "(3"),
-    "class": ("tracksMeta", _set(4, **{"class": "Tram"}), "unknown-class", "class", 5, "'tram'"),
+    "class": ("tracksMeta", _set(4, **{"class": "Tram"}), "unknown-class", "class", 5, "'Tram'"),
     "no class": ("tracksMeta", _set(4, **{"class": None}), "unknown-class", "class", 5, ""),
     "same id": ("tracksMeta", _set(4, id=4), "duplicate", "id", 5, "track 4"),
     "not listed": ("tracksMeta", lambda t: t.drop(index=4), "track-without-meta", "id", 601, "track 5"),
@@ -290,3 +290,14 @@ def test_memory_does_not_grow_with_the_number_of_recordings(highd_files, tmp_pat
     assert (rows_two, rows_all) == (2 * 617_070, 8 * 617_070)
     assert eight < 1024.0
     assert eight < two + 150.0
+
+
+def test_whole_numbers_may_be_written_with_a_fraction_of_0(tracks):
+    expected = read_recording(tracks, STOP).table
+    for file in (tracks, tracks.with_name("01_tracksMeta.csv")):
+        _edit(file, lambda t: t.astype({name: float for name in t.select_dtypes("integer").columns}))
+        assert ".0," in file.read_text()
+    pd.testing.assert_frame_equal(read_recording(tracks, STOP).table, expected)
+    _edit(tracks, _set(4, precedingId=0.5))
+    with refused("value-unreadable", column="precedingId", row=5):
+        read_recording(tracks, STOP)
