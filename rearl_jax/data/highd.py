@@ -14,6 +14,7 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.data.checks import RANGES
 from rearl_jax.data.delimited import read_csv, read_header
 from rearl_jax.data.folder import recordings_missing, visible_files
 from rearl_jax.data.highd_meta import read_recording_meta, read_tracks_meta
@@ -235,7 +236,9 @@ def _no_lane(source: pd.DataFrame, meta: pd.DataFrame, markings: dict[int, tuple
 def _moving_otherwise(source: pd.DataFrame, meta: pd.DataFrame) -> Finding | None:
     """Rows of tracks whose mean velocity has not the sign of their driving direction."""
     ids, which, counts = np.unique(source["track_id"].to_numpy(), return_inverse=True, return_counts=True)
-    velocity = np.nan_to_num(source["xVelocity"].to_numpy(), posinf=0.0, neginf=0.0)
+    velocity = source["xVelocity"].to_numpy()
+    # An impossible velocity says nothing of the direction; the schema check finds it.
+    velocity = np.where(np.abs(velocity) <= RANGES["speed"][1], velocity, 0.0)
     mean = np.bincount(which, weights=velocity) / counts
     direction = meta["drivingDirection"].reindex(ids).to_numpy()
     wrong = (np.abs(mean) > _STANDING) & (np.sign(mean) != np.where(direction == 2, 1.0, -1.0))

@@ -14,6 +14,8 @@ from rearl_jax.data.unit_checks import ALIKE, MIN_STEPS, WINDOW
 
 FEWEST = 5
 """Moving steps of a vehicle, fewer do not tell how it moves."""
+SHORTEST_TIME = 2.0
+"""Time [s] that a vehicle must have moved: pieces of 1 s beside a jump may be bent by what made the jump."""
 SLOW = 1.0
 """Speed [m/s] below which noise of positions may be larger than steps."""
 SHORTEST = 5.0
@@ -66,10 +68,11 @@ def _disagree(
     size = np.maximum(np.abs(measured), np.abs(wanted))
     moving = size > SLOW * dt
     off = np.abs(measured - wanted) > OFF * size
-    number, n_off = (np.bincount(which, weights=mask) for mask in (moving, moving & off))
+    number, n_off, time = (np.bincount(which, weights=values) for values in (moving, moving & off, moving * dt))
     total, other = (np.bincount(which, weights=values) for values in (measured, wanted))
     far = np.maximum(np.abs(total), np.abs(other))
-    wrong = (number >= FEWEST) & (n_off > 0.5 * number) & (far > SHORTEST) & (np.abs(total - other) > OFF * far)
+    wrong = (number >= FEWEST) & (time >= SHORTEST_TIME) & (far > SHORTEST)
+    wrong &= (n_off > 0.5 * number) & (np.abs(total - other) > OFF * far)
     vehicles = np.flatnonzero(wrong)
     return (vehicles, float(total[vehicles[0]]), float(other[vehicles[0]])) if vehicles.size else None
 

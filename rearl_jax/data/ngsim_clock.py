@@ -34,14 +34,13 @@ def recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
         BadRecordingError: Times are in another unit, a time is impossible, or it belongs to another frame than the row
             says.
     """
-    time, frame = (rows[name].to_numpy(np.float64) for name in ("global_time", "frame"))
-    _require_ms(rows["track_id"].to_numpy(), frame, time, path)
-    start = time - _PERIOD * frame
-    if not ((start >= 0.0) & (start <= _LATEST)).all():
-        row = int(np.argmax(~((start >= 0.0) & (start <= _LATEST))))
+    impossible = impossible_times(rows, path)
+    if impossible.any():
+        row = int(np.argmax(impossible))
         text = "the time is before 1970 or after 2100"
         remedy = "give milliseconds since 1970, and 10 frames per second"
         raise bad_recording("time-impossible", text, remedy, path, column="Global_Time", row=int(rows.index[row]) + 1)
+    start = _start(rows)
     recordings: dict[str, np.ndarray] = {}
     for place, here in places_of(rows, path).items():
         if place in ARTERIALS:
@@ -56,6 +55,23 @@ def recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
                 text = f"Global_Time and Frame_ID of {recording} do not go together as in its other rows"
                 raise _contradiction(text, rows, min(own, others, key=len), path)
     return recordings
+
+
+def impossible_times(rows: pd.DataFrame, path: Path) -> np.ndarray:
+    """Mask of the rows of a frame 0 before 1970 or after 2100, such as those with a placeholder as their time.
+
+    Raises:
+        BadRecordingError: Times are in another unit.
+    """
+    track, frame, time = (rows[name].to_numpy(np.float64) for name in ("track_id", "frame", "global_time"))
+    _require_ms(track, frame, time, path)
+    start = _start(rows)
+    return ~((start >= 0.0) & (start <= _LATEST))
+
+
+def _start(rows: pd.DataFrame) -> np.ndarray:
+    """Time of frame 0 by each row [ms since 1970]."""
+    return rows["global_time"].to_numpy(np.float64) - _PERIOD * rows["frame"].to_numpy(np.float64)
 
 
 def places_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:

@@ -19,9 +19,9 @@ from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.checks import MOST_LANES
 from rearl_jax.data.delimited import first_lines, read_blank_separated, read_csv, read_header, text_endings
 from rearl_jax.data.folder import recordings_missing, visible_files
-from rearl_jax.data.losses import Losses
+from rearl_jax.data.losses import Losses, reject
 from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE, US101_LENGTH
-from rearl_jax.data.ngsim_clock import ARTERIALS, LANES, places_of, plain, recordings_of
+from rearl_jax.data.ngsim_clock import ARTERIALS, LANES, impossible_times, places_of, plain, recordings_of
 from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.units import to_si
@@ -113,6 +113,11 @@ class PublishedFile:
             # A copy is not a fault of the vehicle: the first of the two rows stays under drop_track, too.
             losses.counts["exact_duplicate"] += int(twice.sum())
             table = table.iloc[np.flatnonzero(~twice)]
+        no_lane = (table["lane"] < 0).to_numpy()
+        if no_lane.any():
+            text = f"Lane_ID {table['lane'].iloc[int(np.argmax(no_lane))] + 1:g} is no lane, they count from 1"
+            finding = Finding("lane_out_of_range", "lane", no_lane, text, "correct the Lane_ID")
+            table = reject(table, finding, info, self._policy, losses)
         table, dropped = validate(table, info, self._policy, losses)
         return Recording(info, table, dropped)
 
@@ -165,6 +170,9 @@ class PublishedFile:
                 raise bad_recording("not-finite", "the value is missing", remedy, self.path, column=column, row=row)
             if missing.any():
                 rows = losses.remove(rows, missing, "not_finite")
+        impossible = impossible_times(rows, self.path)
+        if impossible.any() and not impossible.all() and self._policy.on_bad is not OnBad.stop:
+            rows = losses.remove(rows, impossible, "time_impossible")
         return rows, dict(losses.counts)
 
 

@@ -10,6 +10,8 @@ from rearl_jax.data.records import RecordingInfo
 
 # Runs of nines, and the largest and smallest integers of two and four bytes, as programs write them for "no value".
 NUMBERS = np.array([*(10.0**n - 1 for n in range(3, 11)), 2.0**15 - 1, 2.0**15, 2.0**16 - 1, 2.0**31 - 1, 2.0**31])
+FAR = 10.0  # times the middle half of all places that a place must be away from it
+LEAST_FAR = 1000.0  # m
 APART = 100.0  # m between a placeholder and the nearest place of a vehicle
 _PLACES = ("x", "y", "position", "lateral")
 
@@ -20,14 +22,20 @@ def is_placeholder(values: np.ndarray) -> np.ndarray:
 
 
 def misplaced(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
-    """Rows with a place that is a placeholder, far from all places of vehicles."""
+    """Rows with a place that is a placeholder, far from all places of vehicles, or so far that it can be nothing else.
+
+    A reader may have converted a placeholder to m or to the centre of the vehicle, so that its number is another one.
+    """
     for name in _PLACES:
         values = table[name].to_numpy()
         marked = is_placeholder(values) & (values != -1.0)
         places = values[~marked & np.isfinite(values)]
-        if not marked.any() or not places.size:
+        if not places.size:
             continue
         bad = marked & ((values < places.min() - APART) | (values > places.max() + APART))
+        low, high = np.quantile(places, (0.25, 0.75))
+        reach = FAR * (high - low) + LEAST_FAR
+        bad |= (values < low - reach) | (values > high + reach)
         if bad.any():
             text = f"{name} is {values[np.argmax(bad)]:g} m, which seems to stand for an unknown value"
             return Finding("out_of_range", name, bad, text, "correct the value")

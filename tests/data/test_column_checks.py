@@ -180,3 +180,16 @@ def test_an_unknown_column_written_as_a_placeholder_is_named(braking):
         validate(braking.assign(acceleration=-9999.0), INFO, STOP)
     with refused("lane-out-of-range", column="lane", row=1):
         validate(braking.assign(lane=-1), INFO, STOP)
+
+
+def test_what_a_cut_track_reveals_is_found_before_the_result_is_handed_on(braking):
+    """Behind a jump the vehicle moves against its speed, but its whole track moves as its speed says."""
+    time = braking["frame"] / 25.0
+    forth = 8.0 * time.clip(upper=1.8)
+    back = np.where(time > 1.8, 34.0 - 8.0 * (time - 1.8), 0.0)
+    here = braking["track_id"] == 3
+    place = braking["position"].where(~here, forth + back)
+    spoiled = braking.assign(position=place, x=place, speed=braking["speed"].where(~here, 8.0))
+    table, dropped = validate(spoiled.assign(acceleration=np.nan), INFO, DROP_ROW)
+    assert dropped == {"jump_cuts": 1, "wrong_motion": 54, "tracks": 1}
+    assert validate(table, INFO, STOP)[1] == {}

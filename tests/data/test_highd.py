@@ -301,3 +301,13 @@ def test_whole_numbers_may_be_written_with_a_fraction_of_0(tracks):
     _edit(tracks, _set(4, precedingId=0.5))
     with refused("value-unreadable", column="precedingId", row=5):
         read_recording(tracks, STOP)
+
+
+@pytest.mark.parametrize("column", ["xVelocity", "x", "y"])
+def test_a_placeholder_is_named_and_can_be_left_out(tracks, column):
+    _edit(
+        tracks, lambda t: t.assign(**{column: t[column].where(~((t["id"] == 2) & t["frame"].between(50, 61)), -9999)})
+    )
+    with refused("out-of-range", column=column):
+        read_recording(tracks, STOP)
+    assert read_recording(tracks, DataConfig(on_bad=OnBad.drop_row)).dropped == {"out_of_range": 12, "gap_cuts": 1}

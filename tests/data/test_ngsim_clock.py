@@ -1,12 +1,14 @@
 """Recordings in NGSIM tables by their clocks: shifted clocks make none, units are named, arterials are none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataFormat
+from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.data.ngsim_published import PublishedFile
-from rearl_jax.data.recordings import count_recordings
+from rearl_jax.data.recordings import count_recordings, iterate_recordings
 from rearl_jax.problems import MissingInputError
 from tests.data.test_ngsim import _published
 from tests.refusal import refused
@@ -83,3 +85,26 @@ def test_a_file_that_is_no_trajectory_table_is_named_as_such(tmp_path, name):
     (tmp_path / name).write_text("these files belong to a course\nask me\n")
     with refused("not-a-table", file=str(tmp_path / name)):
         count_recordings(DataConfig(DataFormat.ngsim, str(tmp_path)))
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "code", "spelling"),
+    [
+        ("Lane_ID", 0, "lane-out-of-range", "Lane_ID"),
+        ("Lane_ID", -1, "lane-out-of-range", "Lane_ID"),
+        ("Global_Time", 0, "time-impossible", "Global_Time"),
+        ("Global_Time", -1, "time-impossible", "Global_Time"),
+        ("Local_Y", -9999.0, "out-of-range", "Local_Y"),
+        ("v_Vel", -9999.0, "out-of-range", "v_Vel"),
+        ("v_Acc", 9999.0, "out-of-range", "v_Acc"),
+    ],
+)
+def test_a_placeholder_is_named_and_can_be_left_out(tmp_path, column, value, code, spelling):
+    rows = _published()
+    unknown = (rows["Vehicle_ID"] == 3) & rows["Frame_ID"].between(120, 131)
+    _file(tmp_path, rows.assign(**{column: rows[column].where(~unknown, value)}))
+    data = DataConfig(DataFormat.ngsim, str(tmp_path))
+    with refused(code, column=spelling, row=141):
+        list(iterate_recordings(data))
+    (recording,) = iterate_recordings(replace(data, on_bad=OnBad.drop_row))
+    assert recording.dropped == {code.replace("-", "_"): 12, "gap_cuts": 1}
