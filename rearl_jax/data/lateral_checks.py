@@ -28,7 +28,8 @@ def wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     if LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
         return None
     text = f"lateral grows by {width:.2f} m per lane to the right, outside {LANE_WIDTH[0]} to {LANE_WIDTH[1]} m"
-    return unit_finding("lateral", known & (lane == lanes[-1]), text, "give lateral in m, positive to the right")
+    remedy = "give lateral in m, positive to the right, and count lanes from the left"
+    return unit_finding("lateral", known & (lane == lanes[-1]), text, remedy)
 
 
 def wrong_origin(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
