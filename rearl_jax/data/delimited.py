@@ -5,6 +5,7 @@ import csv as header_csv
 import gzip
 import io
 import lzma
+import re
 import zipfile
 import zlib
 from collections import Counter
@@ -22,6 +23,8 @@ from rearl_jax.config.data import OnBad
 from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, file_missing, require_columns
 
 _OPENERS = {".gz": gzip.GzipFile, ".bz2": bz2.BZ2File, ".xz": lzma.LZMAFile}
+_DELIMITERS = (",", ";", "\t", "|")
+_LOOKED_AT = 20  # lines that tell the decimal point
 _DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error)
 
 
@@ -67,6 +70,20 @@ def _damaged(path: Path, error: Exception) -> BadRecordingError:
     return bad_recording("not-text", text, "the file is damaged: copy it again", path)
 
 
+def _delimiter(header: str) -> str:
+    """What separates the names of the columns; a comma if there is but one."""
+    return max(_DELIMITERS, key=header.count)
+
+
+def _decimal_point(lines: Sequence[str], delimiter: str) -> str:
+    """A comma if numbers of the lines have one and none has a point, else a point."""
+    if delimiter == ",":
+        return "."
+    fields = [field.strip(' "') for line in lines for field in line.split(delimiter)]
+    marks = {found[1] for field in fields if (found := re.fullmatch(r"[+-]?\d+([.,])\d+", field))}
+    return "," if marks == {","} else "."
+
+
 def read_header(path: Path) -> list[str]:
     """Column names of a CSV file, without blanks around them.
 
@@ -79,7 +96,7 @@ def read_header(path: Path) -> list[str]:
     try:
         with opened(path) as file:
             line = file.readline().decode("utf-8-sig").strip()
-        names = next(header_csv.reader([line], skipinitialspace=True), [])
+        names = next(header_csv.reader([line], delimiter=_delimiter(line), skipinitialspace=True), [])
     except (UnicodeDecodeError, header_csv.Error) as error:
         raise bad_recording("not-text", f"not a text file ({error})", "give a CSV file in UTF-8", path) from None
     except _DAMAGED as error:
@@ -92,7 +109,8 @@ def read_header(path: Path) -> list[str]:
 def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tuple[pa.Table, int]:
     """The named columns of a CSV file, and the number of broken lines that were skipped.
 
-    A line is broken if its number of fields is not that of the header, as in a file that was cut off.
+    Fields may be separated by commas, semicolons, tabs or bars, and numbers may have a decimal comma. A line is broken
+    if its number of fields is not that of the header, as in a file that was cut off.
 
     Args:
         path: The file, its first line names the columns.
@@ -108,7 +126,9 @@ def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tupl
     twice = [name for name, n in Counter(present).items() if n > 1 and name in columns]
     if twice:
         raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=twice[0])
-    return _Lines(path, present).table(columns, on_bad)
+    header, *lines = first_lines(path, 1 + _LOOKED_AT)
+    delimiter = _delimiter(header)
+    return _Lines(path, present, None, delimiter, _decimal_point(lines, delimiter)).table(columns, on_bad)
 
 
 def read_blank_separated(
@@ -137,12 +157,16 @@ class _Lines:
     Attributes:
         path: The file.
         names: Names of all its columns.
-        content: Comma-separated lines without a header; None if the file itself holds such lines below its header.
+        content: Comma-separated lines without a header; None if the file itself holds the lines below its header.
+        delimiter: What separates fields.
+        decimal_point: Mark before the fraction of a number.
     """
 
     path: Path
     names: list[str]
     content: bytes | None = None
+    delimiter: str = ","
+    decimal_point: str = "."
 
     def table(self, columns: dict[str, pa.DataType], on_bad: OnBad) -> tuple[pa.Table, int]:
         """The columns, and the number of lines skipped."""
@@ -193,9 +217,14 @@ class _Lines:
             read_options=csv.ReadOptions(
                 use_threads=broken is None, column_names=self.names, skip_rows=self._header_lines
             ),
-            parse_options=csv.ParseOptions(invalid_row_handler=None if broken is None else skip),
+            parse_options=csv.ParseOptions(
+                delimiter=self.delimiter, invalid_row_handler=None if broken is None else skip
+            ),
             convert_options=csv.ConvertOptions(
-                include_columns=list(columns), column_types=columns, strings_can_be_null=True
+                include_columns=list(columns),
+                column_types=columns,
+                strings_can_be_null=True,
+                decimal_point=self.decimal_point,
             ),
         )
 

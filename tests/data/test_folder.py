@@ -112,3 +112,15 @@ def test_every_name_of_a_recording_makes_a_file_name(name, tmp_path):
     assert not set('/\\:*?"<>|') & set(file)
     assert file_name_of(f"{name}x") != file
     assert file_name_of("highd_01-a.b") == "highd_01-a.b"
+
+
+@pytest.mark.parametrize(("delimiter", "decimal"), [(";", "."), (";", ","), ("\t", "."), ("\t", ","), ("|", ".")])
+def test_other_delimiters_and_decimal_commas_are_read(table, delimiter, decimal):
+    expected = TableFile(table, DataConfig()).read("a").table
+    pd.read_csv(table).to_csv(table, sep=delimiter, decimal=decimal, index=False)
+    assert "," in table.read_text() or decimal == "."
+    pd.testing.assert_frame_equal(TableFile(table, DataConfig()).read("a").table, expected)
+    lines = table.read_text().splitlines()
+    table.write_text("\n".join([*lines[:9], delimiter.join(lines[9].split(delimiter)[:-2]), *lines[10:]]))
+    with refused("line-broken", row=9):
+        TableFile(table, DataConfig()).read("a")
