@@ -66,9 +66,9 @@ class DataConfig:
         "cutting the track there); dropped rows are counted",
     )
     max_jump: float = key(
-        2.0,
-        "excess of a step between frames over speed x time that counts as a jump [m]; clean recordings stay below "
-        "0.6 m (NGSIM US-101, I-80)",
+        20.0,
+        "excess of a step between frames over speed x time, per time, that counts as a jump [m/s]; clean recordings "
+        "stay below 6 m/s (NGSIM US-101, I-80)",
     )
     default_length: float = key(
         4.5,

@@ -17,10 +17,12 @@ import pyarrow.parquet as pq
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.columnar import column_names, read_columns, stored_text
-from rearl_jax.data.delimited import read_csv, read_header
+from rearl_jax.data.delimited import read_csv, read_header, stem_of, text_endings
+from rearl_jax.data.folder import recordings_missing, visible_files
 from rearl_jax.data.labels import with_labels
 from rearl_jax.data.losses import Losses
-from rearl_jax.data.problems import bad_recording, recording_unnamed, recordings_missing, require_columns
+from rearl_jax.data.problems import bad_recording, recording_unnamed, require_columns
+from rearl_jax.data.row_info import info_of_rows
 from rearl_jax.data.schema import COLUMNS, REQUIRED, Recording, RecordingInfo, validate
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.whole_files import replacing
@@ -28,9 +30,8 @@ from rearl_jax.whole_files import replacing
 METADATA = "recordings"
 """Name of the metadata with the RecordingInfo of every recording; rearl_jax.recordings in Parquet."""
 
-# More lanes than any carriageway has; beyond it a lane number is a fault and says nothing about the road.
-_MOST_LANES = 12
 _NAMES = tuple(column.name for column in COLUMNS)
+_ENDINGS = (".parquet", *text_endings(".csv"))
 _TEXTS = tuple(column.name for column in COLUMNS if column.dtype == "category")
 
 
@@ -40,11 +41,10 @@ def find_tables(root: Path) -> list[Path]:
     Raises:
         FileNotFoundError: There is none.
     """
-    files = [root] if root.is_file() else sorted(root.glob("*"))
-    found = [file for file in files if file.suffix.lower() in (".parquet", ".csv")]
+    found = [root] if root.name.lower().endswith(_ENDINGS) and root.is_file() else visible_files(root, _ENDINGS)
     if not found:
         wanted = f"a table, or a folder of tables, with the columns {', '.join(REQUIRED)}, as `rearl prepare` writes"
-        raise recordings_missing("no .parquet or .csv", root, wanted)
+        raise recordings_missing("no .parquet or .csv", root, wanted, _ENDINGS)
     return found
 
 
@@ -54,13 +54,13 @@ class TableFile:
     def __init__(self, path: Path, policy: DataConfig) -> None:
         self.path = path
         self._policy = policy
-        self._is_csv = path.suffix.lower() == ".csv"
+        self._is_csv = path.suffix.lower() != ".parquet"
         self._kept: dict[tuple[str, ...], tuple[pd.DataFrame, int]] = {}
 
     def recordings(self) -> list[str]:
         """Ids of the recordings in the file."""
         if "recording" not in self._columns:
-            return [self.path.stem]
+            return [stem_of(self.path)]
         if self._is_csv:
             # Not through self._csv: a folder of many files is listed without keeping their rows.
             rows, _ = read_csv(self.path, {"recording": pa.string()}, self._policy.on_bad)
@@ -81,6 +81,10 @@ class TableFile:
         Raises:
             BadRecordingError: The file or a row breaks the schema.
         """
+        if not set(self._columns) & set(REQUIRED):
+            text = f"the file is no table of trajectories: its columns are {', '.join(self._columns[:8])}"
+            remedy = f"move it out of the folder, or give it the columns {', '.join(REQUIRED)}"
+            raise bad_recording("not-a-table", text, remedy, self.path)
         require_columns(self._columns, REQUIRED, str(self.path))
         losses = Losses()
         stated = self.stated()
@@ -95,7 +99,9 @@ class TableFile:
             rows = self._parquet_rows(recording, texts)
         if "recording" in rows:
             rows = rows.iloc[np.flatnonzero(rows["recording"].to_numpy() == recording)]
-        info = stated.get(recording) or info_of_rows(recording, rows, str(self.path), self.path.name)
+        info = stated.get(recording)
+        if info is None:
+            rows, info = info_of_rows(recording, rows, str(self.path), self.path.name)
         info = with_labels(info, labels, further)
         table, dropped = validate(rows, info, self._policy, losses)
         return Recording(info, table, dropped)
@@ -173,54 +179,3 @@ def write_recording(recording: Recording, path: Path) -> Path:
 def sidecar(path: Path) -> Path:
     """Optional file with the metadata of a CSV table, which a Parquet file holds itself."""
     return path.with_name(f"{path.name}.info.json")
-
-
-def info_of_rows(recording: str, rows: pd.DataFrame, file: str, source: str) -> RecordingInfo:
-    """Frame rate, lanes and road length of a recording, worked out from its rows.
-
-    Args:
-        recording: Its id.
-        rows: Canonical rows.
-        file: Where they come from, for messages.
-        source: Name of the data set.
-
-    Raises:
-        BadRecordingError: There is no column `time`, or the frame rate cannot be told from it.
-    """
-    if "time" not in rows:
-        text = "without metadata of the recording the frame rate is derived from the column time"
-        raise bad_recording("frame-rate-unknown", text, "add the column time [s]", file, column="time")
-    values = {
-        name: pd.Series(pd.to_numeric(rows[name], errors="coerce")).to_numpy(np.float64, na_value=np.nan)
-        for name in ("track_id", "frame", "time", "direction", "position", "length", "lane")
-        if name in rows
-    }
-    # Rows may come frame by frame, with one of every vehicle in view.
-    by_track = np.argsort(values["track_id"], kind="stable")
-    track, frame, time = (values[name][by_track] for name in ("track_id", "frame", "time"))
-    with np.errstate(invalid="ignore", over="ignore"):  # what is not finite does not count
-        rows_after = (np.diff(track) == 0) & (np.diff(frame) > 0)
-        seconds = np.diff(time)[rows_after] / np.diff(frame)[rows_after]
-    period = float(np.median(seconds[np.isfinite(seconds)])) if np.isfinite(seconds).any() else 0.0
-    if period <= 0.0:
-        text = "the frame rate cannot be determined: no track has two rows with rising frame and time"
-        raise bad_recording("frame-rate-unknown", text, "correct frame and time [s]", file, column="time")
-    lanes = {}
-    for direction in (1, 2):
-        here = values["direction"] == direction
-        if here.any():
-            lane = values["lane"][here] if "lane" in values else np.full(1, np.nan)
-            known = np.isfinite(lane)
-            lanes[direction] = min(int(np.max(lane, where=known, initial=0.0)) + 1, _MOST_LANES)
-    end = values["position"] + 0.5 * values["length"]
-    return RecordingInfo(
-        id=recording,
-        frame_rate=round(1.0 / period, 6),
-        lane_count=lanes or {1: 1},
-        road_length=float(np.max(end, where=np.isfinite(end), initial=0.0)),
-        source=source,
-        licence="not stated in the file",
-        attribution="not stated in the file",
-        notes=("frame rate, lanes and road length derived from the rows",),
-        file=file,
-    )

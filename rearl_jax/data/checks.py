@@ -7,17 +7,26 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.data import DataConfig
+from rearl_jax.data.clock import resolution
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
+from rearl_jax.data.vehicle_classes import CLASSES
 
-CLASSES = ("car", "truck", "motorcycle", "other")
 NULLABLE = frozenset({"lateral", "lane", "acceleration", "width", "leader_id"})
+NUMBERED = frozenset({"track_id", "frame", "direction", "lane", "leader_id"})
+"""Columns of whole numbers, which may be larger than any measure."""
 
 # Wide enough for every road vehicle and for sensor noise, narrow enough for a broken row. Length: the longest
 # combinations on European and US motorways are 25.25 m and about 36 m. Speed: beyond production cars.
 RANGES = {"speed": (0.0, 100.0), "length": (0.5, 40.0), "width": (0.2, 5.0), "acceleration": (-50.0, 50.0)}
 LARGEST = 1e12  # beyond every number of a recording; squares of what is below it do not overflow
 RANGE_UNIT = {"speed": "m/s", "length": "m", "width": "m", "acceleration": "m/s^2"}
+
+
+MOST_LANES = 12
+"""More lanes than any carriageway has; beyond it a lane number is a fault and says nothing about the road."""
+NOISE = 0.5
+"""Excess of a step [m] that noise and rounding of positions bring about at any frame rate."""
 
 
 def not_finite(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
@@ -27,7 +36,8 @@ def not_finite(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> 
         if not pd.api.types.is_float_dtype(column.dtype):
             continue
         values = column.to_numpy(dtype=np.float64, na_value=np.nan)
-        bad = np.abs(values) > LARGEST if name in NULLABLE else ~(np.abs(values) <= LARGEST)
+        size, largest = np.abs(values), np.finfo(np.float64).max if name in NUMBERED else LARGEST
+        bad = size > largest if name in NULLABLE else ~(size <= largest)
         if bad.any():
             value = values[np.argmax(bad)]
             return Finding("not_finite", name, bad, f"the value is {value}", "write a finite number")
@@ -88,7 +98,8 @@ def out_of_range(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
             row = int(np.argmax(bad))
             unit = RANGE_UNIT[name]
             text = f"{name} is {values[row]:g} {unit}, outside {low:g} to {high:g} {unit}"
-            return Finding("out_of_range", name, bad, text, "correct the value")
+            remedy = "correct the value" + (", or leave it empty where it is unknown" if name in NULLABLE else "")
+            return Finding("out_of_range", name, bad, text, remedy)
     return None
 
 
@@ -120,7 +131,8 @@ def wrong_lane(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> 
     row = int(np.argmax(bad))
     n_lanes = int(count[direction[row]])
     text = f"lane {lane[row]:g} does not exist, direction {direction[row]} has lanes 0 (left) to {n_lanes - 1}"
-    return Finding("lane_out_of_range", "lane", bad, text, "count lanes from 0 at the left, or correct the lane count")
+    remedy = "count lanes from 0 at the left, correct the lane count, or leave the lane empty where it is unknown"
+    return Finding("lane_out_of_range", "lane", bad, text, remedy)
 
 
 def changed_direction(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
@@ -150,8 +162,8 @@ def gap(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding
 def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
     """Rows that a vehicle cannot have reached from the row before.
 
-    |step of position - mean speed * time| > max_jump, or a step on the ground longer than mean speed * time +
-    max_jump, or a step of the lateral position > max_jump.
+    With the bound b = max(max_jump * time, NOISE): |step of position - mean speed * time| > b, or a step on the ground
+    longer than mean speed * time + b, or a step of the lateral position > b.
     """
     track = table["track_id"].to_numpy()
     follows = follows_row_before(track)[1:]
@@ -160,10 +172,11 @@ def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Findin
     expected = 0.5 * (speed[1:] + speed[:-1]) * time
     step = np.diff(position)
     ground = np.hypot(np.diff(table["x"].to_numpy()), np.diff(table["y"].to_numpy()))
+    bound = np.maximum(policy.max_jump * time, NOISE)
     causes = {
-        "position": np.abs(step - expected) > policy.max_jump,
-        "lateral": np.abs(np.diff(lateral)) > policy.max_jump,
-        "x": ground > expected + policy.max_jump,
+        "position": np.abs(step - expected) > bound,
+        "lateral": np.abs(np.diff(lateral)) > bound,
+        "x": ground > expected + bound,
     }
     for name, far in causes.items():
         bad = np.concatenate([[False], follows & far])
@@ -172,16 +185,22 @@ def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Findin
             moved = {"position": step, "x": ground, "lateral": np.diff(lateral)}[name][row - 1]
             text = (
                 f"track {track[row]} moves {moved:.2f} m ({name}) in {time[row - 1]:g} s "
-                f"at {speed[row]:.2f} m/s, more than data.max_jump={policy.max_jump:g} m off"
+                f"at {speed[row]:.2f} m/s, {bound[row - 1]:.2g} m or more off (data.max_jump={policy.max_jump:g} m/s)"
             )
             return Finding("jump", name, bad, text, "correct the row, or give the second part its own id", is_step=True)
     return None
 
 
 def times_beside_frames(table: pd.DataFrame, info: RecordingInfo) -> np.ndarray:
-    """Mask of rows whose time is more than half a frame off frame / frame rate, up to a start all rows share."""
-    off = table["time"].to_numpy() - table["frame"].to_numpy() / info.frame_rate
-    return np.abs(off - np.median(off)) > 0.5 / info.frame_rate
+    """Mask of rows whose time is more than half a frame off frame / frame rate, up to a start all rows share.
+
+    A time that is rounded may be off by half of what it is rounded to, too.
+    """
+    time = table["time"].to_numpy()
+    off = time - table["frame"].to_numpy() / info.frame_rate
+    middle = 0.5 * (np.quantile(off, 0.1) + np.quantile(off, 0.9))
+    # 1 % more, because the middle is known no better.
+    return np.abs(off - middle) > max(0.5 / info.frame_rate, 0.505 * resolution(time))
 
 
 def follows_row_before(track: np.ndarray) -> np.ndarray:
@@ -189,7 +208,3 @@ def follows_row_before(track: np.ndarray) -> np.ndarray:
     follows = np.zeros(len(track), dtype=bool)
     follows[1:] = track[1:] == track[:-1]
     return follows
-
-
-ROW_CHECKS = (unknown_class, out_of_order)
-RANGE_CHECKS = (wrong_time, out_of_range, wrong_lane, changed_direction, gap, jump)

@@ -72,7 +72,6 @@ def _table(path: Path, names: Sequence[str], only: tuple[str, str | int] | None)
     The rows are chosen here, batch by batch: pyarrow's own filters ask for the columns' statistics, and wait for ever
     if those are damaged.
     """
-    wanted = None if only is None else pc.field(only[0]) == only[1]
     columns = list(dict.fromkeys([*names, *([] if only is None else only[:1])]))
     kept, n_read = [], 0
     with pq.ParquetFile(path) as file:
@@ -80,10 +79,19 @@ def _table(path: Path, names: Sequence[str], only: tuple[str, str | int] | None)
         for batch in file.iter_batches(columns=columns):
             batch.validate(full=True)  # a damaged text is not UTF-8; pandas would notice where it is used
             n_read += batch.num_rows
-            kept.append(batch if wanted is None else batch.filter(wanted))
+            kept.append(batch if only is None else batch.filter(_has(batch, *only)))
         if n_read != file.metadata.num_rows:
             raise pa.ArrowInvalid(f"{n_read} of its {file.metadata.num_rows} rows")
     return pa.Table.from_batches(kept, schema)
+
+
+def _has(batch: pa.RecordBatch, name: str, value: str | int) -> pa.Array:
+    """Mask of the rows with the value in a column, which may hold numbers that the value is the text of."""
+    values = batch.column(name)
+    kind = values.type.value_type if pa.types.is_dictionary(values.type) else values.type
+    if isinstance(value, str) and _is_scalar(kind):
+        values = _as_text(pa.chunked_array([values.cast(kind)])).combine_chunks()
+    return pc.call_function("equal", [values, pa.scalar(value)])
 
 
 def _cast(column: pa.ChunkedArray, name: str, path: Path, *, is_text: bool) -> pa.ChunkedArray:
@@ -92,6 +100,10 @@ def _cast(column: pa.ChunkedArray, name: str, path: Path, *, is_text: bool) -> p
     is_string = pa.types.is_string(kind) or pa.types.is_large_string(kind)
     if pa.types.is_null(kind) or (is_string and is_text):
         return column.cast(pa.string() if is_text else pa.float64())
+    if is_text and _is_scalar(kind):
+        return _as_text(column.cast(kind))
+    if not is_text and (pa.types.is_timestamp(kind) or pa.types.is_duration(kind) or pa.types.is_time(kind)):
+        return _seconds(column.cast(kind))
     if not is_text and pa.types.is_integer(kind):
         return column.cast(kind)
     if not is_text and (is_string or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
@@ -103,6 +115,29 @@ def _cast(column: pa.ChunkedArray, name: str, path: Path, *, is_text: bool) -> p
             ) from None
     wanted = "text" if is_text else "numbers"
     raise bad_recording("wrong-type", f"the column holds {kind}", f"write {wanted} there", path, column=name)
+
+
+def _is_scalar(kind: pa.DataType) -> bool:
+    """Whether values of the type are written as one word: numbers, dates and truth values."""
+    return pa.types.is_primitive(kind) or pa.types.is_decimal(kind)
+
+
+def _as_text(column: pa.ChunkedArray) -> pa.ChunkedArray:
+    """The column as text, whole numbers without a fraction, as a text table has them."""
+    if pa.types.is_floating(column.type):
+        try:
+            column = column.cast(pa.int64())
+        except pa.ArrowInvalid:
+            pass
+    return column.cast(pa.string())
+
+
+def _seconds(column: pa.ChunkedArray) -> pa.ChunkedArray:
+    """Moments and durations as seconds, moments since 1970."""
+    per_second = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[column.type.unit]
+    whole = pa.int32() if column.type.bit_width == 32 else pa.int64()
+    count = column.cast(whole).cast(pa.float64(), safe=False)
+    return pc.call_function("divide", [count, pa.scalar(per_second)])
 
 
 def _as_it_is(column: pa.ChunkedArray) -> pa.ChunkedArray:

@@ -1,17 +1,87 @@
 """Reads text tables into Arrow tables; a broken line is an error with its number, or is skipped and counted."""
 
+import bz2
 import csv as header_csv
+import gzip
 import io
+import lzma
+import re
+import zipfile
+import zlib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 from pyarrow import csv
 
 from rearl_jax.config.data import OnBad
 from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, file_missing, require_columns
+
+_OPENERS = {".gz": gzip.GzipFile, ".bz2": bz2.BZ2File, ".xz": lzma.LZMAFile}
+_DELIMITERS = (",", ";", "\t", "|")
+_LOOKED_AT = 20  # lines that tell the decimal point
+_DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error)
+
+
+def text_endings(ending: str) -> tuple[str, ...]:
+    """The ending of a text table and of compressed ones, such as .csv, .csv.gz and .csv.zip."""
+    return (ending, *(f"{ending}{packed}" for packed in (*_OPENERS, ".zip")))
+
+
+def stem_of(path: Path) -> str:
+    """Name of a table without its ending, and without that of a compressed file."""
+    return Path(path.stem).stem if path.suffix.lower() in (*_OPENERS, ".zip") else path.stem
+
+
+def opened(path: Path) -> io.BufferedIOBase:
+    """The content of a text table, uncompressed.
+
+    Raises:
+        BadRecordingError: A .zip holds not one file.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".zip":
+        archive = zipfile.ZipFile(path)
+        names = [name for name in archive.namelist() if not name.endswith("/") and not name.startswith("__MACOSX")]
+        if len(names) != 1:
+            text = f"the archive holds {len(names)} files, not one table"
+            raise bad_recording("not-a-table", text, "unpack it, and name the folder", path)
+        return io.BytesIO(archive.read(names[0]))
+    return _OPENERS[suffix](path, "rb") if suffix in _OPENERS else path.open("rb")
+
+
+def first_lines(path: Path, number: int) -> list[str]:
+    """The first lines that are not empty, without what is not text."""
+    try:
+        with opened(path) as file:
+            lines = (line.decode(errors="replace").strip() for line in file)
+            return list(islice((line for line in lines if line), number))
+    except _DAMAGED as error:
+        raise _damaged(path, error) from None
+
+
+def _damaged(path: Path, error: Exception) -> BadRecordingError:
+    text = f"the file cannot be read ({str(error) or type(error).__name__})"
+    return bad_recording("not-text", text, "the file is damaged: copy it again", path)
+
+
+def _delimiter(header: str) -> str:
+    """What separates the names of the columns; a comma if there is but one."""
+    return max(_DELIMITERS, key=header.count)
+
+
+def _decimal_point(lines: Sequence[str], delimiter: str) -> str:
+    """A comma if numbers of the lines have one and none has a point, else a point."""
+    if delimiter == ",":
+        return "."
+    fields = [field.strip(' "') for line in lines for field in line.split(delimiter)]
+    marks = {found[1] for field in fields if (found := re.fullmatch(r"[+-]?\d+([.,])\d+", field))}
+    return "," if marks == {","} else "."
 
 
 def read_header(path: Path) -> list[str]:
@@ -24,11 +94,13 @@ def read_header(path: Path) -> list[str]:
     if not path.is_file():
         raise file_missing(path)
     try:
-        with path.open(encoding="utf-8-sig") as file:
-            line = file.readline().strip()
-        names = next(header_csv.reader([line], skipinitialspace=True), [])
+        with opened(path) as file:
+            line = file.readline().decode("utf-8-sig").strip()
+        names = next(header_csv.reader([line], delimiter=_delimiter(line), skipinitialspace=True), [])
     except (UnicodeDecodeError, header_csv.Error) as error:
         raise bad_recording("not-text", f"not a text file ({error})", "give a CSV file in UTF-8", path) from None
+    except _DAMAGED as error:
+        raise _damaged(path, error) from None
     if not line:
         raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
     return [name.strip() for name in names]
@@ -37,7 +109,8 @@ def read_header(path: Path) -> list[str]:
 def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tuple[pa.Table, int]:
     """The named columns of a CSV file, and the number of broken lines that were skipped.
 
-    A line is broken if its number of fields is not that of the header, as in a file that was cut off.
+    Fields may be separated by commas, semicolons, tabs or bars, and numbers may have a decimal comma. A line is broken
+    if its number of fields is not that of the header, as in a file that was cut off.
 
     Args:
         path: The file, its first line names the columns.
@@ -53,7 +126,9 @@ def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tupl
     twice = [name for name, n in Counter(present).items() if n > 1 and name in columns]
     if twice:
         raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=twice[0])
-    return _Lines(path, present).table(columns, on_bad)
+    header, *lines = first_lines(path, 1 + _LOOKED_AT)
+    delimiter = _delimiter(header)
+    return _Lines(path, present, None, delimiter, _decimal_point(lines, delimiter)).table(columns, on_bad)
 
 
 def read_blank_separated(
@@ -67,8 +142,11 @@ def read_blank_separated(
         columns: Name and type of every column to read.
         on_bad: stop makes a broken line an error.
     """
-    with path.open("rb") as file:
-        content = b"\n".join(b",".join(line.split()) for line in file)
+    try:
+        with opened(path) as file:
+            content = b"\n".join(b",".join(line.split()) for line in file)
+    except _DAMAGED as error:
+        raise _damaged(path, error) from None
     return _Lines(path, list(names), content).table(columns, on_bad)
 
 
@@ -79,12 +157,16 @@ class _Lines:
     Attributes:
         path: The file.
         names: Names of all its columns.
-        content: Comma-separated lines without a header; None if the file itself holds such lines below its header.
+        content: Comma-separated lines without a header; None if the file itself holds the lines below its header.
+        delimiter: What separates fields.
+        decimal_point: Mark before the fraction of a number.
     """
 
     path: Path
     names: list[str]
     content: bytes | None = None
+    delimiter: str = ","
+    decimal_point: str = "."
 
     def table(self, columns: dict[str, pa.DataType], on_bad: OnBad) -> tuple[pa.Table, int]:
         """The columns, and the number of lines skipped."""
@@ -94,13 +176,32 @@ class _Lines:
             # Looked at before broken lines are asked for: Arrow can hand them over only as text.
             self._require_text()
         broken: list[csv.InvalidRow] = []
+        # Whole numbers may be written as 12.0, as pandas does where a column holds gaps.
+        lenient = {name: pa.float64() if pa.types.is_integer(kind) else kind for name, kind in columns.items()}
         try:
-            table = self._parsed(columns, broken)
+            table = self._parsed(lenient, broken)
         except pa.ArrowInvalid as error:
             raise self._bad_value(str(error)) from None
         if broken and on_bad is OnBad.stop:
             raise self._broken_line(broken[0], len(broken))
-        return table, len(broken)
+        return self._whole(table, columns), len(broken)
+
+    def _whole(self, table: pa.Table, columns: dict[str, pa.DataType]) -> pa.Table:
+        """The table with whole numbers in the columns that must hold them."""
+        for place, name in enumerate(table.column_names):
+            values = table[name]
+            if columns[name] == values.type:
+                continue
+            numbers = values.to_numpy()
+            fraction = np.isfinite(numbers) & (numbers != np.rint(numbers))
+            if fraction.any():
+                row = int(np.argmax(fraction))
+                text = f"{numbers[row]:g} is not a whole number"
+                raise bad_recording(
+                    "value-unreadable", text, "write a whole number there", self.path, column=name, row=row + 1
+                )
+            table = table.set_column(place, name, values.cast(columns[name]))
+        return table
 
     def _parsed(self, columns: dict[str, pa.DataType], broken: list[csv.InvalidRow] | None) -> pa.Table:
         """The columns; broken lines are appended to the list, and are errors without a list."""
@@ -111,23 +212,39 @@ class _Lines:
             return "skip"
 
         return csv.read_csv(
-            self.path if self.content is None else io.BytesIO(self.content),
+            self.path if self._bytes is None else io.BytesIO(self._bytes),
             # Row numbers are known only to the sequential parser.
             read_options=csv.ReadOptions(
                 use_threads=broken is None, column_names=self.names, skip_rows=self._header_lines
             ),
-            parse_options=csv.ParseOptions(invalid_row_handler=None if broken is None else skip),
+            parse_options=csv.ParseOptions(
+                delimiter=self.delimiter, invalid_row_handler=None if broken is None else skip
+            ),
             convert_options=csv.ConvertOptions(
-                include_columns=list(columns), column_types=columns, strings_can_be_null=True
+                include_columns=list(columns),
+                column_types=columns,
+                strings_can_be_null=True,
+                decimal_point=self.decimal_point,
             ),
         )
+
+    @cached_property
+    def _bytes(self) -> bytes | None:
+        """The content in memory; None if Arrow can read the file itself."""
+        if self.content is not None or self.path.suffix.lower() not in (*_OPENERS, ".zip"):
+            return self.content
+        try:
+            with opened(self.path) as file:
+                return file.read()
+        except _DAMAGED as error:
+            raise _damaged(self.path, error) from None
 
     @property
     def _header_lines(self) -> int:
         return 1 if self.content is None else 0
 
     def _require_text(self) -> None:
-        with self.path.open("rb") as file:
+        with opened(self.path) as file:
             for number, line in enumerate(file, 1):
                 try:
                     line.decode()

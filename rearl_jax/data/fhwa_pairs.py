@@ -14,8 +14,9 @@ import pandas as pd
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.columnar import column_names, read_columns
+from rearl_jax.data.folder import only_parquet
 from rearl_jax.data.losses import Losses
-from rearl_jax.data.problems import bad_recording, only_parquet, require_columns
+from rearl_jax.data.problems import bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.unit_checks import require_period
 

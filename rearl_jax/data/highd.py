@@ -14,10 +14,12 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.data.checks import RANGES
 from rearl_jax.data.delimited import read_csv, read_header
+from rearl_jax.data.folder import recordings_missing, visible_files
 from rearl_jax.data.highd_meta import read_recording_meta, read_tracks_meta
 from rearl_jax.data.losses import Losses, reject
-from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, file_missing, recordings_missing
+from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, file_missing
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
 LICENCE = "highD licence: non-commercial research on request, no redistribution"
@@ -61,14 +63,16 @@ def find_recordings(root: Path) -> list[Path]:
         FileNotFoundError: There is none.
     """
     for folder in (root, root / "data"):
-        found = sorted(folder.glob("*_tracks.csv"))
+        found = visible_files(folder, ("_tracks.csv",))
         if found:
             return found
     wanted = (
         "the folder with NN_tracks.csv, NN_tracksMeta.csv and NN_recordingMeta.csv of the highD format; "
         "`rearl prepare data=generated` writes such recordings"
     )
-    raise recordings_missing("no NN_tracks.csv, neither there nor in its subfolder data", root, wanted)
+    raise recordings_missing(
+        "no NN_tracks.csv, neither there nor in its subfolder data", root, wanted, ("_tracks.csv",)
+    )
 
 
 def recording_files(tracks_file: Path) -> tuple[Path, Path, Path]:
@@ -150,6 +154,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
     source = sound(source, _truncated(source, meta))
     source = sound(source, _without_value(source, "laneId")).astype({"laneId": np.int64})
     source = sound(source, _moving_otherwise(source, meta))
+    source = sound(source, _no_lane(source, meta, recording.markings))
     lanes, notes = _lane_ids(source, meta, recording.markings)
     lane_count = {side: high - low + 1 for side, (low, high) in lanes.items()}
     info = replace(info, lane_count=lane_count, notes=notes)
@@ -214,10 +219,26 @@ def _truncated(source: pd.DataFrame, meta: pd.DataFrame) -> Finding | None:
     return Finding("truncated", "track_id", short[which], text, "the file is cut off: copy it again")
 
 
+def _no_lane(source: pd.DataFrame, meta: pd.DataFrame, markings: dict[int, tuple[float, ...]]) -> Finding | None:
+    """Rows whose laneId is no stripe of their carriageway or beside it; the stripe between the two counts for both."""
+    lane_id, between = source["laneId"].to_numpy(), len(markings[1]) + 1
+    upper = meta["drivingDirection"].reindex(source["track_id"].to_numpy()).to_numpy() == 1
+    first, last = np.where(upper, 1, between), np.where(upper, between, between + len(markings[2]))
+    bad = (lane_id < first) | (lane_id > last)
+    if not bad.any():
+        return None
+    row = int(np.argmax(bad))
+    text = f"laneId {lane_id[row]} of track {source['track_id'].iloc[row]} is no lane of its carriageway, "
+    text += f"they are {first[row]} to {last[row]}"
+    return Finding("lane_out_of_range", "lane", bad, text, "correct the laneId")
+
+
 def _moving_otherwise(source: pd.DataFrame, meta: pd.DataFrame) -> Finding | None:
     """Rows of tracks whose mean velocity has not the sign of their driving direction."""
     ids, which, counts = np.unique(source["track_id"].to_numpy(), return_inverse=True, return_counts=True)
-    velocity = np.nan_to_num(source["xVelocity"].to_numpy(), posinf=0.0, neginf=0.0)
+    velocity = source["xVelocity"].to_numpy()
+    # An impossible velocity says nothing of the direction; the schema check finds it.
+    velocity = np.where(np.abs(velocity) <= RANGES["speed"][1], velocity, 0.0)
     mean = np.bincount(which, weights=velocity) / counts
     direction = meta["drivingDirection"].reindex(ids).to_numpy()
     wrong = (np.abs(mean) > _STANDING) & (np.sign(mean) != np.where(direction == 2, 1.0, -1.0))

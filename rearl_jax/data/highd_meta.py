@@ -8,12 +8,12 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig, OnBad
-from rearl_jax.data.checks import CLASSES
 from rearl_jax.data.delimited import read_csv, read_header
 from rearl_jax.data.losses import Losses
 from rearl_jax.data.problems import DROP_HINT, bad_recording, require_columns
 from rearl_jax.data.records import SPEED_LIMITS
 from rearl_jax.data.unit_checks import LANE_WIDTH
+from rearl_jax.data.vehicle_classes import CLASSES, classes_of
 
 _NEEDED = ("frameRate", "upperLaneMarkings", "lowerLaneMarkings")
 _SLOWEST, _FASTEST = 0.1, 1000.0  # frames per second, beyond every camera that watches roads
@@ -102,7 +102,7 @@ def read_tracks_meta(path: Path, policy: DataConfig, losses: Losses) -> pd.DataF
     if n_broken:
         losses.counts["broken_meta_line"] += n_broken
     meta = rows.to_pandas()
-    meta["class"] = meta["class"].str.lower()
+    meta["class"] = classes_of(meta["class"])
     direction = meta["drivingDirection"]
     stops = (
         ("id-missing", "id", meta["id"].isna(), "has no id", "complete it"),

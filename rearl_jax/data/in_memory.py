@@ -10,11 +10,11 @@ import pandas as pd
 from pandas.util import hash_pandas_object
 
 from rearl_jax.config.data import DataConfig, DataFormat
-from rearl_jax.data.canonical import info_of_rows
 from rearl_jax.data.labels import with_labels
 from rearl_jax.data.problems import recording_unnamed, require_columns
 from rearl_jax.data.reader import Entry
 from rearl_jax.data.records import Recording
+from rearl_jax.data.row_info import info_of_rows
 from rearl_jax.data.schema import COLUMNS, REQUIRED, validate
 
 NAME = "table"
@@ -73,6 +73,7 @@ def _read(data: TableInMemory, name: str, labels: Sequence[str] = ()) -> Recordi
         rows = rows.iloc[own].drop(columns="recording")
     canonical = [column.name for column in COLUMNS]
     further = [str(column) for column in rows.columns if column not in canonical]
-    info = with_labels(info_of_rows(name, rows, NAME, "a table in memory"), labels, further)
+    rows, info = info_of_rows(name, rows, NAME, "a table in memory")
+    info = with_labels(info, labels, further)
     table, dropped = validate(rows, info, data)
     return Recording(info, table, dropped)

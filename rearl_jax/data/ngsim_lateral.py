@@ -12,9 +12,10 @@ import numpy as np
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.columnar import column_names, read_columns
+from rearl_jax.data.folder import only_parquet
 from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE
 from rearl_jax.data.ngsim_pairs import LANES, joined_pairs
-from rearl_jax.data.problems import bad_recording, only_parquet, require_columns
+from rearl_jax.data.problems import bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo
 
 RECORDING = "i80_0400"

@@ -14,9 +14,10 @@ import pandas as pd
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.columnar import column_names, read_columns
+from rearl_jax.data.folder import only_parquet
 from rearl_jax.data.losses import Losses, reject, split_tracks
 from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE
-from rearl_jax.data.problems import Finding, bad_recording, only_parquet, require_columns
+from rearl_jax.data.problems import Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.unit_checks import MEDIAN_SIZE, require_period
 

@@ -8,7 +8,6 @@ Source: U.S. Department of Transportation, Next Generation Simulation Vehicle Tr
 Data, DOI 10.21949/1504477.
 """
 
-from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from pathlib import Path
 
@@ -17,22 +16,17 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig, OnBad
-from rearl_jax.data.delimited import read_blank_separated, read_csv, read_header
-from rearl_jax.data.losses import Losses
+from rearl_jax.data.checks import MOST_LANES
+from rearl_jax.data.delimited import first_lines, read_blank_separated, read_csv, read_header, text_endings
+from rearl_jax.data.folder import recordings_missing, visible_files
+from rearl_jax.data.losses import Losses, reject
 from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE, US101_LENGTH
-from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, recordings_missing, require_columns
+from rearl_jax.data.ngsim_clock import ARTERIALS, LANES, impossible_times, places_of, plain, recordings_of
+from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.units import to_si
 
-# Lanes with the ramps, NGSIM data descriptions: US-101 has five lanes, the auxiliary lane 6, on-ramp 7 and
-# off-ramp 8; I-80 has six lanes and the on-ramp 7. Lane 1 is the leftmost.
-_LANES = {"us101": 8, "i80": 7}
-_MOST_LANES = 12  # more than any carriageway has
-_ARTERIALS = ("lankershim", "peachtree")
 _CLASS = {1: "motorcycle", 2: "car", 3: "truck"}
-# Both campaigns were in daylight saving time of the Pacific coast (13 April and 15 June 2005).
-_LOCAL_TIME = timedelta(hours=-7)
-
 # Canonical name: name in the published tables without case and punctuation, unit, required.
 _PUBLISHED = {
     "track_id": ("vehicleid", None, True),
@@ -69,24 +63,33 @@ _PUBLISHED_SPELLING = {
     "vehicle_class": "v_Class",
     "leader_id": "Preceding",
 }
+_ENDINGS = (*text_endings(".csv"), *text_endings(".txt"))
+_LOOKED_AT = 5  # lines of a .txt that are looked at to tell whether it is a table
+# A time that is not in ms may have a fraction; what is wrong with it is said by its unit.
+_TYPES = {"location": pa.string(), "global_time": pa.float64()}
 _KEYS = ("track_id", "frame", "global_time")
-_LATEST = 4.1e12  # ms, the end of the year 2099
 
 
 class PublishedFile:
     """A published table; its rows are kept from the first recording that is read on.
 
     The arterials in the export of all places (Lankershim, Peachtree) are not highways and are passed over.
+
+    Attributes:
+        path: The file.
+        passed_over: The arterials in it, once `recordings` has been called.
     """
 
     def __init__(self, path: Path, policy: DataConfig) -> None:
         self.path = path
+        self.passed_over: tuple[str, ...] = ()
         self._policy = policy
 
     def recordings(self) -> list[str]:
         """Ids of the highway recordings in the file, such as us101_0750."""
         rows, _ = self._load((*_KEYS, "location"))
-        return list(_recordings_of(rows, self.path))
+        self.passed_over = tuple(place for place in places_of(rows, self.path) if place in ARTERIALS)
+        return list(recordings_of(rows, self.path))
 
     def read(self, recording: str) -> Recording:
         """One recording, checked: centre instead of front, SI instead of feet.
@@ -95,7 +98,7 @@ class PublishedFile:
             BadRecordingError: The table or a row breaks the schema, or a row occurs twice.
         """
         rows, broken = self._rows
-        chosen = rows.iloc[_recordings_of(rows, self.path)[recording]]
+        chosen = rows.iloc[recordings_of(rows, self.path)[recording]]
         losses = Losses()
         losses.counts.update(broken)
         # Portal copies are not sorted, and the order of rows in a database export says nothing.
@@ -110,6 +113,11 @@ class PublishedFile:
             # A copy is not a fault of the vehicle: the first of the two rows stays under drop_track, too.
             losses.counts["exact_duplicate"] += int(twice.sum())
             table = table.iloc[np.flatnonzero(~twice)]
+        no_lane = (table["lane"] < 0).to_numpy()
+        if no_lane.any():
+            text = f"Lane_ID {table['lane'].iloc[int(np.argmax(no_lane))] + 1:g} is no lane, they count from 1"
+            finding = Finding("lane_out_of_range", "lane", no_lane, text, "correct the Lane_ID")
+            table = reject(table, finding, info, self._policy, losses)
         table, dropped = validate(table, info, self._policy, losses)
         return Recording(info, table, dropped)
 
@@ -117,18 +125,30 @@ class PublishedFile:
     def _rows(self) -> tuple[pd.DataFrame, dict[str, int]]:
         return self._load(tuple(_PUBLISHED))
 
+    def _require_table(self, *, is_txt: bool) -> None:
+        """Raise BadRecordingError for a file that is something else, such as a readme."""
+        required = {name for name, _, needed in _PUBLISHED.values() if needed}
+        if is_txt:
+            is_table = any(len(line.split()) >= len(_TXT_COLUMNS) for line in first_lines(self.path, _LOOKED_AT))
+        else:
+            is_table = bool(required & {plain(name) for name in read_header(self.path)})
+        if not is_table:
+            text = f"{self.path.name} is no trajectory table of NGSIM"
+            raise bad_recording("not-a-table", text, "move it out of the folder", self.path)
+
     def _load(self, wanted: tuple[str, ...]) -> tuple[pd.DataFrame, dict[str, int]]:
         """The wanted columns of the file in the names of _PUBLISHED, and the counts of lines left out."""
         losses = Losses()
-        is_txt = self.path.suffix.lower() == ".txt"
-        names = {_plain(name): name for name in (_TXT_COLUMNS if is_txt else read_header(self.path))}
+        is_txt = self.path.name.lower().endswith(text_endings(".txt"))
+        self._require_table(is_txt=is_txt)
+        names = {plain(name): name for name in (_TXT_COLUMNS if is_txt else read_header(self.path))}
         if "preceeding" in names:
             names["preceding"] = names.pop("preceeding")
         required = tuple(name for name, _, needed in _PUBLISHED.values() if needed)
         require_columns(list(names), required, str(self.path))
         types = {
-            names[name]: pa.string() if name == "location" else pa.float64() if unit else pa.int64()
-            for name, unit, _ in (_PUBLISHED[column] for column in wanted)
+            names[name]: _TYPES.get(column, pa.float64() if unit else pa.int64())
+            for column, (name, unit, _) in ((column, _PUBLISHED[column]) for column in wanted)
             if name in names
         }
         if is_txt:
@@ -150,6 +170,9 @@ class PublishedFile:
                 raise bad_recording("not-finite", "the value is missing", remedy, self.path, column=column, row=row)
             if missing.any():
                 rows = losses.remove(rows, missing, "not_finite")
+        impossible = impossible_times(rows, self.path)
+        if impossible.any() and not impossible.all() and self._policy.on_bad is not OnBad.stop:
+            rows = losses.remove(rows, impossible, "time_impossible")
         return rows, dict(losses.counts)
 
 
@@ -159,48 +182,14 @@ def find_published(root: Path) -> list[Path]:
     Raises:
         FileNotFoundError: There is none.
     """
-    found = sorted(path for path in root.glob("*") if path.suffix.lower() in (".csv", ".txt"))
+    found = [root] if root.is_file() else visible_files(root, _ENDINGS)
     if not found:
         wanted = (
             "the folder with the NGSIM trajectory tables, such as trajectories-0750am-0805am.csv or the export of the "
             "data portal"
         )
-        raise recordings_missing("no .csv or .txt", root, wanted)
+        raise recordings_missing("no .csv or .txt", root, wanted, _ENDINGS)
     return found
-
-
-def _recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
-    """Recording id -> its row positions.
-
-    Raises:
-        BadRecordingError: A time is impossible, or belongs to another frame than the row says.
-    """
-    start = rows["global_time"].to_numpy(np.float64) - 100.0 * rows["frame"].to_numpy(np.float64)
-    if not ((start >= 0.0) & (start <= _LATEST)).all():
-        row = int(np.argmax(~((start >= 0.0) & (start <= _LATEST))))
-        text = "the time is before 1970 or after 2100"
-        remedy = "give milliseconds since 1970, and 10 frames per second"
-        raise bad_recording("time-impossible", text, remedy, path, column="Global_Time", row=int(rows.index[row]) + 1)
-    place = np.zeros(len(rows), dtype=np.int8)
-    names = [""]
-    if "location" in rows:
-        categories = pd.Categorical(rows["location"].fillna(""))
-        place, names = categories.codes, list(categories.categories)
-    recordings = {}
-    for code, name in enumerate(names):
-        key = _plain(str(name)) or _place_of(path)
-        if key in _ARTERIALS:
-            continue
-        for first in np.unique(start[place == code]):
-            own, recording = np.flatnonzero((place == code) & (start == first)), f"{key}_{_clock(int(first))}"
-            others = recordings.setdefault(recording, own)
-            if others is not own:
-                text = f"Global_Time and Frame_ID of {recording} do not go together as in its other rows"
-                row = int(rows.index[min(own, others, key=len)[0]]) + 1
-                raise bad_recording(
-                    "time-contradicts-frame", text, "correct or remove the row", path, column="Global_Time", row=row
-                )
-    return recordings
 
 
 def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataFrame, RecordingInfo]:
@@ -211,7 +200,7 @@ def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataF
     info = RecordingInfo(
         id=recording,
         frame_rate=FRAME_RATE,
-        lane_count={1: _LANES.get(place, min(int(_largest(lane)), _MOST_LANES))},
+        lane_count={1: LANES.get(place, min(int(_largest(lane)), MOST_LANES))},
         road_length=US101_LENGTH if place == "us101" else _largest(source["front"]),
         source=f"NGSIM {place}",
         licence=LICENCE,
@@ -245,19 +234,3 @@ def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataF
 def _largest(values: np.ndarray) -> float:
     """The largest number, at least 1; the schema check finds values that are not numbers."""
     return float(np.max(values, where=np.isfinite(values), initial=1.0))
-
-
-def _plain(name: str) -> str:
-    """A column or place name without case and punctuation: the spelling differs from copy to copy."""
-    return "".join(c for c in name.lower() if c.isalnum())
-
-
-def _place_of(path: Path) -> str:
-    """Name of the place if the file name contains it."""
-    return next((place for place in _LANES if place in _plain(path.name)), "ngsim")
-
-
-def _clock(start_ms: int) -> str:
-    """Local start time on the 12-hour clock to the nearest five minutes, as in the NGSIM file names."""
-    start = datetime.fromtimestamp(start_ms / 1000.0, UTC) + _LOCAL_TIME + timedelta(minutes=2.5)
-    return (start - timedelta(minutes=start.minute % 5)).strftime("%I%M")

@@ -17,8 +17,9 @@ import pandas as pd
 from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data import checks, openacc_index
 from rearl_jax.data.columnar import column_names, read_columns
+from rearl_jax.data.folder import only_parquet
 from rearl_jax.data.losses import Losses
-from rearl_jax.data.problems import Finding, bad_recording, only_parquet
+from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.unit_checks import is_other_unit, require_period, scale_of
 

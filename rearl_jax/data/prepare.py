@@ -1,11 +1,12 @@
 """The task `rearl prepare`: checked canonical tables, counts and scenes from recordings.
 
-Writes into the study folder `tables/<recording>.parquet` (not for generated recordings, whose own files are
-there and are read just as fast), `recordings.parquet` with one row per recording, `scenes.parquet`,
-`config.json` and `summary.json`. Recordings are read once, one at a time.
+Writes into the study folder `tables/<recording>.parquet`, named by `folder.file_name_of` (not for generated
+recordings, whose own files are there and are read just as fast), `recordings.parquet` with one row per recording,
+`scenes.parquet`, `config.json` and `summary.json`. Recordings are read once, one at a time.
 """
 
 import json
+import logging
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -20,6 +21,7 @@ from rearl_jax.config import PrepareTask
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.console import standard_output
 from rearl_jax.data.canonical import METADATA, describe
+from rearl_jax.data.folder import file_name_of
 from rearl_jax.data.generator import generate
 from rearl_jax.data.recordings import count_recordings, data_id, is_generated, iterate_recordings
 from rearl_jax.data.records import Recording
@@ -28,6 +30,8 @@ from rearl_jax.data.scenes import build_scenes
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
+
+log = logging.getLogger(__name__)
 
 
 def run(config: PrepareTask) -> dict:
@@ -67,6 +71,7 @@ class _Seen:
     keep_tables: bool
     rows: list[dict] = field(default_factory=list)
     dropped: Counter[str] = field(default_factory=Counter)
+    notes: set[str] = field(default_factory=set)
 
     def passing(self, data: DataConfig) -> Iterator[Recording]:
         """The recordings of the data set, counted and, if requested, stored while they are read."""
@@ -74,9 +79,13 @@ class _Seen:
             info = recording.info
             if self.keep_tables:
                 metadata = {METADATA: describe([info])}
-                self.study.write_table(f"tables/{info.id}", recording.table, **metadata)
+                self.study.write_table(f"tables/{file_name_of(info.id)}", recording.table, **metadata)
             self.rows.append(counts_of(recording))
             self.dropped.update(recording.dropped)
+            for note in info.notes:
+                if note not in self.notes:
+                    log.info("%s: %s", info.id, note)
+            self.notes.update(info.notes)
             yield recording
             # Released before the next recording is read.
             del recording

@@ -78,23 +78,6 @@ def require_columns(found: list[str], required: tuple[str, ...], file: str) -> N
             raise bad_recording("column-missing", "the column is missing", remedy, file, column=name)
 
 
-def only_parquet(root: Path, wanted: str) -> Path:
-    """The one Parquet file in the folder.
-
-    Raises:
-        MissingInputError: There is none, or more than one; `wanted` says what `data.root` must name.
-    """
-    files = sorted(root.glob("*.parquet"))
-    if len(files) != 1:
-        raise recordings_missing(f"{len(files)} Parquet files", root, wanted)
-    return files[0]
-
-
-def recordings_missing(found: str, root: Path, wanted: str) -> MissingInputError:
-    """The error for a folder that holds `found`, such as `no .csv`, where `data.root` must name what is wanted."""
-    return MissingInputError(Problem("recordings-missing", f"{found}: data.root must name {wanted}", file=str(root)))
-
-
 def file_missing(path: Path) -> MissingInputError:
     """The error for a file of a recording that is not there."""
     message = "the file is missing: complete the recording or correct data.root"

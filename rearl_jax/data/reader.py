@@ -18,11 +18,13 @@ class Entry:
         id: Its name, unique in its data set.
         read: The recording, checked by `schema.validate`; called when the recording is needed.
         labelled: The same with further columns as labels; None where the format has its own and no others.
+        file: File its rows come from; None for a table in memory.
     """
 
     id: str
     read: Callable[[], Recording]
     labelled: Callable[[Sequence[str]], Recording] | None = None
+    file: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,6 @@ def parts_of(
     def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
         path = find(root)
         for name, part in parts(path).items():
-            yield Entry(name, partial(read, path, name, part, data))
+            yield Entry(name, partial(read, path, name, part, data), file=path)
 
     return entries

@@ -6,12 +6,15 @@ from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
+import numpy as np
+
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import in_memory
 from rearl_jax.data.in_memory import TableInMemory
 from rearl_jax.data.reader import Entry
 from rearl_jax.data.readers import reader_of
 from rearl_jax.data.records import Recording, RecordingInfo
+from rearl_jax.data.remarks import noted
 from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
 
 __all__ = [
@@ -39,10 +42,18 @@ def iterate_recordings(data: DataConfig, labels: Sequence[str] = ()) -> Iterator
         BadRecordingError: A recording breaks the schema, see `schema.validate`.
     """
     entries = _selected(data)
+    seen: dict[bytes, RecordingInfo] = {}
     while entries:
         # Taken out of the list, so that the memory of a file is freed with its last recording.
         entry = entries.pop(0)
-        yield entry.labelled(labels) if labels and entry.labelled is not None else entry.read()
+        recording = noted(entry.labelled(labels) if labels and entry.labelled is not None else entry.read())
+        info = recording.info
+        info.check()
+        first = seen.setdefault(_fingerprint(recording), info)
+        if first is not info:
+            message = f"the rows of {info.id} are those of {first.id} ({first.file or 'the same source'})"
+            raise InvalidInputError(Problem("rows-twice", message, "keep one of the two", file=info.file or info.id))
+        yield recording
 
 
 def label_of_same(data: DataConfig) -> str | None:
@@ -94,6 +105,17 @@ def file_stamps(data: DataConfig) -> list[tuple[str, int, int]]:
     return [(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]
 
 
+def _fingerprint(recording: Recording) -> bytes:
+    """Hash of where the vehicles are when, and how fast: the same for copies in other formats or under other ids."""
+    table, digest = recording.table, hashlib.sha256()
+    frame = table["frame"].to_numpy(np.int64)
+    digest.update((frame - frame.min()).tobytes())
+    for name in ("time", "x", "y", "speed"):
+        # To 1 ms and 1 mm, more than formats differ by; - 0.0 and 0.0 are the same.
+        digest.update(np.rint(1000.0 * table[name].to_numpy()).astype(np.int64).tobytes())
+    return digest.digest()
+
+
 def _selected(data: DataConfig) -> list[Entry]:
     if isinstance(data, TableInMemory):
         entries = list(in_memory.entries(data))
@@ -104,13 +126,13 @@ def _selected(data: DataConfig) -> list[Entry]:
         names = ", ".join(entry.id for entry in entries[:5]) + (", ..." if len(entries) > 5 else "")
         message = f"is {data.recordings}, which selects none of {len(entries)} recordings: {names}"
         raise InvalidInputError(Problem("selects-none", message, key="data.recordings"))
-    twice = sorted(name for name, n in Counter(entry.id for entry in chosen).items() if n > 1)
+    counts = Counter(entry.id for entry in chosen)
+    twice = [entry for entry in chosen if counts[entry.id] > 1]
     if twice:
-        raise InvalidInputError(
-            Problem(
-                "recording-twice", f"several recordings have the id {twice[0]}: give each its own id", file=data.root
-            )
-        )
+        files = list(dict.fromkeys(str(entry.file) for entry in twice if entry.id == twice[0].id))
+        message = f"several recordings have the id {twice[0].id}, in {' and '.join(files)}"
+        remedy = "keep one of the files if they hold the same recording, else read them from folders of their own"
+        raise InvalidInputError(Problem("recording-twice", message, remedy, file=data.root))
     return chosen
 
 

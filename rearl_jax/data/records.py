@@ -70,11 +70,11 @@ class RecordingInfo:
         for name in ("labels", "notes"):
             values[name] = tuple(values.get(name, ()))
         info = cls(**values, file=file)
-        info._check()
+        info.check()
         return info
 
-    def _check(self) -> None:
-        """Raise ValueError for what cannot be true of a recording."""
+    def check(self) -> None:
+        """Raise InvalidInputError for what cannot be true of a recording."""
         for name in ("id", "source", "licence", "attribution"):
             if not (isinstance(value := getattr(self, name), str) and value):
                 raise out_of_range(name, "must be a text", repr(value))

@@ -1,17 +1,19 @@
 """Checks whether a column is in another unit than the schema's.
 
-A wrong unit is a property of the table and never of a row, so these checks compare medians over the whole
-recording: steps with speeds, changes of speed with accelerations, sizes with those of road vehicles, lane distances
-with those of roads.
+A wrong unit is a property of the table and never of a row, so these checks compare medians over many rows: steps with
+speeds, changes of speed with accelerations, sizes with those of road vehicles. Each gets all rows or those of one
+carriageway from `column_checks`. Lanes and lateral positions are compared in `lateral_checks`.
 """
 
 import numpy as np
 import pandas as pd
 
-from rearl_jax.data.checks import CLASSES, follows_row_before, times_beside_frames
+from rearl_jax.data import clock
+from rearl_jax.data.checks import follows_row_before, times_beside_frames
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.units import SI_FACTOR
+from rearl_jax.data.vehicle_classes import CLASSES
 
 MOVING = 3.0  # m/s; below it rounding of positions hides the ratio of step and speed
 MIN_STEPS = 20  # fewer moving steps do not determine a unit
@@ -37,16 +39,6 @@ UNIT_RATIOS = {
     "position is in km, not m": 1.0 / SI_FACTOR["km"],
     "position is in cm, not m": 1.0 / SI_FACTOR["cm"],
 }
-
-
-def wrong_units(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
-    """The first sign that a whole column is in another unit than the schema's."""
-    checks = (_wrong_time, _wrong_speed_or_position, _wrong_ground, _wrong_size, _wrong_lateral, _wrong_across)
-    for check in (*checks, _wrong_acceleration):
-        finding = check(table, info)
-        if finding is not None:
-            return finding
-    return None
 
 
 def scale_of(values: np.ndarray, reference: np.ndarray) -> tuple[float, float] | None:
@@ -92,20 +84,28 @@ def is_other_unit(scale: tuple[float, float] | None) -> bool:
     return scale is not None and (scale[0] > SAME_UNIT or scale[1] < 1.0 / SAME_UNIT)
 
 
-def _wrong_time(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+def wrong_time(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+    """Times that do not follow frame / frame rate."""
     bad = times_beside_frames(table, info)
     if np.mean(bad) < WRONG_SHARE:
         return None
     text = f"time does not follow frame / frame rate at {info.frame_rate:g} frames per second"
-    return _unit_finding("time", bad, text, "give time in s and the frame rate of the recording")
+    found = clock.period_of(*(table[name].to_numpy(np.float64) for name in ("track_id", "frame", "time")))
+    units = {unit: found[0] * seconds * info.frame_rate for unit, seconds in clock.SECONDS.items()} if found else {}
+    unit = next((unit for unit, ratio in units.items() if abs(ratio - 1.0) <= RATIO_TOLERANCE), None)
+    if unit is not None:
+        return unit_finding("time", bad, f"{text}: it looks like {unit}", "give time in s")
+    return unit_finding("time", bad, text, "give time in s and the frame rate of the recording")
 
 
-def _wrong_speed_or_position(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
-    rows, step, expected = _moving_steps(table, info)
+def wrong_speed_or_position(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+    """Steps of position that are not speed x time."""
+    rows, step, expected = moving_steps(table, info)
     if rows.size < MIN_STEPS:
         return None
     ratio = float(np.median(step / expected))
-    if abs(ratio - 1.0) <= RATIO_TOLERANCE:
+    # Noise moves the median of a few short steps, but not their sum, and a jump moves only the sum.
+    if min(abs(ratio - 1.0), abs(np.sum(step) / np.sum(expected) - 1.0)) <= RATIO_TOLERANCE:
         return None
     text = f"vehicles move {ratio:.3f} times as far as speed x time"
     # A decreasing position has a negative ratio and no unit explains it.
@@ -119,11 +119,12 @@ def _wrong_speed_or_position(table: pd.DataFrame, info: RecordingInfo) -> Findin
     bad = np.zeros(len(table), dtype=bool)
     bad[rows] = np.abs(step / expected - 1.0) > RATIO_TOLERANCE
     column = "position" if "position" in remedy and "speed" not in remedy else "speed"
-    return _unit_finding(column, bad, text, remedy)
+    return unit_finding(column, bad, text, remedy)
 
 
-def _wrong_ground(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
-    rows, step, _ = _moving_steps(table, info)
+def wrong_ground(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+    """Steps in x, y that are not those of position."""
+    rows, step, _ = moving_steps(table, info)
     if rows.size < MIN_STEPS:
         return None
     x, y = table["x"].to_numpy(), table["y"].to_numpy()
@@ -134,10 +135,11 @@ def _wrong_ground(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     bad = np.zeros(len(table), dtype=bool)
     bad[rows] = np.abs(ground / np.abs(step) - 1.0) > RATIO_TOLERANCE
     text = f"vehicles move {ratio:.3f} times as far in x, y as in position"
-    return _unit_finding("x", bad, text, "give x, y and position in m and in the same road frame")
+    return unit_finding("x", bad, text, "give x, y and position in m and in the same road frame")
 
 
-def _wrong_size(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+def wrong_size(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+    """Median lengths and widths that no class of vehicle has."""
     vehicle_class = table["vehicle_class"].cat.codes.to_numpy()
     for (name, which), (low, high) in MEDIAN_SIZE.items():
         values = table[name].to_numpy()
@@ -149,45 +151,11 @@ def _wrong_size(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
             foot = SI_FACTOR["ft"]
             hint = " (feet?)" if low <= median * foot <= high else ""
             text = f"the median {name} of class {which} is {median:.2f} m, outside {low:g} to {high:g} m{hint}"
-            return _unit_finding(name, chosen & ((values < low) | (values > high)), text, f"convert {name} to m")
+            return unit_finding(name, chosen & ((values < low) | (values > high)), text, f"convert {name} to m")
     return None
 
 
-def _wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
-    lateral = table["lateral"].to_numpy()
-    lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
-    known = np.isfinite(lateral) & np.isfinite(lane)
-    lanes, counts = np.unique(lane[known], return_counts=True)
-    lanes = lanes[counts >= MIN_STEPS]
-    if lanes.size < 2:
-        return None
-    left, right = (float(np.median(lateral[known & (lane == rank)])) for rank in (lanes[0], lanes[-1]))
-    width = (right - left) / (lanes[-1] - lanes[0])
-    if LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
-        return None
-    text = f"lateral grows by {width:.2f} m per lane to the right, outside {LANE_WIDTH[0]} to {LANE_WIDTH[1]} m"
-    return _unit_finding("lateral", known & (lane == lanes[-1]), text, "give lateral in m, positive to the right")
-
-
-def _wrong_across(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
-    """Where the ground frame lies along the road, y must grow with the lateral position."""
-    rows, step, _ = _moving_steps(table, info)
-    x, y, lateral = (table[name].to_numpy() for name in ("x", "y", "lateral"))
-    if rows.size < MIN_STEPS or abs(np.median(np.abs(x[rows] - x[rows - 1]) / np.abs(step)) - 1.0) > 0.001:
-        return None
-    direction = table["direction"].to_numpy()
-    for side in np.unique(direction):
-        here = (direction == side) & np.isfinite(lateral)
-        if here.sum() < MIN_STEPS or np.std(lateral[here]) < 0.5 * LANE_WIDTH[0]:
-            continue
-        scale = scale_of(np.abs(y[here] - np.mean(y[here])), np.abs(lateral[here] - np.mean(lateral[here])))
-        if scale is not None and is_other_unit(scale):
-            text = f"y grows {scale[0]:.2f} to {scale[1]:.2f} times as fast across the road as lateral"
-            return _unit_finding("y", here, text, "give y and lateral in m")
-    return None
-
-
-def _wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+def wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     """Accelerations that are not what changes of speed say, or that no tyre could bring about."""
     track, speed, values = (table[name].to_numpy() for name in ("track_id", "speed", "acceleration"))
     n = max(round(WINDOW * info.frame_rate), 1)
@@ -198,15 +166,15 @@ def _wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | N
         scale = scale_of(mean[within], change[within])
         if scale is not None and is_other_unit(scale):
             text = f"acceleration is {scale[0]:.2f} to {scale[1]:.2f} times the change of speed per second"
-            return _unit_finding("acceleration", np.isfinite(values), text, "convert acceleration to m/s^2")
+            return unit_finding("acceleration", np.isfinite(values), text, "convert acceleration to m/s^2")
     known = np.abs(values[np.isfinite(values)])
     if known.size >= MIN_STEPS and np.percentile(known, 99) > ACCELERATION_P99:
         text = f"1 % of |acceleration| is above {np.percentile(known, 99):.1f} m/s^2, beyond tyre friction"
-        return _unit_finding("acceleration", np.abs(values) > ACCELERATION_P99, text, "convert acceleration to m/s^2")
+        return unit_finding("acceleration", np.abs(values) > ACCELERATION_P99, text, "convert acceleration to m/s^2")
     return None
 
 
-def _moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows after a step of a moving vehicle, that step of position, and what speed x time expects [m].
 
     A vehicle moves by its speed, or by its positions if those of its whole track move: in another unit all vehicles may
@@ -229,5 +197,6 @@ def _moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray,
     return rows[moving], step[moving], expected[moving]
 
 
-def _unit_finding(column: str, rows: np.ndarray, problem: str, remedy: str) -> Finding | None:
+def unit_finding(column: str, rows: np.ndarray, problem: str, remedy: str) -> Finding | None:
+    """The finding for a column in another unit; None if no row is marked."""
     return Finding("wrong_units", column, rows, problem, remedy) if rows.any() else None

@@ -45,7 +45,6 @@ def make_highd_files(
                     "height": width,
                     "xVelocity": round(speed, 2) * (1 if direction == 2 else -1),
                     "xAcceleration": 0.1 if direction == 2 else -0.1,
-                    "precedingId": i - 2 if i > 2 else 0,
                     "laneId": 3 - lane if direction == 1 else 5 + lane,
                 }
             )
@@ -58,7 +57,7 @@ def make_highd_files(
                 "drivingDirection": direction,
             }
         )
-    pd.concat(tracks).to_csv(folder / f"{number}_tracks.csv", index=False)
+    _with_preceding(pd.concat(tracks, ignore_index=True)).to_csv(folder / f"{number}_tracks.csv", index=False)
     pd.DataFrame(meta).to_csv(folder / f"{number}_tracksMeta.csv", index=False)
     recording = {
         "id": int(number),
@@ -70,6 +69,15 @@ def make_highd_files(
     }
     pd.DataFrame([recording]).to_csv(folder / f"{number}_recordingMeta.csv", index=False)
     return folder / f"{number}_tracks.csv"
+
+
+def _with_preceding(tracks: pd.DataFrame) -> pd.DataFrame:
+    """The tracks with the next vehicle ahead on the lane of each, 0 without one, as precedingId."""
+    ahead = np.sign(tracks["xVelocity"]) * (tracks["x"] + tracks["width"] / 2)
+    in_order = tracks.assign(ahead=ahead).sort_values(["frame", "laneId", "ahead"], kind="stable")
+    preceding = in_order.groupby(["frame", "laneId"])["id"].shift(-1, fill_value=0)
+    place = tracks.columns.get_loc("laneId")
+    return tracks.assign(precedingId=preceding)[[*tracks.columns[:place], "precedingId", *tracks.columns[place:]]]
 
 
 @pytest.fixture

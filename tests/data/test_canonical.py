@@ -149,3 +149,73 @@ def test_a_failed_write_leaves_the_old_file(recording, tmp_path, monkeypatch):
     assert [file.name for file in tmp_path.iterdir()] == ["a.parquet"]
     with refused("ending-unknown"):
         write_recording(recording, tmp_path / "a.txt")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "text"),
+    [
+        ("recording", "int64", "7"),
+        ("recording", "float64", "7"),
+        ("recording", "category", "7"),
+        ("recording", "bool", "true"),
+        ("track_id", "uint64", None),
+        ("track_id", "str", None),
+        ("frame", "float32", None),
+        ("lane", "str", None),
+        ("position", "float32", None),
+        ("vehicle_class", "category", None),
+    ],
+)
+def test_a_parquet_column_may_have_any_type_that_says_the_same(vehicle_rows, tmp_path, name, kind, text):
+    rows = vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0, recording=7)
+    path = tmp_path / "a.parquet"
+    rows.astype({name: kind}).to_parquet(path)
+    (recording,) = iterate_recordings(DataConfig(DataFormat.table, str(path)))
+    assert recording.info.id == (text or "7")
+    expected = validate(rows.drop(columns="recording"), recording.info, STOP)[0]
+    pd.testing.assert_frame_equal(recording.table, expected, check_exact=False, rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["datetime64[ms]", "datetime64[ns]", "timedelta64[us]"])
+def test_moments_in_parquet_are_seconds(vehicle_rows, tmp_path, kind):
+    time = pd.to_timedelta(vehicle_rows["frame"] / 10.0, unit="s")
+    time = time if kind.startswith("time") else pd.Timestamp("2005-06-15") + time
+    vehicle_rows.assign(time=time.astype(kind)).to_parquet(tmp_path / "a.parquet")
+    (recording,) = iterate_recordings(DataConfig(DataFormat.table, str(tmp_path)))
+    assert recording.info.frame_rate == 10.0
+    assert recording.table["time"].iloc[1] - recording.table["time"].iloc[0] == pytest.approx(0.1, abs=1e-6)
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_large_ids_are_read(vehicle_rows, tmp_path, ending):
+    rows = vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0, track_id=vehicle_rows["track_id"] + 10**15)
+    rows["leader_id"] += 10**15
+    path = tmp_path / f"a{ending}"
+    rows.to_csv(path, index=False) if ending == ".csv" else rows.to_parquet(path)
+    (recording,) = iterate_recordings(DataConfig(DataFormat.table, str(path)))
+    assert recording.table["track_id"].unique().tolist() == [10**15 + 1, 10**15 + 2, 10**15 + 3]
+    assert recording.table["leader_id"].dropna().unique().tolist() == [10**15 + 1]
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+@pytest.mark.parametrize("policy", [OnBad.drop_row, OnBad.drop_track])
+def test_what_is_read_can_be_written_and_read_again(vehicle_rows, tmp_path, ending, policy):
+    rows = vehicle_rows.assign(time=(1.62e9 + vehicle_rows["frame"] / 10.0).round(0), recording="..\\cam 1")
+    rows = rows.assign(position=rows["position"] - 5.7e6, vehicle_class=rows["vehicle_class"].str.upper())
+    rows.loc[40, "acceleration"] = -9999.0
+    rows.loc[130:250, "leader_id"] = 2
+    rows.to_csv(tmp_path / "a.csv", index=False)
+    (recording,) = iterate_recordings(DataConfig(DataFormat.table, str(tmp_path), on_bad=policy))
+    assert recording.dropped["out_of_range"] >= 1
+    path = write_recording(recording, tmp_path / "again" / f"a{ending}")
+    (again,) = iterate_recordings(DataConfig(DataFormat.table, str(path)))
+    assert again.dropped == {}
+    assert again.info.to_json() == recording.info.to_json()
+    pd.testing.assert_frame_equal(again.table, recording.table)
+
+
+def test_metadata_that_could_not_be_read_again_stops_before_it_is_written(vehicle_rows, tmp_path):
+    far = vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0, recording="")
+    far.to_parquet(tmp_path / "a.parquet")
+    with refused("out-of-range", key="id"):
+        list(iterate_recordings(DataConfig(DataFormat.table, str(tmp_path))))

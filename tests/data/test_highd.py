@@ -100,7 +100,31 @@ def test_a_single_wrong_lane_id_does_not_move_the_lanes_of_others(tracks):
     assert dropped.dropped == {"lane_out_of_range": 150, "tracks": 1}
     assert dict(dropped.info.lane_count) == {1: 2, 2: 2}
     left = sound[sound["track_id"] != 1].reset_index(drop=True)
+    left = left.assign(time=left["time"] - left["time"].min())  # vehicle 1 was the first in view
     pd.testing.assert_frame_equal(dropped.table, left, check_categorical=False)
+
+
+@pytest.mark.parametrize("lane_id", [0, -1, 8, 5])
+def test_a_vehicle_on_no_lane_of_its_carriageway_does_not_move_the_lanes_of_others(tracks, lane_id):
+    _edit(tracks, lambda t: t.assign(laneId=t["laneId"].where(t["id"] != 1, lane_id)))
+    with refused("lane-out-of-range", column="laneId", row=1) as caught:
+        read_recording(tracks, STOP)
+    assert f"laneId {lane_id} of track 1" in caught.value.problem.fault
+    dropped = read_recording(tracks, DataConfig(on_bad=OnBad.drop_row))
+    assert dropped.dropped == {"lane_out_of_range": 150, "tracks": 1}
+    assert dict(dropped.info.lane_count) == {1: 2, 2: 2}
+
+
+def test_a_preceding_id_that_names_followers_stops(tracks):
+    rows = pd.read_csv(tracks)
+    following = rows.loc[rows["precedingId"] > 0, ["frame", "precedingId", "id"]]
+    following = following.rename(columns={"precedingId": "id", "id": "following"})
+    assert len(following) > 100
+    swapped = rows.merge(following, on=["frame", "id"], how="left")
+    rows.assign(precedingId=swapped["following"].fillna(0).astype(int)).to_csv(tracks, index=False)
+    with refused("wrong-leader", column="precedingId") as caught:
+        read_recording(tracks, STOP)
+    assert "drives behind" in caught.value.problem.fault
 
 
 def test_a_standing_vehicle_may_have_a_velocity_of_either_sign(tracks):
@@ -152,7 +176,7 @@ def test_a_file_cut_before_a_track_is_noticed_by_the_missing_track(tracks):
 CONTRADICTIONS = {
     "direction": ("tracksMeta", _set(4, drivingDirection=2), "wrong-direction", "xVelocity", 601, "track 5"),
     "third direction": ("tracksMeta", _set(4, drivingDirection=3), "wrong-direction", "drivingDirection", 5, "(3"),
-    "class": ("tracksMeta", _set(4, **{"class": "Tram"}), "unknown-class", "class", 5, "'tram'"),
+    "class": ("tracksMeta", _set(4, **{"class": "Tram"}), "unknown-class", "class", 5, "'Tram'"),
     "no class": ("tracksMeta", _set(4, **{"class": None}), "unknown-class", "class", 5, ""),
     "same id": ("tracksMeta", _set(4, id=4), "duplicate", "id", 5, "track 4"),
     "not listed": ("tracksMeta", lambda t: t.drop(index=4), "track-without-meta", "id", 601, "track 5"),
@@ -266,3 +290,24 @@ def test_memory_does_not_grow_with_the_number_of_recordings(highd_files, tmp_pat
     assert (rows_two, rows_all) == (2 * 617_070, 8 * 617_070)
     assert eight < 1024.0
     assert eight < two + 150.0
+
+
+def test_whole_numbers_may_be_written_with_a_fraction_of_0(tracks):
+    expected = read_recording(tracks, STOP).table
+    for file in (tracks, tracks.with_name("01_tracksMeta.csv")):
+        _edit(file, lambda t: t.astype({name: float for name in t.select_dtypes("integer").columns}))
+        assert ".0," in file.read_text()
+    pd.testing.assert_frame_equal(read_recording(tracks, STOP).table, expected)
+    _edit(tracks, _set(4, precedingId=0.5))
+    with refused("value-unreadable", column="precedingId", row=5):
+        read_recording(tracks, STOP)
+
+
+@pytest.mark.parametrize("column", ["xVelocity", "x", "y"])
+def test_a_placeholder_is_named_and_can_be_left_out(tracks, column):
+    _edit(
+        tracks, lambda t: t.assign(**{column: t[column].where(~((t["id"] == 2) & t["frame"].between(50, 61)), -9999)})
+    )
+    with refused("out-of-range", column=column):
+        read_recording(tracks, STOP)
+    assert read_recording(tracks, DataConfig(on_bad=OnBad.drop_row)).dropped == {"out_of_range": 12, "gap_cuts": 1}

@@ -39,6 +39,8 @@ def _read_pairs(folder: Path, pairs: pd.DataFrame) -> list[Recording]:
 
 def test_cars_of_openacc_have_model_and_setting(tmp_path):
     runs = [_platoon().assign(file=f"run_{k}") for k in (1, 2, 3, 4)]
+    for k, run in enumerate(runs):
+        run["gap_to_follower_m"] += k  # the rows of no two runs are the same
     runs[0]["model"] = "M" + runs[0]["pos"].astype(str)
     pd.concat(runs).to_parquet(tmp_path / "platoons.parquet")
     data = DataConfig(DataFormat.openacc, str(tmp_path))

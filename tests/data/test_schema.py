@@ -240,3 +240,12 @@ def test_conversion_factors():
     assert to_si(np.array([1.0, 2.0]), "ft").tolist() == [0.3048, 0.6096]
     assert to_si(np.array([36.0]), "km/h")[0] == pytest.approx(10.0, rel=1e-15)
     assert SI_FACTOR["mph"] == pytest.approx(SI_FACTOR["ft"] * 5280 / 3600, rel=1e-15)
+
+
+@pytest.mark.parametrize("word", ["Car", "CAR", " car ", "passenger-car", "Passenger_Car", "auto", "van"])
+def test_words_for_a_car_are_understood(vehicle_rows, word):
+    words = vehicle_rows["vehicle_class"].where(vehicle_rows["vehicle_class"] != "car", word)
+    for column in (words, words.astype("category")):
+        table, _ = validate(vehicle_rows.assign(vehicle_class=column), INFO, STOP)
+        assert (table["vehicle_class"] == "car").sum() == 200
+        assert (table["vehicle_class"] == "truck").sum() == 100

@@ -31,7 +31,7 @@ def entries_of(data: DataConfig, root: Path, *, generated: bool) -> Iterator[Ent
     """Entries of which it is known whether the generator made them."""
     for path in highd.find_recordings(root):
         name = highd.recording_id(path, generated=generated)
-        yield Entry(name, partial(highd.read_recording, path, data, generated=generated))
+        yield Entry(name, partial(highd.read_recording, path, data, generated=generated), file=path)
 
 
 READER = Reader(

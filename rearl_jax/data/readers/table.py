@@ -14,7 +14,7 @@ def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
     for path in canonical.find_tables(root):
         file = canonical.TableFile(path, data)
         for name in file.recordings():
-            yield Entry(name, partial(file.read, name), partial(file.read, name))
+            yield Entry(name, partial(file.read, name), partial(file.read, name), path)
 
 
 def files(root: Path) -> list[Path]:

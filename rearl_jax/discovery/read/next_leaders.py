@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from scipy.stats import norm
 
 from rearl_jax.core.order import NOBODY
-from rearl_jax.discovery.read.surroundings import Index
+from rearl_jax.data.vehicle_rows import VehicleRows
 
 LONGEST_LEAD = 5.0
 """Time before a change of leader in which the next one is looked at [s]: lane changes take 3 to 6 s.
@@ -55,7 +55,7 @@ def handovers(
     n = len(table)
     found = Handovers(*(np.full(n, value) for value in (NOBODY, np.inf, 0.0, NOBODY, np.inf)))
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=-1.0)
-    frame, index = table["frame"].to_numpy(np.int64), Index(table)
+    frame, index = table["frame"].to_numpy(np.int64), VehicleRows(table)
     first, stop = (np.repeat(bound, bounds[1] - bounds[0]) for bound in bounds)
     row = np.arange(n)
     is_change = (row > first) & (leader != np.r_[NOBODY, leader[:-1]])

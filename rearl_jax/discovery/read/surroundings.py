@@ -7,6 +7,8 @@ import pandas as pd
 
 from rearl_jax.core.effects.stimulus import BESIDE_RANGE
 from rearl_jax.core.order import NOBODY
+from rearl_jax.data.leaders import states_all_leaders
+from rearl_jax.data.vehicle_rows import VehicleRows
 
 MOST_BESIDE = 8
 """Vehicles on one lane that are looked at within BESIDE_RANGE."""
@@ -17,7 +19,8 @@ class Around:
     """Rows of the vehicles around, NOBODY where there is none.
 
     Attributes:
-        leader: Next ahead on the same lane; where the source states a leader, that one.
+        leader: Next ahead on the same lane; that which the source states, where it states any, and nobody else if it
+            states the leaders of all, see `leaders.states_all_leaders`.
         follower: Next behind on the same lane.
         left: Next ahead on the lane to the left; the same position counts as ahead.
         beside_speed: Slowest speed within BESIDE_RANGE on the lanes beside [m/s]; inf without one.
@@ -46,9 +49,11 @@ def look_around(table: pd.DataFrame, speed: np.ndarray) -> Around:
     ahead = np.full(len(table), NOBODY)
     same = (street[order][1:] == street[order][:-1]) & (lane[order][1:] >= 0)
     ahead[order[:-1][same]] = order[1:][same]
-    stated = table["leader_id"].to_numpy(dtype=np.float64, na_value=np.nan)
-    if np.isfinite(stated).any():
-        ahead = _stated_leader(table, stated)
+    stated = VehicleRows(table).leaders(table)
+    if states_all_leaders(ahead, stated):
+        ahead = stated
+    else:
+        ahead = np.where(stated == NOBODY, ahead, stated)
     follower = np.full(len(table), NOBODY)
     followed = ahead != NOBODY
     follower[ahead[followed]] = np.flatnonzero(followed)
@@ -56,29 +61,6 @@ def look_around(table: pd.DataFrame, speed: np.ndarray) -> Around:
     left = lines.ahead_on_left(lane)
     slowest, number = lines.beside(speed, lane)
     return Around(ahead, follower, left, slowest, number)
-
-
-def _stated_leader(table: pd.DataFrame, stated: np.ndarray) -> np.ndarray:
-    """Row of the leader that the source names, at the same frame."""
-    named = np.where(np.isfinite(stated), np.nan_to_num(stated, nan=NOBODY), NOBODY).astype(np.int64)
-    return Index(table).rows(named, table["frame"].to_numpy(np.int64))
-
-
-class Index:
-    """Where each vehicle is in a canonical table, which is sorted by track and frame."""
-
-    def __init__(self, table: pd.DataFrame) -> None:
-        frame = table["frame"].to_numpy(np.int64)
-        self._span = int(frame.max(initial=0)) + 1
-        self._keys = table["track_id"].to_numpy(np.int64) * self._span + frame
-
-    def rows(self, track: np.ndarray | int, frame: np.ndarray) -> np.ndarray:
-        """Rows of vehicles at their frames, NOBODY where there are none; both are of the table, or the track is
-        NOBODY.
-        """
-        wanted = track * self._span + frame
-        place = np.minimum(np.searchsorted(self._keys, wanted), len(self._keys) - 1)
-        return np.where(self._keys[place] == wanted, place, NOBODY)
 
 
 class _Lines:

@@ -1,0 +1,117 @@
+"""Leaders that a source states: whether they can be leaders, and whether they are those of all vehicles."""
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.problems import Finding
+from rearl_jax.data.records import RecordingInfo
+from rearl_jax.data.vehicle_rows import ABSENT, VehicleRows
+
+LANE_CHANGE = 1.0
+"""Time over which a source may name a leader in another lane [s]: lane numbers change before or after the leader."""
+
+ALL = 0.5
+"""Share of the rows with a vehicle ahead in the lane from which on the stated leaders are those of all vehicles.
+
+Tables of leader-follower pairs state it for .70 of such rows (NGSIM I-80 with lateral positions) or more, because the
+leader of a pair follows nobody in the table.
+"""
+
+
+def wrong_leader(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Rows whose stated leader is the vehicle itself, or drives behind, on the other carriageway or in another lane."""
+    track = table["track_id"].to_numpy()
+    leader = VehicleRows(table).leaders(table)
+    stated = leader != ABSENT
+    if not stated.any():
+        return None
+    # Against itself where there is none, which none of the comparisons below marks.
+    other = np.where(stated, leader, np.arange(len(table)))
+    direction, position = table["direction"].to_numpy(), table["position"].to_numpy()
+    itself = stated & (track[other] == track)
+    causes = {
+        "itself": itself,
+        "on the other carriageway": direction[other] != direction,
+        "behind it": stated & ~itself & (position[other] <= position),
+        "in another lane": _in_other_lane(table, stated & ~itself, other, info.frame_rate),
+    }
+    remedy = {
+        "itself": "leave leader_id empty where a vehicle has no leader; 0 or another number stands for none only if no "
+        "vehicle has it as its id",
+        "behind it": "name the vehicle ahead, or leave leader_id empty: the column may be that of the followers",
+    }
+    for where, bad in causes.items():
+        if bad.any():
+            row = int(np.argmax(bad))
+            text = f"the leader of vehicle {track[row]} is {where}"
+            if where != "itself":
+                text = f"vehicle {track[other[row]]}, the leader of vehicle {track[row]}, drives {where}"
+            advice = remedy.get(where, "name the next vehicle ahead in the lane, or leave leader_id empty")
+            return Finding("wrong_leader", "leader_id", bad, text, advice)
+    return None
+
+
+def next_in_lane(table: pd.DataFrame) -> np.ndarray:
+    """Row of the next vehicle ahead in the same lane at the same frame, ABSENT without one or without a lane."""
+    lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
+    direction, frame = table["direction"].to_numpy(), table["frame"].to_numpy()
+    order = np.lexsort((table["position"].to_numpy(), lane, direction, frame))
+    same = np.isfinite(lane[order][1:])
+    for values in (frame, direction, lane):
+        same &= values[order][1:] == values[order][:-1]
+    ahead = np.full(len(table), ABSENT)
+    ahead[order[:-1][same]] = order[1:][same]
+    return ahead
+
+
+def states_all_leaders(in_lane: np.ndarray, stated: np.ndarray) -> bool:
+    """Whether a source that states leaders states those of all vehicles, so that others have none.
+
+    Args:
+        in_lane: Row of the next vehicle ahead in the lane, ABSENT without one.
+        stated: Row of the stated leader, ABSENT without one.
+    """
+    is_stated = stated != ABSENT
+    has_one = in_lane != ABSENT
+    return bool(is_stated.any() and is_stated[has_one].sum() >= ALL * has_one.sum())
+
+
+def notes_on_leaders(table: pd.DataFrame) -> list[str]:
+    """What is to be known of the stated leaders: vehicles that are not there, and leaders of some vehicles only."""
+    named = table["leader_id"].dropna().to_numpy(np.int64)
+    if not named.size:
+        return []
+    notes = []
+    strangers = np.unique(named[~np.isin(named, table["track_id"].to_numpy())])
+    if strangers.size:
+        notes.append(f"{strangers.size} stated leaders, such as {strangers[0]}, are no vehicle of the recording")
+    in_lane, stated = next_in_lane(table), VehicleRows(table).leaders(table)
+    has_one, is_stated = in_lane != ABSENT, stated != ABSENT
+    if is_stated.any() and not states_all_leaders(in_lane, stated):
+        text = "of the rows with a vehicle ahead in the lane: the lanes tell the others"
+        notes.append(f"leaders are stated for {is_stated[has_one].mean():.0%} {text}")
+    position = table["position"].to_numpy()
+    both = is_stated & has_one
+    between = both & (position[np.where(both, in_lane, 0)] < position[np.where(both, stated, 0)])
+    if between.any():
+        text = "rows have another vehicle of their lane between them and their stated leader"
+        notes.append(f"{int(between.sum())} of {int(both.sum())} {text}")
+    return notes
+
+
+def _in_other_lane(table: pd.DataFrame, stated: np.ndarray, other: np.ndarray, frame_rate: float) -> np.ndarray:
+    """Rows of followers and leaders who are never in the same lane, for longer than a source may be late."""
+    lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
+    known = np.flatnonzero(stated & np.isfinite(lane) & np.isfinite(lane[other]))
+    bad = np.zeros(len(table), dtype=bool)
+    if not known.size:
+        return bad
+    track = table["track_id"].to_numpy()
+    pairs = np.stack([track[known], track[other[known]]])
+    _, pair, counts = np.unique(pairs, axis=1, return_inverse=True, return_counts=True)
+    pair = pair.reshape(-1)
+    n_same = np.bincount(pair, weights=lane[known] == lane[other[known]])
+    apart = (n_same == 0) & (counts > LANE_CHANGE * frame_rate)
+    bad[known[apart[pair]]] = True
+    return bad

@@ -1,0 +1,42 @@
+"""Words for classes of vehicles, as sources write them."""
+
+import pandas as pd
+
+CLASSES = ("car", "truck", "motorcycle", "other")
+"""Classes of the canonical table."""
+
+SYNONYMS = {
+    "auto": "car",
+    "automobile": "car",
+    "passenger": "car",
+    "passenger car": "car",
+    "van": "car",
+    "bus": "truck",
+    "hgv": "truck",
+    "heavy vehicle": "truck",
+    "lorry": "truck",
+    "trailer": "truck",
+    "truck bus": "truck",
+    "bike": "motorcycle",
+    "motorbike": "motorcycle",
+}
+"""Other words for them, in lower case with blanks between words: those of inD, exiD, SUMO and NGSIM among them.
+
+A bus is a long and slow vehicle, as a truck is; highD counts vans among cars.
+"""
+
+
+def class_of(word: object) -> object:
+    """The class that a word stands for, whatever its case, blanks and hyphens; the word itself if it is none."""
+    if not isinstance(word, str):
+        return word
+    plain = " ".join(word.casefold().replace("_", " ").replace("-", " ").split())
+    return plain if plain in CLASSES else SYNONYMS.get(plain, word)
+
+
+def classes_of(words: pd.Series) -> pd.Series:
+    """The classes that the words of a column stand for, each word looked up once."""
+    if words.isin(CLASSES).all():
+        return words
+    known = {word: class_of(word) for word in words.dropna().unique()}
+    return pd.Series(words.astype(object).map(known), index=words.index, name=words.name, dtype=object)

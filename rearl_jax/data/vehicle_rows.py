@@ -1,0 +1,37 @@
+"""Rows of a canonical table by vehicle and frame."""
+
+import numpy as np
+import pandas as pd
+
+ABSENT = -1
+"""Instead of a row, where the vehicle has none at that frame."""
+
+
+class VehicleRows:
+    """Where each vehicle is in a canonical table, which is sorted by track and frame."""
+
+    def __init__(self, table: pd.DataFrame) -> None:
+        frame = table["frame"].to_numpy(np.int64)
+        # Ranks instead of ids, whose products with the number of frames might overflow.
+        self._tracks, rank = np.unique(table["track_id"].to_numpy(np.int64), return_inverse=True)
+        self._first = int(frame.min(initial=0))
+        self._span = int(frame.max(initial=0)) - self._first + 1
+        self._keys = rank * self._span + (frame - self._first)
+
+    def rows(self, track: np.ndarray | int, frame: np.ndarray) -> np.ndarray:
+        """Rows of vehicles at frames, ABSENT where there are none; a track may be one that the table does not have."""
+        if not len(self._keys):
+            return np.full(len(frame), ABSENT)
+        rank = np.minimum(np.searchsorted(self._tracks, track), len(self._tracks) - 1)
+        within = (frame >= self._first) & (frame < self._first + self._span) & (self._tracks[rank] == track)
+        wanted = np.where(within, rank * self._span + (frame - self._first), ABSENT)
+        place = np.minimum(np.searchsorted(self._keys, wanted), len(self._keys) - 1)
+        return np.where(self._keys[place] == wanted, place, ABSENT)
+
+    def leaders(self, table: pd.DataFrame) -> np.ndarray:
+        """Row of the stated leader at the same frame for every row of the same table, ABSENT where there is none."""
+        stated = table["leader_id"].to_numpy(dtype=np.float64, na_value=np.nan)
+        rows = np.full(len(table), ABSENT)
+        known = np.flatnonzero(np.isfinite(stated))
+        rows[known] = self.rows(stated[known].astype(np.int64), table["frame"].to_numpy(np.int64)[known])
+        return rows
