@@ -19,7 +19,7 @@ from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.search.null import behind_noisy_drive, lasting
 
-REALISATIONS = 6
+REALISATIONS = 12
 """Simulations of each driver that an energy score rests on."""
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
