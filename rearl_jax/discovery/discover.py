@@ -30,8 +30,9 @@ from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.report.equilibrium import equilibrium_time_gaps
-from rearl_jax.discovery.report.error_block import error_block
+from rearl_jax.discovery.report.error_block import Resampling, error_block
 from rearl_jax.discovery.report.errors import ModelErrors, model_errors
+from rearl_jax.discovery.report.lane_choice_scores import LANE_CHANGE_TABLE, prediction_block, prediction_table
 from rearl_jax.discovery.report.population import population_block
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.verdict import (
@@ -237,12 +238,14 @@ def _discovery(
         "thresholds": THRESHOLDS.plain(),
     }
     verdict = with_lane_choice(following, lanes)
+    over = Resampling(options.confidence, options.draws, options.seed)
+    verdict["lane_choice"]["prediction"] = prediction_block(lanes.prediction, over)
     model = repaired_model(
         outcome.first,
         outcome.last,
         [trial for trial in outcome.lane_changes if trial.holds],
         outcome.added,
-        lanes.effects,
+        lanes,
         parts.fitted,
         solver.layout,
         parts.id,
@@ -256,6 +259,8 @@ def _discovery(
     }
     if comparison is not None:
         written[BASE_TABLE] = compared_table(comparison.found)
+    if lanes.prediction is not None:
+        written[LANE_CHANGE_TABLE] = prediction_table(lanes.prediction)
     return Discovery(config, parts.id, verdict, written, model, Behind(solver, outcome, parts, reported, errors))
 
 

@@ -21,13 +21,13 @@ from rearl_jax.discovery.lane_changes.opportunities import PERIOD, Opportunities
 POLITENESS = np.round(np.arange(0.0, 1.05, 0.1), 2)
 """Politeness tried [-]. Source: Kesting et al. (2007): 0 selfish, 1 as much for others as for oneself."""
 
-GAIN_THRESHOLD = np.round(np.arange(-0.5, 2.025, 0.05), 3)
+GAIN_THRESHOLD = np.round(np.arange(-0.5, 2.025, 0.05), 3) + 0.0
 """Thresholds tried [m/s^2]."""
 
 SAFE_DECEL = np.array([0.25, 0.5, 1.0, 1.5, 2.0])
 """Safe decelerations tried [m/s^2]: what asks for more is no opportunity."""
 
-BIAS = np.round(np.arange(-1.0, 1.05, 0.1), 2)
+BIAS = np.round(np.arange(-1.0, 1.05, 0.1), 2) + 0.0
 """Biases to the right lane tried [m/s^2]."""
 
 SPREAD = {"politeness": 0.3, "gain_threshold": 0.3, "safe_decel": 1.0, "bias": 0.3}

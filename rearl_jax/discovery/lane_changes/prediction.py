@@ -28,6 +28,9 @@ LEAST_CHANGES = 30
 LEAST_IN_PART = 8
 """Changes by choice that the drivers who are fitted and those who are held out need each."""
 
+SUREST = 1e-9
+"""Bound of the hazard's chances and of their complements [-]: no fit is surer."""
+
 LARGE_ADVANTAGE = 10 / 3.6
 """Advantage in speed of the target lane [m/s] from which it is large: 10 km/h, a convention of this package."""
 
@@ -121,7 +124,7 @@ def prediction(
         AS_IT_WAS: usual.with_refused(fitted).chance(held),
         USUAL_RULE: usual.with_rates(fitted).chance(held),
         CALIBRATED: mobil.rule.chance(held),
-        HAZARD: hazard[part == 2],
+        HAZARD: np.clip(hazard[part == 2], SUREST, 1.0 - SUREST),
     }
     return Prediction(
         table=held,

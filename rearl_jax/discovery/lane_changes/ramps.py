@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-import pandas as pd
 from jaxtyping import Float, Int
 
 from rearl_jax.data.records import Recording
@@ -19,10 +18,11 @@ def whole_lanes(
     direction: Int[np.ndarray, " rows"], lane: Int[np.ndarray, " rows"], position: Float[np.ndarray, " rows"]
 ) -> Lanes:
     """Directions and lanes that cover most of the road; positions in m."""
-    spans = pd.DataFrame({"direction": direction, "lane": lane, "position": position})
-    extent = spans.groupby(["direction", "lane"])["position"].agg(np.ptp)
-    road = extent.groupby("direction").transform("max")
-    return {(int(way), int(number)) for way, number in extent.index[extent >= WHOLE_LANE * road]}
+    spans = {}
+    for way, number in np.unique(np.stack([direction, lane]), axis=1).T.tolist():
+        spans[way, number] = np.ptp(position[(direction == way) & (lane == number)])
+    road = {way: max(span for (own, _), span in spans.items() if own == way) for way, _ in spans}
+    return {key for key, span in spans.items() if span >= WHOLE_LANE * road[key[0]]}
 
 
 def side_of_ramp(
