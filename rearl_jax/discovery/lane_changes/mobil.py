@@ -130,8 +130,9 @@ def calibrated_mobil(table: Opportunities, confidence: float) -> CalibratedMobil
     for number, (name, grid) in enumerate(axes.items()):
         own = weight.sum(axis=tuple(axis for axis in range(len(axes)) if axis != number))
         share = np.cumsum(own) / own.sum()
-        low, high = (float(grid[np.searchsorted(share, (1 + sign * confidence) / 2)]) for sign in (-1, 1))
-        estimates[name] = Estimate(values[name], low, high, UNITS[name])
+        cells = np.concatenate([grid[:1], (grid[1:] + grid[:-1]) / 2, grid[-1:]])  # no interval is finer than the grid
+        first, last = (min(int(np.searchsorted(share, (1 + sign * confidence) / 2)), len(grid) - 1) for sign in (-1, 1))
+        estimates[name] = Estimate(values[name], float(cells[first]), float(cells[last + 1]), UNITS[name])
     estimates["delay"] = Estimate(rule.delay, None, None, UNITS["delay"])
     return CalibratedMobil(rule, {name: estimates[name] for name in UNITS})
 
@@ -146,7 +147,7 @@ def _gain(table: Opportunities, politeness: float, bias: float) -> Float[np.ndar
 
 
 def _likelihood(reached: np.ndarray, taken: np.ndarray) -> np.ndarray:
-    """Log-likelihood under each threshold [nats]; -inf where those who are refused change as often."""
+    """Log-likelihood under each threshold [nats]; -inf where nobody who is accepted changes, or as seldom as others."""
     size = len(GAIN_THRESHOLD) + 1
     # Whoever reaches n thresholds is accepted under the first n of them.
     n_accepted = np.bincount(reached, minlength=size)[::-1].cumsum()[::-1][1:]
@@ -155,7 +156,7 @@ def _likelihood(reached: np.ndarray, taken: np.ndarray) -> np.ndarray:
     often, seldom = rate(accepted, n_accepted), rate(refused, n_refused)
     value = accepted * np.log(often) + (n_accepted - accepted) * np.log1p(-often)
     value += refused * np.log(seldom) + (n_refused - refused) * np.log1p(-seldom)
-    return np.where(often > seldom, value, -np.inf)
+    return np.where((often > seldom) & (accepted > 0), value, -np.inf)
 
 
 def rate(changes: np.ndarray | float, opportunities: np.ndarray | float) -> np.ndarray | float:

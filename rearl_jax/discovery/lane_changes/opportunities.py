@@ -244,7 +244,7 @@ def _goes_on(rows: pd.DataFrame) -> Bool[np.ndarray, " rows"]:
 
 
 def _empty() -> Opportunities:
-    kinds = dict.fromkeys(("vehicle", "recording", "frame", "side"), int)
+    kinds: dict[str, type] = dict.fromkeys(("vehicle", "recording", "frame", "side"), int)
     kinds |= dict.fromkeys(("changes", "is_truck", "leader_is_truck", "side_leader_is_truck", "is_mandatory"), bool)
     return Opportunities(**{name: np.empty(0, kinds.get(name, float)) for name in _NAMES})
 

@@ -106,7 +106,7 @@ def _balanced(hits: np.ndarray, changes: np.ndarray, rejections: np.ndarray, oth
 
 
 def _sums(driver: np.ndarray, values: np.ndarray, n: int = 0) -> Float[np.ndarray, " drivers"]:
-    return np.bincount(driver, values.astype(float), n)
+    return np.bincount(driver, values, n).astype(float)  # of nothing it is an integer
 
 
 def _figure(drawn: Float[np.ndarray, " figures"], over: Resampling) -> dict[str, float] | None:

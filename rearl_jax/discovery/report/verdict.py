@@ -35,7 +35,7 @@ population   {parameter: {value, unit, spread, told, at_bound}}: the calibrated 
 adequacy     {kurtosis, autocorrelation, misjudgement, staleness, remaining, ...}: what is left after all that was added
 lane_choice  {changes, opportunities, loss: {before, after, change}, prediction}: lane changes by choice, the chances
              for one, and the mean log-loss of the report drivers' choices [nats], null where there were too few; what
-             was found is in `effects` and `candidates`, see `words.is_lane_choice`. `prediction`, of the drivers nothing
+             was found is in `effects` and `candidates`, see `words.is_lane_choice`. `prediction`, of drivers nothing
              was fitted to, null where there are too few changes: {recorded, ramp: changes of everybody, and those of
              them from or to ramp lanes, fitted: {drivers, changes}, mobil: {parameter: {value, low, high, unit}},
              refused_share: share of the changes that MOBIL calibrated refuses, strata: {all | left | right |
