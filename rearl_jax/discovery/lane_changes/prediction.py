@@ -42,7 +42,8 @@ class Prediction:
     Attributes:
         table: The opportunities; `table.changes` is what the drivers did.
         chance: Chance of a change within the opportunity [-], by the names of PREDICTORS.
-        threshold: Chance from which a change counts as predicted [-]: the constant rate of the side.
+        says: Whether a change counts as predicted: by MOBIL where its rule accepts it, by the hazard where the chance
+            is above the constant rate of the side.
         mobil: The calibrated MOBIL.
         n_fitted_drivers, n_fitted_changes: What was fitted to.
         n_recorded: Lane changes in the recordings, of everybody and of any kind.
@@ -51,7 +52,7 @@ class Prediction:
 
     table: Opportunities
     chance: dict[str, Float[np.ndarray, " rows"]]
-    threshold: Float[np.ndarray, " rows"]
+    says: dict[str, Bool[np.ndarray, " rows"]]
     mobil: CalibratedMobil
     n_fitted_drivers: int
     n_fitted_changes: int
@@ -129,7 +130,13 @@ def prediction(
     return Prediction(
         table=held,
         chance=chance,
-        threshold=constant,
+        says={
+            BASE_RATE: np.zeros(len(constant), bool),
+            AS_IT_WAS: usual.accepts(held),
+            USUAL_RULE: usual.accepts(held),
+            CALIBRATED: mobil.rule.accepts(held),
+            HAZARD: chance[HAZARD] > constant,
+        },
         mobil=mobil,
         n_fitted_drivers=len(np.unique(fitted.vehicle)),
         n_fitted_changes=int(fitted.changes.sum()),

@@ -3,8 +3,8 @@
 Log loss [nats per driver-second] is the negative log-likelihood of what drivers did, each side at each moment on its
 own, over the time in which they could have changed. Balanced accuracy [-] is the mean of sensitivity (share of changes
 that are predicted) and specificity (share of all else that is not), .5 for a model that knows nothing: changes are
-rare, and accuracy alone would be highest for "nobody ever changes". A change is predicted where its chance is above the
-constant rate, the usual threshold of rare events: for a calibrated chance none has a higher balanced accuracy.
+rare, and accuracy alone would be highest for "nobody ever changes". A rule predicts the changes that it
+accepts; a chance predicts a change above the constant rate, the usual threshold of rare events.
 
 Source: Brodersen, Ong, Stephan & Buhmann, ICPR (2010) 3121 (balanced accuracy); Freeman & Moisen, Ecol. Model. 217
 (2008) 48 (prevalence as the threshold).
@@ -27,7 +27,7 @@ def prediction_block(found: Prediction | None, over: Resampling) -> dict[str, An
     """`lane_choice.prediction` of the verdict; None where nothing could be predicted."""
     if found is None:
         return None
-    every = {"all": np.ones(len(found.threshold), bool)} | found.strata()
+    every = {"all": np.ones(len(found.table.side), bool)} | found.strata()
     strata = {name: _stratum(found, rows, over) for name, rows in every.items()}
     fitted = {"drivers": found.n_fitted_drivers, "changes": found.n_fitted_changes}
     return {
@@ -56,9 +56,8 @@ def prediction_table(found: Prediction) -> pd.DataFrame:
         }
     )
     for name, chance in found.chance.items():
-        said = chance > found.threshold
         with np.errstate(invalid="ignore"):
-            accuracy = _balanced(*(_sums(driver, rows) for rows in _outcomes(changes, said)))
+            accuracy = _balanced(*(_sums(driver, rows) for rows in _outcomes(changes, found.says[name])))
         table[f"expected_{name}"] = _sums(driver, chance)
         table[f"log_loss_{name}"] = _sums(driver, log_loss(chance, changes)) / seconds
         table[f"balanced_accuracy_{name}"] = accuracy
@@ -78,7 +77,7 @@ def _stratum(found: Prediction, rows: Bool[np.ndarray, " rows"], over: Resamplin
     constant = drawn(log_loss(found.chance[BASE_RATE][rows], table.changes))
     for name in PREDICTORS:
         chance = found.chance[name][rows]
-        loss, said = drawn(log_loss(chance, table.changes)), chance > found.threshold[rows]
+        loss, said = drawn(log_loss(chance, table.changes)), found.says[name][rows]
         with np.errstate(invalid="ignore", divide="ignore"):
             scores[name] = {
                 "log_loss": _figure(loss / time, over),

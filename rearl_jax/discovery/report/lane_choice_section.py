@@ -116,7 +116,8 @@ def _notes(found: Mapping[str, Any]) -> tuple[str, ...]:
     notes = (
         f"of {found['recorded']} recorded changes {found['ramp']} are from or to a ramp lane, mandatory and not "
         f"scored; {found['fitted']['changes'] + every['changes']} are by choice, where leaders and the gap can be seen",
-        "a change is predicted where its chance is above the constant rate of its side; balanced accuracy is the mean "
+        "MOBIL predicts the changes that its rule accepts, the hazard those whose chance is above the constant rate of "
+        "the side; balanced accuracy is the mean "
         "of the shares of changes and of all else that are told right, .5 for knowing nothing",
         "MOBIL as it was changes lanes within its delay wherever its rule allows a change; it takes other changes for "
         "impossible, for which it is given the rate of the fitted drivers here, else its log loss would be infinite",
