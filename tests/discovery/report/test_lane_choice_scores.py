@@ -1,6 +1,7 @@
 """Scores of predicted lane changes against sums worked out by hand, and how they are said."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,11 @@ from rearl_jax.discovery.lane_changes.prediction import PREDICTORS, Prediction
 from rearl_jax.discovery.report.error_block import Resampling
 from rearl_jax.discovery.report.lane_choice_scores import prediction_block, prediction_table
 from rearl_jax.discovery.report.lane_choice_section import lane_choice_section, surely_worse
+from rearl_jax.discovery.report.repaired import lane_change_values
+from rearl_jax.models.file import read_model, write_model
+from rearl_jax.models.record import LaneChangeValues
 from tests.discovery.lane_changes.made import made
+from tests.models.drivers import model
 
 OVER = Resampling(0.9, 300, 0)
 N_DRIVERS, EACH = 40, 20
@@ -103,3 +108,10 @@ def test_where_nothing_is_scored_it_is_said_why():
     for old in ({}, {"lane_choice": None}, {"lane_choice": {"changes": 3, "opportunities": 4, "loss": None}}):
         empty = lane_choice_section(old)
         assert (empty.paragraphs, empty.tables, empty.notes) == ((), (), ())
+
+
+def test_calibrated_parameters_come_back_from_the_model_file(tmp_path):
+    rule = MobilRule(0.3, 0.7, 1.5, -0.2, 3600.0, 0.01)
+    values = lane_change_values(replace(predicted(), mobil=CalibratedMobil(rule, {})))
+    write_model(tmp_path / "model.yaml", replace(model(), lane_changing=values))
+    assert read_model(tmp_path / "model.yaml").lane_changing == LaneChangeValues(0.3, 0.7, 1.5, -0.2, 3600.0)
