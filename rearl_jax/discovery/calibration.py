@@ -46,5 +46,5 @@ def calibration(config: DiscoverTask) -> Calibration:
     findings, data = measured_drivers(list(iterate_recordings(config.data)), config.discover, prior)
     solver = solver_of(data, prior)
     fit = base_of(solver, data, lane_changes=config.discover.lane_changes).fit
-    model = repaired_model(fit, fit, (), (), (), data, solver.layout, data_id(config.data), config.study)
+    model = repaired_model(fit, fit, (), (), None, data, solver.layout, data_id(config.data), config.study)
     return Calibration(fit_table(solver, fit), model, tuple(finding.words for finding in findings))

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from rich.progress import Progress
 
-from rearl_jax.config import DiscoverConfig, DiscoverTask
+from rearl_jax.config import DiscoverTask
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.claims import Claim
 from rearl_jax.discovery.comparison.compared import compared_table
@@ -22,7 +22,7 @@ from rearl_jax.discovery.observe.base import Base, base_of
 from rearl_jax.discovery.observe.candidates import LENS, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.drivers import prior_of
-from rearl_jax.discovery.observe.fit import Fit, on_others
+from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.observe.uncertainty import known
@@ -32,6 +32,7 @@ from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.report.equilibrium import equilibrium_time_gaps
 from rearl_jax.discovery.report.error_block import Resampling, error_block
 from rearl_jax.discovery.report.errors import ModelErrors, model_errors
+from rearl_jax.discovery.report.lane_choice_scores import LANE_CHANGE_TABLE, prediction_block, prediction_table
 from rearl_jax.discovery.report.population import population_block
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.variation import variation_block
@@ -49,7 +50,7 @@ from rearl_jax.discovery.report.verdict import (
 )
 from rearl_jax.discovery.search.adequacy import Adequacy, adequacy
 from rearl_jax.discovery.search.confirmation import clocks_confirmed, confirmed, lens_confirmed
-from rearl_jax.discovery.search.headway import CONSTANT, TimeGapVariation, energy_scores, time_gap_variation
+from rearl_jax.discovery.search.headway import time_gap_variation
 from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
 from rearl_jax.discovery.search.null import Null, null_of
 from rearl_jax.discovery.search.procedure import Search, in_time, search
@@ -209,6 +210,7 @@ def _discovery(
     errors = model_errors(solver, parts.reported, {"before": outcome.before}, options.seed)
     if outcome.added or outcome.clocks is not None:
         errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed)
+    over = Resampling(options.confidence, options.draws, options.seed)
     variation = time_gap_variation(solver, outcome.last, options.seed)
     deviations = known(solver, outcome.last.state).theta
     effects = _effects(deviations, outcome, left, parts.findings, options.confidence)
@@ -227,7 +229,7 @@ def _discovery(
         if comparison is None
         else base_block(comparison, options, equilibrium_time_gaps(solver, outcome.first.state, options)),
         "population": population_block(solver, outcome.first.state),
-        "time_gap_variation": _variation(solver, outcome.last, reported, errors, variation, options),
+        "time_gap_variation": variation_block(solver, outcome.last, reported, errors["before"], variation, over),
         "adequacy": {
             "kurtosis": left.kurtosis,
             "kurtosis_before": left.kurtosis_before,
@@ -241,12 +243,13 @@ def _discovery(
         "thresholds": THRESHOLDS.plain(),
     }
     verdict = with_lane_choice(following, lanes)
+    verdict["lane_choice"]["prediction"] = prediction_block(lanes.prediction, over)
     model = repaired_model(
         outcome.first,
         outcome.last,
         [trial for trial in outcome.lane_changes if trial.holds],
         outcome.added,
-        lanes.effects,
+        lanes,
         variation,
         parts.fitted,
         solver.layout,
@@ -261,6 +264,8 @@ def _discovery(
     }
     if comparison is not None:
         written[BASE_TABLE] = compared_table(comparison.found)
+    if lanes.prediction is not None:
+        written[LANE_CHANGE_TABLE] = prediction_table(lanes.prediction)
     return Discovery(config, parts.id, verdict, written, model, Behind(solver, outcome, parts, reported, errors))
 
 
@@ -282,24 +287,6 @@ def _effects(
         reliability = doubtful if outcome.is_doubtful(trial) else usual
         effects.append(named_trial(trial, rivals, theta, own, outcome.layout, confidence, reliability))
     return effects
-
-
-def _variation(
-    solver: Solver,
-    last: Fit,
-    reported: Measured,
-    errors: Mapping[str, ModelErrors],
-    variation: TimeGapVariation,
-    options: DiscoverConfig,
-) -> dict[str, Any]:
-    """`time_gap_variation` of the verdict."""
-    (state,) = on_others(solver, reported, [last])
-    constant, name = energy_scores(solver, state, last, options.seed), "energy_score"
-    varying = energy_scores(solver, state, last, options.seed, variation) if variation != CONSTANT else constant
-    scores = {"before": errors["before"].by_driver[name], "constant": constant, "varying": varying}
-    values = solver.layout.prior.values(last.state.z, last.state.truck)[:, solver.layout.prior.names.index("time_gap")]
-    over = Resampling(options.confidence, options.draws, options.seed)
-    return variation_block(variation, float(np.median(values)), scores, over)
 
 
 def _with_dependence(effects: Sequence[Claim], comparison: Comparison, outcome: Search, parts: Parts) -> list[Claim]:

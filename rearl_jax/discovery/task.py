@@ -4,6 +4,7 @@ Writes into the study folder `base.parquet` (car-following models compared, of e
 (evidence where nothing is missing), `residuals.parquet` and
 `maps.parquet`, `planes.parquet` (what the calibrated model leaves, and on what it depends), `drivers.parquet`
 (calibrated parameters), `candidates.parquet`, `errors.parquet` (before and after, of every report driver),
+`lane_changes.parquet` (predicted and made, of every report driver, where enough are made),
 `model.yaml`, figures, `page.html`, `verdict.json`, `config.json` and, last of all, `summary.json`; without figures,
 page and maps where `discover.page` is false.
 """

@@ -1,6 +1,6 @@
 """Whose traffic is simulated: highway-env's, that of the keys `driver` and `mobil`, or that of a repaired model."""
 
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 
 import numpy as np
 
@@ -67,11 +67,15 @@ def population_of(config: EvaluateTask) -> Population | None:
         dtype,
         with_effects=config.variant is Variant.repaired,
         lane_changing=lane_changing_of(config.mobil, dtype, ticks),
+        ticks_per_second=ticks,
     )
 
 
 def is_cooperative(config: EvaluateTask) -> bool:
-    """Whether any driver considers what a lane change costs others."""
+    """Whether any driver considers what a lane change costs others; keys of mobil take the place of a model's."""
+    if config.model is not None and config.mobil.is_default and config.method in WITH_MODEL:
+        own = read_model(config.model).lane_changing
+        return own is not None and own.politeness != 0
     return config.method is Method.critical or config.mobil.politeness != 0
 
 
@@ -107,6 +111,9 @@ def model_notes(config: EvaluateTask) -> list[str]:
         f"traffic of {model.source.study} ({model_id(config.model)}), calibrated on {model.source.data_id}: {traffic}; "
         f"effects: {effects}; initial states and quantiles of drivers are the same in all rows"
     ]
+    if model.lane_changing is not None and config.mobil.is_default:
+        values = ", ".join(f"{name} {value:.3g}" for name, value in asdict(model.lane_changing).items())
+        notes.append(f"lane changing of the model: {values}")
     if config.speed.norm is not SpeedNorm.none:
         notes.append(
             f"recorded speeds are rescaled (speed.norm={config.speed.norm.name}), the model's are not: speed.norm=none "

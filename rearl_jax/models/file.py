@@ -5,6 +5,7 @@ car_following: idm
 source: {data_id: ..., study: ..., code_version: ...}
 population: {car: {share: ..., log_mean: {...}, log_covariance: [[...], ...], noise_sd: ..., ...}, truck: {...}}
 effects: [{name: ..., parameters: {...}}, ...]
+lane_changing: {politeness: ..., gain_threshold: ..., safe_decel: ..., bias: ..., delay: ...}
 baseline: {car: {...}, truck: {...}}
 """
 
@@ -24,10 +25,12 @@ from rearl_jax.config.driver.declaration import DriverModel
 from rearl_jax.core.effects import EFFECTS, VARIABLES
 from rearl_jax.models.record import (
     CAR,
+    LANE_CHANGE_BOUNDS,
     SCHEMA,
     TRUCK,
     DriverClass,
     EffectValues,
+    LaneChangeValues,
     RepairedModel,
     Source,
 )
@@ -61,6 +64,8 @@ def write_model(path: str | Path, model: RepairedModel) -> None:
             **{name: plain[name] for name in ("car_following", "source", "population", "effects", "baseline")},
         }
     )
+    if plain["lane_changing"] is not None:
+        content["lane_changing"] = _plain(plain["lane_changing"])
     for effect in content["effects"]:
         if effect["variable"] is None:
             del effect["variable"]
@@ -152,7 +157,10 @@ class _Reader:
 def _checked(path: Path, content: Any) -> RepairedModel:
     reader = _Reader(path)
     whole = reader.mapping(
-        content, "the file", ("schema", "source", "population", "effects", "baseline"), ("car_following",)
+        content,
+        "the file",
+        ("schema", "source", "population", "effects", "baseline"),
+        ("car_following", "lane_changing"),
     )
     if whole["schema"] != SCHEMA:
         raise reader.refuse(
@@ -197,7 +205,16 @@ def _checked(path: Path, content: Any) -> RepairedModel:
         baseline,
         tuple(effects),
         car_following,
+        _lane_changing(reader, whole["lane_changing"]) if "lane_changing" in whole else None,
     )
+
+
+def _lane_changing(reader: _Reader, value: Any) -> LaneChangeValues:
+    part = reader.mapping(value, "lane_changing", list(LANE_CHANGE_BOUNDS))
+    numbers = {
+        name: reader.number(part[name], f"lane_changing.{name}", *bounds) for name, bounds in LANE_CHANGE_BOUNDS.items()
+    }
+    return LaneChangeValues(**numbers)
 
 
 def _population(reader: _Reader, value: Any, key: str, model: DriverModel) -> dict[str, DriverClass]:

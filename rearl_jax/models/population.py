@@ -13,6 +13,7 @@ from rearl_jax.config.driver import MODELS, DriverConfig
 from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.effects.effect import Effect
+from rearl_jax.core.effects.lane_changes import KeepRight, Politeness
 from rearl_jax.core.timer import decision_period
 from rearl_jax.models.record import CAR, TRUCK, DriverClass, EffectValues, RepairedModel
 
@@ -68,18 +69,34 @@ class Population(eqx.Module):
 
 
 def population_of_model(
-    model: RepairedModel, dtype: np.dtype, *, with_effects: bool, lane_changing: LaneChanging | None = None
+    model: RepairedModel,
+    dtype: np.dtype,
+    *,
+    with_effects: bool,
+    lane_changing: LaneChanging | None = None,
+    ticks_per_second: int = 15,
 ) -> Population:
     """The drivers of a repaired model, or those that were calibrated without effects.
 
     Args:
         model: The model.
         dtype: Floating type of the simulation.
-        with_effects: Whether to take the drivers calibrated with the effects, and the effects.
-        lane_changing: Their MOBIL parameters; None for highway-env's.
+        with_effects: Whether to take the drivers calibrated with the effects, and the effects. The effects `politeness`
+            and `keep_right` take the place of the MOBIL parameters that do the same.
+        lane_changing: MOBIL parameters in the place of the model's, its bias included; None for the model's, and for
+            highway-env's where it has none.
+        ticks_per_second: Clock of the simulation [1/s].
     """
     classes = model.population if with_effects else model.baseline
-    effects = tuple(effect_of(values, dtype) for values in model.effects) if with_effects else ()
+    chosen = list(model.effects) if with_effects else []
+    if lane_changing is None and model.lane_changing is not None:
+        own, names = model.lane_changing, {effect.name for effect in chosen}
+        politeness = 0.0 if Politeness.name in names else own.politeness
+        mobil = MobilConfig(politeness, own.gain_threshold, own.safe_decel, own.delay)
+        lane_changing = lane_changing_of(mobil, dtype, ticks_per_second)
+        if own.bias and KeepRight.name not in names:
+            chosen.append(EffectValues(KeepRight.name, {"bias": own.bias}))
+    effects = tuple(effect_of(values, dtype) for values in chosen)
     ordered = {name: classes[name] for name in (CAR, TRUCK) if name in classes}
     medians = [[math.exp(drivers.log_mean[name]) for name in model.parameters] for drivers in ordered.values()]
     return _population(ordered, medians, model.car_following, dtype, effects, lane_changing)

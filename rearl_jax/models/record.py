@@ -53,6 +53,35 @@ class EffectValues:
 
 
 @dataclass(frozen=True)
+class LaneChangeValues:
+    """Parameters of MOBIL of all drivers, as of `config.mobil.MobilConfig`, and a bias.
+
+    Attributes:
+        politeness: Weight of the followers' gain [-].
+        gain_threshold: Least gain of a change [m/s^2].
+        safe_decel: Largest deceleration of the new follower [m/s^2].
+        bias: Gain of the right lane and loss of the left one [m/s^2], as of the effect `keep_right`.
+        delay: Time between two decisions of a driver [s].
+    """
+
+    politeness: float
+    gain_threshold: float
+    safe_decel: float
+    bias: float
+    delay: float
+
+
+LANE_CHANGE_BOUNDS = {
+    "politeness": (-1.0, 10.0),
+    "gain_threshold": (-10.0, 10.0),
+    "safe_decel": (0.0, 20.0),
+    "bias": (-2.0, 2.0),
+    "delay": (0.05, 3600.0),
+}
+"""Bounds of the parameters, in the units of `LaneChangeValues`."""
+
+
+@dataclass(frozen=True)
 class Source:
     """Origin of a model.
 
@@ -77,6 +106,7 @@ class RepairedModel:
         effects: Effects on them beyond car following.
         baseline: The same drivers calibrated without effects; classes, shares and lengths as in `population`.
         car_following: Name of their car-following model, one of `config.driver.CALIBRATED`.
+        lane_changing: Their parameters of MOBIL, with and without effects; None for highway-env's.
     """
 
     source: Source
@@ -84,6 +114,7 @@ class RepairedModel:
     baseline: Mapping[str, DriverClass]
     effects: Sequence[EffectValues] = field(default_factory=tuple)
     car_following: str = "idm"
+    lane_changing: LaneChangeValues | None = None
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -9,11 +9,12 @@ import pytest
 
 from rearl_jax.config import EvaluateTask, ResultsConfig
 from rearl_jax.config.evaluation import EvaluationConfig, Method, Variant
+from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.evaluation import task
-from rearl_jax.evaluation.traffic import inputs_id, population_of
+from rearl_jax.evaluation.traffic import inputs_id, is_cooperative, model_notes, population_of
 from rearl_jax.models.file import model_id, write_model
 from rearl_jax.problems import InvalidInputError
-from tests.models.drivers import GAIN, model
+from tests.models.drivers import GAIN, MOBIL, model
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +55,22 @@ def test_variants_differ_by_drivers_and_effects_alone(path):
     assert without.effects == ()
     np.testing.assert_array_equal(with_effects.length, without.length)
     assert (with_effects.median != without.median).any()
+
+
+@pytest.mark.parametrize("variant", [Variant.repaired, Variant.calibrated])
+def test_lanes_are_changed_as_the_file_says_unless_keys_do(tmp_path, path, variant):
+    file = tmp_path / "model.yaml"
+    write_model(file, replace(model(GAIN), lane_changing=MOBIL))
+    config = config_of(str(file), variant=variant)
+    own = population_of(config).lane_changing
+    assert (own.gain_threshold, own.delay) == (pytest.approx(MOBIL.gain_threshold), MOBIL.delay)
+    assert is_cooperative(config)
+    assert any("politeness 0.3" in note for note in model_notes(config))
+    keys = replace(config, mobil=MobilConfig(gain_threshold=0.9))
+    assert population_of(keys).lane_changing.gain_threshold == pytest.approx(0.9)
+    assert not is_cooperative(keys)
+    assert population_of(config_of(path, variant=variant)).lane_changing is None
+    assert not is_cooperative(config_of(path, variant=variant))
 
 
 @pytest.mark.slow  # four programs

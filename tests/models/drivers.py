@@ -3,7 +3,7 @@
 import math
 
 from rearl_jax.config.driver import MODELS
-from rearl_jax.models.record import DriverClass, EffectValues, RepairedModel, Source, diagonal
+from rearl_jax.models.record import DriverClass, EffectValues, LaneChangeValues, RepairedModel, Source, diagonal
 
 PARAMETERS = MODELS["idm"].names
 SD = dict(zip(PARAMETERS, (0.1, 0.3, 0.2, 0.25, 0.3), strict=True))
@@ -28,4 +28,5 @@ def model(*effects, noise_sd=0.15):
 
 GAIN = EffectValues("leader_acceleration", {"gain": 0.5, "reach": 60.0})
 CURVE = EffectValues("dependence", {"values": [0.0, -0.1, 0.2], "knots": [0.0, 15.0, 30.0]}, "speed")
+MOBIL = LaneChangeValues(politeness=0.3, gain_threshold=0.45, safe_decel=1.5, bias=-0.2, delay=90.0)
 NOISE = EffectValues("perception_noise", {"gap_error": 0.05, "rate_error": 0.01, "time": 20.0})

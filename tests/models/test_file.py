@@ -9,9 +9,9 @@ import yaml
 
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.models.file import BadModelError, model_id, read_model, write_model
-from rearl_jax.models.record import EffectValues
+from rearl_jax.models.record import LANE_CHANGE_BOUNDS, EffectValues
 from rearl_jax.problems import MissingInputError
-from tests.models.drivers import CURVE, GAIN, NOISE, PARAMETERS, SD, drivers, model
+from tests.models.drivers import CURVE, GAIN, MOBIL, NOISE, PARAMETERS, SD, drivers, model
 
 
 @pytest.fixture
@@ -49,6 +49,25 @@ def test_what_is_written_is_read(path):
     write_model(path, written)
     assert plain(read_model(path)) == plain(written)
     assert read_model(path).effects[1].variable == "speed"
+
+
+def test_lane_changing_is_read_back_and_left_out_where_there_is_none(path, content):
+    assert "lane_changing" not in content
+    assert read_model(path).lane_changing is None
+    write_model(path, dataclasses.replace(model(GAIN), lane_changing=MOBIL))
+    assert read_model(path).lane_changing == MOBIL
+
+
+@pytest.mark.parametrize("name", LANE_CHANGE_BOUNDS)
+def test_lane_changing_outside_its_bounds_is_refused(path, content, name):
+    key = f"lane_changing.{name}"
+    for beyond in (LANE_CHANGE_BOUNDS[name][0] - 0.1, LANE_CHANGE_BOUNDS[name][1] + 0.1):
+        bad = content | {"lane_changing": dataclasses.asdict(MOBIL) | {name: beyond}}
+        refused(path, bad, "out-of-range", key)
+    given = dataclasses.asdict(MOBIL)
+    del given[name]
+    refused(path, content | {"lane_changing": given}, "key-missing", key)
+    refused(path, content | {"lane_changing": None}, "wrong-type", "lane_changing")
 
 
 def test_numbers_of_numpy_are_written_as_numbers(path):

@@ -10,9 +10,10 @@ import pytest
 
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.spawn import spawn
-from rearl_jax.models.population import population_of_model
+from rearl_jax.models.population import LaneChanging, population_of_model
+from rearl_jax.models.record import EffectValues
 from rearl_jax.models.traffic import LEAST_GAP, populate
-from tests.models.drivers import CURVE, GAIN, NOISE, PARAMETERS, SD, drivers, model
+from tests.models.drivers import CURVE, GAIN, MOBIL, NOISE, PARAMETERS, SD, drivers, model
 
 ROAD = TrafficModel(speed_limit=None)
 N_VEHICLES, N_SCENARIOS = 10, 400
@@ -111,3 +112,40 @@ def test_desired_speeds_are_those_of_the_drivers(traffic):
     _, state, people = traffic
     np.testing.assert_array_equal(state.desired_speed, people.car_following.desired_speed)
     assert (np.asarray(state.memory.desired_side) == 0).all()
+
+
+def numbers(*effects, with_effects=True, **keys):
+    return population_of_model(replace(model(*effects), lane_changing=MOBIL), F64, with_effects=with_effects, **keys)
+
+
+@pytest.mark.parametrize("with_effects", [True, False])
+def test_lane_changing_is_that_of_the_model_with_and_without_effects(with_effects):
+    found = numbers(GAIN, with_effects=with_effects)
+    own = found.lane_changing
+    assert own is not None
+    values = (own.politeness, own.gain_threshold, own.safe_decel, own.delay)
+    assert values == (MOBIL.politeness, MOBIL.gain_threshold, MOBIL.safe_decel, MOBIL.delay)
+    assert own.period in (15 * 90, 15 * 90 + 1)
+    bias = found.effects[-1]
+    assert (bias.name, float(bias.bias)) == ("keep_right", MOBIL.bias)
+    assert population_of_model(model(GAIN), F64, with_effects=with_effects).lane_changing is None
+
+
+def test_effects_take_the_place_of_the_parameters_that_do_the_same():
+    effects = (EffectValues("keep_right", {"bias": 0.35}), EffectValues("politeness", {"weight": 0.2}))
+    found = numbers(*effects)
+    assert found.lane_changing is not None
+    assert found.lane_changing.politeness == 0.0
+    assert [effect.name for effect in found.effects] == ["keep_right", "politeness"]
+    assert float(found.effects[0].bias) == 0.35
+    without = numbers(*effects, with_effects=False)
+    assert without.lane_changing is not None
+    assert without.lane_changing.politeness == MOBIL.politeness
+    assert [float(effect.bias) for effect in without.effects] == [MOBIL.bias]
+
+
+def test_lane_changing_of_keys_takes_the_place_of_the_models():
+    keys = LaneChanging(*map(np.asarray, (0.1, 0.2, 2.0, 1.0)), np.asarray(16))
+    found = numbers(GAIN, lane_changing=keys)
+    assert found.lane_changing is keys
+    assert [effect.name for effect in found.effects] == ["leader_acceleration"]

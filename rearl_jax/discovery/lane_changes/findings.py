@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from rearl_jax.discovery.claims import Claim, Estimate
+from rearl_jax.discovery.lane_changes.prediction import Prediction
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,7 @@ class LaneChangeFindings:
             there were too few changes.
         loss_change: After less before, with its interval.
         words: One line for a reader; why nothing could be seen, where nothing could.
+        prediction: Chances that models give the changes of the report drivers; None where there are too few changes.
     """
 
     effects: tuple[Claim, ...]
@@ -63,6 +65,7 @@ class LaneChangeFindings:
     loss_after: float | None
     loss_change: Estimate | None
     words: str
+    prediction: Prediction | None = None
 
     def as_verdict_parts(self) -> dict[str, Any]:
         """Entries for `effects` and `candidates` of verdict.json, and its `lane_choice`."""

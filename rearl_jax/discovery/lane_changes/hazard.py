@@ -35,6 +35,10 @@ class Logit:
     coefficients: Float[np.ndarray, " columns"]
     covariance: Float[np.ndarray, "columns columns"]
 
+    def chance(self, columns: Float[np.ndarray, "rows columns"]) -> Float[np.ndarray, " rows"]:
+        """Chance that each opportunity is taken [-]."""
+        return _chance(columns, self.coefficients)
+
     def log_likelihood(
         self, columns: Float[np.ndarray, "rows columns"], taken: Bool[np.ndarray, " rows"]
     ) -> Float[np.ndarray, " rows"]:

@@ -18,6 +18,7 @@ from rearl_jax.data.records import Recording
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers, acceleration, likely_parameters
 from rearl_jax.discovery.lane_changes.motion import with_motion
 from rearl_jax.discovery.lane_changes.neighbours import Pair, next_on_lanes
+from rearl_jax.discovery.lane_changes.ramps import side_of_ramp, whole_lanes
 from rearl_jax.discovery.read.smoothing import thinned
 
 PERIOD = 0.5
@@ -45,9 +46,6 @@ back, and whoever has been cut in on brakes.
 SEEN_BEHIND = 60.0
 """Length of road behind that must be in the picture where nobody is seen there [m]."""
 
-WHOLE_LANE = 0.8
-"""Share of the road that a lane must cover; others are ramps [-]."""
-
 
 @dataclass(frozen=True)
 class Opportunities:
@@ -56,9 +54,12 @@ class Opportunities:
     Attributes:
         vehicle: Number of the vehicle, unique over the recordings, as in `Measured.vehicle`.
         recording: Index of the recording.
+        frame: Frame of the moment.
         side: -1 to the left, +1 to the right.
         changes: Whether the driver changes to that side within PERIOD.
         incentive: Own acceleration gained [m/s^2].
+        rear_after: Acceleration of the one behind on that lane after the change, by its own parameters [m/s^2]; 0 for
+            nobody.
         rear_gain: What the one behind on that lane gains, by its own parameters [m/s^2]; negative where it loses.
         follower_gain: What the present follower gains [m/s^2].
         speed: Own speed [m/s].
@@ -68,13 +69,17 @@ class Opportunities:
         rear_braking: How much less it accelerated EARLIER than it would behind its leader [m/s^2]; 0 for nobody.
         follower_gap, follower_speed: The present follower; OUT_OF_SIGHT and the own speed for nobody.
         is_truck: Whether the own vehicle is one.
+        is_mandatory: Whether a ramp lane that the vehicle reaches later is on that side. It looks ahead, so it sorts
+            what is known afterwards and predicts nothing.
     """
 
     vehicle: Int[np.ndarray, " rows"]
     recording: Int[np.ndarray, " rows"]
+    frame: Int[np.ndarray, " rows"]
     side: Int[np.ndarray, " rows"]
     changes: Bool[np.ndarray, " rows"]
     incentive: Float[np.ndarray, " rows"]
+    rear_after: Float[np.ndarray, " rows"]
     rear_gain: Float[np.ndarray, " rows"]
     follower_gain: Float[np.ndarray, " rows"]
     speed: Float[np.ndarray, " rows"]
@@ -89,6 +94,7 @@ class Opportunities:
     follower_gap: Float[np.ndarray, " rows"]
     follower_speed: Float[np.ndarray, " rows"]
     is_truck: Bool[np.ndarray, " rows"]
+    is_mandatory: Bool[np.ndarray, " rows"]
 
     def take(self, rows: np.ndarray) -> "Opportunities":
         """Some of the rows."""
@@ -145,19 +151,12 @@ class _Scene:
         self.x, self.v, self.a, self.length, self.since, self.until, self.step, self.left_in_record = columns
         self.lane, self.direction = rows["lane"].to_numpy(np.int64), rows["direction"].to_numpy(np.int64)
         self.upstream = rows.groupby("direction")["position"].transform("min").to_numpy()
-        self.whole = self._whole_lanes()
+        self.whole, self.frame = whole_lanes(self.direction, self.lane, self.x), rows["frame"].to_numpy(np.int64)
+        self.ramp_side = side_of_ramp(self.vehicle, self.direction, self.lane, self.whole)
         self.goes_on = _goes_on(rows)
         self.model = drivers.prior.name
         self.own = self._parameters(drivers, around.leader)
         self.braking = self._earlier_braking(around.leader)
-
-    def _whole_lanes(self) -> set[tuple[int, int]]:
-        """Directions and lanes that cover most of the road."""
-        spans = {}
-        for direction, lane in np.unique(np.stack([self.direction, self.lane]), axis=1).T.tolist():
-            spans[direction, lane] = np.ptp(self.x[(self.direction == direction) & (self.lane == lane)])
-        road = {direction: max(span for (own, _), span in spans.items() if own == direction) for direction, _ in spans}
-        return {key for key, span in spans.items() if span >= WHOLE_LANE * road[key[0]]}
 
     def _parameters(self, drivers: KnownDrivers, leader: np.ndarray) -> np.ndarray:
         """Of every row's driver: calibrated ones, else the likely ones."""
@@ -193,9 +192,11 @@ class _Scene:
         options = Opportunities(
             vehicle=self.vehicle[chosen],
             recording=np.full(len(chosen), self.recording),
+            frame=self.frame[chosen],
             side=np.full(len(chosen), side),
             changes=(self.until[chosen] <= PERIOD + 1e-9) & (self.step[chosen] == side),
             incentive=changed - stays,
+            rear_after=rear_after,
             rear_gain=rear_after - rear_before,
             follower_gain=self._behind(follower, leader) - self._behind(follower, chosen),
             speed=v,
@@ -210,6 +211,7 @@ class _Scene:
             follower_gap=follower_gap,
             follower_speed=np.where(follower == NOBODY, v, self.v[follower]),
             is_truck=self.is_truck[chosen],
+            is_mandatory=self.ramp_side[chosen] == side,
         )
         return options.take(np.flatnonzero(fits))
 
@@ -242,8 +244,8 @@ def _goes_on(rows: pd.DataFrame) -> Bool[np.ndarray, " rows"]:
 
 
 def _empty() -> Opportunities:
-    kinds = {"vehicle": int, "recording": int, "side": int, "changes": bool, "is_truck": bool}
-    kinds |= {"leader_is_truck": bool, "side_leader_is_truck": bool}
+    kinds: dict[str, type] = dict.fromkeys(("vehicle", "recording", "frame", "side"), int)
+    kinds |= dict.fromkeys(("changes", "is_truck", "leader_is_truck", "side_leader_is_truck", "is_mandatory"), bool)
     return Opportunities(**{name: np.empty(0, kinds.get(name, float)) for name in _NAMES})
 
 

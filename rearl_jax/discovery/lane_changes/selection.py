@@ -1,6 +1,7 @@
 """From recordings to what is missing in lane changing: effects are added while other drivers confirm them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Int
@@ -14,6 +15,8 @@ from rearl_jax.discovery.lane_changes.hazard import fit
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers
 from rearl_jax.discovery.lane_changes.motion import count_changes
 from rearl_jax.discovery.lane_changes.opportunities import Opportunities, opportunities
+from rearl_jax.discovery.lane_changes.prediction import LEAST_CHANGES, prediction
+from rearl_jax.discovery.lane_changes.ramps import count_ramp_changes
 from rearl_jax.discovery.lane_changes.trials import Trial, Tried, tried
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -26,14 +29,12 @@ _NEEDED = f"{THRESHOLDS.least_lane_changes} are needed"
 
 
 def too_few_changes(recordings: Sequence[Recording]) -> LaneChangeFindings | None:
-    """That nothing can be seen, where there are fewer changes of any kind than are needed; else None.
+    """That nothing can be seen, where there are fewer changes of any kind than a prediction needs; else None.
 
     It costs a look at one column, so whoever has to calibrate drivers first asks it before.
     """
-    n_changes = sum(count_changes(recording.table) for recording in recordings)
-    if n_changes >= THRESHOLDS.least_lane_changes:
-        return None
-    return nothing_seen(n_changes, 0, f"{UNSEEN}, too few lane changes: {n_changes}, {_NEEDED}")
+    n_changes = _recorded(recordings)
+    return nothing_seen(n_changes, 0, _too_few(n_changes)) if n_changes < LEAST_CHANGES else None
 
 
 def lane_change_findings(
@@ -43,7 +44,7 @@ def lane_change_findings(
     confidence: float = 0.9,
     seed: int = 0,
 ) -> LaneChangeFindings:
-    """Influences on the choice of the lane beside the own acceleration.
+    """Influences on the choice of the lane beside the own acceleration, and how well it is predicted.
 
     Args:
         recordings: Canonical recordings, the same and in the same order as `measure` got them.
@@ -55,34 +56,68 @@ def lane_change_findings(
     if (few := too_few_changes(recordings)) is not None:
         return few
     table, why = opportunities(recordings, KnownDrivers.of([]) if drivers is None else drivers)
-    n_changes, n = int(table.changes.sum()), len(table.side)
-    if n_changes < THRESHOLDS.least_lane_changes:
-        words = f"{UNSEEN}: {why}" if why else f"{UNSEEN}, too few lane changes by choice: {n_changes}, {_NEEDED}"
-        return nothing_seen(n_changes, n, words)
+    n_recorded, n_changes = _recorded(recordings), int(table.changes.sum())
+    if not n_changes:
+        words = f"{UNSEEN}: {why}" if why else f"{UNSEEN}, no lane change by choice, {_NEEDED}"
+        return nothing_seen(n_changes, len(table.side), words)
     part = part_of_rows(table, split, seed)
-    fewest = min(int(table.changes[part == number].sum()) for number in range(N_PARTS))
-    if fewest < THRESHOLDS.least_lane_changes_in_part:
-        words = f"{UNSEEN}, too few lane changes in a third of the drivers: {fewest}, "
-        words += f"{THRESHOLDS.least_lane_changes_in_part} are needed"
-        return nothing_seen(n_changes, n, words)
+    if not table.changes[part == 0].any():
+        return nothing_seen(n_changes, len(table.side), f"{UNSEEN}, {_too_few_in_part(0)}")
     every = Tried(table, part, seed)
+    unnamed = _why_nothing_is_named(every, n_recorded)
+    found, added = (None, []) if unnamed else _named(every, confidence)
+    hazard = every.fitted(every.effects(added), 0, 1).chance(every.data, every.effects(added))
+    predicted = prediction(table, part, hazard, confidence, n_recorded, count_ramp_changes(recordings))
+    return replace(found or nothing_seen(n_changes, len(table.side), unnamed), prediction=predicted)
+
+
+def _recorded(recordings: Sequence[Recording]) -> int:
+    """Number of recorded lane changes of any kind."""
+    return sum(count_changes(recording.table) for recording in recordings)
+
+
+def _too_few(n_changes: int) -> str:
+    return f"{UNSEEN}, too few lane changes: {n_changes}, {_NEEDED}"
+
+
+def _too_few_in_part(fewest: int) -> str:
+    needed = f"{THRESHOLDS.least_lane_changes_in_part} are needed"
+    return f"too few lane changes in a third of the drivers: {fewest}, {needed}"
+
+
+def _why_nothing_is_named(every: Tried, n_recorded: int) -> str:
+    """Why no influence can be named, or ""."""
+    taken, least = every.data.taken, THRESHOLDS.least_lane_changes
+    if n_recorded < least:
+        return _too_few(n_recorded)
+    if taken.sum() < least:
+        return f"{UNSEEN}, too few lane changes by choice: {int(taken.sum())}, {_NEEDED}"
+    fewest = min(int(taken[every.part == number].sum()) for number in range(N_PARTS))
+    if fewest < THRESHOLDS.least_lane_changes_in_part:
+        return f"{UNSEEN}, {_too_few_in_part(fewest)}"
     if not _gain_counts(every):
-        words = "lane changes do not follow what drivers gain: they are forced, or made for a destination"
-        return nothing_seen(n_changes, n, words)
+        return "lane changes do not follow what drivers gain: they are forced, or made for a destination"
+    return ""
+
+
+def _named(every: Tried, confidence: float) -> tuple[LaneChangeFindings, list[Trial]]:
+    """What is named, and what was added for it."""
     added, rounds = _selected(every)
     before, after, change = _loss(every, added, confidence)
     names = ", ".join(trial.candidate.name.replace("_", " ") for trial in added)
     names = names or "nothing beside the own acceleration counts"
-    return LaneChangeFindings(
+    n_changes = int(every.data.taken.sum())
+    found = LaneChangeFindings(
         effects=_effects(every, added, rounds, confidence),
         candidates=_ranked(every, added, rounds),
         n_changes=n_changes,
-        n_opportunities=n,
+        n_opportunities=len(every.part),
         loss_before=before,
         loss_after=after,
         loss_change=change,
         words=f"choice of the lane, {n_changes} changes: {names}",
     )
+    return found, added
 
 
 def part_of_rows(

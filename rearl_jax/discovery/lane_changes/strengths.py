@@ -65,6 +65,10 @@ class IncentiveModel:
         """Columns of `line`."""
         return np.column_stack([baseline(self.incentive(data, effects), self.bends), data.others])
 
+    def chance(self, data: Choices, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, " rows"]:
+        """Chance that each opportunity is taken [-]."""
+        return self.line.chance(self.columns(data, effects))
+
     def log_likelihood(self, data: Choices, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, " rows"]:
         """Of every opportunity [nats]."""
         return self.line.log_likelihood(self.columns(data, effects), data.taken)

@@ -10,6 +10,7 @@ from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.lane_changes.candidates import LANE_CHOICE_DEPENDENCE
 from rearl_jax.discovery.report.base_section import base_section
 from rearl_jax.discovery.report.groups_section import groups_section
+from rearl_jax.discovery.report.lane_choice_section import lane_choice_section
 from rearl_jax.discovery.report.population import population_section
 from rearl_jax.discovery.report.protocols import PROTOCOLS
 from rearl_jax.discovery.report.variation import variation_section
@@ -102,6 +103,7 @@ def document_of(
         _protocol_section(verdict["error"]),
         _section("Candidates", fitted, _candidate_table("Candidates of car following", following, verdict)),
         _section("The choice of the lane", lanes_fitted, _candidate_table("Candidates of lane choice", lanes, verdict)),
+        lane_choice_section(verdict),
         Section("Notes on data and model", notes=tuple(map(sentence, data["notes"]))),
         population_section(verdict),
         variation_section(verdict),

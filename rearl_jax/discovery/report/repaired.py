@@ -8,6 +8,8 @@ import numpy as np
 from rearl_jax.code_version import __version__
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.claims import Claim
+from rearl_jax.discovery.lane_changes import LaneChangeFindings
+from rearl_jax.discovery.lane_changes.prediction import Prediction
 from rearl_jax.discovery.observe.candidates import EARLY_LEADER, Candidate, Layout
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit
@@ -15,7 +17,16 @@ from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.headway import TimeGapVariation
 from rearl_jax.discovery.thresholds import THRESHOLDS
-from rearl_jax.models.record import CAR, TRUCK, DriverClass, EffectValues, RepairedModel, Source
+from rearl_jax.models.record import (
+    CAR,
+    LANE_CHANGE_BOUNDS,
+    TRUCK,
+    DriverClass,
+    EffectValues,
+    LaneChangeValues,
+    RepairedModel,
+    Source,
+)
 
 
 def repaired_model(
@@ -23,7 +34,7 @@ def repaired_model(
     last: Fit,
     lane_changes: Sequence[Trial],
     added: Sequence[Trial],
-    lanes: Sequence[Claim],
+    lanes: LaneChangeFindings | None,
     variation: TimeGapVariation,
     data: Measured,
     layout: Layout,
@@ -32,16 +43,18 @@ def repaired_model(
 ) -> RepairedModel:
     """The calibrated drivers without (`first`) and with (`last`) the effects that were found.
 
-    What changes of lane certainly bring with them (`lane_changes`) is part of the calibrated model, beside its drivers.
-    Artefacts are no part of a model, and neither is what counts in the choice of the lane (`lanes`) and no effect of
-    the library does. What drivers do beside the model is split as `variation` says.
+    What changes of lane certainly bring with them (`lane_changes`) is part of the calibrated model, beside its drivers,
+    and so is MOBIL where it could be calibrated (`lanes`, None where nobody looked). Artefacts are no part of a model,
+    and neither is what counts in the choice of the lane and no effect of the library does. What drivers do beside the
+    model is split as `variation` says.
     """
     effects = [
         effect_values(trial.candidate, last.state.theta, layout)
         for trial in (*lane_changes, *added)
         if trial.candidate.kind != "artefact"
     ]
-    effects += [lane_effect_values(effect) for effect in lanes if effect.name in EFFECTS]
+    claims = () if lanes is None else lanes.effects
+    effects += [lane_effect_values(effect) for effect in claims if effect.name in EFFECTS]
     if variation.sd:
         effects.append(EffectValues("time_gap_variation", {"sd": variation.sd, "time": variation.time}))
     noise = replace(last.noise, acceleration=variation.noise_share * last.noise.acceleration)
@@ -51,6 +64,7 @@ def repaired_model(
         baseline=population(first, data, layout.prior),
         effects=tuple(effects),
         car_following=layout.prior.name,
+        lane_changing=None if lanes is None or lanes.prediction is None else lane_change_values(lanes.prediction),
     )
 
 
@@ -112,6 +126,12 @@ def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> Ef
     values = values - values @ np.asarray(centre)
     parameters = {"values": values.tolist(), "knots": np.asarray(knots).tolist()}
     return EffectValues(effect, parameters, variable)
+
+
+def lane_change_values(found: Prediction) -> LaneChangeValues:
+    """The calibrated parameters of MOBIL, without the changes that its rule refuses."""
+    rule = found.mobil.rule
+    return LaneChangeValues(**{name: float(getattr(rule, name)) for name in LANE_CHANGE_BOUNDS})
 
 
 def lane_effect_values(effect: Claim) -> EffectValues:

@@ -14,22 +14,42 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from rearl_jax.discovery.observe.fit import Fit, on_others
+from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report.error_block import Resampling
-from rearl_jax.discovery.search.headway import SMALLEST, TimeGapVariation
+from rearl_jax.discovery.report.errors import ModelErrors
+from rearl_jax.discovery.search.headway import CONSTANT, SMALLEST, TimeGapVariation, energy_scores
 from rearl_jax.document.document import Section
 from rearl_jax.document.table import Cell, Row, Table, number, percent, sentence
 
 
 def variation_block(
-    variation: TimeGapVariation, time_gap: float, scores: Mapping[str, Float[np.ndarray, " drivers"]], over: Resampling
+    solver: Solver, last: Fit, reported: Measured, before: ModelErrors, variation: TimeGapVariation, over: Resampling
 ) -> dict[str, Any]:
     """`time_gap_variation` of the verdict.
 
     Args:
+        solver: Of the models.
+        last: The last model.
+        reported: The report drivers.
+        before: Their errors under the calibrated model.
         variation: What was found on the fitted drivers.
-        time_gap: The middle driver's time gap [s].
-        scores: Energy score of the report drivers [m]: `before`, `constant`, `varying`.
-        over: Resampling of drivers.
+        over: Resampling of drivers, whose seed is that of the noise as well.
+    """
+    (state,) = on_others(solver, reported, [last])
+    constant, name = energy_scores(solver, state, last, over.seed), "energy_score"
+    varying = constant if variation == CONSTANT else energy_scores(solver, state, last, over.seed, variation)
+    values = solver.layout.prior.values(last.state.z, last.state.truck)[:, solver.layout.prior.names.index("time_gap")]
+    scores = {"before": before.by_driver[name], "constant": constant, "varying": varying}
+    return scored(variation, float(np.median(values)), scores, over)
+
+
+def scored(
+    variation: TimeGapVariation, time_gap: float, scores: Mapping[str, Float[np.ndarray, " drivers"]], over: Resampling
+) -> dict[str, Any]:
+    """The same from energy scores of the report drivers [m], `before`, `constant` and `varying`, and the middle
+    driver's time gap [s].
     """
     drawn = {name: over.drawn(values, np.mean) for name, values in scores.items()}
     figures = {name: over.figure(values) for name, values in drawn.items()}

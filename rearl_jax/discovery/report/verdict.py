@@ -34,9 +34,16 @@ error        {measure, protocol, n_drivers, before, after, change, floor, noise_
 population   {parameter: {value, unit, spread, told, at_bound}}: the calibrated drivers, see `population`
 time_gap_variation  {sd, time, noise_share, time_gap, energy_score}: how it varies within a driver, see `variation`
 adequacy     {kurtosis, autocorrelation, misjudgement, staleness, remaining, ...}: what is left after all that was added
-lane_choice  {changes, opportunities, loss: {before, after, change}}: lane changes by choice, the chances for one, and
-             the mean log-loss of the report drivers' choices [nats], null where there were too few; what was found
-             is in `effects` and `candidates`, see `words.is_lane_choice`
+lane_choice  {changes, opportunities, loss: {before, after, change}, prediction}: lane changes by choice, the chances
+             for one, and the mean log-loss of the report drivers' choices [nats], null where there were too few; what
+             was found is in `effects` and `candidates`, see `words.is_lane_choice`. `prediction`, of drivers nothing
+             was fitted to, null where there are too few changes: {recorded, ramp: changes of everybody, and those of
+             them from or to ramp lanes, fitted: {drivers, changes}, mobil: {parameter: {value, low, high, unit}},
+             refused_share: share of the changes that MOBIL calibrated refuses, strata: {all | left | right |
+             no_advantage | small_advantage | large_advantage | mandatory: {drivers, seconds, opportunities, changes,
+             models}}}; `models`: {base_rate | mobil | mobil_rates | mobil_calibrated | hazard: {log_loss,
+             less_base_rate [nats per driver-second], balanced_accuracy: {value, low, high}, expected: number of
+             changes}}, null for what cannot be told, see `lane_choice_scores`
 data         {id, recordings, generated, drivers: {fitted, checked, reported}, driver_seconds, step, position_noise,
              properties: {smoothing [s], position_noise [m], ...}: how measurements are, findings, notes}
 thresholds   {name: value}: every number that decided what is claimed, see `thresholds.py`

@@ -12,6 +12,8 @@ from rearl_jax.core.effects import EFFECTS
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.discovery.lane_changes import lane_change_findings
 from rearl_jax.discovery.lane_changes.candidates import CANDIDATES
+from rearl_jax.discovery.lane_changes.motion import count_changes
+from rearl_jax.discovery.lane_changes.prediction import log_loss
 
 
 def test_candidates_are_effects_of_the_library_in_its_units():
@@ -64,11 +66,28 @@ def test_nothing_is_named_in_a_control(recordings_of):
 
 def test_too_few_changes_are_said(recordings_of):
     found = lane_change_findings(recordings_of())
-    lanes = {"changes": found.n_changes, "opportunities": 0, "loss": None}
+    lanes = {"changes": found.n_changes, "opportunities": found.n_opportunities, "loss": None}
     assert found.as_verdict_parts() == {"effects": [], "candidates": [], "lane_choice": lanes}
-    assert found.n_changes > 0
+    assert 0 < found.n_changes < found.n_opportunities
     assert "could not have been seen here" in found.words
-    assert f"too few lane changes: {found.n_changes}, 150 are needed" in found.words
+    recorded = sum(count_changes(recording.table) for recording in recordings_of())
+    assert f"too few lane changes: {recorded}, 150 are needed" in found.words
+
+
+def test_without_changes_nothing_is_looked_at(recording):
+    found = lane_change_findings([recording([(0.0, 20.0, 0, "car"), (50.0, 20.0, 0, "car")])])
+    assert (found.n_changes, found.n_opportunities, found.prediction) == (0, 0, None)
+    assert "too few lane changes: 0" in found.words
+
+
+def test_changes_of_drivers_who_keep_right_are_predicted_and_mobil_knows_it(lane_findings):
+    found = lane_findings.prediction
+    assert found is not None
+    changes = found.table.changes
+    loss = {name: log_loss(chance, changes).mean() for name, chance in found.chance.items()}
+    assert loss["hazard"] < loss["base_rate"]
+    assert loss["mobil_calibrated"] < loss["mobil_rates"] < loss["base_rate"]
+    assert found.mobil.rule.bias == pytest.approx(0.35, abs=0.2)
 
 
 @pytest.mark.slow

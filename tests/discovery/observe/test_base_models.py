@@ -74,7 +74,7 @@ def test_time_gaps_are_found_again(calibrated_by):
 def model(calibrated_by):
     """The model file of what was found."""
     _, _, solver, _, data, fit = calibrated_by
-    return repaired_model(fit, fit, (), (), (), data, solver.layout, "generated-0", "here")
+    return repaired_model(fit, fit, (), (), None, data, solver.layout, "generated-0", "here")
 
 
 def test_what_is_found_is_written(calibrated_by, model, tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import copied, new_state
 from rearl_jax.discovery.report.error_block import Resampling
-from rearl_jax.discovery.report.variation import variation_block, variation_section
+from rearl_jax.discovery.report.variation import scored, variation_section
 from rearl_jax.discovery.search.headway import CONSTANT, TimeGapVariation, energy_scores, time_gap_variation
 from rearl_jax.discovery.search.null import behind_noisy_drive, lasting
 
@@ -52,7 +52,7 @@ def test_a_time_gap_that_varies_is_found_and_scored_better(solver, varying):
         name: energy_scores(solver, varying.state, varying, 1, one)
         for name, one in (("before", CONSTANT), ("constant", CONSTANT), ("varying", found))
     }
-    block = variation_block(found, 1.3, scores, Resampling(0.95, 200, 0))
+    block = scored(found, 1.3, scores, Resampling(0.95, 200, 0))
     change = block["energy_score"]["change_share"]
     assert change["low"] < change["value"] < -0.03
     assert block["time_gap"] == pytest.approx(1.3 * found.sd, rel=0.5)

@@ -1,0 +1,164 @@
+"""MOBIL as a choice: the rule accepts a change or refuses it, and drivers follow the rule at two rates.
+
+A driver whom the rule lets change decides every `delay` seconds at a moment nobody knows, so the chance within one
+opportunity is PERIOD / delay. A driver whom it refuses changes at a small rate all the same, for what MOBIL does not
+know; without it one such change would make the rule impossible.
+
+Source: Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86. As in the simulation the own safety is not tested,
+and as in the paper the gains of others are those of their own parameters. A chance per moment of choice: Toledo,
+Koutsopoulos & Ben-Akiva, Transp. Res. Rec. 1857 (2003) 30.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rearl_jax.config.mobil import MobilConfig
+from rearl_jax.discovery.claims import Estimate
+from rearl_jax.discovery.lane_changes.opportunities import PERIOD, Opportunities
+
+POLITENESS = np.round(np.arange(0.0, 1.05, 0.1), 2)
+"""Politeness tried [-]. Source: Kesting et al. (2007): 0 selfish, 1 as much for others as for oneself."""
+
+GAIN_THRESHOLD = np.round(np.arange(-0.5, 2.025, 0.05), 3) + 0.0
+"""Thresholds tried [m/s^2]."""
+
+SAFE_DECEL = np.array([0.25, 0.5, 1.0, 1.5, 2.0])
+"""Safe decelerations tried [m/s^2]: what asks for more is no opportunity."""
+
+BIAS = np.round(np.arange(-1.0, 1.05, 0.1), 2) + 0.0
+"""Biases to the right lane tried [m/s^2]."""
+
+SPREAD = {"politeness": 0.3, "gain_threshold": 0.3, "safe_decel": 1.0, "bias": 0.3}
+"""Standard deviation of a parameter around its usual value [as the parameter]: what data do not tell stays as usual.
+Source: the scales of the effects `politeness` and `keep_right`; the range of published thresholds is .1 to .6 m/s^2.
+"""
+
+UNITS = {"politeness": "-", "gain_threshold": "m/s^2", "safe_decel": "m/s^2", "bias": "m/s^2", "delay": "s"}
+"""Units of the parameters."""
+
+LONGEST_DELAY = 3600.0
+"""Bound of the time between two decisions [s]; as in a model file."""
+
+_USUAL = MobilConfig()
+
+
+@dataclass(frozen=True)
+class MobilRule:
+    """MOBIL with the rates at which drivers follow it.
+
+    Attributes:
+        politeness: Weight of the followers' gain [-].
+        gain_threshold: Least gain of a change [m/s^2].
+        safe_decel: Largest deceleration of the new follower [m/s^2].
+        bias: Gain of the right lane, loss of the left one [m/s^2].
+        delay: Time between two decisions [s].
+        refused_chance: Chance of a change that the rule refuses, within one opportunity [-].
+    """
+
+    politeness: float = _USUAL.politeness
+    gain_threshold: float = _USUAL.gain_threshold
+    safe_decel: float = _USUAL.safe_decel
+    bias: float = 0.0
+    delay: float = _USUAL.delay
+    refused_chance: float = 0.0
+
+    def accepts(self, table: Opportunities) -> Bool[np.ndarray, " rows"]:
+        """True where the rule lets a driver change."""
+        gain = _gain(table, self.politeness, self.bias)
+        return (gain >= self.gain_threshold) & (table.rear_after >= -self.safe_decel)
+
+    def chance(self, table: Opportunities) -> Float[np.ndarray, " rows"]:
+        """Chance of a change within one opportunity [-]."""
+        return np.where(self.accepts(table), min(PERIOD / self.delay, 1.0), self.refused_chance)
+
+    def with_rates(self, table: Opportunities) -> "MobilRule":
+        """The same rule, followed at the rates of these opportunities."""
+        accepted = self.accepts(table)
+        chance = rate(float(table.changes[accepted].sum()), float(accepted.sum()))
+        delay = float(np.clip(PERIOD / chance, PERIOD, LONGEST_DELAY))
+        return replace(self, delay=delay).with_refused(table)
+
+    def with_refused(self, table: Opportunities) -> "MobilRule":
+        """The same rule and delay, with the chance that drivers change where it refuses."""
+        refused = ~self.accepts(table)
+        return replace(self, refused_chance=float(rate(float(table.changes[refused].sum()), float(refused.sum()))))
+
+
+@dataclass(frozen=True)
+class CalibratedMobil:
+    """MOBIL as drivers change lanes by it.
+
+    Attributes:
+        rule: The most likely rule, where parameters are usually around their usual values.
+        estimates: Its parameters with intervals, by name; the delay has none.
+    """
+
+    rule: MobilRule
+    estimates: dict[str, Estimate]
+
+
+def calibrated_mobil(table: Opportunities, confidence: float) -> CalibratedMobil:
+    """MOBIL calibrated to opportunities, on a grid of all its parameters with the rates that are best for each.
+
+    The rule must raise the chance of a change; where none does, the usual one stays. Intervals are of the grid's
+    posterior at the given confidence, in which moments of a driver count as independent: they are rather too narrow.
+    """
+    taken = table.changes
+    posterior = np.full((len(POLITENESS), len(BIAS), len(SAFE_DECEL), len(GAIN_THRESHOLD)), -np.inf)
+    for i, politeness in enumerate(POLITENESS):
+        for j, bias in enumerate(BIAS):
+            gain = _gain(table, float(politeness), float(bias))
+            place = np.searchsorted(GAIN_THRESHOLD, gain, side="right")  # thresholds that the gain reaches
+            for k, safe_decel in enumerate(SAFE_DECEL):
+                reached = np.where(table.rear_after >= -safe_decel, place, 0)
+                posterior[i, j, k] = _likelihood(reached, taken)
+    axes = dict(zip(("politeness", "bias", "safe_decel", "gain_threshold"), _grids(), strict=True))
+    usual = MobilRule()
+    for number, (name, values) in enumerate(axes.items()):
+        prior = -0.5 * ((values - getattr(usual, name)) / SPREAD[name]) ** 2
+        posterior += prior.reshape([-1 if axis == number else 1 for axis in range(len(axes))])
+    if not np.isfinite(posterior).any():
+        rule = usual.with_rates(table)
+        return CalibratedMobil(rule, {name: Estimate(getattr(rule, name), None, None, UNITS[name]) for name in UNITS})
+    best = np.unravel_index(int(np.argmax(posterior)), posterior.shape)
+    values = {name: float(grid[place]) for (name, grid), place in zip(axes.items(), best, strict=True)}
+    rule = replace(usual, **values).with_rates(table)
+    weight = np.exp(posterior - posterior.max())
+    estimates = {}
+    for number, (name, grid) in enumerate(axes.items()):
+        own = weight.sum(axis=tuple(axis for axis in range(len(axes)) if axis != number))
+        share = np.cumsum(own) / own.sum()
+        cells = np.concatenate([grid[:1], (grid[1:] + grid[:-1]) / 2, grid[-1:]])  # no interval is finer than the grid
+        first, last = (min(int(np.searchsorted(share, (1 + sign * confidence) / 2)), len(grid) - 1) for sign in (-1, 1))
+        estimates[name] = Estimate(values[name], float(cells[first]), float(cells[last + 1]), UNITS[name])
+    estimates["delay"] = Estimate(rule.delay, None, None, UNITS["delay"])
+    return CalibratedMobil(rule, {name: estimates[name] for name in UNITS})
+
+
+def _grids() -> tuple[np.ndarray, ...]:
+    return POLITENESS, BIAS, SAFE_DECEL, GAIN_THRESHOLD
+
+
+def _gain(table: Opportunities, politeness: float, bias: float) -> Float[np.ndarray, " rows"]:
+    """Gain of a change that is held against the threshold [m/s^2]."""
+    return table.incentive + politeness * (table.rear_gain + table.follower_gain) + bias * table.side
+
+
+def _likelihood(reached: np.ndarray, taken: np.ndarray) -> np.ndarray:
+    """Log-likelihood under each threshold [nats]; -inf where nobody who is accepted changes, or as seldom as others."""
+    size = len(GAIN_THRESHOLD) + 1
+    # Whoever reaches n thresholds is accepted under the first n of them.
+    n_accepted = np.bincount(reached, minlength=size)[::-1].cumsum()[::-1][1:]
+    accepted = np.bincount(reached, taken, size)[::-1].cumsum()[::-1][1:]
+    n_refused, refused = len(taken) - n_accepted, taken.sum() - accepted
+    often, seldom = rate(accepted, n_accepted), rate(refused, n_refused)
+    value = accepted * np.log(often) + (n_accepted - accepted) * np.log1p(-often)
+    value += refused * np.log(seldom) + (n_refused - refused) * np.log1p(-seldom)
+    return np.where((often > seldom) & (accepted > 0), value, -np.inf)
+
+
+def rate(changes: np.ndarray | float, opportunities: np.ndarray | float) -> np.ndarray | float:
+    """Chance of a change [-] under Jeffreys' prior, which is never 0 nor 1."""
+    return (changes + 0.5) / (opportunities + 1.0)

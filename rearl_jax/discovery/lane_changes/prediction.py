@@ -1,0 +1,145 @@
+"""Chances of a lane change at every decision of drivers on whose lane changes nothing was fitted, by several models."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rearl_jax.discovery.lane_changes.mobil import CalibratedMobil, MobilRule, calibrated_mobil, rate
+from rearl_jax.discovery.lane_changes.opportunities import PERIOD, Opportunities
+
+BASE_RATE, AS_IT_WAS, USUAL_RULE, CALIBRATED, HAZARD = "base_rate", "mobil", "mobil_rates", "mobil_calibrated", "hazard"
+
+PREDICTORS = {
+    BASE_RATE: "constant rate of each side",
+    AS_IT_WAS: "MOBIL as it was",
+    USUAL_RULE: "MOBIL's usual rule at the drivers' rates",
+    CALIBRATED: "MOBIL calibrated",
+    HAZARD: "calibrated hazard",
+}
+"""Models whose chances are compared, the one that knows least first. What is not MOBIL's usual is fitted to other
+drivers: of `mobil` only the chance of a change that the rule refuses, which it takes for impossible; of `mobil_rates`
+also how often drivers follow the rule.
+"""
+
+LEAST_CHANGES = 30
+"""Recorded lane changes below which no prediction is scored, and no MOBIL calibrated."""
+
+LEAST_IN_PART = 8
+"""Changes by choice that the drivers who are fitted and those who are held out need each."""
+
+SUREST = 1e-9
+"""Bound of the hazard's chances and of their complements [-]: no fit is surer."""
+
+LARGE_ADVANTAGE = 10 / 3.6
+"""Advantage in speed of the target lane [m/s] from which it is large: 10 km/h, a convention of this package."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Opportunities of held-out drivers and the chances that models give a change. One row per opportunity.
+
+    Attributes:
+        table: The opportunities; `table.changes` is what the drivers did.
+        chance: Chance of a change within the opportunity [-], by the names of PREDICTORS.
+        says: Whether a change counts as predicted: by MOBIL where its rule accepts it, by the hazard where the chance
+            is above the constant rate of the side.
+        mobil: The calibrated MOBIL.
+        n_fitted_drivers, n_fitted_changes: What was fitted to.
+        n_recorded: Lane changes in the recordings, of everybody and of any kind.
+        n_ramp: Those of them from or to a ramp lane, which are mandatory and not scored.
+    """
+
+    table: Opportunities
+    chance: dict[str, Float[np.ndarray, " rows"]]
+    says: dict[str, Bool[np.ndarray, " rows"]]
+    mobil: CalibratedMobil
+    n_fitted_drivers: int
+    n_fitted_changes: int
+    n_recorded: int
+    n_ramp: int
+
+    @property
+    def advantage(self) -> Float[np.ndarray, " rows"]:
+        """Speed of the leader on the target lane less that of the own leader [m/s]."""
+        return self.table.side_leader_speed - self.table.leader_speed
+
+    def strata(self) -> dict[str, Bool[np.ndarray, " rows"]]:
+        """Opportunities by side and by urgency.
+
+        Urgency is what the recordings can tell of it: the advantage in speed of the target lane for discretionary
+        changes, by which their rate grows (Laval & Daganzo, Transp. Res. B 40 (2006) 251), and a ramp lane on that side
+        that the driver reaches later for mandatory ones. Destinations beyond the recording are unknown, so mandatory
+        changes of drivers who leave the road later count as discretionary.
+        """
+        forced, advantage = self.table.is_mandatory, self.advantage
+        return {
+            "left": self.table.side < 0,
+            "right": self.table.side > 0,
+            "no_advantage": ~forced & (advantage <= 0),
+            "small_advantage": ~forced & (advantage > 0) & (advantage < LARGE_ADVANTAGE),
+            "large_advantage": ~forced & (advantage >= LARGE_ADVANTAGE),
+            "mandatory": forced,
+        }
+
+
+def log_loss(chance: Float[np.ndarray, " rows"], changes: Bool[np.ndarray, " rows"]) -> Float[np.ndarray, " rows"]:
+    """Negative log-likelihood of what each driver did [nats]; inf where a model takes it for impossible."""
+    with np.errstate(divide="ignore"):
+        return -np.where(changes, np.log(chance), np.log1p(-chance))
+
+
+def seconds_at_risk(table: Opportunities) -> Float[np.ndarray, " rows"]:
+    """Time that each opportunity stands for [s]: two sides at one moment share it."""
+    moment = np.stack([table.vehicle, table.recording, table.frame])
+    _, place, count = np.unique(moment, axis=1, return_inverse=True, return_counts=True)
+    return PERIOD / count[place.ravel()]
+
+
+def prediction(
+    table: Opportunities,
+    part: Int[np.ndarray, " rows"],
+    hazard: Float[np.ndarray, " rows"],
+    confidence: float,
+    n_recorded: int,
+    n_ramp: int,
+) -> Prediction | None:
+    """Predictions for the third part of the drivers, or None where either side of the split has too few changes.
+
+    Args:
+        table: All opportunities.
+        part: Part of the driver of each, 0 to 2; drivers of 0 and 1 are fitted.
+        hazard: Chance of a change by the calibrated hazard [-].
+        confidence: Confidence of the intervals of MOBIL's parameters.
+        n_recorded, n_ramp: As in `Prediction`.
+    """
+    fitted, held = table.take(part < 2), table.take(part == 2)
+    if min(fitted.changes.sum(), held.changes.sum()) < LEAST_IN_PART:
+        return None
+    sides = [fitted.changes[fitted.side == side] for side in (-1, 1)]
+    left, right = (rate(float(taken.sum()), float(len(taken))) for taken in sides)
+    constant = np.where(held.side < 0, left, right)
+    mobil, usual = calibrated_mobil(fitted, confidence), MobilRule()
+    chance = {
+        BASE_RATE: constant,
+        AS_IT_WAS: usual.with_refused(fitted).chance(held),
+        USUAL_RULE: usual.with_rates(fitted).chance(held),
+        CALIBRATED: mobil.rule.chance(held),
+        HAZARD: np.clip(hazard[part == 2], SUREST, 1.0 - SUREST),
+    }
+    return Prediction(
+        table=held,
+        chance=chance,
+        says={
+            BASE_RATE: np.zeros(len(constant), bool),
+            AS_IT_WAS: usual.accepts(held),
+            USUAL_RULE: usual.accepts(held),
+            CALIBRATED: mobil.rule.accepts(held),
+            HAZARD: chance[HAZARD] > constant,
+        },
+        mobil=mobil,
+        n_fitted_drivers=len(np.unique(fitted.vehicle)),
+        n_fitted_changes=int(fitted.changes.sum()),
+        n_recorded=n_recorded,
+        n_ramp=n_ramp,
+    )

@@ -1,0 +1,135 @@
+"""Predicted lane changes of held-out drivers, as a section of the document."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from rearl_jax.discovery.lane_changes.mobil import MobilRule
+from rearl_jax.discovery.lane_changes.prediction import (
+    AS_IT_WAS,
+    BASE_RATE,
+    CALIBRATED,
+    HAZARD,
+    LARGE_ADVANTAGE,
+    LEAST_CHANGES,
+    LEAST_IN_PART,
+    PREDICTORS,
+)
+from rearl_jax.document.document import Section
+from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, percent, sentence, spoken
+
+TITLE = "Lane changes of other drivers"
+
+STRATA = {
+    "all": "all",
+    "left": "to the left",
+    "right": "to the right",
+    "no_advantage": "target lane not faster",
+    "small_advantage": f"faster by less than {3.6 * LARGE_ADVANTAGE:.0f} km/h",
+    "large_advantage": f"faster by {3.6 * LARGE_ADVANTAGE:.0f} km/h or more",
+    "mandatory": "mandatory, towards a ramp lane reached later",
+}
+"""Titles of the strata, by their names in the verdict."""
+
+_SHOWN = (AS_IT_WAS, CALIBRATED, HAZARD)
+_MEASURES = {"less_base_rate": "log loss less that of the constant rate", "balanced_accuracy": "balanced accuracy"}
+
+
+def lane_choice_section(verdict: Mapping[str, Any]) -> Section:
+    """Scores of every model, then by side and urgency, and MOBIL's parameters; why there are none where there are none;
+    empty for verdicts that hold nothing of it.
+    """
+    lanes = verdict.get("lane_choice")
+    if not lanes or "prediction" not in lanes:
+        return Section(TITLE)
+    found = lanes["prediction"]
+    if found is None:
+        words = (
+            f"No prediction of lane changes is scored, and MOBIL is not calibrated. {LEAST_CHANGES} recorded changes "
+            f"are needed, and {LEAST_IN_PART} by choice of the drivers who are fitted and of those who are held out: "
+            f"there are {lanes['changes']}"
+        )
+        return Section(TITLE, (sentence(words),))
+    tables = (_model_table(found), *(_strata_table(found, name, title) for name, title in _MEASURES.items()))
+    return Section(TITLE, (_words(found),), (*tables, _mobil_table(found)), _notes(found))
+
+
+def surely_worse(found: Mapping[str, Any]) -> list[str]:
+    """Names of the models whose log loss is surely above that of the constant rate."""
+    models = found["strata"]["all"]["models"]
+    return [name for name, scores in models.items() if scores["less_base_rate"]["low"] > 0]
+
+
+def _words(found: Mapping[str, Any]) -> str:
+    every, fitted = found["strata"]["all"], found["fitted"]
+    said = (
+        f"{every['changes']} changes by choice of {every['drivers']} drivers in {every['seconds'] / 60:.1f} minutes, "
+        f"predicted twice a second from {fitted['changes']} changes of {fitted['drivers']} others."
+    )
+    worse = [PREDICTORS[name] for name in surely_worse(found)]
+    if worse:
+        said += f" Surely worse than the constant rate: {', '.join(worse)}."
+    usual, own = (every["models"][name]["log_loss"]["value"] for name in (AS_IT_WAS, CALIBRATED))
+    if own >= usual:
+        said += " MOBIL calibrated is not better than as it was."
+    if every["models"][CALIBRATED]["less_base_rate"]["high"] >= 0:
+        said += " MOBIL calibrated is not surely better than the constant rate."
+    return said
+
+
+def _model_table(found: Mapping[str, Any]) -> Table:
+    every = found["strata"]["all"]
+    rows = []
+    for name, title in PREDICTORS.items():
+        scores = every["models"][name]
+        less = Cell(NONE) if name == BASE_RATE else _cell(scores["less_base_rate"], "+")
+        cells = (_cell(scores["log_loss"]), less, _cell(scores["balanced_accuracy"]))
+        rows.append(Row(title, (*cells, Cell(f"{scores['expected']:.0f}"))))
+    headings = (
+        "log loss [nats/s]",
+        "less that of the constant rate",
+        "balanced accuracy",
+        f"changes expected, {every['changes']} made",
+    )
+    return Table("Predictions of lane changes, drivers nothing was fitted to", headings, tuple(rows))
+
+
+def _strata_table(found: Mapping[str, Any], measure: str, title: str) -> Table:
+    rows = []
+    for name, scores in found["strata"].items():
+        sign = "+" if measure == "less_base_rate" else ""
+        cells = (_cell(scores["models"][model][measure], sign) for model in _SHOWN)
+        rows.append(Row(STRATA[name], (Cell(str(scores["changes"])), Cell(f"{scores['seconds'] / 60:.1f}"), *cells)))
+    headings = ("changes", "driver-minutes", *(PREDICTORS[name] for name in _SHOWN))
+    return Table(f"{title.capitalize()}, by side and urgency", headings, tuple(rows))
+
+
+def _mobil_table(found: Mapping[str, Any]) -> Table:
+    usual, rows = MobilRule(), []
+    for name, estimate in found["mobil"].items():
+        unit = "" if estimate["unit"] == "-" else f" [{estimate['unit']}]"
+        rows.append(Row(f"{spoken(name)}{unit}", (Cell(number(getattr(usual, name))), _cell(estimate))))
+    return Table("Parameters of MOBIL", ("as it was", "calibrated"), tuple(rows))
+
+
+def _notes(found: Mapping[str, Any]) -> tuple[str, ...]:
+    every = found["strata"]["all"]
+    notes = (
+        f"of {found['recorded']} recorded changes {found['ramp']} are from or to a ramp lane, mandatory and not "
+        f"scored; {found['fitted']['changes'] + every['changes']} are by choice, where leaders and the gap can be seen",
+        "MOBIL predicts the changes that its rule accepts, the hazard those whose chance is above the constant rate of "
+        "the side; balanced accuracy is the mean "
+        "of the shares of changes and of all else that are told right, .5 for knowing nothing",
+        "MOBIL as it was changes lanes within its delay wherever its rule allows a change; it takes other changes for "
+        "impossible, for which it is given the rate of the fitted drivers here, else its log loss would be infinite",
+        f"MOBIL calibrated refuses {percent(found['refused_share'])} of the changes that were made: a simulation with "
+        "it makes that much fewer",
+        "urgency is what recordings can tell: how much faster the target lane is, and a ramp lane that the driver "
+        "reaches later; where drivers go beyond the recording is unknown",
+    )
+    return tuple(map(sentence, notes))
+
+
+def _cell(figure: Mapping[str, Any] | None, sign: str = "") -> Cell:
+    if figure is None:
+        return Cell(NONE)
+    return Cell(number(figure["value"], sign), interval(figure["low"], figure["high"], sign))
