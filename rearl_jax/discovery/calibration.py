@@ -13,6 +13,7 @@ from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.tables import fit_table
+from rearl_jax.discovery.search.headway import CONSTANT
 from rearl_jax.models.file import write_model
 from rearl_jax.models.record import RepairedModel
 
@@ -46,5 +47,5 @@ def calibration(config: DiscoverTask) -> Calibration:
     findings, data = measured_drivers(list(iterate_recordings(config.data)), config.discover, prior)
     solver = solver_of(data, prior)
     fit = base_of(solver, data, lane_changes=config.discover.lane_changes).fit
-    model = repaired_model(fit, fit, (), (), None, data, solver.layout, data_id(config.data), config.study)
+    model = repaired_model(fit, fit, (), (), None, CONSTANT, data, solver.layout, data_id(config.data), config.study)
     return Calibration(fit_table(solver, fit), model, tuple(finding.words for finding in findings))

@@ -75,7 +75,7 @@ def lasting(
     kept = np.exp(-dt / time)
     shocks = rng.standard_normal(shape) * sd
     shocks[1:] *= np.sqrt(1 - kept**2)
-    return lfilter([1.0], [1.0, -kept], shocks, axis=0)
+    return np.asarray(lfilter([1.0], [1.0, -kept], shocks, axis=0))
 
 
 def smoothed_alike(known: Float[np.ndarray, "steps pieces"], data: Measured) -> Float[np.ndarray, "steps pieces"]:
