@@ -1,10 +1,8 @@
 """What the traffic model lacks in measured trajectories: recordings in, a record of everything found out."""
 
-import logging
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,16 +11,15 @@ from rich.progress import Progress
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.records import Recording
+from rearl_jax.discovery.best_search import NULL_TABLE, best_search
 from rearl_jax.discovery.claims import Claim
 from rearl_jax.discovery.comparison.compared import compared_table
-from rearl_jax.discovery.comparison.comparison import BASE_TABLE, Comparison, base_block, comparison_of
-from rearl_jax.discovery.comparison.dependence import dependent_effects
+from rearl_jax.discovery.comparison.comparison import BASE_TABLE, Comparison, base_block
+from rearl_jax.discovery.comparison.dependence import Beside, dependent_effects
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
-from rearl_jax.discovery.observe.base import Base, base_of
-from rearl_jax.discovery.observe.candidates import LENS, Term
-from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
+from rearl_jax.discovery.observe.base import base_of
+from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import prior_of
-from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.observe.uncertainty import known
@@ -49,22 +46,15 @@ from rearl_jax.discovery.report.verdict import (
     verdict_of,
 )
 from rearl_jax.discovery.search.adequacy import Adequacy, adequacy
-from rearl_jax.discovery.search.confirmation import clocks_confirmed, confirmed, lens_confirmed
 from rearl_jax.discovery.search.headway import time_gap_variation
 from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
-from rearl_jax.discovery.search.null import Null, null_of
-from rearl_jax.discovery.search.procedure import Search, in_time, search
+from rearl_jax.discovery.search.procedure import Search, in_time
 from rearl_jax.discovery.search.refit import rebased, refit
 from rearl_jax.discovery.search.screen import scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.models.record import RepairedModel
 from rearl_jax.problems import out_of_range
-from rearl_jax.progress import shown
 from rearl_jax.results import Study
-
-log = logging.getLogger(__name__)
-
-NULL_TABLE = "null"
 
 
 @dataclass(frozen=True)
@@ -136,63 +126,11 @@ def discovery_of(
     if config.discover.oracle is not None:
         discovery = Discovery(config, parts.id, _oracle(config, solver_of(parts.fitted, priors[0]), parts))
     else:
-        comparison = None
-        if len(priors) > 1:
-            say = shown(bar, f"{whose}comparing car-following models")
-            comparison = comparison_of(priors, parts, config.discover, say, study)
-        solver = solver_of(parts.fitted, priors[0] if comparison is None else comparison.prior)
-        known_base = None if comparison is None else comparison.base
-        outcome = _search(config, study, solver, parts, known_base, bar, whose)
+        solver, outcome, comparison, beside = best_search(config, study, priors, parts, bar, whose)
         lanes = lane_choice(solver, outcome, parts, recordings, config.discover)
-        discovery = _discovery(config, solver, parts, comparison, outcome, lanes)
+        discovery = _discovery(config, solver, parts, comparison, beside, outcome, lanes)
     discovery.verdict["seconds"] = time.perf_counter() - begin
     return discovery
-
-
-def _search(
-    config: DiscoverTask,
-    study: Study | None,
-    solver: Solver,
-    parts: Parts,
-    calibrated: Base | None,
-    bar: Progress,
-    whose: str,
-) -> Search:
-    """Search for effects of car following beside a model, which may be calibrated; `whose` begins what the bar says."""
-    options = config.discover
-    line = bar.add_task(f"{whose}calibrating drivers", total=None)
-    replicates = shown(bar, f"{whose}simulated nulls")
-
-    def report(words: str, done: int, total: int) -> None:
-        bar.update(line, description=f"{whose}{words}", completed=done, total=total)
-
-    def null_for(base: Fit) -> Null:
-        if study is not None and study.owns(NULL_TABLE):  # of a run that was killed
-            return tables.read_null(study.path / f"{NULL_TABLE}.parquet")
-        null = null_of(solver, base.state, base.noise, options.replicates, options.seed, replicates)
-        if study is not None:
-            study.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
-        return null
-
-    look = partial(
-        search,
-        solver,
-        parts.fitted,
-        parts.checked,
-        null_for,
-        report,
-        lane_changes=options.lane_changes,
-        calibrated=calibrated,
-    )
-    outcome = look()
-    if not clocks_confirmed(solver, outcome, parts.checked, options.seed):
-        log.info("clocks put right make simulations of other drivers worse: left as they are")
-        outcome = look(excluded=frozenset({CLOCK_OFFSET}))
-    if not lens_confirmed(solver, outcome, options.seed):
-        log.info("a camera's distortion makes simulations of other drivers worse: left as it is")
-        outcome = look(excluded=outcome.excluded | {LENS})
-    report("reporting", 0, 1)
-    return confirmed(solver, outcome, options.seed)
 
 
 def _discovery(
@@ -200,6 +138,7 @@ def _discovery(
     solver: Solver,
     parts: Parts,
     comparison: Comparison | None,
+    beside: Sequence[Beside],
     outcome: Search,
     lanes: LaneChangeFindings,
 ) -> Discovery:
@@ -214,8 +153,11 @@ def _discovery(
     variation = time_gap_variation(solver, outcome.last, options.seed)
     deviations = known(solver, outcome.last.state).theta
     effects = _effects(deviations, outcome, left, parts.findings, options.confidence)
-    if comparison is not None:
-        effects = _with_dependence(effects, comparison, outcome, parts)
+    without = {
+        (term.effect, outcome.layout.candidates[term].variables): names
+        for term, names in dependent_effects(outcome, beside).items()
+    }
+    effects = [replace(one, depends_on_base=without.get((one.name, one.variables), ())) for one in effects]
     error = error_block(errors, options.confidence, options.draws, options.seed)
     change = error["change"]
     following = {
@@ -287,16 +229,6 @@ def _effects(
         reliability = doubtful if outcome.is_doubtful(trial) else usual
         effects.append(named_trial(trial, rivals, theta, own, outcome.layout, confidence, reliability))
     return effects
-
-
-def _with_dependence(effects: Sequence[Claim], comparison: Comparison, outcome: Search, parts: Parts) -> list[Claim]:
-    """Claims, those with a name together with the car-following models that they do not hold under."""
-    if not any(effect.kind in ("driver", "road") for effect in effects):
-        return list(effects)
-    by_name = {prior.name: prior for prior in comparison.priors}
-    without = dependent_effects(outcome, [by_name[name] for name in comparison.rivals], parts.fitted)
-    names = {(term.effect, outcome.layout.candidates[term].variables): found for term, found in without.items()}
-    return [replace(one, depends_on_base=names.get((one.name, one.variables), ())) for one in effects]
 
 
 def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any]:

@@ -16,9 +16,10 @@ from rich.progress import Progress
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import data_id, is_generated
+from rearl_jax.discovery.best_search import NULL_TABLE
 from rearl_jax.discovery.comparison.comparison import BASE_TABLE
 from rearl_jax.discovery.compute import compute, group_studies
-from rearl_jax.discovery.discover import NULL_TABLE, Discovery
+from rearl_jax.discovery.discover import Discovery
 from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.report.document import document_of
 from rearl_jax.document.document import data_sources

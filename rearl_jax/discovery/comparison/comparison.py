@@ -1,7 +1,7 @@
 """The comparison of car-following models as a step of a discovery: done once per data set, kept, and reported."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,7 @@ class Comparison:
         base: The model of `driver` as it was calibrated; None unless it was chosen and all fitted drivers took part.
         rivals: Names of the models that are not surely less likely than the chosen one, or else of the next best, the
             most likely first.
+        before: Name of the model that was chosen before effects were found; None where it stayed.
     """
 
     priors: Sequence[Prior]
@@ -52,11 +53,23 @@ class Comparison:
     n_fitted: int
     base: Base | None
     rivals: tuple[str, ...]
+    before: str | None = None
 
     @property
     def prior(self) -> Prior:
         """The chosen model."""
         return self.priors[self.choice.chosen]
+
+    @property
+    def others(self) -> list[Prior]:
+        """The rivals."""
+        return [prior for name in self.rivals for prior in self.priors if prior.name == name]
+
+    def going_on_with(self, prior: Prior) -> "Comparison":
+        """The same, but another model was chosen, beside which the chosen one is the first rival."""
+        others = tuple(name for name in self.rivals if name != prior.name)
+        choice = replace(self.choice, chosen=[one.name for one in self.priors].index(prior.name))
+        return replace(self, choice=choice, base=None, rivals=(self.prior.name, *others), before=self.prior.name)
 
 
 def comparison_of(
@@ -130,6 +143,7 @@ def base_block(comparison: Comparison, options: DiscoverConfig, time_gaps: dict[
     return {
         "chosen": comparison.prior.name,
         "driver": comparison.priors[0].name,
+        "before": comparison.before,
         "differs": choice.chosen != 0,
         "compared": rows,
         "drivers": {"fitted": comparison.n_fitted, "checked": len(comparison.found[0].log_likelihood)},

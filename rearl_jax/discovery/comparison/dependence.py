@@ -1,16 +1,25 @@
-"""Effects that were found under one car-following model, looked for under others: does it need that model?"""
+"""What was found under one car-following model, beside others: does it need that model, and is another one better now?
+
+An effect that is missing pulls the comparison of bare models towards those that imitate it. With what was found in them
+they compare anew.
+"""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.discovery.comparison.choice import is_beaten
 from rearl_jax.discovery.comparison.compared import calibrated_alike
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit, on_others
-from rearl_jax.discovery.observe.fit_state import copied
+from rearl_jax.discovery.observe.fit_state import FitState, copied
 from rearl_jax.discovery.observe.noise import no_larger, noises, under_best_noise
 from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.search.decision import Trial, trial_of
+from rearl_jax.discovery.search.decision import Trial, bounded_gains, trial_of
 from rearl_jax.discovery.search.procedure import Search
 from rearl_jax.discovery.search.refit import nested, rebased
 
@@ -18,39 +27,64 @@ MOST_OTHERS = 2
 """Other models under which effects are looked for at most."""
 
 
-def dependent_effects(outcome: Search, priors: Sequence[Prior], fitted: Measured) -> dict[Term, tuple[str, ...]]:
-    """Names of the other models under which an effect does not hold, by effect; only effects with a name.
+@dataclass(frozen=True)
+class Beside:
+    """Everything that was found, in another car-following model.
+
+    Attributes:
+        prior: That model.
+        holds: Whether each addition holds there beside those before it.
+        gains: Log-likelihood of each check driver beyond that under the chosen model, both with everything that was
+            found, own parameters integrated out [nats], within the bounds of what one can contribute.
+    """
+
+    prior: Prior
+    holds: Mapping[Term, bool]
+    gains: Float[np.ndarray, " drivers"]
+
+
+def found_beside(solver: Solver, outcome: Search, priors: Sequence[Prior], fitted: Measured) -> list[Beside]:
+    """What was found under the chosen model, in others; empty where no effect with a name was.
 
     Args:
-        outcome: What was found under the chosen model.
+        solver: Of the chosen model.
+        outcome: What was found under it.
         priors: The other models, the most likely first.
         fitted: The fitted drivers as they were measured, which curves and sections are laid out for.
     """
-    named = [trial for trial in outcome.added if trial.candidate.kind in ("driver", "road")]
-    if not named:
-        return {}
-    without: dict[Term, list[str]] = {trial.candidate.term: [] for trial in named}
-    for prior in priors[:MOST_OTHERS]:
-        solver = solver_of(fitted, prior)
-        for term, holds in _holding(solver, outcome).items():
-            if term in without and not holds:
-                without[term].append(prior.name)
-    return {term: tuple(names) for term, names in without.items()}
+    if not any(trial.candidate.kind in ("driver", "road") for trial in outcome.added):
+        return []
+    (chosen,) = on_others(solver, outcome.checked, [outcome.last])
+    return [_beside(solver_of(fitted, prior), prior, outcome, chosen) for prior in priors[:MOST_OTHERS]]
 
 
-def _holding(solver: Solver, outcome: Search) -> Mapping[Term, bool]:
-    """Whether each addition holds under another model beside those before it."""
+def dependent_effects(outcome: Search, others: Sequence[Beside]) -> dict[Term, tuple[str, ...]]:
+    """Names of the other models in which an effect does not hold, by effect; only effects with a name."""
+    named = [trial.candidate.term for trial in outcome.added if trial.candidate.kind in ("driver", "road")]
+    return {term: tuple(one.prior.name for one in others if not one.holds[term]) for term in named}
+
+
+def better_model(others: Sequence[Beside], seed: int) -> Prior | None:
+    """The most likely of the other models if the chosen one surely is less likely, with what was found in both."""
+    if not others:
+        return None
+    best = max(others, key=lambda one: float(one.gains.sum()))
+    return best.prior if is_beaten(np.zeros_like(best.gains), [best.gains], seed) else None
+
+
+def _beside(solver: Solver, prior: Prior, outcome: Search, chosen: FitState) -> Beside:
     fit = calibrated_alike(solver, outcome.first.state.data, outcome.first)
-    found = {}
+    holds = {}
+    (other,) = on_others(solver, outcome.checked, [fit])
     for trial in outcome.added:
         term = trial.candidate.term
         fits = {term: _with(solver, fit, trial)}
         fit = rebased(solver, fit, fits)
         after = nested(solver, fit, fits)[term]
         before, other = on_others(solver, outcome.checked, [fit, after])
-        found[term] = trial_of(solver, after, fit.state, other, before, outcome.null.null_mean(term)).holds
+        holds[term] = trial_of(solver, after, fit.state, other, before, outcome.null.null_mean(term)).holds
         fit = after
-    return found
+    return Beside(prior, holds, bounded_gains(other.marginal() - chosen.marginal(), outcome.checked))
 
 
 def _with(solver: Solver, fit: Fit, trial: Trial) -> Fit:

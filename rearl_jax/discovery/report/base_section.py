@@ -28,7 +28,7 @@ def base_section(verdict: Mapping[str, Any]) -> Section:
         "of drivers. Errors are mean closed-loop gap errors of the check drivers, by what is known of a driver; models "
         "that surely are less likely than the best were not simulated."
     )
-    notes = [words for words in (_time_gaps(base), *_dependences(verdict)) if words]
+    notes = [words for words in (_anew(base), _time_gaps(base), *_dependences(verdict)) if words]
     said = base_words(base) or f"no model surely is better than {spoken(base['driver'])}, which stays"
     return Section(
         title, (f"{sentence(said)} {how}",), (Table(title, headings, tuple(rows)),), tuple(map(sentence, notes))
@@ -53,6 +53,16 @@ def _mark(row: Mapping[str, Any], base: Mapping[str, Any]) -> Cell:
     if row["name"] == base["chosen"]:
         return Cell("chosen")
     return Cell("simulations speak against it" if row["is_vetoed"] else "")
+
+
+def _anew(base: Mapping[str, Any]) -> str:
+    """The model that was chosen before effects were found."""
+    if base.get("before") is None:
+        return ""
+    return (
+        f"with the effects that were found beside {spoken(base['before'])}, {spoken(base['chosen'])} is surely more "
+        "likely: the search began anew beside it"
+    )
 
 
 def _time_gaps(base: Mapping[str, Any]) -> str:

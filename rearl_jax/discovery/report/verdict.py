@@ -11,14 +11,16 @@ candidates   [{name, kind, variables, evidence, surprise, gain, check, ambiguous
 lane_changes [{name, parameters, gain, check, is_sure}]: what changes of lane bring with them, in the calibrated model
              from the start; empty where too few leaders change
 unseen       [{name, parameter, strength, unit}]: what an effect would have needed to be seen in these data
-base         {chosen, driver, differs, compared, drivers: {fitted, checked}, equilibrium_time_gap}: car-following models
-             compared on checked drivers, null where none were; everything else is told of the `chosen` one, and
-             `driver` is that of the keys; `compared`: [{name, n_parameters, log_likelihood [nats], gain: beyond that
-             of `driver`, better_share: share of resamples of drivers in which it is more likely than `driver`,
-             best_share: in which it is the most likely, is_vetoed: simulations speak against it, protocols: {name:
-             {n_drivers, gap_rmse, gap_nrmse, speed_rmse}}, null for what was not simulated}]; `equilibrium_time_gap`
-             {speed [m/s]: {value, low, high}} [s]: the median over fitted drivers of gap over speed behind a leader of
-             that speed, null where fewer than half of them want to drive that fast
+base         {chosen, driver, differs, before, compared, drivers: {fitted, checked}, equilibrium_time_gap}:
+             car-following models compared on checked drivers, null where none were; everything else is told of the
+             `chosen` one, and `driver` is that of the keys; `before`: the one that was chosen before effects were
+             found, with which `chosen` surely is more likely, null where it stayed; `compared`: [{name, n_parameters,
+             log_likelihood [nats], gain: beyond that of `driver`, better_share: share of resamples of drivers in which
+             it is more likely than `driver`, best_share: in which it is the most likely, is_vetoed: simulations speak
+             against it, protocols: {name: {n_drivers, gap_rmse, gap_nrmse, speed_rmse}}, null for what was not
+             simulated}]; `equilibrium_time_gap` {speed [m/s]: {value, low, high}} [s]: the median over fitted drivers
+             of gap over speed behind a leader of that speed, null where fewer than half of them want to drive that
+             fast
 error        {measure, protocol, n_drivers, before, after, change, floor, noise_alone, oracle, explained_share, all,
               protocols, response_time}: `measure` under `protocol` in figures {value, low, high}; `noise_alone`: the
               error that drives with the drivers' own noise make under the last model; `floor`: the same, at most the

@@ -63,12 +63,17 @@ class Round:
         return self.accepted[0] if self.accepted else None
 
     @property
+    def possible(self) -> list[Trial]:
+        """All that were fitted and that simulations do not contradict."""
+        denied = {trial.candidate.term for trial in self.contradicted}
+        return [trial for trial in self.trials if trial.candidate.term not in denied]
+
+    @property
     def is_beaten(self) -> bool:
-        """True if something that is not believed fares better than what is added, and simulations do not deny it."""
-        chosen, denied = self.chosen, {trial.candidate.term for trial in self.contradicted}
+        """True if something possible that is not believed fares better than what is added."""
+        chosen = self.chosen
         return chosen is not None and any(
-            trial.beats(chosen) and _is_significant(trial, self.exceeding) and trial.candidate.term not in denied
-            for trial in self.trials
+            trial.beats(chosen) and _is_significant(trial, self.exceeding) for trial in self.possible
         )
 
     @property
@@ -129,11 +134,11 @@ class Search:
     ) -> list[tuple[Trial, list[Trial], Float[np.ndarray, " own"]]]:
         """What the final model has beside its drivers, first what changes of lane bring with them.
 
-        Each trial with those it competed with, and its part of the standard deviations of all numbers that were
-        searched.
+        Each trial with the possible ones it competed with, and its part of the standard deviations of all numbers that
+        were searched.
         """
         trials = [(trial, [trial]) for trial in self.lane_changes]
-        trials += [(turn.chosen, turn.trials) for turn in self.rounds if turn.chosen is not None]
+        trials += [(turn.chosen, turn.possible) for turn in self.rounds if turn.chosen is not None]
         ends = np.cumsum([len(trial.candidate.free) for trial, _ in trials], dtype=int)
         parts = np.split(deviations, ends)[:-1]
         return [(trial, rivals, own) for (trial, rivals), own in zip(trials, parts, strict=True)]

@@ -11,7 +11,7 @@ from rearl_jax.config.driver import record_of
 from rearl_jax.discovery.comparison import comparison as module
 from rearl_jax.discovery.comparison.compared import MOST_FITTED, some_of
 from rearl_jax.discovery.comparison.comparison import BASE_TABLE, base_block, comparison_of
-from rearl_jax.discovery.comparison.dependence import dependent_effects
+from rearl_jax.discovery.comparison.dependence import better_model, dependent_effects, found_beside
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import prior_of
@@ -105,9 +105,17 @@ def test_what_another_model_has_by_itself_depends_on_the_model(driven_by):
     """Drivers of constant time headway who answer to their leader's acceleration, calibrated by IDM."""
     parts = driven_by("constant_time_headway", gain=0.6)
     outcome = _found_under_idm(parts, PUSH, GAIN)
-    assert dependent_effects(outcome, PRIORS[1:], parts.fitted) == {PUSH: (), GAIN: ("constant_time_headway",)}
+    solver = solver_of(parts.fitted, PRIORS[0])
+    others = found_beside(solver, outcome, PRIORS[1:], parts.fitted)
+    assert dependent_effects(outcome, others) == {PUSH: (), GAIN: ("constant_time_headway",)}
+    better = better_model(others, 0)
+    assert better is not None
+    assert better.name == "constant_time_headway"  # which they drive by
+    worse = [replace(one, gains=-np.abs(one.gains)) for one in others]
+    assert better_model(worse, 0) is None
     nothing = replace(outcome, rounds=[replace(outcome.rounds[0], accepted=[])])
-    assert dependent_effects(nothing, PRIORS[1:], parts.fitted) == {}
+    assert found_beside(solver, nothing, PRIORS[1:], parts.fitted) == []
+    assert better_model([], 0) is None
 
 
 def _found_under_idm(parts, *terms):

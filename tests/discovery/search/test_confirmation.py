@@ -46,6 +46,17 @@ def test_an_addition_that_makes_simulations_worse_is_taken_back(solver, calibrat
     assert kept.last is found.first
 
 
+def test_what_simulations_contradict_is_no_rival_of_an_effect(solver, calibrated):
+    found = search_with(solver, calibrated, 0.4)
+    (other,) = search_that_added(solver, calibrated, ("leader_class", 0.3)).added
+    first = found.rounds[0]
+    for contradicted, expected in (([], 2), ([other], 1)):
+        turn = replace(first, trials=[*first.trials, other], contradicted=contradicted)
+        ((trial, rivals, _),) = replace(found, rounds=[turn, *found.rounds[1:]]).fitted_trials(np.zeros(2))
+        assert trial is first.chosen
+        assert len(rivals) == expected
+
+
 def test_an_addition_that_does_nothing_is_left_alone(solver, calibrated):
     found = search_with(solver, calibrated, 0.0)
     assert confirmed(solver, found, 0) is found
