@@ -41,7 +41,7 @@ def traffic(n_slots, dtype=np.float64, controller=Controller.IDM, rng_seed=0):
     drivers = default_drivers((n_slots, N_SCENARIOS), dtype, accel_limit=9.0, length=padded(np.full(shape, 4.5), 4.5))
     seed = jnp.arange(N_SCENARIOS, dtype=jnp.int32)[None]
     effects = (
-        EFFECTS["reaction_delay"](jnp.asarray(0.3, dtype)),
+        EFFECTS["reaction_delay"](jnp.asarray(0.3, dtype), jnp.asarray(0.3, dtype)),
         EFFECTS["several_leaders"](jnp.asarray(0.3, dtype), jnp.asarray(0.5, dtype)),
         EFFECTS["lane_friction"](jnp.asarray(0.5, dtype), jnp.asarray(5.0, dtype)),
         AccelerationNoise(jnp.asarray(0.2, dtype), jnp.asarray(1.5, dtype), seed),
