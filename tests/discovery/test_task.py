@@ -43,7 +43,7 @@ def test_a_grade_is_found_and_repaired(discovered):
     assert json.loads((folder / "verdict.json").read_text()) == verdict
     assert [row["name"] for row in verdict["candidates"]][0] == "grade"
     assert any(row["name"] == "reaction_delay" and row["strength"] > 0 for row in verdict["unseen"])
-    assert any("too few lane changes: " in note for note in verdict["data"]["notes"])
+    assert any("too few lane changes" in note for note in verdict["data"]["notes"])
     assert verdict["lane_choice"]["loss"] is None
 
 
