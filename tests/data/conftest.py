@@ -75,7 +75,9 @@ def _with_preceding(tracks: pd.DataFrame) -> pd.DataFrame:
     """The tracks with the next vehicle ahead on the lane of each, 0 without one, as precedingId."""
     ahead = np.sign(tracks["xVelocity"]) * (tracks["x"] + tracks["width"] / 2)
     in_order = tracks.assign(ahead=ahead).sort_values(["frame", "laneId", "ahead"], kind="stable")
-    preceding = in_order.groupby(["frame", "laneId"])["id"].shift(-1, fill_value=0)
+    by_lane = in_order.groupby(["frame", "laneId"])
+    is_ahead = by_lane["ahead"].shift(-1) > in_order["ahead"] + 0.02  # vehicles side by side have no order
+    preceding = by_lane["id"].shift(-1, fill_value=0).where(is_ahead, 0)
     place = tracks.columns.get_loc("laneId")
     return tracks.assign(precedingId=preceding)[[*tracks.columns[:place], "precedingId", *tracks.columns[place:]]]
 
