@@ -171,7 +171,7 @@ def _discovery(
         if comparison is None
         else base_block(comparison, options, equilibrium_time_gaps(solver, outcome.first.state, options)),
         "population": population_block(solver, outcome.first.state),
-        "time_gap_variation": variation_block(solver, outcome.last, reported, errors["before"], variation, over),
+        "time_gap_variation": variation_block(solver, outcome.last, reported, errors, variation, over),
         "adequacy": {
             "kurtosis": left.kurtosis,
             "kurtosis_before": left.kurtosis_before,

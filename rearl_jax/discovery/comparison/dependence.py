@@ -74,8 +74,7 @@ def better_model(others: Sequence[Beside], seed: int) -> Prior | None:
 
 def _beside(solver: Solver, prior: Prior, outcome: Search, chosen: FitState) -> Beside:
     fit = calibrated_alike(solver, outcome.first.state.data, outcome.first)
-    holds = {}
-    (other,) = on_others(solver, outcome.checked, [fit])
+    holds, others = {}, []
     for trial in outcome.added:
         term = trial.candidate.term
         fits = {term: _with(solver, fit, trial)}
@@ -83,8 +82,9 @@ def _beside(solver: Solver, prior: Prior, outcome: Search, chosen: FitState) -> 
         after = nested(solver, fit, fits)[term]
         before, other = on_others(solver, outcome.checked, [fit, after])
         holds[term] = trial_of(solver, after, fit.state, other, before, outcome.null.null_mean(term)).holds
+        others.append(other)
         fit = after
-    return Beside(prior, holds, bounded_gains(other.marginal() - chosen.marginal(), outcome.checked))
+    return Beside(prior, holds, bounded_gains(others[-1].marginal() - chosen.marginal(), outcome.checked))
 
 
 def _with(solver: Solver, fit: Fit, trial: Trial) -> Fit:

@@ -25,7 +25,12 @@ from rearl_jax.document.table import Cell, Row, Table, number, percent, sentence
 
 
 def variation_block(
-    solver: Solver, last: Fit, reported: Measured, before: ModelErrors, variation: TimeGapVariation, over: Resampling
+    solver: Solver,
+    last: Fit,
+    reported: Measured,
+    errors: Mapping[str, ModelErrors],
+    variation: TimeGapVariation,
+    over: Resampling,
 ) -> dict[str, Any]:
     """`time_gap_variation` of the verdict.
 
@@ -33,15 +38,17 @@ def variation_block(
         solver: Of the models.
         last: The last model.
         reported: The report drivers.
-        before: Their errors under the calibrated model.
+        errors: Their errors under the calibrated model, `before`, and `after` something was added.
         variation: What was found on the fitted drivers.
         over: Resampling of drivers, whose seed is that of the noise as well.
     """
-    (state,) = on_others(solver, reported, [last])
-    constant, name = energy_scores(solver, state, last, over.seed), "energy_score"
-    varying = constant if variation == CONSTANT else energy_scores(solver, state, last, over.seed, variation)
+    before = errors["before"].by_driver["energy_score"]
+    constant = varying = errors["after"].by_driver["energy_score"] if "after" in errors else before
+    if variation != CONSTANT:
+        (state,) = on_others(solver, reported, [last])
+        varying = energy_scores(solver, state, last, over.seed, variation)
     values = solver.layout.prior.values(last.state.z, last.state.truck)[:, solver.layout.prior.names.index("time_gap")]
-    scores = {"before": before.by_driver[name], "constant": constant, "varying": varying}
+    scores = {"before": before, "constant": constant, "varying": varying}
     return scored(variation, float(np.median(values)), scores, over)
 
 
