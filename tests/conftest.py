@@ -14,10 +14,18 @@ jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
+COMPILED = Path(__file__).parents[1] / ".pytest_cache" / "compiled"
+"""Where the tests keep compiled programs, for one another and for the next run: most of their time is compiling."""
 MAPPED = Path("/proc/self/maps")
 MOST_MAPPED = 32_000
 """Memory mappings of a process from which on compiled programs are given up: half of what Linux allows it by default
 (`vm.max_map_count`, 65,530)."""
+
+
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+    jax.config.update("jax_compilation_cache_dir", str(COMPILED))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
 
 
 @pytest.fixture(autouse=True, scope="module")
