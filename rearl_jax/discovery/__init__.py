@@ -1,1 +1,3 @@
-"""Closing the loop with measured data: calibrate, look at the residual, name the missing effect, repair the model."""
+"""Discovery: calibrates the driver model to measured drives, tests its residuals, names missing effects, repairs the
+model.
+"""
