@@ -1,3 +1,1 @@
-"""Discovery: calibrates the driver model to measured drives, tests its residuals, names missing effects, repairs the
-model.
-"""
+"""Discovery: calibrates the driver model, tests its residuals, names missing effects and repairs the model."""
