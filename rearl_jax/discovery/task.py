@@ -1,4 +1,4 @@
-"""The task `rearl discover`: measured trajectories in; what the traffic model lacks out.
+"""The task `rearl discover`: identifies effects missing from the traffic model in measured trajectories.
 
 Writes into the study folder `base.parquet` (car-following models compared, of every check driver), `null.parquet`
 (evidence where nothing is missing), `residuals.parquet` and
@@ -35,11 +35,12 @@ def run(config: DiscoverTask, *, show: bool = True, bar: Progress | None = None)
 
     Args:
         config: The task.
-        show: Whether the verdict is printed.
-        bar: Shows how far it is; None for one of its own.
+        show: Whether to print the verdict.
+        bar: Progress display; None for a new one.
 
     Raises:
-        FileNotFoundError, ValueError: There are no recordings, one is bad, or too few drivers follow a leader.
+        FileNotFoundError, ValueError: There are no recordings, a recording is invalid, or too few drivers follow a
+            leader.
     """
     identity, generated = data_id(config.data), is_generated(config.data)
     study = Study(config.results.root, config.study, config, "discover", identity, generated=generated)
@@ -54,7 +55,7 @@ def run(config: DiscoverTask, *, show: bool = True, bar: Progress | None = None)
 
 
 def write(study: Study, discovery: Discovery) -> None:
-    """Writes tables, model, figures, page and verdict, and last of all summary.json; first those of groups."""
+    """Writes tables, model, figures, page and verdict, first of groups, then of the study, and summary.json last."""
     config, generated = discovery.config, discovery.verdict["data"]["generated"]
     groups = discovery.groups
     folders = group_studies(study, config, list(groups), discovery.data_id, generated=generated)
@@ -64,12 +65,12 @@ def write(study: Study, discovery: Discovery) -> None:
         write(inside, groups[name])
     seeds = {"seeds": f"discover.seed={discovery.config.discover.seed}"}
     for name, table in discovery.tables.items():
-        if name not in (NULL_TABLE, BASE_TABLE) or not study.owns(name):  # kept as soon as they are known
+        if name not in (NULL_TABLE, BASE_TABLE) or not study.owns(name):  # written as soon as they are known
             study.write_table(name, table, **seeds)
     if discovery.model is not None:
         write_model(study.own("model.yaml"), discovery.model)
     if discovery.behind is not None and discovery.config.discover.page:
-        # Only now, so that nobody waits for matplotlib to know the verdict.
+        # Figures come after the verdict, so that users need not wait for them.
         from rearl_jax.discovery.report.presentation import present
 
         present(study, discovery)

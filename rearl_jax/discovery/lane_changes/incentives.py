@@ -1,4 +1,4 @@
-"""Car-following parameters of drivers who may change lanes: calibrated ones, or estimates from measured accelerations."""
+"""Car-following parameters of drivers who may change lanes: calibrated, or estimated from measured accelerations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

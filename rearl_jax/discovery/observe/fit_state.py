@@ -142,8 +142,7 @@ def new_state(data: Measured, layout: Layout, noise: Noise) -> FitState:
 
 
 def with_noise(state: FitState, noise: Noise) -> FitState:
-    """The same state under the observer of another noise; S_usual starts at the variance which that observer expects.
-    """
+    """The same state under the observer of another noise; S_usual starts at the variance which that observer expects."""
     gain = noise.gain(state.data.dt, state.data.stride)
     pieces = replace(replace_gain(state.pieces, gain), weight=weights(state.data, noise))
     return copied(state, pieces=pieces, variance=float(gain.variance))

@@ -1,4 +1,4 @@
-"""Car-following models compared, as a section of the document."""
+"""Section of the document that compares car-following models."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,7 +10,7 @@ from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, p
 
 
 def base_section(verdict: Mapping[str, Any]) -> Section:
-    """A row per model: evidence on the checked drivers, and mean gap errors; empty where none were compared."""
+    """A row per model: evidence on the checked drivers, and mean gap errors; empty if none were compared."""
     base, title = verdict.get("base"), "Car-following models compared"
     if base is None:
         return Section(title)
@@ -56,7 +56,7 @@ def _mark(row: Mapping[str, Any], base: Mapping[str, Any]) -> Cell:
 
 
 def _anew(base: Mapping[str, Any]) -> str:
-    """The model that was chosen before effects were found."""
+    """Sentence on the model that was chosen before effects were found."""
     if base.get("before") is None:
         return ""
     return (
@@ -66,7 +66,7 @@ def _anew(base: Mapping[str, Any]) -> str:
 
 
 def _time_gaps(base: Mapping[str, Any]) -> str:
-    """Equilibrium time gaps of the chosen model."""
+    """Sentence on the equilibrium time gaps of the chosen model."""
     found = [
         f"{figure['value']:.2f} s ({figure['low']:.2f} to {figure['high']:.2f}) at {speed} m/s"
         for speed, figure in base["equilibrium_time_gap"].items()
@@ -76,7 +76,7 @@ def _time_gaps(base: Mapping[str, Any]) -> str:
 
 
 def _dependences(verdict: Mapping[str, Any]) -> list[str]:
-    """Effects that need the chosen model."""
+    """Sentences on effects that are found with the chosen model only."""
     return [
         f"{described(effect)} holds beside {spoken(verdict['base']['chosen'])} and not beside "
         f"{' and '.join(map(spoken, effect['depends_on_base']))}: it depends on the car-following model"

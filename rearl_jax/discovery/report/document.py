@@ -1,4 +1,4 @@
-"""The document of a discovery: what the model lacks, the error before and after, how we know, how sure it is."""
+"""The document of a discovery: missing effects, error before and after, evidence and confidence."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -30,10 +30,10 @@ from rearl_jax.document.document import DataSource, Document, Section
 from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, percent, sentence, spoken
 
 MOST_CANDIDATES, MOST_VARIABLES = 12, 5
-"""Rows of the tables at most; candidates.parquet and maps.parquet have all."""
+"""Maximum rows of the tables; candidates.parquet and maps.parquet contain all."""
 
 MOST_PARAMETERS = 5
-"""Parameters of an effect that have rows of their own; more are values of a curve, which the maps show."""
+"""Largest number of parameters of an effect that are listed; effects with more are curves, which the maps show."""
 
 _MEASURES = {
     "gap_rmse": "closed-loop gap error [m]",
@@ -41,7 +41,7 @@ _MEASURES = {
     "one_step": "error in predicting the next position [m]",
     "energy_score": "energy score of noisy simulations [m]",
 }
-"""Titles of the measures that are shown, by their names in the verdict."""
+"""Titles of the displayed measures, by their names in the verdict."""
 
 _PROTOCOL_MEASURES = {
     "gap_rmse": "gap error [m]",
@@ -77,8 +77,8 @@ def document_of(
 
     Args:
         config: The task.
-        verdict: As in verdict.json, see `verdict.py`.
-        maps: As in maps.parquet, for what the residual still depends on; None leaves that out.
+        verdict: Content of verdict.json, see `verdict.py`.
+        maps: Content of maps.parquet, for remaining dependences of the residual; None to leave them out.
         sources: Data sets with their licences.
     """
     data, candidates = verdict["data"], verdict["candidates"]
@@ -137,7 +137,7 @@ def document_of(
 
 
 def _section(title: str, words: str, table: Table, *, is_folded: bool = False) -> Section:
-    """A section of one table, empty where that has no rows."""
+    """A section of one table; empty if the table has no rows."""
     return Section(title, (words,), (table,), is_folded=is_folded) if table.rows else Section(title)
 
 
@@ -162,7 +162,7 @@ def _headings(error: Mapping[str, Any]) -> tuple[str, str, str]:
 
 
 def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
-    """Mean gap error by what is known of a driver; no table where the verdict has no protocols."""
+    """Table of the mean gap error by protocol; no table if the verdict has no protocols."""
     rows = []
     for name, found in error.get("protocols", {}).items():
         if found is not None:
@@ -176,7 +176,7 @@ def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
 
 
 def _protocol_section(error: Mapping[str, Any]) -> Section:
-    """Every measure under every protocol."""
+    """Section of every measure under every protocol."""
     tables, notes, title = [], [], "Errors by what is known of a driver"
     for name, found in error.get("protocols", {}).items():
         notes.append(f"{spoken(name)}: {PROTOCOLS[name]}")
@@ -212,7 +212,9 @@ def _cell(value: Mapping[str, Any], sign: str = "") -> Cell:
 
 
 def _effect_section(verdict: Mapping[str, Any]) -> Section:
-    """Findings in the columns, effects with their parameters, their equations, and what they could be mistaken for."""
+    """Section of findings in the columns, effects with parameters and equations, and candidates that explain the data
+    equally well.
+    """
     effects, notes = verdict["effects"], []
     for effect in effects:
         if effect["name"] in EFFECTS:
@@ -251,7 +253,9 @@ def _candidate_table(title: str, rows: Sequence[Mapping[str, Any]], verdict: Map
 
 
 def _left_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Section:
-    """What the last model leaves: in its innovations, and by sparse regression over every variable."""
+    """Section of what the final model does not explain: measures of its innovations, and sparse regression over all
+    variables.
+    """
     words, tables, left = [], [], verdict["adequacy"]
     if left is not None:
         name = spoken(left["remaining"]["name"]).replace(".", " on ")

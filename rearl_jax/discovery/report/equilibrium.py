@@ -1,4 +1,4 @@
-"""Time gaps of calibrated drivers at equilibrium: what they do, whatever the parameters of their model are."""
+"""Equilibrium time gaps of calibrated drivers, comparable between models with different parameters."""
 
 from typing import Any
 
@@ -15,8 +15,8 @@ SPEEDS = (10.0, 20.0)
 
 
 def time_gaps(solver: Solver, state: FitState, speed: float) -> Float[np.ndarray, " drivers"]:
-    """Gap over speed [s] of each driver behind a leader of a constant speed [m/s]; NaN where it does not want to drive
-    that fast.
+    """Gap over speed [s] of each driver behind a leader of constant speed [m/s]; NaN if the driver's desired speed is
+    lower.
     """
     prior = solver.layout.prior
     model = prior.model.of_rows(jnp.asarray(prior.values(state.z, state.truck).T))
@@ -25,7 +25,7 @@ def time_gaps(solver: Solver, state: FitState, speed: float) -> Float[np.ndarray
 
 
 def equilibrium_time_gaps(solver: Solver, state: FitState, options: DiscoverConfig) -> dict[str, Any]:
-    """Median over drivers of gap over speed [s] behind a leader of constant speed, by that speed [m/s]."""
+    """Median over drivers of gap over speed [s] behind a leader of constant speed, by this speed [m/s]."""
     rng = np.random.default_rng(options.seed)
     share = [(1 - options.confidence) / 2, (1 + options.confidence) / 2]
     found: dict[str, Any] = {}

@@ -1,16 +1,16 @@
-"""The verdict on groups of drivers: what is missing in each, and how they differ.
+"""The joint verdict on groups of drivers: missing effects of each group, and differences between groups.
 
-The verdict of a discovery by groups has the keys of any other. Its word is the strongest of the groups', its effects
-say of which group they are, its errors are those of all reported drivers, each with its group's model. What only a
-group has (candidates, unseen effects, adequacy) is in its own verdict, `groups/<name>/verdict.json`. Beside it:
+The verdict of a discovery by groups has the same keys as one without groups. `verdict` is the strongest of the groups'
+verdicts, each effect names its group, and errors are those of all reported drivers, each with the model of its group.
+Candidates, unseen effects and adequacy are in the verdict of each group, `groups/<name>/verdict.json`. Additional keys:
 
 groups    [{by, value, drivers, driver_seconds, cars, shared, labels, verdict, effects, error, car_following, base,
-          equilibrium_time_gap, notes}]: `labels` {label: {value, share}} the most common value of each label and its
-          share of the drivers, `cars` the number of persons or cars, null where nobody is known again; `shared` the
-          number of them that are both among the fitted and the reported drivers; `equilibrium_time_gap` {speed [m/s]:
-          {value, low, high}}, the median over fitted drivers of gap over speed [s] behind a leader of that speed in the
-          calibrated model, null where fewer than half of the drivers want to drive that fast
-grouping  {by, left_out: {value: drivers}}: who is in no group; where kinds were found without labels, also {kinds,
+equilibrium_time_gap, notes}]: `labels` {label: {value, share}} the most common value of each label and its share of the
+drivers, `cars` the number of persons or cars, null if no identity is known; `shared` the number of them among both
+fitted and reported drivers; `equilibrium_time_gap` {speed [m/s]: {value, low, high}}, the median over fitted drivers of
+gap over speed [s] behind a leader of that speed in the calibrated model, null if fewer than half of the drivers have a
+higher desired speed grouping  {by, left_out: {value: drivers}}: number of drivers outside all groups; for kinds found
+without labels also {kinds,
           evidence, distinctness, gain, chance, uncertain, purity: {label: {value, by_chance}}}, see `groups.kinds`
 """
 
@@ -36,7 +36,7 @@ STRONGEST_FIRST = ("named", "improved", "unexplained", "artefact", "nothing")
 def verdict_of_groups(
     options: DiscoverConfig, groups: Mapping[str, Discovery], left_out: Mapping[str, int]
 ) -> dict[str, Any]:
-    """The verdict on all groups, without the time it took."""
+    """The verdict on all groups, without the computation time."""
     rows = [_row(options, name, discovery) for name, discovery in groups.items()]
     words = [row["verdict"] for row in rows]
     errors = _joined([behind.errors for behind in map(_behind, groups.values())])
@@ -89,7 +89,7 @@ def _row(options: DiscoverConfig, name: str, discovery: Discovery) -> dict[str, 
 
 
 def _most_common(data: Measured) -> dict[str, Any]:
-    """The most common value of each label that is known of some drivers."""
+    """The most common value of each label, for labels known of some drivers."""
     common = {}
     for name in data.labels:
         counts = Counter(value for value in data.label(name).tolist() if value is not None)
@@ -104,7 +104,7 @@ def _behind(discovery: Discovery) -> Behind:
 
 
 def _joined(groups: Sequence[Mapping[str, ModelErrors]]) -> dict[str, ModelErrors]:
-    """Errors of the drivers of all groups; where nothing was added to a group's model, it is after as it was before."""
+    """Errors of the drivers of all groups; for a group without added effects, `after` equals `before`."""
     joined = {}
     for model in ("before", "after"):
         parts = [errors.get(model, errors["before"]) for errors in groups]
@@ -116,7 +116,7 @@ def _joined(groups: Sequence[Mapping[str, ModelErrors]]) -> dict[str, ModelError
 
 
 def _under_one(groups: Sequence[ProtocolErrors | None]) -> ProtocolErrors | None:
-    """Errors of the drivers of all groups under one protocol; None where nobody could be tested."""
+    """Errors of the drivers of all groups under one protocol; None if no driver could be tested."""
     tested = [one for one in groups if one is not None]
     if not tested:
         return None

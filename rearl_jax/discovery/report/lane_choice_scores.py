@@ -1,10 +1,11 @@
 """Scores of predicted lane changes: `lane_choice.prediction` of the verdict, and a table with a row per driver.
 
-Log loss [nats per driver-second] is the negative log-likelihood of what drivers did, each side at each moment on its
-own, over the time in which they could have changed. Balanced accuracy [-] is the mean of sensitivity (share of changes
-that are predicted) and specificity (share of all else that is not), .5 for a model that knows nothing: changes are
-rare, and accuracy alone would be highest for "nobody ever changes". A rule predicts the changes that it
-accepts; a chance predicts a change above the constant rate, the usual threshold of rare events.
+Log loss [nats per driver-second] is the negative log-likelihood of the recorded choices (each side at each opportunity
+separately) divided by the time in which drivers could have changed lanes. Balanced accuracy [-] is the mean of
+sensitivity (share of changes that are predicted) and specificity (share of all other opportunities for which no change
+is predicted). It is .5 for a model without information. Plain accuracy is not used because changes are rare, so that
+"no driver ever changes" would score highest. A rule predicts the changes that it accepts; a probability model predicts
+a change if the probability exceeds the constant rate, the usual threshold for rare events.
 
 Source: Brodersen, Ong, Stephan & Buhmann, ICPR (2010) 3121 (balanced accuracy); Freeman & Moisen, Ecol. Model. 217
 (2008) 48 (prevalence as the threshold).
@@ -24,7 +25,7 @@ LANE_CHANGE_TABLE = "lane_changes"
 
 
 def prediction_block(found: Prediction | None, over: Resampling) -> dict[str, Any] | None:
-    """`lane_choice.prediction` of the verdict; None where nothing could be predicted."""
+    """Entry `lane_choice.prediction` of the verdict; None without a prediction."""
     if found is None:
         return None
     every = {"all": np.ones(len(found.table.side), bool)} | found.strata()
@@ -65,7 +66,7 @@ def prediction_table(found: Prediction) -> pd.DataFrame:
 
 
 def _stratum(found: Prediction, rows: Bool[np.ndarray, " rows"], over: Resampling) -> dict[str, Any]:
-    """Scores of some of the opportunities; drivers are drawn anew from all who are held out."""
+    """Scores of the given opportunities; drivers are resampled from all held-out drivers."""
     table = found.table.take(rows)
     driver, n = np.searchsorted(np.unique(found.table.vehicle), table.vehicle), len(np.unique(found.table.vehicle))
 
@@ -95,21 +96,21 @@ def _stratum(found: Prediction, rows: Bool[np.ndarray, " rows"], over: Resamplin
 
 
 def _outcomes(changes: np.ndarray, said: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Changes that were predicted, changes, all else that was not predicted, all else."""
+    """Counts: predicted changes, changes, correctly predicted non-changes, non-changes."""
     return changes & said, changes, ~changes & ~said, ~changes
 
 
 def _balanced(hits: np.ndarray, changes: np.ndarray, rejections: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Balanced accuracy [-]; nan where nobody changed, or everybody did."""
+    """Balanced accuracy [-]; nan if there were no changes or only changes."""
     return (hits / changes + rejections / others) / 2
 
 
 def _sums(driver: np.ndarray, values: np.ndarray, n: int = 0) -> Float[np.ndarray, " drivers"]:
-    return np.bincount(driver, values, n).astype(float)  # of nothing it is an integer
+    return np.bincount(driver, values, n).astype(float)  # the sum of an empty list is an integer
 
 
 def _figure(drawn: Float[np.ndarray, " figures"], over: Resampling) -> dict[str, float] | None:
-    """A figure with its interval, from the resamples in which it can be told; None where it cannot be told itself."""
+    """A figure with its interval, from resamples in which it is defined; None if the figure is undefined."""
     if not np.isfinite(drawn[0]):
         return None
     return over.figure(drawn[np.isfinite(drawn)])

@@ -1,4 +1,4 @@
-"""Predicted lane changes of held-out drivers, as a section of the document."""
+"""Section of the document on predicted lane changes of held-out drivers."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -35,8 +35,8 @@ _MEASURES = {"less_base_rate": "log loss less that of the constant rate", "balan
 
 
 def lane_choice_section(verdict: Mapping[str, Any]) -> Section:
-    """Scores of every model, then by side and urgency, and MOBIL's parameters; why there are none where there are none;
-    empty for verdicts that hold nothing of it.
+    """Section with scores of every model, scores by side and urgency, and MOBIL's parameters, or with the reason why
+    there are none; empty if the verdict has no entry for them.
     """
     lanes = verdict.get("lane_choice")
     if not lanes or "prediction" not in lanes:
@@ -54,7 +54,7 @@ def lane_choice_section(verdict: Mapping[str, Any]) -> Section:
 
 
 def surely_worse(found: Mapping[str, Any]) -> list[str]:
-    """Names of the models whose log loss is surely above that of the constant rate."""
+    """Names of the models whose log loss is significantly above that of the constant rate."""
     models = found["strata"]["all"]["models"]
     return [name for name, scores in models.items() if scores["less_base_rate"]["low"] > 0]
 

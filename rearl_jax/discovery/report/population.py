@@ -1,8 +1,8 @@
-"""The calibrated drivers as a population: what is usual of them, how they differ, and what the data do not tell.
+"""The calibrated drivers as a population: medians, differences, and parameters that the data do not determine.
 
-`population` of the verdict: {parameter: {value, unit, spread, told, at_bound}}; `value` is that of the middle driver,
-`spread` the standard deviation of its logarithm between drivers, `told` the share of the spread's variance that the
-data of one driver narrow it by on average, and `at_bound` the share of drivers who are at a bound of the parameter.
+Entry `population` of the verdict: {parameter: {value, unit, spread, told, at_bound}}. `value` is the median over
+drivers, `spread` the standard deviation of the logarithm between drivers, `told` the mean share of the variance between
+drivers that the data of one driver remove, and `at_bound` the share of drivers at a bound of the parameter.
 """
 
 from collections.abc import Mapping
@@ -18,11 +18,11 @@ from rearl_jax.document.document import Section
 from rearl_jax.document.table import Cell, Row, Table, number, percent, sentence, spoken
 
 NEAR = 1e-6
-"""Distance from a bound that is none [-]."""
+"""Distance from a bound below which a parameter counts as at the bound [-]."""
 
 
 def population_block(solver: Solver, state: FitState) -> dict[str, dict[str, Any]]:
-    """`population` of the verdict, of the fitted drivers of a calibrated model."""
+    """Entry `population` of the verdict, for the fitted drivers of a calibrated model."""
     prior, truck = solver.layout.prior, state.truck
     low, high = (bound[truck] for bound in prior.bounds)
     values = np.exp(np.median(np.log(prior.values(state.z, truck)), axis=0))
@@ -42,7 +42,7 @@ def population_block(solver: Solver, state: FitState) -> dict[str, dict[str, Any
 
 
 def population_section(verdict: Mapping[str, Any]) -> Section:
-    """Table of the population, and which parameters must not be read; empty where there is none."""
+    """Section with the population, and the parameters that must not be interpreted; empty without a population."""
     title, population = "Drivers of the calibrated model", verdict.get("population")
     if not population:
         return Section(title)

@@ -1,4 +1,4 @@
-"""Tables of a discovery, and the summary of its verdict."""
+"""Tables of a discovery, and the flat summary of its verdict."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,7 +18,7 @@ from rearl_jax.discovery.search.procedure import Search
 
 
 def null_table(null: Null) -> pd.DataFrame:
-    """Evidence of each candidate where nothing is missing."""
+    """Table of the null distribution of each candidate's evidence."""
     return pd.DataFrame(
         {
             "candidate": [str(term) for term in null.mean],
@@ -30,7 +30,7 @@ def null_table(null: Null) -> pd.DataFrame:
 
 
 def read_null(path: Path) -> Null:
-    """The null of a run that was killed."""
+    """The null distribution stored by an interrupted run."""
     table = pd.read_parquet(path)
     terms = table["candidate"].map(Term.read)
     return Null(
@@ -79,12 +79,12 @@ def fit_table(solver: Solver, fit: Fit) -> pd.DataFrame:
 
 
 def candidate_table(verdict: dict[str, Any]) -> list[dict[str, Any]]:
-    """Candidates as flat rows."""
+    """Candidates of the verdict as flat rows."""
     return [{**row, "variables": ",".join(row["variables"])} for row in verdict["candidates"]]
 
 
 def summary(verdict: dict[str, Any]) -> dict[str, Any]:
-    """The verdict in flat figures."""
+    """The verdict as flat key-value pairs."""
     error = verdict["error"]
     return {
         "verdict": verdict["verdict"],

@@ -1,11 +1,12 @@
-"""How the time gap varies within a driver, and the energy score of simulations with and without it.
+"""Variation of the time gap within a driver, and the energy score of simulations with and without it.
 
-`time_gap_variation` of the verdict: {sd, time, noise_share, time_gap, energy_score: {before, constant, varying, change,
-change_share}}: the standard deviation of log T within a driver [-] and its correlation time [s], what is left of the
-acceleration's noise beside it [-], the standard deviation of the middle driver's time gap [s], and the mean energy
-score of the report drivers [m] as figures {value, low, high}: of the calibrated model `before`, of the last model with
-a `constant` and with the `varying` time gap; `change` is from the first to the last of these,
-and `change_share` the same as a share, in the geometric mean of drivers.
+Entry `time_gap_variation` of the verdict: {sd, time, noise_share, time_gap, energy_score: {before, constant, varying,
+change, change_share}}. `sd` is the standard deviation of log T within a driver [-], `time` its correlation time [s],
+`noise_share` the share of the acceleration noise that remains beside it [-], and `time_gap` the standard deviation of
+the median driver's time gap [s]. `energy_score` contains mean energy scores of the report drivers [m] as figures
+{value, low, high}: of the calibrated model (`before`) and of the final model with a `constant` and with a `varying`
+time gap. `change` is `varying` minus `before`, and `change_share` the relative change in the geometric mean over
+drivers.
 """
 
 from collections.abc import Mapping
@@ -38,9 +39,9 @@ def variation_block(
         solver: Of the models.
         last: The last model.
         reported: The report drivers.
-        errors: Their errors under the calibrated model, `before`, and `after` something was added.
-        variation: What was found on the fitted drivers.
-        over: Resampling of drivers, whose seed is that of the noise as well.
+        errors: Errors of the report drivers under the calibrated model (`before`) and the final model (`after`).
+        variation: Variation estimated on the fitted drivers.
+        over: Resampling of drivers; its seed is also used for the noise.
     """
     before = errors["before"].by_driver["energy_score"]
     constant = varying = errors["after"].by_driver["energy_score"] if "after" in errors else before
@@ -55,9 +56,7 @@ def variation_block(
 def scored(
     variation: TimeGapVariation, time_gap: float, scores: Mapping[str, Float[np.ndarray, " drivers"]], over: Resampling
 ) -> dict[str, Any]:
-    """The same from energy scores of the report drivers [m], `before`, `constant` and `varying`, and the middle
-    driver's time gap [s].
-    """
+    """Entry `time_gap_variation` from the report drivers' energy scores [m] and the median driver's time gap [s]."""
     drawn = {name: over.drawn(values, np.mean) for name, values in scores.items()}
     figures = {name: over.figure(values) for name, values in drawn.items()}
     figures["change"] = over.figure(drawn["varying"] - drawn["before"])
@@ -75,7 +74,7 @@ def scored(
 
 
 def variation_section(verdict: Mapping[str, Any]) -> Section:
-    """What varies, with the energy scores; empty where it was not looked for."""
+    """Section on the variation with the energy scores; empty if it was not estimated."""
     title, found = "Time gaps that vary within a driver", verdict.get("time_gap_variation")
     if found is None:
         return Section(title)
