@@ -1,4 +1,4 @@
-"""The document of a blind study: rates beside their goals, outcomes by set, what was said by what was hidden."""
+"""The document of a blind study: rates and goals, outcomes by set, confusion matrix."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -41,9 +41,9 @@ def document_of(
     """The document of a blind study.
 
     Args:
-        summary: Its figures, as in summary.json.
-        tables: TABLES by name, as in its Parquet files.
-        protocol: How it was sealed, as in protocol.json.
+        summary: Content of summary.json.
+        tables: TABLES by name, as in the Parquet files.
+        protocol: Content of protocol.json.
     """
     sets = tables["sets"]
     counts = {f"n_{outcome}": outcome for outcome in OUTCOMES if sets[f"n_{outcome}"].to_numpy().any()}
@@ -82,7 +82,7 @@ def document_of(
 
 
 def _rates(frame: pd.DataFrame, name: str = "rate") -> pd.DataFrame:
-    """A share and its exact 95 % interval in percent, as `table_of` takes them."""
+    """A share and its exact 95 % interval in percent, in the form for `table_of`."""
     percents = 100 * frame[[name, "low", "high"]]
     return frame.assign(**{name: percents[name], f"{name}_low": percents["low"], f"{name}_high": percents["high"]})
 

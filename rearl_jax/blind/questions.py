@@ -1,4 +1,4 @@
-"""What a blind study is asked: of which data sets, what counts, and the goal that was set before."""
+"""The rates of a blind study: data sets, criterion, and the goal set in advance."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ from rearl_jax.blind.judging import Judgement, Recovery
 from rearl_jax.blind.verdicts import Verdict
 
 NAMED = ("right", "more")
-"""Outcomes in which everything hidden is named."""
+"""Outcomes in which all hidden effects are named."""
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A data set with all that is known about it in the end."""
+    """A data set with its truth, verdict and judgement."""
 
     name: str
     truth: Mapping[str, Any]
@@ -23,7 +23,7 @@ class Judged:
 
     @property
     def group(self) -> str:
-        """The set it belongs to."""
+        """The set of the data set."""
         return self.truth["group"]
 
     @property
@@ -38,21 +38,21 @@ class Judged:
 
     @property
     def is_named(self) -> bool:
-        """True if all that is hidden is named."""
+        """True if all hidden effects are named."""
         return self.judgement.outcome in NAMED
 
     @property
     def is_listed(self) -> bool:
-        """True if the generator made it and all that is hidden in it is an effect of the list."""
+        """True if the generator made the data set and all hidden effects are in the library."""
         planted = self.truth["planted"]
         return bool(planted) and not self.is_sumo and all(item["kind"] == "listed" for item in planted)
 
 
 @dataclass(frozen=True)
 class Question:
-    """A rate that is wanted: `hit` per data set for which `of` holds, which should reach `goal`, or stay below it.
+    """A rate: share of data sets with `hit` among those with `of`; it should reach `goal`, or stay below it.
 
-    `needs` is a column of cases.parquet without which a kept study cannot be asked again.
+    `needs` is a column of cases.parquet that is necessary to compute the rate from a kept study.
     """
 
     name: str
@@ -73,7 +73,7 @@ def _in_sumo(*kinds: str) -> Callable[[Judged], bool]:
 
 
 def _unlisted(*, has_variable: bool) -> Callable[[Judged], bool]:
-    """Effects in no list, with or without a measured variable that explains them."""
+    """Criterion for unlisted effects with or without a measured variable that explains them."""
     return lambda case: case.group == "unlisted" and bool(case.truth["planted"][0]["variables"]) == has_variable
 
 
@@ -82,12 +82,12 @@ def _has(*outcomes: str) -> Callable[[Judged], bool]:
 
 
 def _claims_traffic(case: Judged) -> bool:
-    """True if something is claimed about drivers or the road that is not there."""
+    """True if a false effect of drivers or road is claimed."""
     return any(kind != "artefact" for kind in case.judgement.false_kinds)
 
 
 def _is_not_there(case: Judged) -> bool:
-    """True if a name is not among what is hidden, alone or beside the right one."""
+    """True if a false name is claimed, alone or beside a correct one."""
     return bool(case.judgement.false_names)
 
 
@@ -126,7 +126,7 @@ def _error_fell(case: Judged) -> bool:
 
 
 def _change(end: str, sign: int) -> Callable[[Judged], bool]:
-    """True if an end of the error's change, or its value, is below (-1) or above (+1) zero."""
+    """Criterion: the value or a bound of the error's change is below (-1) or above (+1) zero."""
 
     def is_beyond(case: Judged) -> bool:
         value = getattr(case.verdict.errors["change"], end, None)
@@ -169,4 +169,4 @@ QUESTIONS = (
              _changes_the_model, _change("low", +1), 0.0, True, "change_low"),
     Question("failed", "data sets on which discovery stopped with an error", lambda _: True, _has("failed"), 0.0, True),
 )  # fmt: skip
-"""What a study is asked, in the order it is shown."""
+"""All rates of a study, in display order."""

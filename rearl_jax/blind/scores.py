@@ -1,4 +1,4 @@
-"""Rates of a blind study with exact binomial intervals, each beside the goal it was given."""
+"""Rates of a blind study with exact binomial intervals and goals."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from scipy.stats import beta
 from rearl_jax.blind.questions import QUESTIONS, Judged, Question
 
 CONFIDENCE = 0.95
-"""Of the intervals of rates."""
+"""Confidence of the intervals of rates [-]."""
 
 
 @dataclass(frozen=True)
@@ -16,12 +16,12 @@ class Score:
     """A rate.
 
     Attributes:
-        name: For tables.
-        title: For people.
-        n_hits, n_cases: Counted.
+        name: Name in tables.
+        title: Title in documents.
+        n_hits, n_cases: Number of hits and of cases.
         low, high: Exact interval (Clopper & Pearson 1934).
-        goal: What it should reach, in words.
-        is_met: Whether the rate itself does.
+        goal: Goal in words.
+        is_met: Whether the rate meets the goal.
     """
 
     name: str

@@ -1,9 +1,9 @@
-"""The Intelligent Driver Model with a gain of its own on the approach rate.
+"""The Intelligent Driver Model with a separate gain for the approach rate.
 
     min(a [1 - (s* / s)^p] - k dv, k0 (v0 - v))   with   s* = s0 + v T
 
-IDM answers to the approach rate by way of its desired gap, with a strength that follows from a and b. Adaptive cruise
-controls do not: their answer is a parameter of its own here, and the desired speed is a cap.
+IDM responds to the approach rate through its desired gap, with a strength that follows from a and b. In adaptive cruise
+controls this response is a separate parameter, k, and the desired speed is an upper bound.
 
 Source: after Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805; relative-speed term as in Milanes &
 Shladover, Transp. Res. C 48 (2014) 285; speed control as in Xiao, Wang & van Arem, Transp. Res. Rec. 2623 (2017) 1.
@@ -20,7 +20,7 @@ from rearl_jax.core.car_following.model import SMALLEST_GAP, CarFollowing
 
 
 class ApproachGainIDM(CarFollowing):
-    """IDM whose answer to the approach rate is a parameter of its own.
+    """IDM with a separate parameter for the response to the approach rate.
 
     Attributes:
         max_accel: a [m/s^2].

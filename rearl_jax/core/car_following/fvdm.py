@@ -19,7 +19,7 @@ from rearl_jax.config.driver.declaration import DriverModel
 from rearl_jax.core.car_following.model import CarFollowing
 
 NEAR_DESIRED_SPEED = 0.999
-"""Share of the desired speed beyond which the gap at equilibrium grows no further."""
+"""Share of the desired speed above which the equilibrium gap is kept constant."""
 
 
 class FVDM(CarFollowing):

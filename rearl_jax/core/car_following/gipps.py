@@ -4,9 +4,9 @@
     v_safe = -b tau + sqrt(b^2 tau^2 + b [2 (s - s0) - v tau] + v_leader^2)
     acceleration = (min(v_free, v_safe) - v) / tau
 
-Drivers take the leader's braking for their own, b. The safety margin is half a reaction time, as Gipps has it, so the
-time gap at equilibrium is T = 1.5 tau; it is the parameter here, as in all other models. Gipps steps from one reaction
-time to the next; here the speed is approached in continuous time.
+Drivers assume that the leader brakes with their own deceleration b. The safety margin is half a reaction time, as in
+Gipps' paper, so the equilibrium time gap is T = 1.5 tau. T is the parameter here, as in all other models. Gipps' model
+has time steps of one reaction time; here the speed changes in continuous time.
 
 Source: Gipps, Transp. Res. B 15 (1981) 105.
 """
@@ -24,7 +24,7 @@ TIME_GAP_OF_REACTIONS = 1.5
 """Time gap at equilibrium over the reaction time [-]: the reaction time and half of it as a margin. Source: ibid."""
 
 SLOWEST_ROOT = 0.1
-"""Least speed [m/s] under the root of the safe speed, for gaps in which no driver could stop; its slope stays finite.
+"""Lower bound [m/s] of the square root in the safe speed, for gaps too short to stop; it keeps the slope finite.
 """
 
 

@@ -1,4 +1,4 @@
-"""The Intelligent Driver Model as published: on the gap between bumpers, the desired gap never below the jam gap.
+"""The Intelligent Driver Model as published, on bumper-to-bumper gaps; the desired gap is at least the jam gap.
 
     a [1 - (v / v0)^4 - (s* / s)^2]   with   s* = s0 + max(0, v T + v dv / (2 sqrt(a b)))
 

@@ -3,8 +3,8 @@
     v_safe = v_leader + (s - s0 - v_leader T) / ((v + v_leader) / (2 b) + T)
     acceleration = min(a, (min(v0, v_safe) - v) / T)
 
-The reaction time T is the time gap at equilibrium. Krauss steps from one reaction time to the next; here the speed is
-approached in continuous time. Dawdling is noise: `driver.noise_sd`, or the effect `acceleration_noise`.
+The reaction time T is the equilibrium time gap. Krauss' model has time steps of one reaction time; here the speed
+changes in continuous time. Dawdling is modelled as noise (`driver.noise_sd`, or the effect `acceleration_noise`).
 
 Source: Krauss, Microscopic Modeling of Traffic Flow (1998), DLR-FB 98-08.
 """

@@ -32,7 +32,7 @@ class Cooperation(Effect):
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """Larger if a vehicle wants to change to the own lane.
+        """Deceleration, larger if a vehicle wants to change to the own lane.
 
         Raises:
             ValueError: The stimulus is that of a recording.

@@ -82,7 +82,7 @@ class FitState:
         return (self.freedom * self.variance + self.sums.square) / (self.freedom + self.sums.count)
 
     def log_likelihood(self) -> Float[np.ndarray, " drivers"]:
-        """Log-likelihood of each driver's innovations, its variance integrated out, without the constant [nats]."""
+        """Log-likelihood of each driver's innovations with its variance integrated out, less a constant [nats]."""
         assert self.sums is not None
         n, square = self.sums.count, self.sums.square
         if np.isinf(self.freedom):
@@ -142,7 +142,7 @@ def new_state(data: Measured, layout: Layout, noise: Noise) -> FitState:
 
 
 def with_noise(state: FitState, noise: Noise) -> FitState:
-    """The same state under the observer of another noise; S_usual starts at the variance which that observer expects."""
+    """The same state under the observer of another noise; S_usual starts at that observer's variance."""
     gain = noise.gain(state.data.dt, state.data.stride)
     pieces = replace(replace_gain(state.pieces, gain), weight=weights(state.data, noise))
     return copied(state, pieces=pieces, variance=float(gain.variance))

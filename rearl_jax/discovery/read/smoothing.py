@@ -90,7 +90,7 @@ def jumps(position: np.ndarray, dt: float) -> np.ndarray:
 
 
 def lasting_noise(white: float, time: float, dt: float) -> float:
-    """Standard deviation [m] of errors with a correlation time [s] and the same fourth differences as white noise [m]."""
+    """Standard deviation [m] of correlated errors with the same fourth differences as white noise [m]."""
     lags = np.array([70.0, -56.0, 28.0, -8.0, 1.0])  # autocorrelation of the fourth-difference operator
     share = (lags * np.exp(-dt / time) ** np.arange(5) * np.array([1, 2, 2, 2, 2])).sum() / 70.0
     return white / float(np.sqrt(share))

@@ -107,7 +107,7 @@ def _unknown(fit: Fit, members: np.ndarray) -> np.ndarray:
 
 
 def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> EffectValues:
-    """The library effect equivalent to a candidate; `early_leader` becomes an effect without knowledge of the future."""
+    """The library effect equivalent to a candidate; `early_response` replaces `early_leader`."""
     effect = candidate.term.effect
     if candidate.term == EARLY_LEADER:
         parameters = {parameter.name: parameter.off for parameter in EFFECTS["early_response"].parameters}
@@ -136,7 +136,7 @@ def lane_change_values(found: Prediction) -> LaneChangeValues:
 
 
 def lane_effect_values(effect: Claim) -> EffectValues:
-    """The library effect of a lane-choice claim, within its bounds; parameters that were not estimated have defaults."""
+    """The library effect of a lane-choice claim, within its bounds; defaults for parameters not estimated."""
     values = {}
     for known in EFFECTS[effect.name].parameters:
         value = effect.parameters[known.name].value if known.name in effect.parameters else known.off

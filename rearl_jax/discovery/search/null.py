@@ -1,4 +1,4 @@
-"""Null distribution of the evidence: drives are simulated with the calibrated model, then analysed like measurements."""
+"""Null distribution of the evidence, from drives that are simulated with the calibrated model."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
