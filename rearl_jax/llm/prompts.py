@@ -1,8 +1,8 @@
 """The questions of one second, one per vehicle that needs a decision, from the traffic and its references.
 
-What vehicles share comes first in a question, so that a server with a prefix cache reads the rest only:
-the system message (the whole study), ROAD, REFERENCE (every scenario compared with the same reference), SCENE (one
-scenario), then the vehicle. Shared parts are rendered once; questions with equal beginnings follow each other.
+Shared text comes first in a question, so that a server with a prefix cache processes only the rest: the system message
+(same for the whole study), ROAD, REFERENCE (same for all scenarios with this reference), SCENE (one scenario), then the
+vehicle. Shared parts are rendered once; questions with equal beginnings follow each other.
 """
 
 from collections import deque
@@ -31,14 +31,14 @@ _count_speeds = jax.jit(speed_counts, static_argnames="hist")
 
 
 class Prompter:
-    """Asks about the vehicles of one batch of scenarios; remembers the speeds of the last seconds.
+    """Generator of questions about the vehicles of one batch of scenarios; it stores the speeds of the last seconds.
 
     Args:
         table: References.
         model: The road.
-        options: What the questions show.
+        options: Content of the questions.
         detection: Choices of the detection, whose speed bins the questions show.
-        template: The template; None for that of `options`. To be loaded once if there are several batches.
+        template: The template; None for that of `options`. Load it once for several batches.
         vehicle_length: Length [m], or lengths that broadcast to `[n_vehicles, n_scenarios]`; highway-env's by default.
 
     Raises:
@@ -109,7 +109,7 @@ class Prompter:
         return questions
 
     def _shared(self, situation: Situation, thresholds: Thresholds, asked: Asked) -> dict[int, _Shared]:
-        """What the questions of each scenario share."""
+        """Shared variables of the questions of each scenario."""
         second, table = int(situation.second), self._table
         model = self._model
         road = Road(model.n_lanes, model.lane_width, model.speed_limit, len(situation.frame.speed))

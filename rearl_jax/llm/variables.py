@@ -1,6 +1,6 @@
 """Variables of a template for one second of the traffic, as plain numbers and words, from NumPy arrays.
 
-The records' fields are the names that templates use.
+Fields of these records are the names in templates.
 """
 
 from collections.abc import Iterator
@@ -79,7 +79,7 @@ class Scene(NamedTuple):
 
 
 class Car(NamedTuple):
-    """The vehicle that is asked about: speed [m/s], acceleration [m/s^2], mean distance to the others [m].
+    """The vehicle of the question: speed [m/s], acceleration [m/s^2], mean distance to the others [m].
 
     Ranks count from the highest value; equal values share the better rank. `last_action` is None without an action in
     the last second, `since_lane_change` [s] None without a lane change so far.

@@ -30,7 +30,7 @@ def of_data(config: EvaluateTask | ClusterTask, scenes: SceneSet) -> list[str]:
 
 
 def of_subset(n_scenes: int, n_paper: int, purpose: str, n_runs: int) -> list[str]:
-    """How many scenes serve a purpose, and how often they are simulated."""
+    """Number of scenes for a purpose, and of simulations per scene."""
     return [f"{purpose}: {n_scenes} scenes x {n_runs} runs; the paper has {n_paper} x {N_RUNS}"]
 
 
@@ -60,7 +60,7 @@ def of_errors(config: EvaluateTask) -> list[str]:
 
 
 def of_decisions(*, asks_model: bool, interval: int, n_runs: int) -> list[str]:
-    """Who decides in the closed loop."""
+    """Decisions in the closed loop."""
     sentences = [
         "decisions: the matcher, a rule, replaces the paper's language models; its rows are listed beside REARL "
         "Qwen3-32B for lack of a better match"

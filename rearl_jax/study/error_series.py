@@ -23,8 +23,8 @@ class Band:
         second: Time [s].
         mean: Mean.
         low: Lower end of the band.
-        high: Its upper end.
-        n_values: Rollouts and scenes.
+        high: Upper end of the band.
+        n_values: Number of rollouts and scenes.
     """
 
     second: Int[np.ndarray, " seconds"]
@@ -36,12 +36,12 @@ class Band:
 
 @dataclass(frozen=True)
 class ErrorSeries:
-    """One row second by second.
+    """Errors of one row, second by second.
 
     Attributes:
         name: Row of the table, or `real_vs_real`.
         title: Title in tables and figures.
-        errors: By name of the error.
+        errors: Bands by name of the error.
     """
 
     name: str
@@ -67,7 +67,7 @@ def _series(item: Evaluated, method: str, name: str, title: str, metrics: Sequen
 
 
 def band(second: Int[np.ndarray, " values"], values: Float[np.ndarray, " values"]) -> Band:
-    """Mean and band of every second; NaN does not count."""
+    """Mean and band of every second; NaN is ignored."""
     known = np.isfinite(values)
     seconds = np.unique(second[known])
     groups = [values[known & (second == at)] for at in seconds]

@@ -103,7 +103,7 @@ def thirds(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _findings(parts: pd.DataFrame, metrics: tuple[str, str]) -> list[str]:
-    """Whether the errors rise or fall in the course of a rollout."""
+    """Sentences on whether the errors rise or fall in the course of a rollout."""
     sentences = []
     for metric in metrics:
         changes = {"higher": [], "lower": []}

@@ -11,7 +11,7 @@ from rearl_jax.study.error_series import Band, ErrorSeries
 
 
 def draw_series(series: list[ErrorSeries], metrics: tuple[str, str], *, generated: bool) -> bytes:
-    """PNG of all rows beside base and real against real."""
+    """PNG of all rows with base and real against real."""
     known = {item.name: item for item in series}
     base, real = known[BASE], known[REAL_VS_REAL]
     rows = [item for item in series if item is not real]
@@ -40,7 +40,7 @@ def draw_series(series: list[ErrorSeries], metrics: tuple[str, str], *, generate
 
 
 def _top(found: Band) -> float:
-    """Where an axis should end: the band, unless its end is far from the means."""
+    """Upper end of an axis: that of the band, unless it is far from the means."""
     return float(min(found.high.max(), 2 * found.mean.max()))
 
 

@@ -1,4 +1,4 @@
-"""What follows from the figures of Table 1, in sentences that are computed from them and from nothing else.
+"""Conclusions from the figures of Table 1, in sentences computed from these figures alone.
 
 "Closer" and "farther" are used only if an interval excludes zero. Time headway and lane-change rate are never called
 better, because they describe the traffic.
@@ -13,7 +13,7 @@ FEW_SCENES = 20
 
 @dataclass(frozen=True)
 class Difference:
-    """A figure less another one, with its interval; no ends if fewer than two scenes have both."""
+    """Difference of two figures with its interval; without bounds if fewer than two scenes have both."""
 
     value: float
     low: float | None = None
@@ -35,13 +35,13 @@ class Difference:
 
 @dataclass(frozen=True)
 class RowDifferences:
-    """An error of one row less that of others.
+    """Differences of one row's error from that of others.
 
     Attributes:
         title: Title of the row.
-        less_base: Less base from the same initial states; None for base itself.
-        less_real: Less real against real.
-        less_controls: Less each control, by its title; empty for rows that have none.
+        less_base: Error minus that of base from the same initial states; None for base itself.
+        less_real: Error minus that of real against real.
+        less_controls: Error minus that of each control, by its title; empty for rows without controls.
     """
 
     title: str
@@ -58,7 +58,7 @@ def findings(
     Args:
         errors: Differences of every row, by the title of the error (smaller is closer).
         n_scenes: Held-out scenes behind the intervals.
-        confidence: Probability the intervals are made for.
+        confidence: Confidence of the intervals [-].
         generated: Whether the recordings were generated, not measured.
     """
     sentences = ["GENERATED recordings: the following says nothing about real traffic."] if generated else []
@@ -122,7 +122,7 @@ def _against_controls(title: str, rows: Sequence[RowDifferences]) -> list[str]:
 
 
 def _sorted(compared: Mapping[str, Difference]) -> tuple[str, str, str]:
-    """Names with their differences: below zero, not told from zero, above zero."""
+    """Names with their differences, in three lists: below zero, not significantly different from zero, above zero."""
     by_sign: dict[int, list[str]] = {-1: [], 0: [], 1: []}
     for name, difference in compared.items():
         by_sign[difference.sign].append(f"{name} ({difference})")

@@ -1,4 +1,4 @@
-"""The figure of Table 1: every row a line, every metric a panel, ours with intervals beside the paper's."""
+"""The figure of Table 1: a line per row, a panel per metric; own figures with intervals, and the paper's."""
 
 from matplotlib.axes import Axes
 

@@ -1,4 +1,4 @@
-"""Document of the study of real traffic: verdicts, errors by protocol, time gaps of cars, and facts as a score."""
+"""Document of the study of real traffic: verdicts, errors by protocol, and time gaps of cars compared with known ones."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -20,8 +20,9 @@ STRONGEST_FIRST = ("named", "improved", "unexplained", "artefact", "nothing")
 def summary_of(table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFrame) -> dict[str, Any]:
     """Flat figures: `n_sets`, `n_groups`, `n_worse` (groups with a protocol in which the repaired model is worse), the
     number of groups by verdict `n_named` ...; the score `n_known`, `n_within`, `n_within_model_free`, `n_cars`,
-    `n_shorter` (cars whose time gap is shorter in S than in L); `leader_difference` with `_low` and `_high` (ACC less
-    person, time gaps of the same people), `leader_cars`, and `is_leader_equal`. None where nothing of it was computed.
+    `n_shorter` (cars whose time gap is shorter in S than in L); `leader_difference` with `_low` and `_high` (time gap
+    behind ACC minus that behind a person, for the same drivers), `leader_cars`, and `is_leader_equal`. None for values
+    that were not computed.
     """
     words = Counter(table["verdict"].tolist())
     known = facts.dropna(subset=["known"])
@@ -50,7 +51,7 @@ def summary_of(table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFra
 
 
 def _difference(differences: pd.DataFrame, first: str, second: str) -> Mapping[str, Any] | None:
-    """Of calibrated drivers, in the first set that has both settings."""
+    """Difference between two settings for calibrated drivers, in the first set with both."""
     asked = {"told": "calibrated", "first": first, "second": second}
     for row in differences.astype(object).to_dict("records"):
         if all(row[name] == value for name, value in asked.items()):
@@ -64,9 +65,9 @@ def document_of(
     """The document of a study.
 
     Args:
-        table: As in real.parquet.
-        facts: As in facts.parquet.
-        differences: As in differences.parquet.
+        table: Content of real.parquet.
+        facts: Content of facts.parquet.
+        differences: Content of differences.parquet.
         remarks: The data and their sources.
         generated: Whether any of the data were generated.
     """
@@ -114,7 +115,7 @@ def _verdicts(named: pd.DataFrame) -> Section:
 
 
 def _errors(named: pd.DataFrame) -> Section:
-    """One table per protocol; those in which no group could be tested are left out."""
+    """Section with a table per protocol; protocols in which no group could be tested are left out."""
     tables = []
     for protocol, words in PROTOCOLS.items():
         tested = named[named[f"{protocol}_before"].notna()]
@@ -132,7 +133,7 @@ def _errors(named: pd.DataFrame) -> Section:
 
 
 def _score(summary: Mapping[str, Any], facts: pd.DataFrame) -> Section:
-    """What is known of these vehicles, and whether it comes out."""
+    """Section on known time gaps of these vehicles, and their agreement with the results."""
     rows = []
     if summary["n_known"]:
         rows += [
