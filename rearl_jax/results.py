@@ -1,8 +1,7 @@
 """The folder of one study: Parquet tables with their provenance inside, `summary.json`, `config.json`.
 
-Every file appears whole or not at all. Provenance holds what produced the figures, and nothing that changes
-from one run of the same thing to the next (no time, no host, nothing from the environment), so that a resumed
-study equals an uninterrupted one.
+Files are written atomically. Provenance contains everything that determines the figures, and nothing that changes
+between equal runs (no time, no host, no environment variables), so that a resumed study equals an uninterrupted one.
 """
 
 import hashlib
@@ -29,13 +28,13 @@ UNHASHED = ("study", "results")
 """Keys of a task that do not change its results."""
 
 SAME = ("task", "config_hash", "code_hash", "data_id")
-"""Provenance that must agree for results to be taken for those of the same study."""
+"""Provenance that must be equal for results to belong to the same study."""
 
 PROVENANCE = ("task", "study", "config_hash", "code_version", "code_hash", "git_sha", "data_id", "generated")
 """Keys of the provenance in every file of results."""
 
 PREFIX = "rearl_jax."
-"""Begins every key this package writes into the schema metadata of a Parquet file."""
+"""Prefix of every key in the schema metadata of a Parquet file."""
 
 
 class Study:
@@ -122,7 +121,7 @@ class Study:
         return self._write(f"{name}.parquet", lambda path: parquet.write_table(table, path))
 
     def owns(self, name: str) -> bool:
-        """Whether the table `name` is there, whole, and of the same task, configuration, data and code."""
+        """True if the table `name` is there, whole, and of the same task, configuration, data and code."""
         path = _inside(self.path, f"{name}.parquet", "file")
         try:
             found = read_metadata(path)
@@ -217,7 +216,7 @@ class Study:
 
 
 def cell_folder(folder: Path, keys: Mapping[str, str]) -> Path:
-    """Where a job of a multirun has its results.
+    """Folder of the results of one job of a multirun.
 
     Args:
         folder: Folder of the multirun.

@@ -1,4 +1,4 @@
-"""JAX set up once per process: compiled programs kept on disk, a CPU device per core, the precision.
+"""Setup of JAX, once per process: cache of compiled programs on disk, a CPU device per core, precision.
 
 Also the description of the machine that goes with every measured speed. Names of hosts and users stay out.
 """
@@ -71,7 +71,7 @@ def machine_line(machine: Mapping[str, str | int | float], load: float | None) -
 
 
 def describe_machine() -> dict[str, str | int | float]:
-    """What a measured speed depends on: processor, cores, memory [GiB], accelerator, versions."""
+    """Description of the machine for speed measurements: processor, cores, memory [GiB], accelerator, versions."""
     devices = jax.devices()
     return {
         "cpu_model": _cpu_model(),

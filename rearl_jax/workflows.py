@@ -93,7 +93,7 @@ class Evaluated:
 
 @dataclass(frozen=True)
 class Discovered:
-    """What the traffic model lacks.
+    """Effects that the traffic model lacks.
 
     Attributes:
         discovery: Everything that was found.
@@ -103,7 +103,7 @@ class Discovered:
 
     @property
     def verdict(self) -> dict[str, Any]:
-        """As in verdict.json, see `discovery.verdict`."""
+        """The content of verdict.json, see `discovery.verdict`."""
         return self.discovery.verdict
 
     @property

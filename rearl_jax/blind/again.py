@@ -49,7 +49,7 @@ class KeptResults(BlindResults):
 
     @cached_property
     def scores(self) -> list[Score]:
-        """Rates: computed again if the table has the necessary columns, else as first written."""
+        """Rates, computed again if the table has the necessary columns, else as first written."""
         known = {row["name"]: row for row in self.kept_scores if row["name"] in self._not_asked}
         names = [item.name for item in fields(Score)]
         found = {name: Score(**{key: row[key] for key in names}) for name, row in known.items()}

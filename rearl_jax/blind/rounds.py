@@ -83,7 +83,7 @@ def run_cases(
 
     Args:
         folder: Folder of the study.
-        study: Its name under results.root.
+        study: Name of the folder under results.root.
         cases: All data sets, in the order in which they are run.
         discover: Discovery.
         blind: Options: what is kept, and whether the oracle is refitted.

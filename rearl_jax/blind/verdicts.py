@@ -28,7 +28,7 @@ class NamedEffect:
         kind: `artefact` for measurement faults, `generic` for a dependence without a library effect, else the kind of
             effect.
         parameters: Parameters by name.
-        variables: What a generic effect depends on.
+        variables: Variables that a generic effect depends on.
         confidence: Stated probability that the effect is present; None if not stated.
     """
 

@@ -111,7 +111,7 @@ def _carry_out(task: Task, overrides: list[str], options: argparse.Namespace) ->
 
 
 def _how_to_go_on(arguments: list[str]) -> str:
-    """What is stored of an interrupted task, and the command that continues it."""
+    """Message after an interruption: stored results, and the command that continues."""
     try:
         options = _parser().parse_intermixed_args(arguments)
         task = _task(options.words)

@@ -75,7 +75,7 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
 def _is_of_before(
     task: Task, fixed: Sequence[str], folder: Path, cell: Mapping[str, str], config_dir: str | None
 ) -> bool:
-    """Whether the results in the folder of a job are those of another configuration than it was to run with."""
+    """True if the results in the folder of a job belong to another configuration."""
     own = cell_folder(folder, cell)
     try:
         found = json.loads((own / "summary.json").read_text(encoding="utf-8"))

@@ -42,7 +42,7 @@ def _to_centre(
 def _is_within(
     curves: np.ndarray, centre: np.ndarray, radius: Float[np.ndarray, " curves"]
 ) -> Bool[np.ndarray, " curves"]:
-    """Whether the distance is at most the radius.
+    """True if the distance is at most the radius.
 
     `bottom[j]` is the reachable part of the side between cells (i-1, j) and (i, j), as shares of edge j of the centre;
     `left` the same between (i, j-1) and (i, j), as shares of edge i of the curve. Empty parts have low > high.

@@ -97,7 +97,7 @@ def cluster_curves(
     """The best centres found, and the cost of every iterate, the first centres first.
 
     Args:
-        curves: What to cluster.
+        curves: Curves to cluster.
         kl: Parameters.
         progress: Called with the number of iterates so far and the most there can be.
 

@@ -16,7 +16,7 @@ from rearl_jax.problems import InvalidInputError, Problem
 log = logging.getLogger(__name__)
 
 _SAME = 9
-"""Decimals to which shares must agree to count as one scene; finer differences are rounding of k-means' input."""
+"""Decimals to which shares must agree for scenes to count as equal; smaller differences are rounding errors."""
 
 _N_ACTIONS = 5
 

@@ -1,7 +1,7 @@
 """Bayesian optimisation of k, l and the number of iterations on a sample of the tracks.
 
-The grid is finite, so every proposal is the exact best of what has not been tried. Each round depends only on the
-rounds before it, which the trace holds: a search resumed from its trace ends like an uninterrupted one.
+The grid is finite, so every proposal is the exact optimum over all untested cells. Each round depends only on the
+rounds before it, which are in the trace; a search resumed from its trace therefore ends like an uninterrupted one.
 """
 
 import hashlib
@@ -49,8 +49,8 @@ class Evaluation:
     """One row of the trace.
 
     Attributes:
-        round: From 0.
-        k, l, iterations: What was tried.
+        round: Number of the round, from 0.
+        k, l, iterations: Tested parameters.
         silhouette: Mean simplified silhouette.
         objective: Silhouette minus the penalty for vertices; largest is best.
         chosen_by: Acquisition that proposed it, or `random`.

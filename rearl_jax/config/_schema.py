@@ -65,7 +65,7 @@ def keys_of(record: Any) -> dict[str, Key]:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """The known name most similar to a given one; the last part alone (`stride` for `scenes.stride`) is compared too."""
+    """The known name most similar to a given one, also by the last part alone (`stride` for `scenes.stride`)."""
 
     def likeness(candidate: str) -> float:
         whole = difflib.SequenceMatcher(None, name.lower(), candidate.lower()).ratio()

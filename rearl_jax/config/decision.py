@@ -42,7 +42,7 @@ class Longitudinal(Enum):
 
 
 class LaneGate(Enum):
-    """Condition of an admissible lane change; in every case the lane must exist and no lane change may be in progress."""
+    """Condition of an admissible lane change, if the lane exists and no lane change is in progress."""
 
     gap = "gap"
     """Enough room ahead and behind on the target lane."""

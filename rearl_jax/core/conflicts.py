@@ -44,7 +44,7 @@ def abort_conflicts(
     Args:
         decided_lane: Target lanes after the lane-change decision.
         state: The traffic; its target lanes are those before that decision.
-        derived: Its derived quantities.
+        derived: Derived quantities of the traffic.
         drivers: Parameters of all vehicles.
     """
     # A decision has no derivative, and drivers' memory has other axes than the gathered arrays.

@@ -94,7 +94,7 @@ def contact(
 
     Args:
         first: Vehicles of lower list index.
-        second: Their partners.
+        second: Partners of `first`, in the same order.
         is_pair: Whether each pair is tested.
         model: The time step.
     """

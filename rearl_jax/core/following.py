@@ -20,7 +20,7 @@ def begin_effects(effects: tuple[Effect, ...], seen: Stimulus, driver: CarFollow
     Args:
         effects: The effects of the model.
         seen: Stimulus at the start.
-        driver: Their car-following model.
+        driver: Car-following model of the drivers.
         dt: Time from one call of `follow` to the next [s].
     """
     return tuple(effect.begin(seen, driver, dt) for effect in effects)
@@ -38,7 +38,7 @@ def follow(
 
     Args:
         seen: Present stimulus of each driver.
-        driver: Their car-following model.
+        driver: Car-following model of the drivers.
         effects: Effects that act on it.
         memory: Memory of the effects.
         last: Acceleration of the last call [m/s^2].
@@ -71,7 +71,7 @@ def adjust_setpoints(
 
     Args:
         seen: Stimulus as the drivers perceive it.
-        driver: Their car-following model.
+        driver: Car-following model of the drivers.
         effects: Effects that act on it.
         memory: Memory of the effects, this time step included.
     """

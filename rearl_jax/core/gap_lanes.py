@@ -81,7 +81,7 @@ def compare_lanes(
 
     Args:
         state: The traffic.
-        derived: Its derived quantities.
+        derived: Derived quantities of the traffic.
         options: Input of this time step.
         drivers: Parameters of all vehicles.
         model: The road.
@@ -124,7 +124,7 @@ def desired_side(
 
     Args:
         state: The traffic.
-        derived: Its derived quantities.
+        derived: Derived quantities of the traffic.
         accelerations: Accelerations on the lanes [m/s^2]. gains: Gains of the changes.
         drivers: Parameters of all vehicles.
         model: The road.

@@ -130,7 +130,7 @@ def control(
 
     Args:
         state: The traffic.
-        derived: Its derived quantities.
+        derived: Derived quantities of the traffic.
         target_lane: Target lanes of the vehicles. own: Car-following accelerations on the own lane [m/s^2].
         on_target: Car-following accelerations on the target lane, if it differs [m/s^2].
         drivers: Parameters of all vehicles.
@@ -189,7 +189,7 @@ def move(
 
     Args:
         state: The traffic.
-        derived: Its derived quantities.
+        derived: Derived quantities of the traffic.
         target_lane: Lanes the vehicles are steered to.
         countdown: Ticks to the next lane-change decision before this step.
         command: Command of every vehicle.

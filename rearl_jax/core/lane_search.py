@@ -81,7 +81,7 @@ def find_ahead(
 
     Args:
         state: The traffic.
-        derived: Its derived quantities.
+        derived: Derived quantities of the traffic.
         vehicles: Observable state of each vehicle.
         lane: Lane searched by each vehicle; -1 and n_lanes are empty. n_leaders: Vehicles to find.
     """
@@ -141,7 +141,7 @@ def find_entrant(
 
     Args:
         state: The traffic.
-        derived: Its derived quantities.
+        derived: Derived quantities of the traffic.
         vehicles: Observable state of each vehicle.
         wanted_lane: The lane each vehicle wants to be on.
     """

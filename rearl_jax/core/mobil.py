@@ -91,11 +91,11 @@ def evaluate_lanes(
 
     Args:
         state: The vehicles that decide.
-        derived: Their derived quantities.
-        free: Their acceleration on a free road [m/s^2].
-        own: Their acceleration on their own lane [m/s^2].
+        derived: Derived quantities of these vehicles.
+        free: Acceleration of these vehicles on a free road [m/s^2].
+        own: Acceleration of these vehicles on their own lane [m/s^2].
         due: Vehicles whose decision is due; results for others are undefined.
-        drivers: Their parameters.
+        drivers: Parameters of these vehicles.
         model: The road.
         among: The large traffic that contains them; None if they are all vehicles.
     """
@@ -182,10 +182,10 @@ def decide_lanes(
 
     Args:
         state: The vehicles that decide.
-        derived: Their derived quantities.
+        derived: Derived quantities of these vehicles.
         due: Vehicles whose decision is due.
         accelerations: Accelerations on the lanes. gains: Gains of a change to the left and to the right [m/s^2].
-        drivers: Their parameters.
+        drivers: Parameters of these vehicles.
         model: The road.
     """
     willing = due & is_moving(state)

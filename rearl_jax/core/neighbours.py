@@ -72,8 +72,8 @@ class Leader(eqx.Module):
 
     Attributes:
         distance: Along the road, centre to centre [m].
-        speed_x: Its speed along the road [m/s].
-        speed_y: Its speed across the road [m/s].
+        speed_x: Speed along the road [m/s].
+        speed_y: Speed across the road [m/s].
     """
 
     distance: Float[Array, "#vehicles *#scenarios"]
@@ -86,7 +86,7 @@ class Follower(eqx.Module):
 
     Attributes:
         distance: Along the road, centre to centre, positive [m].
-        speed: Its speed [m/s].
+        speed: Speed [m/s].
         cos_heading: Cosine of its heading [-].
         sin_heading: Sine of its heading [-].
         speed_ratio: Its `DerivedState.speed_ratio` [-]; 1 without a follower, which makes its free acceleration zero.
@@ -161,7 +161,7 @@ def find_leader(
 
     Args:
         state: The vehicles that search.
-        derived: Their derived quantities.
+        derived: Derived quantities of these vehicles.
         lane: Lane searched by each of them; -1 and n_lanes are empty.
         among: The large traffic that is searched; None to search among themselves.
 
@@ -226,7 +226,7 @@ def _nobody_behind(state: TrafficState) -> Follower:
 
 
 def is_large(n_vehicles: int) -> bool:
-    """Whether a scan along the sorted vehicles is cheaper than comparing all pairs."""
+    """True if a scan along the sorted vehicles is cheaper than comparing all pairs."""
     return n_vehicles > LARGEST_SMALL_TRAFFIC
 
 

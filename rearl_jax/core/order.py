@@ -55,7 +55,7 @@ def _append(values: Array, last: float | int) -> Array:
 
 
 def _is_inverted(low: _Keyed, high: _Keyed) -> Array:
-    """Whether a pair is in the wrong order; at equal x the higher index comes first."""
+    """True if a pair is in the wrong order; at equal x the higher index comes first."""
     return (low[0] > high[0]) | ((low[0] == high[0]) & (low[1] < high[1]))
 
 

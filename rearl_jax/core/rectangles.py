@@ -59,7 +59,7 @@ def separate(first: Rectangle, second: Rectangle, model: TrafficModel) -> tuple[
 
     Args:
         first: Rectangles, of one or all rows.
-        second: Their partners.
+        second: Partners of `first`, in the same order.
         model: The time step.
     """
     moved = _difference(_displacement(first, model), _displacement(second, model))

@@ -71,7 +71,7 @@ def stimulus(
 
     Args:
         state: The traffic.
-        derived: Its derived quantities.
+        derived: Derived quantities of the traffic.
         vehicles: Observable state of each vehicle.
         neighbours: Neighbours of each vehicle on its own lane.
         history: Last change of the leader.

@@ -1,4 +1,4 @@
-"""Execution of a policy's answers: only admissible actions, for a while, then back to IDM and MOBIL."""
+"""Execution of a policy's answers: admissible actions are followed for a limited time, then IDM and MOBIL continue."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ class DecisionMemory(eqx.Module):
 
     Attributes:
         own_speed: Desired speed of each driver before the first decision [m/s].
-        seconds_left: Seconds the present action is still to be followed [s]; 0 for none.
+        seconds_left: Remaining time of the present action [s]; 0 for none.
         last_action: Action each vehicle was given for the last second, NO_ACTION for none.
         lane: Lane at the end of the last second.
         since_lane_change: Seconds since the lane last differed from that of the second before [s].

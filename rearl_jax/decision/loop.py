@@ -1,4 +1,4 @@
-"""The closed loop: simulate a second, assess it, decide, carry on.
+"""The closed loop: simulates a second, compares it with the reference, decides, and continues.
 
 `assess` and `advance` are the two halves around a decision. `rollout_with_policy` runs them with a policy inside one
 compiled scan; a policy that has to leave the program (a language model) is called by the host between the same two.
@@ -48,8 +48,8 @@ class LoopState(eqx.Module):
 
     Attributes:
         state: The vehicles.
-        detector: What the detection remembers from earlier seconds.
-        memory: What the execution of decisions remembers from earlier seconds.
+        detector: Memory of the detection about earlier seconds.
+        memory: Memory of the execution of decisions about earlier seconds.
     """
 
     state: TrafficState

@@ -16,7 +16,7 @@ _USES = {
     "docs": "the documentation (make docs)",
     "gymnax": "gymnax's wrappers around the functional environment",
 }
-"""What each extra is for."""
+"""Purpose of each extra."""
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 

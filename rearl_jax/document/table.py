@@ -8,16 +8,16 @@ from typing import Any
 import pandas as pd
 
 NONE = "-"
-"""Text of a number that does not exist."""
+"""Text of a missing number."""
 
 MOST_ROWS = 60
-"""Rows of a table made from a frame; the Parquet file has all of them."""
+"""Largest number of rows of a table made from a frame; the Parquet file contains all."""
 
 _DIGITS = 3
 """Default number of significant digits."""
 
 _SHORT = 40
-"""Characters of a cell that stays on one line."""
+"""Longest text of a cell that stays on one line [characters]."""
 
 
 class Emphasis(Enum):
@@ -58,9 +58,9 @@ class Table:
     """A table of a document.
 
     Attributes:
-        title: Its title, plain text.
+        title: Title, plain text.
         headings: Headings of the columns after the titles of the rows, with units.
-        rows: Its rows.
+        rows: Rows of the table.
 
     Raises:
         ValueError: A row has more or fewer cells than there are headings.
@@ -92,7 +92,7 @@ def table_of(
     """Table of a frame: the first column holds the titles, `x_low` and `x_high` are the interval of `x`.
 
     Args:
-        title: Its title.
+        title: Title.
         frame: The frame.
         columns: Names of the columns shown, those that the frame has not left out; as keys of their headings.
         emphasis: Emphasis of rows by title; the others are plain.

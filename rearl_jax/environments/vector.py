@@ -50,8 +50,8 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
 
         Args:
             num_envs: Number of scenarios.
-            scenes: Measured scenes to begin with, each vehicle of each in the place of the controlled one; None to draw
-                the traffic.
+            scenes: Measured scenes as initial states, each once with every vehicle as the controlled one; None for
+                random traffic.
             autoreset_mode: Treatment of finished episodes.
             render_mode: `rgb_array` for pictures, None for none.
             **options: Fields of `HighwayOptions`.
@@ -82,7 +82,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
 
         Args:
             seed: s for s, s + 1, ...; or one for each scenario, None to continue with the episodes that follow.
-            options: `reset_mask`, who begins anew; all by default.
+            options: `reset_mask`, the scenarios that restart; all by default.
 
         Raises:
             ValueError: There are too few seeds, or the mask is not a mask of the scenarios.
@@ -116,11 +116,11 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         Bool[np.ndarray, " scenarios"],
         dict[str, Any],
     ]:
-        """Observations, rewards, who has terminated, who was truncated, and info.
+        """Observations, rewards, masks of terminated and of truncated scenarios, and info.
 
         Raises:
-            RuntimeError: There was no reset, or, without automatic resets, not of those that have finished.
-            ValueError: Actions are missing or none of `MetaAction`.
+            RuntimeError: There was no reset, or, without automatic resets, a finished scenario was not reset.
+            ValueError: Actions are missing or are not a `MetaAction`.
         """
         if self._scenarios is None:
             raise RuntimeError("there are no episodes yet: call reset() before step()")
@@ -167,12 +167,12 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         return tuple(rendering.pictures(self._scenarios.state, self.options))
 
     def _restart(self, begins: Bool[np.ndarray, " scenarios"]) -> FirstObservation:
-        """Observations once new episodes have begun."""
+        """Observations after new episodes have begun."""
         self._scenarios, start = restart_program(self.options)(self._scenarios, self._cases, begins)
         return start
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None]:
-        """One for each scenario."""
+        """Seeds, one for each scenario."""
         if seed is None:
             return [None] * self.num_envs
         if isinstance(seed, int):

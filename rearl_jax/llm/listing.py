@@ -77,7 +77,7 @@ def entries(response: Response) -> list[dict[str, Any]]:
 
 
 def is_list(response: Response) -> bool:
-    """Whether a response is a list of models."""
+    """True if a response is a list of models."""
     try:
         entries(response)
     except ValueError:

@@ -45,7 +45,7 @@ class PromptTemplate:
         self._template = template
 
     def has(self, block: str) -> bool:
-        """Whether the file has a block of that name."""
+        """True if the file has a block of that name."""
         return block in self._template.blocks
 
     def render(self, block: str, variables: Mapping[str, object], ready: Mapping[str, Rendered] | None = None) -> str:

@@ -1,4 +1,4 @@
-"""The metric table: what each figure is, its unit, and whether more of it is better.
+"""The metric table: definition, unit and direction of improvement of each metric.
 
 The names are the columns of the result tables and the keys of their summaries. Those of the table below are fields of
 `rearl_jax.metrics.scene.SceneMetrics`; `realism` comes from `rearl_jax.metrics.realism.realism_scores`, which pools

@@ -8,7 +8,7 @@ from rearl_jax.metrics.measure import fold_vehicles
 
 
 class Followers(eqx.Module):
-    """What each vehicle sees of its leader. Without one both distances are inf and the approach rate is 0."""
+    """Leader of each vehicle. Without a leader both distances are inf and the approach rate is 0."""
 
     has_leader: Bool[Array, "steps vehicles *scenarios"]
     centre_distance: Float[Array, "steps vehicles *scenarios"]

@@ -14,7 +14,7 @@ Carry = TypeVar("Carry")
 class Measure(eqx.Module):
     """A figure and the number of samples behind it.
 
-    `value` is finite for finite inputs; if `count` is 0 it is 0 and means nothing. Pool several as sum(value * count) /
+    `value` is finite for finite inputs; if `count` is 0 it is 0 and undefined. Pool several as sum(value * count) /
     sum(count) if the metric is a mean or a share.
     """
 

@@ -25,13 +25,13 @@ from rearl_jax.core.state import TrafficState, nearest_lane
 from rearl_jax.models.population import LaneChanging, Population
 
 POPULATION_STREAM = 3
-"""Separates the random numbers of the drivers from those of the initial state."""
+"""Random stream of the drivers, separate from that of the initial state."""
 
 SEED_STREAM = 100
 """First of the streams of the effects' random numbers, one for each effect."""
 
 FURTHEST = 2.5
-"""Standard deviations at which a driver's parameters and a vehicle's length are cut; own choice."""
+"""Standard deviations at which a driver's parameters and a vehicle's length are truncated; own choice."""
 
 LEAST_GAP = 4.0
 """Gap [m] that is left between vehicles which would start inside or close behind each other; own choice, what
@@ -52,7 +52,7 @@ def populate(
 
     Args:
         state: Initial state.
-        drivers: Its drivers, whose lane-changing parameters are kept if the population has none.
+        drivers: Drivers of the traffic, whose lane-changing parameters are kept if the population has none.
         keys: One random key per scenario.
         population: Population of the drivers.
         model: The road.
@@ -158,7 +158,7 @@ def make_room(
 
     Args:
         state: The vehicles.
-        length: Their lengths [m].
+        length: Lengths of the vehicles [m].
         model: The road.
     """
     order = jnp.argsort(state.x, axis=0).astype(jnp.int32)

@@ -1,4 +1,4 @@
-"""The scenes that a page replays: one rollout each, beside the recorded scene it was scored on."""
+"""Replayed scenes of a page: one rollout each, and the recorded scene it is compared with."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from rearl_jax.data.scene_set import SceneSet
 
 @dataclass(frozen=True)
 class Decision:
-    """One vehicle that was asked.
+    """One decision about a vehicle.
 
     Attributes:
         rollout: Number of the rollout.
@@ -36,8 +36,8 @@ class ReplayedScene:
         run: Run of the study.
         frames: The rollout, `[n_steps, n_vehicles]`.
         lengths: Lengths of its vehicles [m].
-        h: Its Hellinger distance [-].
-        decisions: Which vehicle was asked when, and its action.
+        h: Hellinger distance of the rollout [-].
+        decisions: Decisions about vehicles, with times and actions.
     """
 
     index: int

@@ -21,7 +21,7 @@ class FinishedStudy:
     """A finished study.
 
     Attributes:
-        path: Its folder.
+        path: Folder of the study.
         task: The task that wrote it.
         config: The task's record, as in config.json.
         provenance: Origin of the figures, as in every file.
@@ -36,12 +36,12 @@ class FinishedStudy:
 
     @property
     def generated(self) -> bool:
-        """Whether the recordings were generated, not measured."""
+        """True if the recordings were generated, not measured."""
         return bool(self.provenance["generated"])
 
     @property
     def has_new_keys(self) -> bool:
-        """Whether the record has keys that did not exist when the study was made."""
+        """True if the record has keys that did not exist when the study was made."""
         return config_hash(self.config) != self.provenance["config_hash"]
 
     @property
@@ -86,7 +86,7 @@ class FinishedStudy:
         """Data set of the first recording that the configuration names; empty for a task without recordings.
 
         Raises:
-            OSError, ValueError: There is no recording, or it is bad.
+            OSError, ValueError: There is no recording, or it is invalid.
         """
         if not hasattr(self.config, "data"):
             return ()

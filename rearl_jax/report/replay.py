@@ -37,7 +37,9 @@ from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
 
 SAME_FIGURE = 1e-5
-"""Difference of Hellinger distances [-] up to which a rollout is that of the study: what rounding may do to a mean."""
+"""Difference of Hellinger distances [-] up to which a rollout is that of the study: the largest effect of rounding on a
+mean.
+"""
 
 
 class NoReplayError(ValueError):
@@ -49,8 +51,8 @@ def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -
 
     Args:
         study: A finished `rearl evaluate`.
-        options: Which scenes, which run.
-        bar: Shows what is read and simulated.
+        options: Choice of scenes and run.
+        bar: Progress display.
 
     Raises:
         NoReplayError: The data are missing or others, or the rollouts are not those of the study.

@@ -1,4 +1,4 @@
-"""The task `rearl report`: writes the page of a finished study anew.
+"""The task `rearl report`: writes the page of a finished study again.
 
 Nothing else of the study is changed. Of `rearl evaluate` some scenes are simulated again for the replay; if that is
 impossible, the page is written without them and states why.

@@ -31,7 +31,7 @@ class Witness:
 
     Attributes:
         make: Makes the policies themselves.
-        decisions: What they have decided so far.
+        decisions: Decisions so far.
     """
 
     make: MakePolicy

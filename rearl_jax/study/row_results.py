@@ -77,7 +77,7 @@ class Results:
 
     @property
     def has_references(self) -> bool:
-        """Whether any row compares the traffic with representative scenes."""
+        """True if any row compares the traffic with representative scenes."""
         return any(Method[item.method].needs_references for item in self.rows)
 
     @property

@@ -32,8 +32,8 @@ def run(config: StudyTable1Task) -> dict:
     """The summary, as in summary.json.
 
     Raises:
-        FileNotFoundError, ValueError: There are no recordings, one is bad, too few scenes can be cut from them, two
-            keys contradict each other, or there is no row of a name.
+        FileNotFoundError, ValueError: There are no recordings, a recording is invalid, too few scenes can be cut from
+            them, two keys contradict each other, or there is no row of a name.
     """
     study = begin("study table1", config, inputs_id(config))
     results = evaluate_rows(config)

@@ -19,7 +19,7 @@ def draw_cells(config: EvaluateTask, names: list[str], table: pd.DataFrame, *, g
     """PNG of the cells' estimates with their intervals.
 
     Args:
-        config: What all cells share.
+        config: Configuration common to all cells.
         names: Names of the cells, drawn from top to bottom.
         table: `cells.parquet`.
         generated: Whether the recordings were generated, not measured.

@@ -25,9 +25,9 @@ class Cell:
 
     Attributes:
         keys: Value of each swept key, as written on the command line.
-        folder: Its results.
-        estimates: Its `summary.parquet`.
-        figures: Its objects of `summary.json`, the method first.
+        folder: Folder of its results.
+        estimates: Content of `summary.parquet`.
+        figures: Objects of `summary.json`, the method first.
     """
 
     keys: dict[str, str]
@@ -45,7 +45,7 @@ def collect(config: EvaluateTask, swept: list[dict[str, str]]) -> None:
     """Combines the finished cells.
 
     Args:
-        config: What all cells share.
+        config: Configuration common to all cells.
         swept: The swept keys and their values, cell by cell.
     """
     root = Path(config.results.root) / config.study
@@ -91,7 +91,7 @@ def _read(root: Path, keys: dict[str, str]) -> Cell | None:
 
 
 def _own(figures: dict) -> dict:
-    """What a cell has measured, without the provenance that all files have."""
+    """Figures of a cell, without provenance."""
     return {name: value for name, value in figures.items() if name not in PROVENANCE}
 
 

@@ -69,7 +69,7 @@ class Choice:
 
     @property
     def is_distinguishable(self) -> bool:
-        """Whether the interval of the lead leaves zero out."""
+        """True if the interval of the lead excludes zero."""
         return self.lead_low > 0
 
 
@@ -82,7 +82,7 @@ def choose(
 
     Args:
         h: Mean over runs of every pair and scene.
-        mape: The same of the spacing error.
+        mape: Threshold or error of the spacing, as for `h`.
         eval: Resamples, confidence and seed of the bootstrap over scenes.
 
     Raises:

@@ -41,8 +41,8 @@ def run(config: SweepScaleTask) -> dict:
     """The summary: rates, memory, cost of a rollout by the number simulated at a time.
 
     Raises:
-        FileNotFoundError, ValueError: There are no recordings, one is bad, too few scenes can be cut from them, or two
-            keys contradict each other.
+        FileNotFoundError, ValueError: There are no recordings, a recording is invalid, too few scenes can be cut from
+            them, or two keys contradict each other.
     """
     config.check()
     if config.eval.seed_scope is not SeedScope.run_x_scene:

@@ -26,7 +26,7 @@ _MIB = 2**20
 
 
 class StreamLog:
-    """What has been simulated since the log was opened, and what earlier sessions have left in the table.
+    """Rollouts simulated since the log was opened, and rollouts of earlier runs in the table.
 
     Attributes:
         n_before: Rollouts that were on disk when it was opened.

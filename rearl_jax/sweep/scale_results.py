@@ -1,4 +1,4 @@
-"""What a stream of rollouts has cost, as the figures that are printed, drawn and written."""
+"""Costs of a stream of rollouts, as figures that are printed, drawn and written."""
 
 import math
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from rearl_jax.sweep.scale_progress import StreamLog
 
 @dataclass(frozen=True)
 class ScaleResults:
-    """What was measured.
+    """Results of a stream of rollouts.
 
     Attributes:
         config: The task.
@@ -20,8 +20,8 @@ class ScaleResults:
         seconds: Simulated time of a rollout [s].
         thresholds: Thresholds of the Hellinger distance and of the spacing error; infinite if nothing is detected.
         costs: Cost of a rollout by the number at a time.
-        stream: What was simulated now, and the memory meanwhile.
-        machine: What a speed depends on.
+        stream: Simulated rollouts of this run, and their memory use.
+        machine: Description of the machine.
         load_average: Processes that wanted to run when the task began; None if the system does not tell.
         generated: Whether the recordings were generated, not measured.
     """

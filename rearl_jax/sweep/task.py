@@ -44,8 +44,8 @@ def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
         show: Whether the table is printed.
 
     Raises:
-        FileNotFoundError, ValueError: There are no recordings, one is bad, too few scenes can be cut from them, or two
-            keys contradict each other.
+        FileNotFoundError, ValueError: There are no recordings, a recording is invalid, too few scenes can be cut from
+            them, or two keys contradict each other.
     """
     if config.eval.seed_scope is not SeedScope.run_x_scene:
         message = "must be run_x_scene: a sweep scores every rollout against its own scene"

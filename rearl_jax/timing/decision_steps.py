@@ -81,7 +81,7 @@ class Batch(eqx.Module):
 
     Attributes:
         state: Initial traffic.
-        drivers: Its drivers.
+        drivers: Drivers of the traffic.
         keys: Random keys of the policy.
         table: The references.
         thresholds: Infinite, so that no value passes them.

@@ -36,7 +36,7 @@ class ProcessSession:
             program: Address `module:name` of what makes the simulator.
             cpu_devices: CPU devices of JAX; None for one per core.
             on_cpu: Whether JAX sees the CPU alone.
-            remedy: What to do if the program fails.
+            remedy: Remedy if the program fails.
             **arguments: What the function or class takes.
 
         Raises:

@@ -39,8 +39,8 @@ class Source(Enum):
 
 @dataclass(frozen=True)
 class Injection:
-    """Vehicles placed by us, in list order; the names are those of `records.Start`. An absent timer is highway-env's
-    own.
+    """Vehicles placed by this module, in list order, with the names of `records.Start`. Without a timer, highway-env's
+    value is used.
     """
 
     x: tuple[float, ...]
@@ -102,8 +102,8 @@ class ScenarioSet:
     """Scenes of one kind.
 
     Attributes:
-        name: As in the configuration.
-        size: Size class the set counts for: 2, 10, 30 or 60. An ego or further vehicles may come on top.
+        name: Name in the configuration.
+        size: Size class of the set: 2, 10, 30 or 60; an ego or further vehicles may be added.
         source: Who places the vehicles.
         n_idm: Vehicles driven by IDM and MOBIL.
         n_meta: Vehicles driven by meta-actions.

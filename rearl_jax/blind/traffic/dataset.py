@@ -25,7 +25,7 @@ def write_dataset(folder: Path, scenario: Scenario, *, as_highd: bool = False) -
 
     Args:
         folder: Folder of the tables; created if missing.
-        scenario: What to generate.
+        scenario: Scenario of the data set.
         as_highd: Write highD's three files instead.
 
     Raises:

@@ -50,7 +50,7 @@ class ForcedChanges:
         return found[int(self._rng.integers(len(found)))] if found else None
 
     def _fits(self, own: int, there: np.ndarray, place: np.ndarray, speed: np.ndarray, length: np.ndarray) -> bool:
-        """Whether there is a leader on the target lane and both gaps allow the change without hard braking."""
+        """True if there is a leader on the target lane and both gaps allow the change without hard braking."""
         ahead, behind = there[place[there] > place[own]], there[place[there] <= place[own]]
         if ahead.size == 0:
             return False

@@ -1,4 +1,4 @@
-"""Document of the study of real traffic: verdicts, errors by protocol, and time gaps of cars compared with known ones."""
+"""Document of the study of real traffic: verdicts, errors by protocol, and time gaps with known values."""
 
 from collections import Counter
 from collections.abc import Mapping
