@@ -124,11 +124,11 @@ class Study:
         """True if the table `name` is there, whole, and of the same task, configuration, data and code."""
         path = _inside(self.path, f"{name}.parquet", "file")
         try:
-            found = read_metadata(path)
+            metadata = read_metadata(path)
         except (OSError, ValueError):  # not there, or what pyarrow raises for a file that is not Parquet
             return False
         wanted = {key: self._provenance[key] for key in SAME if self._provenance[key] is not None}
-        return all(found.get(key) == _as_text(value) for key, value in wanted.items())
+        return all(metadata.get(key) == _as_text(value) for key, value in wanted.items())
 
     def finished_parts(self, name: str) -> set[int]:
         """Numbers of the parts of a table that need not be made again; all other files of the table are removed.
@@ -147,12 +147,12 @@ class Study:
     def finished_summary(self) -> Any:
         """The summary, which is written last, if it is of the same task, configuration, data and code; else None."""
         try:
-            found = json.loads((self.path / "summary.json").read_text(encoding="utf-8"))
+            summary = json.loads((self.path / "summary.json").read_text(encoding="utf-8"))
         except (FileNotFoundError, ValueError):
             return None
-        first = first_part(found)
+        first = first_part(summary)
         is_same = isinstance(first, dict) and all(first.get(key) == self._provenance[key] for key in SAME)
-        return found if is_same else None
+        return summary if is_same else None
 
     def write_summary(self, summary: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> Path:
         """Path of `summary.json`: the provenance and the figures of the task under documented keys.

@@ -108,14 +108,14 @@ def _check_platform() -> None:
 
 def _platforms() -> list[str]:
     """Platforms that JAX finds if nothing is chosen, the preferred one first."""
-    found = subprocess.run(
+    answer = subprocess.run(
         [sys.executable, "-c", "import jax; print(jax.devices()[0].platform)"],
         env={name: value for name, value in os.environ.items() if name not in PLATFORM_VARIABLES},
         capture_output=True,
         text=True,
         check=False,
     )
-    return list(dict.fromkeys([*found.stdout.split()[-1:], "cpu"]))
+    return list(dict.fromkeys([*answer.stdout.split()[-1:], "cpu"]))
 
 
 @cache

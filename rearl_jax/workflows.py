@@ -193,8 +193,8 @@ def evaluate(measured: Measured = None, **keys: Any) -> Evaluated:
         config = _with_table(config, measured)
     with silent() as bar:
         evaluation = task.compute(config, bar, scenes=scenes)
-    found = estimates(evaluation.rows, evaluation.held_out, config.eval)
-    return Evaluated(config, evaluation, found, has_own_scenes=scenes is not None)
+    estimated = estimates(evaluation.rows, evaluation.held_out, config.eval)
+    return Evaluated(config, evaluation, estimated, has_own_scenes=scenes is not None)
 
 
 def discover(measured: pd.DataFrame | None = None, **keys: Any) -> Discovered:

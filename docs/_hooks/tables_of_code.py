@@ -90,12 +90,12 @@ def packages() -> str:
 
 def public_names() -> str:
     """Every name of `rearl_jax`, as the modules that own them document it."""
-    found: dict[str, list[str]] = {}
+    names: dict[str, list[str]] = {}
     for name, home in sorted(rearl_jax._HOMES.items()):
         entry = f"::: {home}.{name}\n    options: {{show_root_full_path: false}}"
-        found.setdefault(home.split(".")[1], []).append(entry)
+        names.setdefault(home.split(".")[1], []).append(entry)
     blocks = []
-    for area, entries in found.items():
+    for area, entries in names.items():
         blocks += [f"## {AREAS.get(area, area.capitalize())}", *entries]
     return "\n\n".join(blocks)
 

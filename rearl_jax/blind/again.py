@@ -52,10 +52,10 @@ class KeptResults(BlindResults):
         """Rates, computed again if the table has the necessary columns, else as first written."""
         known = {row["name"]: row for row in self.kept_scores if row["name"] in self._not_asked}
         names = [item.name for item in fields(Score)]
-        found = {name: Score(**{key: row[key] for key in names}) for name, row in known.items()}
+        kept = {name: Score(**{key: row[key] for key in names}) for name, row in known.items()}
         asked = [question for question in QUESTIONS if question.name not in self._not_asked]
-        found |= {score.name: score for score in score_all(self.cases, asked)}
-        return [found[question.name] for question in QUESTIONS if question.name in found]
+        kept |= {score.name: score for score in score_all(self.cases, asked)}
+        return [kept[question.name] for question in QUESTIONS if question.name in kept]
 
     @cached_property
     def parameters(self) -> list[dict]:

@@ -116,13 +116,13 @@ def by_strength(cases: Iterable[Judged]) -> list[dict]:
 
     `n_false` is the number with a false name.
     """
-    found: dict[tuple[str, float], list[Judged]] = {}
+    by_key: dict[tuple[str, float], list[Judged]] = {}
     for case in cases:
         if case.group in ("named", "half", "quarter", "double") and not case.is_sumo:
             for name in (case.truth["variant"], "all"):
-                found.setdefault((name, case.truth["planted"][0]["strength"]), []).append(case)
+                by_key.setdefault((name, case.truth["planted"][0]["strength"]), []).append(case)
     rows = []
-    for (name, strength), items in sorted(found.items()):
+    for (name, strength), items in sorted(by_key.items()):
         n, n_named, n_false = len(items), sum(case.is_named for case in items), outcome_counts(items)["n_false"]
         row = {"effect": name, "strength": strength, "n": n, "n_named": n_named, "n_false": n_false}
         rows.append(row | _rate(n_named, n))

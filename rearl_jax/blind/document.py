@@ -15,8 +15,8 @@ TABLES = ("scores", "sets", "confusion", "parameters", "calibration", "cases")
 """Tables of a study that its document shows."""
 
 CAPTIONS = {
-    "confusion": "Data sets by what was hidden (rows) and what was said first (columns); rows add up to one in colour. "
-    "What was recognised under another of its names stands on the diagonal.",
+    "confusion": "Number of data sets by hidden effect (rows) and first claimed name (columns); colours are "
+    "normalised by row. Effects recognised under another correct name are on the diagonal.",
     "strengths": "Share of data sets with one hidden effect in which it is named. Blue: all effects; grey: each.",
 }
 
@@ -51,8 +51,8 @@ def document_of(
     said = tables["confusion"].melt("hidden", var_name="said", value_name="n", ignore_index=False)
     said = said.query("n > 0").sort_index(kind="stable")
     words = (
-        "Not there: data sets with a name that is not there, whatever the outcome: it may stand beside what is right. "
-        "A curve over a variable counts as a name.",
+        "Not there: data sets with a false name, for every outcome, because a false name may accompany a correct "
+        "one. A curve over a variable counts as a name.",
     )
     parts = (
         (Section("Rates", notes=tuple(_notes(summary, tables, protocol))), _rates(tables["scores"]), _SCORES),
@@ -106,8 +106,8 @@ def _notes(
         yield f"{summary['n_cases']} of {summary['n_drawn']} data sets, the first in the study's random order."
     if summary["oracle_share"] is not None:
         yield (
-            f"Repaired models recover {percent(summary['oracle_share'])} of the reduction of the squared error that "
-            f"the hidden effect itself brings, in {summary['n_oracles']} data sets."
+            f"Repaired models recover {percent(summary['oracle_share'])} of the oracle's reduction of the "
+            f"squared error, in {summary['n_oracles']} data sets."
         )
     parameters = tables["parameters"]
     if len(parameters) and (n_intervals := int(parameters["n_intervals"].to_numpy().sum())):
@@ -121,10 +121,10 @@ def _notes(
 
 def _sealing(protocol: Mapping[str, Any]) -> Section:
     words = (
-        f"The hash of all sources was written down first, then the master seed was {_origin(protocol)}, then what is "
-        "hidden was written to one file and the hash of that file into the protocol; only then did discovery see the "
-        "first data set. It was given folders whose names and contents say nothing about what is hidden. The file was "
-        "opened once, after the last verdict.",
+        f"First the hash of all sources was stored, then the master seed was {_origin(protocol)}, then the truth "
+        "was written to one file and the hash of that file into the protocol. Only then did discovery receive "
+        "the first data set. Names and contents of its folders do not reveal the truth. The file was opened "
+        "once, after the last verdict.",
         f"Code {protocol['code_hash']}, master seed {protocol['master_seed']}, truth {protocol['truth_sha256']}.",
     )
     return Section("How it was kept blind", words, is_folded=True)

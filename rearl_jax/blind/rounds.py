@@ -129,8 +129,8 @@ def judge_cases(folder: Path, protocol: sealing.Protocol, cases: Sequence[Case])
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
         truth = truths[case.name]
-        found = tuple(recoveries(truth, verdict))
-        judged.append(Judged(case.name, truth, verdict, judge(truth, verdict), found))
+        recovered = tuple(recoveries(truth, verdict))
+        judged.append(Judged(case.name, truth, verdict, judge(truth, verdict), recovered))
     return judged
 
 

@@ -52,12 +52,12 @@ def binomial_interval(n_hits: int, n_cases: int) -> tuple[float, float]:
 
 def score_all(cases: Sequence[Judged], questions: Sequence[Question] = QUESTIONS) -> list[Score]:
     """Every rate for which there are data sets."""
-    found = []
+    scores = []
     for question in questions:
         asked = [case for case in cases if question.of(case)]
         if asked:
-            found.append(_scored(question, sum(map(question.hit, asked)), len(asked)))
-    return found
+            scores.append(_scored(question, sum(map(question.hit, asked)), len(asked)))
+    return scores
 
 
 def _scored(question: Question, n_hits: int, n_cases: int) -> Score:

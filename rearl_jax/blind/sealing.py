@@ -53,11 +53,11 @@ def open_protocol(folder: Path, config_hash: str, seed: int | None) -> tuple[Pro
     """
     path = folder / PROTOCOL
     fresh = Protocol(code_hash(), config_hash, seed_drawn=seed is None, thresholds_hash=THRESHOLDS.fingerprint())
-    found = stored_protocol(folder)
-    if found is not None and _fixed(found) == _fixed(fresh):
-        goes_on = found.truth_sha256 is not None
-        if found.master_seed is not None:
-            return found, goes_on
+    stored = stored_protocol(folder)
+    if stored is not None and _fixed(stored) == _fixed(fresh):
+        goes_on = stored.truth_sha256 is not None
+        if stored.master_seed is not None:
+            return stored, goes_on
     # The code hash is stored before the seed is drawn, so that the seed cannot be chosen to suit the code.
     _write(path, fresh)
     drawn = replace(fresh, master_seed=secrets.randbits(32) if seed is None else seed)

@@ -138,20 +138,20 @@ def _run(order: dict[str, Any]) -> dict[str, np.ndarray]:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             raise RuntimeError(f"SUMO failed on {order['variant']}: {done.stderr.strip()[-2000:]}")
-        with np.load(answered) as found:
-            return dict(found)
+        with np.load(answered) as answer:
+            return dict(answer)
 
 
-def _events(fleet: Fleet, found: dict[str, np.ndarray]) -> Events:
+def _events(fleet: Fleet, motion: dict[str, np.ndarray]) -> Events:
     """The simulated motion in the form of the generator's events."""
-    n_steps, n = found["position"].shape
+    n_steps, n = motion["position"].shape
     return Events(
         time=STEP * np.arange(n_steps) - WARM_UP,
-        position=found["position"],
-        speed=found["speed"],
-        acceleration=found["acceleration"],
+        position=motion["position"],
+        speed=motion["speed"],
+        acceleration=motion["acceleration"],
         wander=np.zeros((n_steps, n)),
-        lane=found["lane"].astype(np.int8),
+        lane=motion["lane"].astype(np.int8),
         leader=np.zeros((0, n), dtype=np.int32),
         fleet=fleet,
         effects=(),

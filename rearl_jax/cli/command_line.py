@@ -92,8 +92,8 @@ def _dispatch(arguments: list[str]) -> int:
     if not options.json:
         return _carry_out(task, overrides, options)[0]
     with standard_output_apart() as output:
-        code, found = _carry_out(task, overrides, options)
-        write_object(found, output)
+        code, summary = _carry_out(task, overrides, options)
+        write_object(summary, output)
     return code
 
 

@@ -130,10 +130,10 @@ def choices(task: Task, config_dir: str | None = None) -> dict[str, dict[str, st
     roots = [tasks.conf_dir()] if config_dir is None else [tasks.conf_dir(), Path(config_dir)]
     groups = sorted(group.name for group in groups_of(task.defaults()) if group.name)
     files = {name: sorted(file for root in roots for file in (root / name).glob("*.yaml")) for name in groups}
-    found = {name: {file.stem: first_comment(file) for file in files[name]} for name in groups}
-    if "driver" in found:
-        found["driver"] = {name: model.title for name, model in MODELS.items()} | found["driver"]
-    return {name: chosen for name, chosen in found.items() if chosen}
+    comments = {name: {file.stem: first_comment(file) for file in files[name]} for name in groups}
+    if "driver" in comments:
+        comments["driver"] = {name: model.title for name, model in MODELS.items()} | comments["driver"]
+    return {name: chosen for name, chosen in comments.items() if chosen}
 
 
 def first_comment(file: Path) -> str:

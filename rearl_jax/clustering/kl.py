@@ -144,8 +144,8 @@ def _gonzalez(curves: Curves, kl: KlConfig) -> Float[np.ndarray, "centres featur
     centres: list[np.ndarray] = []
     nearest = np.full(n_curves, np.inf, dtype=np.float32)
     for _ in range(kl.k):
-        one = curves.curves[:, :, chosen : chosen + 1]
-        centres.append(simplified(one, shortcut_errors(one), kl.l)[0])
+        curve = curves.curves[:, :, chosen : chosen + 1]
+        centres.append(simplified(curve, shortcut_errors(curve), kl.l)[0])
         nearest = np.minimum(nearest, curves.distances(centres[-1][None])[0])
         chosen = int(nearest.argmax())
     return np.stack(centres)

@@ -162,17 +162,17 @@ class ReferenceBuilder:
         Raises:
             ValueError: Too few tracks or scenes to cluster, or the recordings have not been passed through.
         """
-        found = self._found
-        if found is not None and not np.array_equal(found.scene_id, scenes.scene_id):
-            message = f"the file belongs to {len(found.scene_id)} scenes, {len(scenes)} were given"
+        clusters = self._found
+        if clusters is not None and not np.array_equal(clusters.scene_id, scenes.scene_id):
+            message = f"the file belongs to {len(clusters.scene_id)} scenes, {len(scenes)} were given"
             remedy = "build references from the scenes of the same configuration"
             raise InvalidInputError(Problem("scenes-differ", message, remedy, file=str(self._path)))
-        if found is None:
+        if clusters is None:
             self.tracks = self._collector.collected() if self.tracks is None else self.tracks
-            found = cluster(self._config, scenes, self.tracks, splits, study, self.data_id, progress)
-            write_arrays(self._path, _arrays(found))
-        _warn_of_leaks(found, splits)
-        return references_of(scenes, found.scenes, self._config.cluster), found
+            clusters = cluster(self._config, scenes, self.tracks, splits, study, self.data_id, progress)
+            write_arrays(self._path, _arrays(clusters))
+        _warn_of_leaks(clusters, splits)
+        return references_of(scenes, clusters.scenes, self._config.cluster), clusters
 
 
 def cluster(

@@ -68,11 +68,11 @@ def label_shares(
     counts = np.zeros((len(labels), n_labels))
     for scene in range(len(labels)):
         labelled = labels[scene] >= 0
-        found = labels[scene][labelled]
+        label = labels[scene][labelled]
         if definition is SceneVector.unique_tracks:
             _, first = np.unique(track[scene][labelled], return_index=True)
-            found = found[first]
-        counts[scene] = np.bincount(found, minlength=n_labels)
+            label = label[first]
+        counts[scene] = np.bincount(label, minlength=n_labels)
     return counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
 
 

@@ -91,9 +91,9 @@ class FeatureScale:
 def seen_in(tracks: TrackSet, scenes: SceneSet, indices: Int[np.ndarray, " scenes"]) -> Bool[np.ndarray, " tracks"]:
     """Mask of tracks that are picked in any snapshot of some scenes."""
     at = track_index(tracks, scenes, indices)
-    found = np.zeros(len(tracks), dtype=bool)
-    found[at[at >= 0]] = True
-    return found
+    is_seen = np.zeros(len(tracks), dtype=bool)
+    is_seen[at[at >= 0]] = True
+    return is_seen
 
 
 def track_index(

@@ -153,7 +153,7 @@ def _from_plain(hint: Any, value: Any, name: str) -> Any:
         if not isinstance(value, (list, tuple)) or not (Ellipsis in parts or len(parts) == len(value)):
             raise _wrong_type(name, type_name(hint), value)
         inner = [parts[0]] * len(value) if Ellipsis in parts else parts
-        return tuple(_from_plain(part, one, name) for part, one in zip(inner, value, strict=True))
+        return tuple(_from_plain(part, item, name) for part, item in zip(inner, value, strict=True))
     is_inf_or_nan = hint is float and value in ("inf", "-inf", "nan")  # the form of `as_plain`
     kind = {int: Integral, float: Real}.get(hint, hint)
     if not is_inf_or_nan and (not isinstance(value, kind) or (isinstance(value, bool) and hint is not bool)):

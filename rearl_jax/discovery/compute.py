@@ -52,7 +52,7 @@ class Drivers:
         if data.jumps:
             notes += (f"positions jump {data.jumps} times: left out around them",)
         if shared := in_both(fitted, reported):
-            text = "their runs are split: drivers reported on are not all others than those fitted"
+            text = "their runs are split: some reported drivers are also among the fitted ones"
             notes += (f"{shared} persons or cars are too few to be kept apart, {text}",)
         infos = tuple(recording.info for recording in self.recordings)
         return Parts(self.id, self.generated, infos, self.findings, fitted, checked, reported, notes)
@@ -86,8 +86,8 @@ def compute(
         discovery = _of_groups(config, drivers, grouped(drivers.data, names), bar, study)
         if kinds is not None:
             labels = {name: drivers.data.label(name).tolist() for name in drivers.data.labels}
-            found = {name: purity(kinds.of_driver, values, config.discover.seed) for name, values in labels.items()}
-            known = {name: value for name, value in found.items() if value is not None}
+            purities = {name: purity(kinds.of_driver, values, config.discover.seed) for name, values in labels.items()}
+            known = {name: value for name, value in purities.items() if value is not None}
             discovery.verdict["grouping"] |= kinds.plain() | {"purity": known}
     discovery.verdict["seconds"] = time.perf_counter() - begin
     return discovery
@@ -144,8 +144,8 @@ def _of_groups(
 ) -> Discovery:
     """A discovery of each group, with a joint verdict."""
     if not grouping.groups:
-        found = ", ".join(f"{name} {n}" for name, n in grouping.left_out.items())
-        said = f"no group has the {THRESHOLDS.least_drivers} drivers that are needed: {found}"
+        left_out = ", ".join(f"{name} {n}" for name, n in grouping.left_out.items())
+        said = f"no group has the {THRESHOLDS.least_drivers} drivers that are needed: {left_out}"
         raise InvalidInputError(Problem("too-few-drivers", said, "choose another label", key="discover.by"))
     names = [group.name for group in grouping.groups]
     studies = {} if study is None else group_studies(study, config, names, drivers.id, generated=drivers.generated)

@@ -63,7 +63,7 @@ def pictures(state: HighwayState, options: HighwayOptions) -> list[UInt8[np.ndar
         *(traffic.x, traffic.y, traffic.controller, traffic.crashed, body.length, body.width)
     )
     road = _road(model.n_lanes, model.lane_width)
-    found = []
+    drawn = []
     for number in range(x.shape[-1]):
         left = float(x[EGO, number]) - _REACH / 2
         picture = _with_lines(road.copy(), model.n_lanes, model.lane_width, left)
@@ -72,8 +72,8 @@ def pictures(state: HighwayState, options: HighwayOptions) -> list[UInt8[np.ndar
             at = (float(x[vehicle, number]) - left, float(y[vehicle, number]) + model.lane_width / 2)
             size = (float(length[vehicle, number]), float(width[vehicle, number]))
             _draw_vehicle(picture, at, size, is_ego=bool(vehicle == EGO), is_crashed=bool(crashed[vehicle, number]))
-        found.append(picture)
-    return found
+        drawn.append(picture)
+    return drawn
 
 
 def _road(n_lanes: int, lane_width: float) -> UInt8[np.ndarray, "height width 3"]:

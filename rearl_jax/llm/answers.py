@@ -82,7 +82,7 @@ class Answers:
             InvalidInputError: The file is damaged.
         """
         wanted = list(digests)
-        found: dict[str, Reply] = {}
+        replies: dict[str, Reply] = {}
         try:
             for start in range(0, len(wanted), _AT_ONCE):
                 part = wanted[start : start + _AT_ONCE]
@@ -93,10 +93,10 @@ class Answers:
                 for digest, *values in rows:
                     _check(values)
                     kept = dict(zip(_FIELDS, values, strict=True))
-                    found[digest] = Reply(cause=Cause.answered, from_cache=True, **kept)
+                    replies[digest] = Reply(cause=Cause.answered, from_cache=True, **kept)
         except (sqlite3.Error, ValueError) as error:
             raise self._unreadable(error) from None
-        return found
+        return replies
 
     def keep(self, replies: Mapping[str, Reply], model: str, profile: Profile) -> dict[str, Reply]:
         """The stored reply to each request by digest: the given reply, or an earlier one of another process.

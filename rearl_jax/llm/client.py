@@ -267,20 +267,20 @@ class Client:
         """Reads stored answers from the file and passes the other jobs to the sender."""
         assert self._keeper is not None
         self._enter()
-        problem, found = None, {}
+        problem, stored = None, {}
         try:
-            found = await self._keeper.find([job.digest for job in jobs])
+            stored = await self._keeper.find([job.digest for job in jobs])
         except ValueError as error:
             problem = error
-        self._kept += len(found)
+        self._kept += len(stored)
         missing = []
         for job in jobs:
             if job.done.done():  # abandoned in the meantime
                 continue
             if problem is not None:
                 job.done.set_exception(problem)
-            elif job.digest in found:
-                job.done.set_result(found[job.digest])
+            elif job.digest in stored:
+                job.done.set_result(stored[job.digest])
             elif self._sender is None:
                 job.done.set_result(job.reply(Cause.not_kept))
             else:

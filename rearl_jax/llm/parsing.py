@@ -111,9 +111,9 @@ def _value(text: str) -> int | None:
     if whole is not None:
         return _meaning(whole)
     for look in (_under_keys, _last_marked, _alone):
-        found = look(answer)
-        if found is not None:
-            return found.pop() if len(found) == 1 else None
+        match = look(answer)
+        if match is not None:
+            return match.pop() if len(match) == 1 else None
     return None
 
 

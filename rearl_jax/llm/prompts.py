@@ -116,7 +116,7 @@ class Prompter:
         of_road = self._with_block("road", {**self._constants, "road": road}, {})
         simulated = np.sum(self._counts, axis=0)
         of_references: dict[int, _Shared] = {}
-        found: dict[int, _Shared] = {}
+        shared: dict[int, _Shared] = {}
         for scenario in np.unique(asked.scenario).tolist():
             number = int(situation.detection.reference[scenario])
             if number not in of_references:
@@ -126,8 +126,8 @@ class Prompter:
             variables, ready = of_references[number]
             recorded = table.window_counts[second, :, number]
             scene = scene_of(situation, thresholds, simulated[:, scenario], recorded, scenario)
-            found[scenario] = self._with_block("scene", {**variables, "scene": scene}, ready)
-        return found
+            shared[scenario] = self._with_block("scene", {**variables, "scene": scene}, ready)
+        return shared
 
     def _with_block(self, block: str, variables: Mapping[str, object], ready: Mapping[str, Rendered]) -> _Shared:
         """The variables, and the rendered blocks with one more, if the template has it."""

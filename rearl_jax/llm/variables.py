@@ -133,7 +133,7 @@ def scene_of(
     scenario: int,
 ) -> Scene:
     """A scenario as a whole."""
-    found = situation.detection
+    detection = situation.detection
     shares = ((100 * counts / max(counts.sum(), 1)).tolist() for counts in (simulated, recorded))
 
     def error(value: ArrayLike, threshold: ArrayLike, exceeded: ArrayLike) -> Error:
@@ -142,9 +142,9 @@ def scene_of(
 
     return Scene(
         shares=[Share(*both) for both in zip(*shares, strict=True)],
-        mean_distance=float(found.mean_spacing[scenario]),
-        speeds=error(found.hellinger, thresholds.hellinger, found.speed_exceeded),
-        spacing=error(found.mape, thresholds.mape, found.spacing_exceeded),
+        mean_distance=float(detection.mean_spacing[scenario]),
+        speeds=error(detection.hellinger, thresholds.hellinger, detection.speed_exceeded),
+        spacing=error(detection.mape, thresholds.mape, detection.spacing_exceeded),
     )
 
 

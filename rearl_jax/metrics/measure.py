@@ -111,9 +111,9 @@ def scene_median(
     count = scene_count(valid)
     rank = jnp.maximum(count - 1, 0) // 2
 
-    def set_bit(i: Int[Array, ""], found: Int[Array, "*scenarios"]) -> Int[Array, "*scenarios"]:
-        candidate = found + (jnp.array(1, integer) << (n_bits - 2 - i).astype(integer))
-        return jnp.where(scene_count(bits < candidate[None, None]) <= rank, candidate, found)
+    def set_bit(i: Int[Array, ""], prefix: Int[Array, "*scenarios"]) -> Int[Array, "*scenarios"]:
+        candidate = prefix + (jnp.array(1, integer) << (n_bits - 2 - i).astype(integer))
+        return jnp.where(scene_count(bits < candidate[None, None]) <= rank, candidate, prefix)
 
     lower = jax.lax.fori_loop(0, n_bits - 1, set_bit, jnp.zeros(count.shape, integer))
     above = jnp.where(bits > lower[None, None], bits, largest)

@@ -84,8 +84,8 @@ def distance_to_nearest(
         over_x = jnp.abs(pick(x) - x) - (pick(length) + length) / 2
         over_y = jnp.abs(pick(y) - y) - (pick(width) + width) / 2
         square = jnp.maximum(over_x, 0) ** 2 + jnp.maximum(over_y, 0) ** 2
-        found = (square, jnp.maximum(over_x, over_y))
-        pairs = zip(found, best, strict=True)
+        candidate = (square, jnp.maximum(over_x, over_y))
+        pairs = zip(candidate, best, strict=True)
         return tuple(jnp.where(slots == slot, old, jnp.minimum(old, new)) for new, old in pairs)
 
     nothing = (jnp.full_like(x, jnp.inf), jnp.zeros_like(x))

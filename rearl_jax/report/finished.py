@@ -92,7 +92,7 @@ class FinishedStudy:
             return ()
         return data_sources([next(iterate_recordings(self.config.data)).info])
 
-    def needs(self, found: Mapping[str, Any] | pd.DataFrame, names: tuple[str, ...], where: str) -> None:
+    def needs(self, content: Mapping[str, Any] | pd.DataFrame, names: tuple[str, ...], where: str) -> None:
         """Raise ValueError if keys or columns are not there, as in studies of an older version.
 
         Args:
@@ -101,7 +101,7 @@ class FinishedStudy:
             where: Name of its file.
         """
         for name in names:
-            if name not in found:
+            if name not in content:
                 message = (
                     f"is missing: the study is of version {self.provenance['code_version']}, which wrote other figures"
                 )

@@ -93,12 +93,12 @@ def _one_method(config: EvaluateTask) -> tuple[EvaluateTask, str]:
 def _require_same_data(study: FinishedStudy) -> None:
     """Raise NoReplayError if the recordings are not there, or not those of the study."""
     try:
-        found = inputs_id(study.config)
+        data_id = inputs_id(study.config)
     except (OSError, ValueError) as error:
         raise NoReplayError(f"its data cannot be read: {error}") from error
-    if found != study.provenance["data_id"]:
+    if data_id != study.provenance["data_id"]:
         raise NoReplayError(
-            f"the data of the study are {study.provenance['data_id']}, those at data.root are {found} now: restore "
+            f"the data of the study are {study.provenance['data_id']}, those at data.root are {data_id} now: restore "
             "the former, or run the study again"
         )
 

@@ -24,7 +24,7 @@ def of_data(config: EvaluateTask | ClusterTask, scenes: SceneSet) -> list[str]:
     return [
         data,
         f"scenes: {len(scenes)} of {scenes.seconds} s with {scenes.n_slots} vehicles; the paper has {PAPER_SCENES}, "
-        "and says neither how both carriageways are counted nor between which speeds it rescales "
+        "and states neither the treatment of the two carriageways nor the speed range of rescaling "
         f"(here scenes.direction={config.scenes.direction.name}, speed.norm={config.speed.norm.name})",
     ]
 

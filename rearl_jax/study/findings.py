@@ -89,8 +89,8 @@ def _against_real(title: str, rows: Sequence[RowDifferences]) -> list[str]:
     closer, same, _ = _sorted(compared)
     if closer:
         return [
-            f"{title}: closer than real scenes are to each other: {closer}. This is not realism: no simulation can be "
-            "expected there, but a method that copies its references can get there."
+            f"{title}: closer than real scenes are to each other: {closer}. This is not realism: only a method "
+            "that copies its references can be this close, not an independent simulation."
         ]
     if same:
         return [f"{title}: not distinguished from real against real: {same}; no row is closer."]
@@ -132,18 +132,19 @@ def _sorted(compared: Mapping[str, Difference]) -> tuple[str, str, str]:
 
 def _reliability(errors: Mapping[str, Sequence[RowDifferences]], n_scenes: int, confidence: float) -> list[str]:
     """Number of intervals computed, and a warning if there are few scenes."""
-    found = [
+    differences = [
         difference
         for rows in errors.values()
         for row in rows
         for difference in (row.less_base, row.less_real, *row.less_controls.values())
         if difference is not None and difference.low is not None
     ]
-    if not found:
+    if not differences:
         return [f"{n_scenes} held-out scene(s) give no intervals, so nothing can be distinguished."]
-    by_chance = (1 - confidence) * len(found)
+    by_chance = (1 - confidence) * len(differences)
     sentences = [
-        f"{len(found)} intervals of {100 * confidence:g} % were computed; about {by_chance:.1f} of them would exclude "
+        f"{len(differences)} intervals of {100 * confidence:g} % were computed; "
+        f"about {by_chance:.1f} of them would exclude "
         "zero by chance alone."
     ]
     if n_scenes < FEW_SCENES:

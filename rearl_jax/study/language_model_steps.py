@@ -73,14 +73,14 @@ def measure_model_steps(
     scene = scene_of(loop, loop.steps_vehicles, loop.steps, batch)
     scenes = Scenes(loop.steps_vehicles, loop.density, synthetic_table(scene["references"]))
     prepare = jax.jit(lambda keys: replace(scenes.draw_recorded(keys, loop.steps), recorded=None))
-    found = []
+    measurements = []
     for number in range(-1, repetitions):
         keys = jax.random.split(jax.random.key(loop.seed + 1 + number), batch)
         n_steps = 1 if number < 0 else loop.steps
         measured = _measure(client, prompt, jax.block_until_ready(prepare(keys)), number, n_steps)
         if number >= 0:
-            found.append(measured)
-    return found
+            measurements.append(measured)
+    return measurements
 
 
 def _measure(client: Client, prompt: PromptConfig, batch: Batch, repetition: int, n_steps: int) -> ModelSteps:

@@ -93,14 +93,14 @@ class Results:
         }
 
     def _differences_of(self, row: Evaluated, metric: str, eval: EvaluationConfig) -> RowDifferences:
-        found = row.estimate(metric)
-        if found is None:
+        estimate = row.estimate(metric)
+        if estimate is None:
             return RowDifferences(row.row.title)
         less_base = less_real = None
-        if found.less_base is not None:
-            less_base = Difference(found.less_base, found.less_base_low, found.less_base_high)
-        if found.difference is not None:
-            less_real = Difference(found.difference, found.difference_low, found.difference_high)
+        if estimate.less_base is not None:
+            less_base = Difference(estimate.less_base, estimate.less_base_low, estimate.less_base_high)
+        if estimate.difference is not None:
+            less_real = Difference(estimate.difference, estimate.difference_low, estimate.difference_high)
         controls = {}
         if row.row.role is Role.matcher:
             for other in self.rows:
@@ -129,11 +129,11 @@ def evaluate_rows(config: StudyTable1Task) -> Results:
     rows = chosen_rows(config.table1, config.model)
     # All records first, so that an invalid one stops before hours of work.
     records = [row_record(row, config) for row in rows]
-    found = []
+    evaluated = []
     for number, (row, record) in enumerate(zip(rows, records, strict=True), 1):
         log.info("row %d of %d: %s", number, len(rows), row.title)
-        found.append(_read(row, carry_out(task.run, record)))
-    return Results(found)
+        evaluated.append(_read(row, carry_out(task.run, record)))
+    return Results(evaluated)
 
 
 def _read(row: Row, folder: Path) -> Evaluated:

@@ -57,7 +57,7 @@ def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str,
             counts = (Cell(number(first.get(name))) for name in ("n_scenes", "n_rollouts"))
             changes.append(Row(first["title"], (*cells, *counts)))
     less_base = Table(
-        f"Less base, from the same initial states, paired over scenes; {intervals}",
+        f"Difference from base, from the same initial states, paired over scenes; {intervals}",
         (*(TITLES_OF_METRICS[metric] for metric in LESS_BASE), "scenes", "rollouts"),
         tuple(changes),
     )
@@ -112,13 +112,13 @@ def long_rows(results: Results) -> pd.DataFrame:
 
 
 def _records(item: Evaluated, method: str, row: str, title: str, paper: str | None) -> list[dict[str, Any]]:
-    found = []
+    records = []
     for metric in METRICS:
         estimate = item.estimates.get((method, metric))
         if estimate is None:
             continue
         published = paper_figure(None if paper is None else TABLE1[paper], metric)
-        found.append(
+        records.append(
             {
                 "row": row,
                 "title": title,
@@ -133,7 +133,7 @@ def _records(item: Evaluated, method: str, row: str, title: str, paper: str | No
                 "n_rollouts": item.rollouts[method],
             }
         )
-    return found
+    return records
 
 
 def summary_of(config: StudyTable1Task, results: Results, findings: list[str]) -> dict:

@@ -81,8 +81,8 @@ def choose(
     Scenes in which a pair has no figure are left out for all pairs.
 
     Args:
-        h: Mean over runs of every pair and scene.
-        mape: Threshold or error of the spacing, as for `h`.
+        h: Mean Hellinger distance over runs of every pair and scene [-].
+        mape: Mean spacing error over runs of every pair and scene [-].
         eval: Resamples, confidence and seed of the bootstrap over scenes.
 
     Raises:

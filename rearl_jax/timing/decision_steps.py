@@ -269,8 +269,14 @@ def look_for_drift(batch: Batch) -> tuple[Array, ...]:
     def second(memory: DetectorMemory, state: TrafficState) -> tuple[DetectorMemory, tuple[Array, ...]]:
         # In a rollout the state is an array; here it is a slice, which XLA would cut anew for every use.
         frame = frame_of(lax.optimization_barrier(state), LOOP_MODEL)
-        memory, found = detect(memory, frame, batch.table, batch.thresholds, ALWAYS.detection)
-        return memory, (found.reference, found.hellinger, found.mape, found.triggered, count(found.mask))
+        memory, detection = detect(memory, frame, batch.table, batch.thresholds, ALWAYS.detection)
+        return memory, (
+            detection.reference,
+            detection.hellinger,
+            detection.mape,
+            detection.triggered,
+            count(detection.mask),
+        )
 
     return lax.scan(second, initial_memory(batch.table, batch.keys, ALWAYS.detection), batch.recorded)[1]
 

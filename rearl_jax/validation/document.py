@@ -35,7 +35,7 @@ def document_of(
         config: Tolerances.
     """
     sections = [_agreement(groups, precision, summary, config) for precision in PRECISIONS]
-    note = "highway-env's own: its difference after a start one unit in the last place further ahead"
+    note = "highway-env's own: its difference from a run that starts one unit in the last place further ahead"
     for precision in PRECISIONS:
         excepted = where(scenes, precision=precision, agrees=False)
         if len(excepted):

@@ -65,8 +65,8 @@ class PatienceAfterCutIn(HiddenEffect):
     def observe(self, now: Snapshot, dt: float) -> None:
         new = now.leader != self._leader
         self._leader = now.leader.copy()
-        found = now.gap_to(now.leader) / np.maximum(now.speed[: now.n], 1.0)
-        self._found = np.where(new, found, self._found)
+        present = now.gap_to(now.leader) / np.maximum(now.speed[: now.n], 1.0)
+        self._found = np.where(new, present, self._found)
         self._since = np.where(new, 0.0, self._since + dt)
 
     def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:

@@ -40,14 +40,14 @@ class ForcedChanges:
         """A random vehicle and its new lane, among all safe changes; None if there is none."""
         members = np.arange(recording * self._per, (recording + 1) * self._per)
         place, speed, lane = now.position[members], now.speed[members], now.lane[members]
-        found = []
+        possible = []
         for own in range(self._per):
             if now.fleet.rank[members[own]] == 0 or now.time - self._changed[members[own]] < REST:
                 continue
             for target in {max(lane[own] - 1, 0), min(lane[own] + 1, now.n_lanes - 1)} - {lane[own]}:
                 if self._fits(own, np.flatnonzero(lane == target), place, speed, now.length[members]):
-                    found.append((int(members[own]), int(target)))
-        return found[int(self._rng.integers(len(found)))] if found else None
+                    possible.append((int(members[own]), int(target)))
+        return possible[int(self._rng.integers(len(possible)))] if possible else None
 
     def _fits(self, own: int, there: np.ndarray, place: np.ndarray, speed: np.ndarray, length: np.ndarray) -> bool:
         """True if there is a leader on the target lane and both gaps allow the change without hard braking."""

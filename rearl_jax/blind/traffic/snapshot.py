@@ -55,10 +55,10 @@ class Snapshot:
 
     def ahead(self, places: int) -> np.ndarray:
         """Index of the vehicle a number of places ahead on the lane; n without one."""
-        found = self.leader
+        vehicle = self.leader
         for _ in range(places - 1):
-            found = self._next[found]
-        return found
+            vehicle = self._next[vehicle]
+        return vehicle
 
     def gap_to(self, other: np.ndarray) -> np.ndarray:
         """Bumper-to-bumper gap to a vehicle ahead [m]; FAR without one."""

@@ -91,11 +91,11 @@ def kinds_of(seen: Seen, seed: int) -> Kinds:
     while len(mixtures) < MOST_KINDS and len(seen.weighted) >= (len(mixtures) + 1) * THRESHOLDS.least_drivers:
         mixtures.append(split_further(seen, mixtures[-1]))
         distinctness.append(mixtures[-1].distinctness())
-        if mixtures[-1].evidence < max(one.evidence for one in mixtures) - HOPELESS:
+        if mixtures[-1].evidence < max(mixture.evidence for mixture in mixtures) - HOPELESS:
             break
     best = max(
-        (one for one, distinct in zip(mixtures, distinctness, strict=True) if _are_kinds(one, distinct)),
-        key=lambda one: one.evidence,
+        (mixture for mixture, distinct in zip(mixtures, distinctness, strict=True) if _are_kinds(mixture, distinct)),
+        key=lambda mixture: mixture.evidence,
     )
     gain = best.evidence - mixtures[0].evidence
     chance = 1.0
@@ -108,7 +108,7 @@ def kinds_of(seen: Seen, seed: int) -> Kinds:
     member = best.member[:, order]
     sure = member.max(axis=1) >= THRESHOLDS.least_membership
     of_driver = [int(kind) + 1 if is_sure else None for kind, is_sure in zip(member.argmax(axis=1), sure, strict=True)]
-    return Kinds(of_driver, [one.evidence for one in mixtures], distinctness, gain, chance)
+    return Kinds(of_driver, [mixture.evidence for mixture in mixtures], distinctness, gain, chance)
 
 
 def seen_of(solver: Solver, fit: Fit) -> Seen:

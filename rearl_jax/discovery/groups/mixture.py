@@ -119,8 +119,10 @@ def split_further(seen: Seen, mixture: Mixture) -> Mixture:
                 all_of_them.append(_climbed(seen, member, numbers, pooled))
     if not few:
         return mixture
-    ends = (_improved(seen, max(starts, key=lambda one: one.evidence), pooled) for starts in (few, all_of_them))
-    return max(ends, key=lambda one: one.evidence)
+    ends = (
+        _improved(seen, max(starts, key=lambda candidate: candidate.evidence), pooled) for starts in (few, all_of_them)
+    )
+    return max(ends, key=lambda candidate: candidate.evidence)
 
 
 def _improved(seen: Seen, mixture: Mixture, pooled: np.ndarray) -> Mixture:
@@ -128,7 +130,7 @@ def _improved(seen: Seen, mixture: Mixture, pooled: np.ndarray) -> Mixture:
     while True:
         others = [{*mixture.differing} ^ {place} for place in range(len(pooled))]
         tried = [_climbed(seen, mixture.member, places, pooled, NEARBY) for places in others if places]
-        better = max(tried, key=lambda one: one.evidence, default=mixture)
+        better = max(tried, key=lambda candidate: candidate.evidence, default=mixture)
         if better.evidence <= mixture.evidence:
             return mixture
         mixture = better
@@ -195,12 +197,12 @@ def _climbed(
         covariance = factor[:, None, None] * shape
         posteriors = [_posterior(seen, mean[k], covariance[k]) for k in range(n_groups)]
         share = counts / counts.sum()
-        likely = np.stack([one[2] for one in posteriors], axis=1) + np.log(share)
+        likely = np.stack([posterior[2] for posterior in posteriors], axis=1) + np.log(share)
         total = np.logaddexp.reduce(likely, axis=1)
         member, before, reached = np.exp(likely - total[:, None]), reached, float(total.sum())
         if reached < before + TOLERANCE or member.sum(axis=0).min() < 1.0:
             break
-    expected = np.stack([one[0] for one in posteriors])
+    expected = np.stack([posterior[0] for posterior in posteriors])
     return Mixture(share, mean, covariance, places, reached, member, expected)
 
 

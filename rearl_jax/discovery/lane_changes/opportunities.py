@@ -139,7 +139,7 @@ def _of_recording(
     around = next_on_lanes(rows)
     scene = _Scene(rows, drivers, offset, number, around[0])
     joined = _joined([scene.side(side, around[0], around[side]) for side in (-1, 1)])
-    word = "" if len(joined.side) else "nobody has a leader on the own lane and on one beside it, and room to change"
+    word = "" if len(joined.side) else "no driver has leaders on the own and on an adjacent lane, and room to change"
     return joined, word
 
 

@@ -65,10 +65,10 @@ def lane_change_findings(
         return nothing_seen(n_changes, len(table.side), f"{UNSEEN}, {_too_few_in_part(0)}")
     every = Tried(table, part, seed)
     unnamed = _why_nothing_is_named(every, n_recorded)
-    found, added = (None, []) if unnamed else _named(every, confidence)
+    findings, added = (None, []) if unnamed else _named(every, confidence)
     hazard = every.fitted(every.effects(added), 0, 1).chance(every.data, every.effects(added))
     predicted = prediction(table, part, hazard, confidence, n_recorded, count_ramp_changes(recordings))
-    return replace(found or nothing_seen(n_changes, len(table.side), unnamed), prediction=predicted)
+    return replace(findings or nothing_seen(n_changes, len(table.side), unnamed), prediction=predicted)
 
 
 def _recorded(recordings: Sequence[Recording]) -> int:
@@ -96,7 +96,7 @@ def _why_nothing_is_named(every: Tried, n_recorded: int) -> str:
     if fewest < THRESHOLDS.least_lane_changes_in_part:
         return f"{UNSEEN}, {_too_few_in_part(fewest)}"
     if not _gain_counts(every):
-        return "lane changes do not follow what drivers gain: they are forced, or made for a destination"
+        return "lane changes do not depend on the gain of drivers: they are forced, or made for a destination"
     return ""
 
 
@@ -107,7 +107,7 @@ def _named(every: Tried, confidence: float) -> tuple[LaneChangeFindings, list[Tr
     names = ", ".join(trial.candidate.name.replace("_", " ") for trial in added)
     names = names or "nothing beside the own acceleration counts"
     n_changes = int(every.data.taken.sum())
-    found = LaneChangeFindings(
+    findings = LaneChangeFindings(
         effects=_effects(every, added, rounds, confidence),
         candidates=_ranked(every, added, rounds),
         n_changes=n_changes,
@@ -117,7 +117,7 @@ def _named(every: Tried, confidence: float) -> tuple[LaneChangeFindings, list[Tr
         loss_change=change,
         words=f"choice of the lane, {n_changes} changes: {names}",
     )
-    return found, added
+    return findings, added
 
 
 def part_of_rows(

@@ -19,10 +19,10 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 RESAMPLES = 1000
 """Resamples of drivers for the gain on held-out drivers."""
 
-NAMEABLE = tuple(one for one in CANDIDATES if not one.is_circumstance)
+NAMEABLE = tuple(candidate for candidate in CANDIDATES if not candidate.is_circumstance)
 """Candidates that may be added."""
 
-NEEDED = float(norm.isf(THRESHOLDS.lane_false_rate / 2 / sum(len(one.forms) for one in NAMEABLE)))
+NEEDED = float(norm.isf(THRESHOLDS.lane_false_rate / 2 / sum(len(candidate.forms) for candidate in NAMEABLE)))
 """Standard deviations a column's slope must have (Bonferroni over all of them)."""
 
 
@@ -61,7 +61,9 @@ class Tried:
             for candidate in CANDIDATES
             for number, form in enumerate(candidate.forms)
         }
-        others = np.column_stack([self.columns[one.key, 0] for one in CANDIDATES if one.is_circumstance])
+        others = np.column_stack(
+            [self.columns[candidate.key, 0] for candidate in CANDIDATES if candidate.is_circumstance]
+        )
         driver = np.unique(table.vehicle, return_inverse=True)[1]
         self.data = Choices(own_gain(table), others, table.changes, driver)
         self.bends = knots(self.data.gain[part == 0], table.changes[part == 0])
@@ -72,7 +74,7 @@ class Tried:
 
     def effects(self, added: Sequence[Trial]) -> Float[np.ndarray, "rows effects"]:
         """Columns of the added effects."""
-        columns = [self.column(one.candidate, one.form) for one in added]
+        columns = [self.column(trial.candidate, trial.form) for trial in added]
         return np.stack(columns, axis=1) if columns else np.empty((len(self.part), 0))
 
     def rows(self, *parts: int) -> Bool[np.ndarray, " rows"]:
@@ -117,7 +119,7 @@ def tried(all_of: Tried, added: Sequence[Trial]) -> list[Trial]:
     model = all_of.fitted(effects, 0, 1)
     before, unseen = model.log_likelihood(all_of.data, effects), all_of.unseen(effects)
     rows = all_of.rows(0, 1)
-    known = {one.candidate.key for one in added}
+    known = {trial.candidate.key for trial in added}
     trials = []
     for candidate in NAMEABLE:
         if candidate.key in known:
@@ -135,5 +137,5 @@ def tried(all_of: Tried, added: Sequence[Trial]) -> list[Trial]:
             is_confirmed = bool(np.quantile(all_of.resampled(other, 0, 1), THRESHOLDS.lane_check_quantile) > 0.0)
             gain, check = float(more[rows].sum()), float(other.sum())
             forms.append(Trial(candidate, form, z, gain, check, is_confirmed))
-        trials.append(max(forms, key=lambda one: (one.is_confirmed, one.total, abs(one.z))))
+        trials.append(max(forms, key=lambda trial: (trial.is_confirmed, trial.total, abs(trial.z))))
     return trials

@@ -20,8 +20,8 @@ def autocorrelation(
     """
     counted = innovation * weight
     variance = max(float((counted**2).sum() / max(weight.sum(), 1.0)), 1e-12)
-    found = []
+    correlations = []
     for lag in range(stride, min(furthest, len(weight) - 1) + 1, stride):
         pairs = max((weight[lag:] * weight[:-lag]).sum(), 1.0)
-        found.append((counted[lag:] * counted[:-lag]).sum() / pairs)
-    return np.array(found) / variance
+        correlations.append((counted[lag:] * counted[:-lag]).sum() / pairs)
+    return np.array(correlations) / variance

@@ -142,9 +142,9 @@ def steady_state(noise: Noise, dt: float, stride: int) -> SteadyState:
         variance = variance - np.outer(gain, MEASURED @ variance)
     expected = MEASURED @ covariance[-1] @ MEASURED + measured
     # NumPy numbers instead of Python numbers: they make single-precision arrays compute in double precision.
-    found = Gain(*np.array([*gain, kept, lasting, expected]))
+    steady_gain = Gain(*np.array([*gain, kept, lasting, expected]))
     corrected = step - step @ np.outer(gain, MEASURED)
-    return SteadyState(found, step, corrected, [covariance[-1], *covariance[:-1]])
+    return SteadyState(steady_gain, step, corrected, [covariance[-1], *covariance[:-1]])
 
 
 def correct(state: State, innovation: Any, gain: Gain) -> State:

@@ -163,6 +163,6 @@ def _without(held: Bool[np.ndarray, "*n k"], block: Float[np.ndarray, "*n k k"])
     return block * (moves[..., :, None] & moves[..., None, :]) + held[..., None] * np.eye(held.shape[-1])
 
 
-def _where(chosen: Bool[np.ndarray, " drivers"], one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _where(chosen: Bool[np.ndarray, " drivers"], first: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Rows of the first array for chosen drivers, else of the second."""
-    return np.where(chosen.reshape(-1, *(1,) * (one.ndim - 1)), one, other)
+    return np.where(chosen.reshape(-1, *(1,) * (first.ndim - 1)), first, other)

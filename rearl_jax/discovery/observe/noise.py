@@ -88,7 +88,7 @@ def under_best_time(solver: Solver, state: FitState, tried: Sequence[Noise]) -> 
         chosen.append(best_noise(solver, state, [noise for noise in tried if noise.time == time])[0])
     states = [with_noise(state, noise) for noise in chosen]
     solver.solve(states, iterations=20, tolerance=0.05)
-    likely = [best_noise(solver, one, [noise])[1] for one, noise in zip(states, chosen, strict=True)]
+    likely = [best_noise(solver, fitted, [noise])[1] for fitted, noise in zip(states, chosen, strict=True)]
     best = int(np.argmax(likely))
     return states[best], chosen[best]
 

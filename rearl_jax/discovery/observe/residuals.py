@@ -74,8 +74,8 @@ class Residuals:
         """Lags [s] up to LAGS_FOR, and the autocorrelation of weighted innovations [-]."""
         data = self.state.data
         furthest = max(round(LAGS_FOR / data.dt), data.stride)
-        found = autocorrelation(self.innovation, data.weight, data.stride, furthest)
-        return np.arange(1, len(found) + 1) * data.stride * data.dt, found
+        correlations = autocorrelation(self.innovation, data.weight, data.stride, furthest)
+        return np.arange(1, len(correlations) + 1) * data.stride * data.dt, correlations
 
 
 def residuals_of(solver: Solver, states: Sequence[FitState], fits: Sequence[Fit]) -> list[Residuals]:

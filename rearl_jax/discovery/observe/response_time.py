@@ -108,17 +108,17 @@ class Responses:
 
 def responses(solver: Solver, state: FitState) -> Responses:
     """Response times of the drivers of a state."""
-    found = covariances(solver, state)
-    late = found.delay(np.arange(state.data.n_drivers))
+    undelayed = covariances(solver, state)
+    late = undelayed.delay(np.arange(state.data.n_drivers))
     layout = solver.layout
     if late < SEEN_AS_LATE or DELAY in state.active or DELAY not in layout.candidates:
-        return Responses(found)
+        return Responses(undelayed)
     places = list(layout.candidates[DELAY].free)
     theta = state.theta.copy()
     theta[places] = np.minimum(late, layout.high[places])
     delayed = copied(state, theta=theta, active=(*state.active, DELAY))
     solver.solve([delayed], iterations=15, tolerance=0.1)
-    return Responses(found, covariances(solver, delayed), float(theta[places[0]]))
+    return Responses(undelayed, covariances(solver, delayed), float(theta[places[0]]))
 
 
 def covariances(solver: Solver, state: FitState) -> Covariances:

@@ -47,10 +47,10 @@ def gate(tables: Sequence[Thinned]) -> list[Finding]:
     """Lags, scales and noise that the columns show."""
     noise = [position_noise(table["position"].to_numpy(), *track_bounds(table)) for table, _ in tables]
     lag, scale = _speed_against_position(tables, noise)
-    found = []
+    findings = []
     if lag is not None and abs(lag[0]) > max(THRESHOLDS.least_lag, THRESHOLDS.columns_z_score * lag[1]):
         late, other = ("speed", "position") if lag[0] > 0 else ("position", "speed")
-        found.append(
+        findings.append(
             Finding(
                 f"{late}_lag",
                 True,
@@ -62,7 +62,7 @@ def gate(tables: Sequence[Thinned]) -> list[Finding]:
             )
         )
     if scale is not None and abs(scale[0]) > max(THRESHOLDS.least_scale_error, THRESHOLDS.columns_z_score * scale[1]):
-        found.append(
+        findings.append(
             Finding(
                 "speed_scale",
                 True,
@@ -77,8 +77,8 @@ def gate(tables: Sequence[Thinned]) -> list[Finding]:
     if typical > THRESHOLDS.noisy_positions:
         spread = float(np.std(noise) / np.sqrt(len(noise))) if len(noise) > 1 else 0.05 * typical
         words = f"positions scatter by {typical:.2f} m, more than a motorway camera's"
-        found.append(Finding("position_noise", False, "sd", "m", typical, spread, words))
-    return found
+        findings.append(Finding("position_noise", False, "sd", "m", typical, spread, words))
+    return findings
 
 
 def smoothed_positions(width: float) -> Finding:

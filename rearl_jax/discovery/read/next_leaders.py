@@ -53,7 +53,7 @@ def handovers(
         longest: Largest time to or since a change that is near [s].
     """
     n = len(table)
-    found = Handovers(*(np.full(n, value) for value in (NOBODY, np.inf, 0.0, NOBODY, np.inf)))
+    changes = Handovers(*(np.full(n, value) for value in (NOBODY, np.inf, 0.0, NOBODY, np.inf)))
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=-1.0)
     frame, index = table["frame"].to_numpy(np.int64), VehicleRows(table)
     first, stop = (np.repeat(bound, bounds[1] - bounds[0]) for bound in bounds)
@@ -69,13 +69,13 @@ def handovers(
         last = k
         place = index.rows(int(new), frame[before])
         here = place != NOBODY
-        found.following[before[here]], found.time_to[before[here]] = place[here], (k - before[here]) * dt
-        found.by_own[before[here]] = float(lane[k] != lane[k - 1])
+        changes.following[before[here]], changes.time_to[before[here]] = place[here], (k - before[here]) * dt
+        changes.by_own[before[here]] = float(lane[k] != lane[k - 1])
         after = row[k : min(stop[k], k + reach)]
         place = index.rows(int(old), frame[after])
         here = place != NOBODY
-        found.preceding[after[here]], found.time_since[after[here]] = place[here], (after[here] - k) * dt
-    return found
+        changes.preceding[after[here]], changes.time_since[after[here]] = place[here], (after[here] - k) * dt
+    return changes
 
 
 def handed_over(

@@ -212,18 +212,18 @@ class _Rows:
         def of(row: np.ndarray, values: np.ndarray, otherwise: np.ndarray | float | int) -> np.ndarray:
             return np.where(row != NOBODY, values[row], otherwise)
 
-        one, rear = around.leader, x - length / 2  # rows of the first, second and third leader
-        two = of(one, one, NOBODY).astype(int)
-        three = np.where(two != NOBODY, one[two], NOBODY)
+        first, rear = around.leader, x - length / 2  # rows of the first, second and third leader
+        two = of(first, first, NOBODY).astype(int)
+        three = np.where(two != NOBODY, first[two], NOBODY)
         front = x + length / 2
-        second_speed = of(two, v, of(one, v, v))
-        leader = of(one, track, NOBODY).astype(np.int64)
-        gap = of(one, rear, front + OUT_OF_SIGHT) - front
+        second_speed = of(two, v, of(first, v, v))
+        leader = of(first, track, NOBODY).astype(np.int64)
+        gap = of(first, rear, front + OUT_OF_SIGHT) - front
         since, lost, headway = _changes(self.starts, self.stops, leader, gap, v, self.dt)
         reach = max(LONGEST_LEAD, EDGE * smoothing)
         near = handovers(table, (self.starts, self.stops), leader, self.dt, reach)
         leader_rear, leader_centre, leader_speed = (
-            handed_over(of(one, values, otherwise), values, near, smoothing, self.dt)
+            handed_over(of(first, values, otherwise), values, near, smoothing, self.dt)
             for values, otherwise in ((rear, front + OUT_OF_SIGHT), (x, x + OUT_OF_SIGHT), (v, v))
         )
         next_rear = of(near.following, rear, leader_rear)
@@ -233,15 +233,15 @@ class _Rows:
             "is_leftmost": (lane == 0).astype(float),
             "is_rightmost": (lane == rightmost).astype(float),
             "lateral_offset": _offset_in_lane(table),
-            "has_leader": (one != NOBODY).astype(float),
+            "has_leader": (first != NOBODY).astype(float),
             "leader_rear": leader_rear,
             "leader_centre": leader_centre,
             "leader_speed": leader_speed,
-            "leader_acceleration": np.clip(of(one, a, 0.0), HARDEST_BRAKING, -HARDEST_BRAKING),
-            "leader_length": of(one, length, 4.5),
-            "leader_is_truck": of(one, is_truck.astype(float), 0.0),
+            "leader_acceleration": np.clip(of(first, a, 0.0), HARDEST_BRAKING, -HARDEST_BRAKING),
+            "leader_length": of(first, length, 4.5),
+            "leader_is_truck": of(first, is_truck.astype(float), 0.0),
             "has_second": (two != NOBODY).astype(float),
-            "second_rear": of(two, rear, front + OUT_OF_SIGHT) - of(two, of(one, length, 0.0), 0.0),
+            "second_rear": of(two, rear, front + OUT_OF_SIGHT) - of(two, of(first, length, 0.0), 0.0),
             "second_speed": second_speed,
             "has_third": (three != NOBODY).astype(float),
             "third_speed": of(three, v, second_speed),
@@ -262,7 +262,7 @@ class _Rows:
             "next_by_own": near.by_own,
             "next_is_nearer": (next_rear < leader_rear).astype(float),
         }
-        return columns, leader, one
+        return columns, leader, first
 
     def _weight(self, leader: np.ndarray, leader_row: np.ndarray, edge: int) -> np.ndarray:
         """1 if a leader has been seen for some time, because a missing leader may be outside the recorded area; 0 if

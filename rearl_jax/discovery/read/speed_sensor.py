@@ -35,8 +35,7 @@ SPEED_SENSOR = Finding(
     "rad/s",
     DRIFT,
     0.0,
-    "speeds were measured by themselves and are smoother than positions: what vehicles do within seconds is taken from "
-    "them",
+    "speeds were measured independently and are smoother than positions: motion within seconds is taken from them",
 )
 """Finding that the high-frequency part of positions is taken from the speeds."""
 

@@ -136,8 +136,8 @@ def error_of_splits(
 ) -> Float[np.ndarray, " drivers"]:
     """Root mean square of each driver's values over the time steps that count in the tests."""
     sums = np.zeros((2, splits[0].test.n_drivers))
-    for split, one in zip(splits, values, strict=True):
+    for split, errors in zip(splits, values, strict=True):
         test = split.test
-        for row, part in zip(sums, (one**2 * test.weight, test.weight), strict=True):
+        for row, part in zip(sums, (errors**2 * test.weight, test.weight), strict=True):
             row += np.bincount(test.driver, part.sum(axis=0), test.n_drivers)
     return np.sqrt(sums[0] / np.maximum(sums[1], 1.0))

@@ -22,11 +22,12 @@ def base_section(verdict: Mapping[str, Any]) -> Section:
         rows.append(Row(spoken(row["name"]), (*_evidence(row, base), *errors, _mark(row, base))))
     drivers = base["drivers"]
     how = (
-        f"Each was calibrated to {drivers['fitted']} of the fitted drivers and asked about {drivers['checked']} of the "
-        f"check drivers. Gain: log-likelihood beyond that of {spoken(base['driver'])}, every driver's own parameters "
-        "integrated out, so that each parameter costs what the data narrow it by. Most likely in: share of resamples "
-        "of drivers. Errors are mean closed-loop gap errors of the check drivers, by what is known of a driver; models "
-        "that surely are less likely than the best were not simulated."
+        f"Each was calibrated to {drivers['fitted']} of the fitted drivers "
+        f"and evaluated on {drivers['checked']} of the "
+        f"check drivers. Gain: log-likelihood above that of {spoken(base['driver'])}, with every driver's own "
+        "parameters integrated out, which penalises additional parameters. Most likely in: share of resamples "
+        "of drivers. Errors are mean closed-loop gap errors of the check drivers, by source of the parameters; "
+        "models that are significantly less likely than the best were not simulated."
     )
     notes = [words for words in (_anew(base), _time_gaps(base), *_dependences(verdict)) if words]
     said = base_words(base) or f"no model surely is better than {spoken(base['driver'])}, which stays"
@@ -42,10 +43,10 @@ def _evidence(row: Mapping[str, Any], base: Mapping[str, Any]) -> tuple[Cell, Ce
     return Cell(number(gain["value"], "+"), interval(gain["low"], gain["high"], "+")), Cell(percent(row["best_share"]))
 
 
-def _error(found: Mapping[str, Any] | None) -> Cell:
-    if found is None:
+def _error(errors: Mapping[str, Any] | None) -> Cell:
+    if errors is None:
         return Cell(NONE)
-    mean = found["gap_rmse"]["mean"]
+    mean = errors["gap_rmse"]["mean"]
     return Cell(number(mean["value"]), interval(mean["low"], mean["high"]))
 
 
@@ -60,19 +61,19 @@ def _anew(base: Mapping[str, Any]) -> str:
     if base.get("before") is None:
         return ""
     return (
-        f"with the effects that were found beside {spoken(base['before'])}, {spoken(base['chosen'])} is surely more "
-        "likely: the search began anew beside it"
+        f"with the effects that were found beside {spoken(base['before'])}, {spoken(base['chosen'])} is "
+        "significantly more likely: the search was repeated with this model"
     )
 
 
 def _time_gaps(base: Mapping[str, Any]) -> str:
     """Sentence on the equilibrium time gaps of the chosen model."""
-    found = [
+    time_gaps = [
         f"{figure['value']:.2f} s ({figure['low']:.2f} to {figure['high']:.2f}) at {speed} m/s"
         for speed, figure in base["equilibrium_time_gap"].items()
         if figure is not None
     ]
-    return f"time gap at equilibrium under {spoken(base['chosen'])}: {', '.join(found)}" if found else ""
+    return f"time gap at equilibrium under {spoken(base['chosen'])}: {', '.join(time_gaps)}" if time_gaps else ""
 
 
 def _dependences(verdict: Mapping[str, Any]) -> list[str]:

@@ -28,14 +28,14 @@ def equilibrium_time_gaps(solver: Solver, state: FitState, options: DiscoverConf
     """Median over drivers of gap over speed [s] behind a leader of constant speed, by this speed [m/s]."""
     rng = np.random.default_rng(options.seed)
     share = [(1 - options.confidence) / 2, (1 + options.confidence) / 2]
-    found: dict[str, Any] = {}
+    by_speed: dict[str, Any] = {}
     for speed in SPEEDS:
         gaps = time_gaps(solver, state, speed)
         gaps = gaps[np.isfinite(gaps)]
         if len(gaps) < len(state.z) / 2:
-            found[f"{speed:g}"] = None
+            by_speed[f"{speed:g}"] = None
             continue
         resampled = np.median(rng.choice(gaps, (options.draws, len(gaps))), axis=1)
         low, high = np.quantile(resampled, share).tolist()
-        found[f"{speed:g}"] = {"value": float(np.median(gaps)), "low": low, "high": high}
-    return found
+        by_speed[f"{speed:g}"] = {"value": float(np.median(gaps)), "low": low, "high": high}
+    return by_speed

@@ -75,7 +75,7 @@ def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int
         for name in MEASURES
     }
     main, pooled = figures[MAIN_MEASURE], partial(over.drawn, pool=root_mean_square)
-    before, after = (pooled(one.by_driver[MAIN_MEASURE]) for one in (first, final))
+    before, after = (pooled(errors_of_model.by_driver[MAIN_MEASURE]) for errors_of_model in (first, final))
     noise = pooled(final.floor)
     return {
         "measure": MAIN_MEASURE,

@@ -83,7 +83,7 @@ def model_errors(solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: 
 def _errors(solver: Solver, state: FitState, fit: Fit, seed: int, runs: Sequence[Split]) -> ModelErrors:
     data = state.data
     calibrated = calibrated_to_gap(solver, state)
-    deviation, uncalibrated = (simulated_error(solver, one) for one in (calibrated, state))
+    deviation, uncalibrated = (simulated_error(solver, model_state) for model_state in (calibrated, state))
     protocols = protocol_errors(solver, state, fit, deviation, runs)
     in_sample = protocols[IN_SAMPLE]
     assert in_sample is not None

@@ -87,10 +87,10 @@ def draw_errors(errors: Mapping[str, ModelErrors], *, generated: bool) -> bytes:
 def draw_innovations(left: Mapping[str, Residuals], *, generated: bool) -> bytes:
     """PNG of autocorrelation and distribution of the innovations."""
     figure, (lags, spread) = panels(7.2, 3.0, columns=2, generated=generated)
-    for model, one in left.items():
-        data = one.state.data
-        lags.plot(*one.autocorrelation(), color=COLOURS[model], linewidth=1.4, label=model)
-        used = one.innovation[data.weight > 0]
+    for model, residuals in left.items():
+        data = residuals.state.data
+        lags.plot(*residuals.autocorrelation(), color=COLOURS[model], linewidth=1.4, label=model)
+        used = residuals.innovation[data.weight > 0]
         edges = np.linspace(-FARTHEST_SIGMA, FARTHEST_SIGMA, 41)
         density = np.histogram(used / used.std(), edges, density=True)[0]
         spread.stairs(np.maximum(density, 1e-6), edges, color=COLOURS[model], linewidth=1.4, label=model)
@@ -139,13 +139,17 @@ def draw_example(left: Mapping[str, Residuals], errors: Mapping[str, ModelErrors
     # A gap in the line at changes of leader.
     seen = np.where(begins | np.r_[False, leader[1:] != leader[:-1]], np.nan, gap)
     above.plot(time, seen, color=DARK_GREY, linewidth=2.0, label="measured")
-    for model, one in left.items():
+    for model, residuals in left.items():
         # The simulated gap itself has no measurement noise.
-        noise = one.state.data.y[rows, piece] - one.state.data.smooth[rows, piece]
+        noise = residuals.state.data.y[rows, piece] - residuals.state.data.smooth[rows, piece]
         above.plot(
-            time, seen + one.gap[rows, piece] - noise, color=COLOURS[model], linewidth=1.3, label=f"simulated {model}"
+            time,
+            seen + residuals.gap[rows, piece] - noise,
+            color=COLOURS[model],
+            linewidth=1.3,
+            label=f"simulated {model}",
         )
-        acceleration = np.where(begins, np.nan, one.acceleration[rows, piece])
+        acceleration = np.where(begins, np.nan, residuals.acceleration[rows, piece])
         below.plot(time, acceleration, color=COLOURS[model], linewidth=1.2)
     below.axhline(0.0, color=GREY, linewidth=0.8)
     above.set_ylabel("gap [m]")

@@ -54,9 +54,9 @@ def verdict_of_groups(
         "base": None,
         "data": data[0]
         | {
-            "car_following": ", ".join(dict.fromkeys(one["car_following"] for one in data)),
-            "drivers": {part: sum(one["drivers"][part] for one in data) for part in data[0]["drivers"]},
-            "driver_seconds": sum(one["driver_seconds"] for one in data),
+            "car_following": ", ".join(dict.fromkeys(entry["car_following"] for entry in data)),
+            "drivers": {part: sum(entry["drivers"][part] for entry in data) for part in data[0]["drivers"]},
+            "driver_seconds": sum(entry["driver_seconds"] for entry in data),
             "notes": notes,
         },
         "thresholds": THRESHOLDS.plain(),
@@ -117,14 +117,14 @@ def _joined(groups: Sequence[Mapping[str, ModelErrors]]) -> dict[str, ModelError
 
 def _under_one(groups: Sequence[ProtocolErrors | None]) -> ProtocolErrors | None:
     """Errors of the drivers of all groups under one protocol; None if no driver could be tested."""
-    tested = [one for one in groups if one is not None]
+    tested = [errors for errors in groups if errors is not None]
     if not tested:
         return None
 
     def together(name: str) -> dict[str, np.ndarray]:
-        parts = [getattr(one, name) for one in tested]
+        parts = [getattr(errors, name) for errors in tested]
         return {measure: np.concatenate([part[measure] for part in parts]) for measure in parts[0]}
 
-    n_drivers = [len(one.driver) for one in tested]
-    left_out = sum(one.left_out for one in tested)
+    n_drivers = [len(errors.driver) for errors in tested]
+    left_out = sum(errors.left_out for errors in tested)
     return ProtocolErrors(np.arange(sum(n_drivers)), together("by_driver"), together("usual"), left_out)

@@ -37,16 +37,21 @@ def _kinds_notes(grouping: Mapping[str, Any], rows: Sequence[Mapping[str, Any]])
     if "kinds" not in grouping:
         return []
     if grouping["kinds"] == 1:
-        return ["no kinds of drivers were told apart: the evidence for several is not beyond what one kind gives"]
+        return [
+            "no kinds of drivers were distinguished: the evidence for several is not above that of single-kind data"
+        ]
     notes = [
-        f"{grouping['kinds']} kinds of drivers were told apart without labels: the evidence is {grouping['gain']:.0f} "
+        f"{grouping['kinds']} kinds of drivers were "
+        f"distinguished without labels: the evidence is {grouping['gain']:.0f} "
         f"nats above that for one kind; at most {percent(grouping['chance'])} of data sets of one kind reach as much"
     ]
     for label, share in grouping["purity"].items():
         words = f"{percent(share['value'])} of drivers have the most common {spoken(label)} of their kind"
         notes.append(f"purity: {words}, {percent(share['by_chance'])} by chance")
     for row in rows:
-        labels = (f"{spoken(name)} {one['value']} {percent(one['share'])}" for name, one in row["labels"].items())
+        labels = (
+            f"{spoken(name)} {common['value']} {percent(common['share'])}" for name, common in row["labels"].items()
+        )
         notes.append(f"most common in {row['value']}: {', '.join(labels) or NONE}")
     return notes
 
@@ -69,5 +74,5 @@ def with_numbers(effect: Mapping[str, Any]) -> str:
     numbers = list(effect["parameters"].values())
     if len(numbers) > MOST_NUMBERS:
         return described(effect)
-    values = (f"{number(one['value'])} {one['unit']}".removesuffix(" -") for one in numbers)
+    values = (f"{number(parameter['value'])} {parameter['unit']}".removesuffix(" -") for parameter in numbers)
     return " ".join((described(effect), ", ".join(values))).strip()

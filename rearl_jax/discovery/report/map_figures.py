@@ -42,7 +42,7 @@ def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, 
         panel.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
         panel.set_ylim(-reach, reach)
         unit = curve.basis.variable.unit.replace("^2", "²")
-        share = next(one.frequency for one in atlases["before"].selected if one.variable == name)
+        share = next(selection.frequency for selection in atlases["before"].selected if selection.variable == name)
         panel.set_title(f"selected in {100 * share:.0f} % of the halves", loc="left", fontsize=7, color=DARK_GREY)
         panel.set_xlabel(f"{curve.basis.variable.title} [{unit}]", fontsize=8)
     for panel in axes[len(best) :]:
@@ -60,8 +60,8 @@ def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, 
 def shown_maps(atlases: Mapping[str, Atlas]) -> list[Curve]:
     """The maps with the largest gains before any effect was added; those selected by the finder come first."""
     atlas = atlases["before"]
-    stable = [one.variable for one in atlas.selected if one.frequency >= 0.5]
-    order = sorted(ranked(atlas.curves), key=lambda one: one.basis.variable.name not in stable)
+    stable = [selection.variable for selection in atlas.selected if selection.frequency >= 0.5]
+    order = sorted(ranked(atlas.curves), key=lambda selection: selection.basis.variable.name not in stable)
     return order[:SHOWN]
 
 

@@ -47,20 +47,21 @@ def population_section(verdict: Mapping[str, Any]) -> Section:
     if not population:
         return Section(title)
     rows, notes = [], []
-    for name, found in population.items():
-        unit = "" if found["unit"] == "-" else f" [{found['unit']}]"
-        cells = (number(found["value"]), number(found["spread"]), percent(found["told"]), percent(found["at_bound"]))
+    for name, entry in population.items():
+        unit = "" if entry["unit"] == "-" else f" [{entry['unit']}]"
+        cells = (number(entry["value"]), number(entry["spread"]), percent(entry["told"]), percent(entry["at_bound"]))
         rows.append(Row(f"{spoken(name)}{unit}", tuple(map(Cell, cells))))
-        if found["told"] < THRESHOLDS.least_told:
-            notes.append(f"{spoken(name)} is not identified here: its value is what is usual of drivers")
-        if found["at_bound"] > THRESHOLDS.most_at_bound:
+        if entry["told"] < THRESHOLDS.least_told:
+            notes.append(f"{spoken(name)} is not identified here: its value is that of the prior")
+        if entry["at_bound"] > THRESHOLDS.most_at_bound:
             notes.append(
-                f"{spoken(name)} is at its bound in {percent(found['at_bound'])} of drivers: it cannot be read"
+                f"{spoken(name)} is at its bound in {percent(entry['at_bound'])} of drivers: it cannot be read"
             )
     words = (
-        "Parameters are shrunk to the population as far as a driver's data leave them open. Spread: standard deviation "
-        "of the logarithm between drivers. Told by data: how much one driver's data narrow it, on average. Parameters "
-        "trade with each other; time gaps at equilibrium do not."
+        "Parameters that a driver's data do not determine are shrunk to "
+        "the population mean. Spread: standard deviation "
+        "of the logarithm between drivers. Told by data: mean share of the variance that one driver's data "
+        "remove. Parameters can compensate for each other; equilibrium time gaps cannot."
     )
     table = Table(title, ("middle driver", "spread", "told by data", "at a bound"), tuple(rows))
     return Section(title, (words,), (table,), tuple(map(sentence, notes)), is_folded=True)

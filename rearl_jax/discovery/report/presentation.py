@@ -44,9 +44,14 @@ def present(study: Study, discovery: Discovery) -> None:
     chart = chart_of(left["before"][0])
     atlases = {
         model: atlas_of(
-            chart, [part_scores(part, chart) for part in found], CHOSEN_FROM, options.confidence, DRAWS, options.seed
+            chart,
+            [part_scores(part, chart) for part in residuals],
+            CHOSEN_FROM,
+            options.confidence,
+            DRAWS,
+            options.seed,
         )
-        for model, found in left.items()
+        for model, residuals in left.items()
     }
     added = added_curves(solver, left["after"][0], chart) if search.added else {}
     # Only an effect that depends on one variable can be drawn as a curve over it.
@@ -57,7 +62,7 @@ def present(study: Study, discovery: Discovery) -> None:
         study.write_table(name, table, seeds=f"discover.seed={options.seed}")
 
     candidates = [row for row in verdict["candidates"] if not is_lane_choice(row)]
-    of_fitted, of_reported = ({model: found[part] for model, found in left.items()} for part in (0, -1))
+    of_fitted, of_reported = ({model: residuals[part] for model, residuals in left.items()} for part in (0, -1))
     drawn = {
         "maps": map_figures.draw_maps(atlases, added, generated=generated),
         "evidence": figures.draw_evidence(candidates, search.null, generated=generated),
@@ -101,9 +106,9 @@ def residual_table(left: Mapping[str, Sequence[Residuals]]) -> pd.DataFrame:
             "recording": data.recording[piece].astype(np.int32),
             "time": data.around.time[t, piece].astype(np.float32),
         }
-        for model, found in left.items():
+        for model, residuals in left.items():
             for name in ("innovation", "acceleration", "gap"):
-                table[f"{name}_{model}"] = getattr(found[number], name)[t, piece].astype(np.float32)
+                table[f"{name}_{model}"] = getattr(residuals[number], name)[t, piece].astype(np.float32)
         tables.append(pd.DataFrame(table))
     return pd.concat(tables, ignore_index=True)
 
@@ -112,9 +117,9 @@ def map_table(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray]) -> 
     """Table of the maps, a row per knot, with their gains and the finder's selection frequencies."""
     tables = []
     for model, atlas in atlases.items():
-        selected = {one.variable: one for one in atlas.selected}
+        selected = {selection.variable: selection for selection in atlas.selected}
         for name, curve in atlas.curves.items():
-            basis, one = curve.basis, selected[name]
+            basis, selection = curve.basis, selected[name]
             table = {
                 "model": model,
                 "variable": name,
@@ -127,8 +132,8 @@ def map_table(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray]) -> 
                 "acts_on": curve.acts_on,
                 "share": curve.share,
                 "gain": curve.gain,
-                "selected": one.frequency,
-                "selected_first": one.first,
+                "selected": selection.frequency,
+                "selected_first": selection.first,
                 "shape": atlas.shapes[name],
             }
             tables.append(pd.DataFrame(table))

@@ -105,7 +105,7 @@ def _with_usual_drivers(solver: Solver, state: FitState) -> Deviation:
 def measures_of(splits: Sequence[Split], deviations: Sequence[Deviation]) -> dict[str, Float[np.ndarray, " drivers"]]:
     """The PROTOCOL_MEASURES of each driver, over the time steps that count in the tests."""
     gaps = [gap_of(split.test) for split in splits]
-    speeds = [speed_deviation(one, split.test) for one, split in zip(deviations, splits, strict=True)]
+    speeds = [speed_deviation(deviation, split.test) for deviation, split in zip(deviations, splits, strict=True)]
     rmse, size, speed = (error_of_splits(splits, values) for values in (deviations, gaps, speeds))
     return {"gap_rmse": rmse, "gap_nrmse": rmse / np.maximum(size, SMALLEST_GAP), "speed_rmse": speed}
 

@@ -129,9 +129,9 @@ def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> Ef
     return EffectValues(effect, parameters, variable)
 
 
-def lane_change_values(found: Prediction) -> LaneChangeValues:
+def lane_change_values(prediction: Prediction) -> LaneChangeValues:
     """Calibrated parameters of MOBIL, without the rate of refused changes."""
-    rule = found.mobil.rule
+    rule = prediction.mobil.rule
     return LaneChangeValues(**{name: float(getattr(rule, name)) for name in LANE_CHANGE_BOUNDS})
 
 

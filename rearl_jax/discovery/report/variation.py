@@ -75,27 +75,28 @@ def scored(
 
 def variation_section(verdict: Mapping[str, Any]) -> Section:
     """Section on the variation with the energy scores; empty if it was not estimated."""
-    title, found = "Time gaps that vary within a driver", verdict.get("time_gap_variation")
-    if found is None:
+    title, variation = "Time gaps that vary within a driver", verdict.get("time_gap_variation")
+    if variation is None:
         return Section(title)
-    if found["sd"] or found["noise_share"] < 1:
+    if variation["sd"] or variation["noise_share"] < 1:
         words = (
-            f"a driver's time gap varies by {number(found['time_gap'])} s over {number(found['time'])} s, as far "
-            f"as the fitted drivers show, and {percent(found['noise_share'])} of the acceleration's noise is left "
-            "beside it; simulations of the repaired model vary alike"
+            f"a driver's time gap varies by {number(variation['time_gap'])} s over {number(variation['time'])} s, "
+            f"as far "
+            f"as the fitted drivers show, and {percent(variation['noise_share'])} of the acceleration noise "
+            "remains beside it; simulations of the repaired model vary in the same way"
         )
     else:
-        words = "simulations in which a driver's time gap varies are not surely more like the fitted drivers"
+        words = "simulations with a varying time gap are not significantly closer to the fitted drivers"
     how = (
-        "The energy score is the mean distance of noisy simulations from the measured drive less half their distance "
-        "from each other: it rewards a spread that is right, and a lower one is better."
+        "The energy score is the mean distance of noisy simulations from the measured drive less half their "
+        "distance from each other. It is lowest for the correct spread; lower is better."
     )
     names = {"before": "calibrated model", "constant": "last model", "varying": "last model, time gap varying"}
     names |= {"change": "change from the first to the last"}
-    share = found["energy_score"]["change_share"]
+    share = variation["energy_score"]["change_share"]
     rows = tuple(
-        Row(name, (Cell(number(one["value"])), Cell(f"{number(one['low'])} to {number(one['high'])}")))
-        for name, one in ((words, found["energy_score"][key]) for key, words in names.items())
+        Row(name, (Cell(number(score["value"])), Cell(f"{number(score['low'])} to {number(score['high'])}")))
+        for name, score in ((words, variation["energy_score"][key]) for key, words in names.items())
     )
     ends = f"{percent(share['low'])} to {percent(share['high'])}"
     rows += (Row("the same as a share, geometric mean", (Cell(percent(share["value"])), Cell(ends))),)

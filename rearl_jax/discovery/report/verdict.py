@@ -72,8 +72,8 @@ from rearl_jax.discovery.search.procedure import Round, Search, is_free
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MISJUDGED = (
-    "what drivers do beside the model grows with what a misjudged gap or an old decision would make them do: they "
-    "misjudge gaps, or decide now and then and hold on to it"
+    "the acceleration residual grows with the response to a misjudged gap or an old decision: drivers misjudge "
+    "gaps, or decide at intervals and keep the acceleration in between"
 )
 """Note on a model under which drivers seem to misjudge gaps."""
 
@@ -127,7 +127,9 @@ def is_on(trial: Trial, theta: np.ndarray, deviations: np.ndarray, layout: Layou
     if trial.candidate.kind == "generic" or not strengths.any():
         return True  # curves and sections have no single strength that could be off
     values, off = theta[free], layout.reference[free]
-    half = np.array([interval(0.0, THRESHOLDS.interval_stretch * float(one), confidence)[1] for one in deviations])
+    half = np.array(
+        [interval(0.0, THRESHOLDS.interval_stretch * float(deviation), confidence)[1] for deviation in deviations]
+    )
     return bool((np.abs(values - off) > half)[strengths].any())
 
 

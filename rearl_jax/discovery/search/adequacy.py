@@ -105,7 +105,7 @@ class Adequacy:
         )
 
 
-def adequacy(solver: Solver, found: Search, seed: int) -> Adequacy:
+def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
     """Moments of the final model's innovations, and the remaining candidate with the largest z-score.
 
     Misjudged gaps and old decisions have no other check, so they are tested on the other drivers as well.
@@ -115,11 +115,11 @@ def adequacy(solver: Solver, found: Search, seed: int) -> Adequacy:
         found: Result of the search, with the added effects.
         seed: Seed of the simulated drives.
     """
-    state, last = found.last.state, found.rounds[-1]
-    (before,) = solver.innovations([found.first.state])
-    states = [state, *on_others(solver, found.checked, [found.last])]
-    everybody = residuals_of(solver, states, [found.last, found.last])
-    chance = by_noise_alone(solver, states, found.last, seed)
+    state, last = search.last.state, search.rounds[-1]
+    (before,) = solver.innovations([search.first.state])
+    states = [state, *on_others(solver, search.checked, [search.last])]
+    everybody = residuals_of(solver, states, [search.last, search.last])
+    chance = by_noise_alone(solver, states, search.last, seed)
     left = everybody[0]
     weight = state.data.weight
     innovation, before = standardised(left.innovation, state.data), standardised(before, state.data)
@@ -136,14 +136,14 @@ def adequacy(solver: Solver, found: Search, seed: int) -> Adequacy:
         misjudgement=misjudgement(everybody, chance),
         staleness=staleness(everybody, chance),
         remaining=(term, float(last.z_score[term])),
-        driver_minutes=sum(one.data.seconds for one in states) / 60,
+        driver_minutes=sum(solved.data.seconds for solved in states) / 60,
     )
 
 
 def by_noise_alone(solver: Solver, states: Sequence[FitState], fit: Fit, seed: int) -> list[Parts]:
     """Residuals of drives simulated with the final model and noise alone: a list of parts per replicate."""
     parts = [
-        [one for group in noise_alone(solver, state, fit.noise, REPLICATES, seed + part) for one in group]
+        [replicate for group in noise_alone(solver, state, fit.noise, REPLICATES, seed + part) for replicate in group]
         for part, state in enumerate(states)
     ]
     return [residuals_of(solver, again, [fit] * len(again)) for again in zip(*parts, strict=True)]

@@ -56,17 +56,17 @@ def with_families(terms: set[Term], known: set[Term]) -> set[Term]:
     return terms | (related & known)
 
 
-def confounded(one: Term, other: Term) -> bool:
+def confounded(first: Term, other: Term) -> bool:
     """True if one of the two may only fit a remainder of the other."""
-    return any(one in group and other in group for group in CONFOUNDED)
+    return any(first in group and other in group for group in CONFOUNDED)
 
 
 APART = {
-    ("bend", "speed_limit"): "a map, or signs: both cap the speed of everybody on a stretch",
+    ("bend", "speed_limit"): "a map, or signs: both limit the speed of all vehicles on a section",
     (
         "grade",
         "speed_limit",
-    ): "free vehicles with different desired speeds on the stretch: a limit stops the fast ones, a slope slows all",
+    ): "free vehicles with different desired speeds on the section: a limit slows only fast ones, a slope all",
     ("lens", "grade"): "a second camera, or vehicles that pass at very different speeds: a distortion shifts all alike",
     ("reaction_delay", "leader_acceleration"): "faster changes of the leader's speed, above 0.2 Hz",
     ("several_leaders", "leader_acceleration"): "a second leader that does something else than the first",

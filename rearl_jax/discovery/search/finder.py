@@ -65,10 +65,10 @@ def stability_selection(scores: DriverScores, groups: Sequence[Group], seed: int
     for _ in range(PAIRS):
         order = rng.permutation(n)
         for half in (order[: n // 2], order[n // 2 : 2 * (n // 2)]):
-            found = forward_selection(scores, half, groups)
-            chosen.update({group.variable for group in found})
-            first.update(group.variable for group in found[:1])
-            ways.update((group.variable, group.acts_on) for group in found)
+            groups_selected = forward_selection(scores, half, groups)
+            chosen.update({group.variable for group in groups_selected})
+            first.update(group.variable for group in groups_selected[:1])
+            ways.update((group.variable, group.acts_on) for group in groups_selected)
     n_halves = 2 * PAIRS
     names = dict.fromkeys(group.variable for group in groups)
     selected = [
@@ -86,20 +86,20 @@ def forward_selection(scores: DriverScores, drivers: Int[np.ndarray, " some"], g
     gram, score = scores.gram[drivers].sum(axis=0), scores.score[drivers].sum(axis=0)
     for group in groups:
         gram[group.columns, group.columns] += scores.variance / group.scale**2
-    left, found = list(groups), []
+    left, selected = list(groups), []
     bound = np.log(len(groups)) + THRESHOLDS.finder_evidence
-    while left and len(found) < MOST:
+    while left and len(selected) < MOST:
         evidence = [_evidence(gram, score, group, scores.variance) for group in left]
         best = int(np.argmax(evidence))
         if evidence[best] < bound:
             break
         group = left.pop(best)
-        found.append(group)
+        selected.append(group)
         # Scores after the group's contribution is removed.
         across = np.linalg.solve(gram[np.ix_(group.columns, group.columns)], gram[group.columns])
         score = score - across.T @ score[group.columns]
         gram = gram - gram[:, group.columns] @ across
-    return found
+    return selected
 
 
 def _evidence(

@@ -73,7 +73,7 @@ def energy_scores(
     mean = data.driver_mean
     pairs = [(i, j) for i in range(REALISATIONS) for j in range(i)]
     apart = np.mean([np.sqrt(mean((drawn[i] - drawn[j]) ** 2)) for i, j in pairs], axis=0)
-    away = np.mean([np.sqrt(mean(one**2)) for one in drawn], axis=0)
+    away = np.mean([np.sqrt(mean(deviation**2)) for deviation in drawn], axis=0)
     return away - apart / 2
 
 
@@ -84,10 +84,10 @@ def time_gap_variation(solver: Solver, fit: Fit, seed: int) -> TimeGapVariation:
     scores: dict[TimeGapVariation, Float[np.ndarray, " drivers"]] = {}
 
     def best_of(tried: Iterable[TimeGapVariation]) -> TimeGapVariation:
-        for one in tried:
-            if one not in scores:
-                scores[one] = np.log(np.maximum(energy_scores(solver, fit.state, fit, seed, one), SMALLEST))
-        return min(scores, key=lambda one: float(scores[one].mean()))
+        for candidate in tried:
+            if candidate not in scores:
+                scores[candidate] = np.log(np.maximum(energy_scores(solver, fit.state, fit, seed, candidate), SMALLEST))
+        return min(scores, key=lambda candidate: float(scores[candidate].mean()))
 
     best = best_of([CONSTANT, *(TimeGapVariation(sd, noise_share=share) for sd in SIZES for share in SHARES[::2])])
     best = best_of(replace(best, time=time) for time in TIMES)

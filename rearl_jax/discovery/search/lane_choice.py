@@ -13,7 +13,7 @@ from rearl_jax.discovery.search.procedure import Search
 
 
 def lane_choice(
-    solver: Solver, found: Search, parts: Parts, recordings: Sequence[Recording], options: DiscoverConfig
+    solver: Solver, search: Search, parts: Parts, recordings: Sequence[Recording], options: DiscoverConfig
 ) -> LaneChangeFindings:
     """Influences on lane choice, with the calibration and the split of the car-following drivers.
 
@@ -21,21 +21,23 @@ def lane_choice(
     """
     if (few := too_few_changes(recordings)) is not None:
         return few  # before any driver is calibrated for it
-    known = KnownDrivers.of([found.first.state, *on_others(solver, found.checked, [found.first])], solver.layout.prior)
+    known = KnownDrivers.of(
+        [search.first.state, *on_others(solver, search.checked, [search.first])], solver.layout.prior
+    )
     split = [part.vehicle for part in (parts.fitted, parts.checked, parts.reported)]
     return lane_change_findings(recordings, known, split, options.confidence, options.seed)
 
 
 def with_lane_choice(verdict: dict[str, Any], lanes: LaneChangeFindings) -> dict[str, Any]:
     """The verdict on car following with findings on lane choice appended."""
-    found = lanes.as_verdict_parts()
+    entries = lanes.as_verdict_parts()
     word = verdict["verdict"]
     if word == "nothing" and lanes.effects:
         word = "named" if any(effect.kind == "driver" for effect in lanes.effects) else "unexplained"
     return verdict | {
         "verdict": word,
-        "effects": [*verdict["effects"], *found["effects"]],
-        "candidates": [*verdict["candidates"], *found["candidates"]],
-        "lane_choice": found["lane_choice"],
+        "effects": [*verdict["effects"], *entries["effects"]],
+        "candidates": [*verdict["candidates"], *entries["candidates"]],
+        "lane_choice": entries["lane_choice"],
         "data": verdict["data"] | {"notes": [*verdict["data"]["notes"], lanes.words]},
     }

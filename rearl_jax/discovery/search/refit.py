@@ -51,7 +51,7 @@ def _sections(name: str, score: Score, state: FitState, layout: Layout) -> list[
     """Road sections whose step explains most of the score, from the linear fit of the curve along the road."""
     knots, n = layout.knots.position, len(layout.knots.position)
     step = knots[1] - knots[0]
-    found = []
+    sections = []
     for first in range(n):
         for last in range(first, min(first + LONGEST_SECTION, n)):
             inside = np.zeros(n)
@@ -59,10 +59,10 @@ def _sections(name: str, score: Score, state: FitState, layout: Layout) -> list[
             width = inside @ score.information @ inside
             if width > 0:
                 gain = inside @ score.score
-                found.append((gain**2 / width, first, last, gain / width))
-    found.sort(reverse=True)
+                sections.append((gain**2 / width, first, last, gain / width))
+    sections.sort(reverse=True)
     chosen: list[tuple] = []
-    for section in found:
+    for section in sections:
         # A second start only if it is a different place.
         if all(section[2] < other[1] or section[1] > other[2] for other in chosen):
             chosen.append(section)
@@ -87,16 +87,16 @@ def _onsets(score: Score, theta: np.ndarray, layout: Layout) -> list[np.ndarray]
     """Times of a lasting change whose step explains most of the score."""
     knots = layout.knots.time
     n = len(knots)
-    found = []
+    onsets = []
     for first in range(1, n):
         after = np.zeros((2, 2 * n))
         after[0, first:n], after[1, n + first :] = 1.0, 1.0
         information = after @ score.information @ after.T + 1e-9 * np.eye(2)
         size = np.linalg.solve(information, after @ score.score)
-        found.append((float(size @ (after @ score.score)), first, size))
-    found.sort(key=lambda item: -item[0])
+        onsets.append((float(size @ (after @ score.score)), first, size))
+    onsets.sort(key=lambda item: -item[0])
     result = []
-    for _, first, size in found[:SECTIONS]:
+    for _, first, size in onsets[:SECTIONS]:
         slower, wider = np.clip([-size[0], size[1]], -0.5, 0.5).tolist()
         onset = (knots[first - 1] + knots[first]) / 2
         start = {"weather.slower": slower, "weather.wider": wider, "weather.onset": onset}
@@ -126,8 +126,8 @@ def refit(
         best = min(states, key=lambda state: state.objective)
         again, noise = under_best_noise(solver, best, noises(base.noise, no_larger(base.noise)[-TRIED:]))
         # The best growth and share at the old noise level need not be the best at the new level.
-        found = (Fit(candidate, best, base.noise), Fit(candidate, again, noise))
-        fits[candidate.term] = min(found, key=lambda fit: fit.state.objective)
+        alternatives = (Fit(candidate, best, base.noise), Fit(candidate, again, noise))
+        fits[candidate.term] = min(alternatives, key=lambda fit: fit.state.objective)
         if progress is not None:
             progress(number + 1, len(candidates))
     return fits
@@ -143,7 +143,7 @@ def nested(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> dict[Term, Fit]:
         if fit.state.objective > base.state.objective:
             again = copied(base.state, active=fit.state.active)
             solver.solve([again], iterations=20, tolerance=0.05)
-            fit = min(fit, replace(fit, state=again, noise=base.noise), key=lambda one: one.state.objective)
+            fit = min(fit, replace(fit, state=again, noise=base.noise), key=lambda candidate: candidate.state.objective)
         better[term] = fit
     return better
 

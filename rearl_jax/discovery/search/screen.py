@@ -101,7 +101,7 @@ def _scores(
         inner = kept[:, :n_kept] + np.diag(scale**-2.0)
         across = np.linalg.solve(inner, kept).T
         score = score - across @ (score[:n_kept] - (state.theta - layout.reference)[free] / scale**2)
-    found = {}
+    scores = {}
     for term, (number, group) in groups.items():
         index = np.array(group)
         own = sums[f"block_{number}"] / variances[:, None, None]
@@ -109,21 +109,21 @@ def _scores(
         information = own.sum(axis=0) - across[index] @ kept[:, index]
         for coupled, answer in by_class:
             information = information - coupled[:, index].T @ answer[:, index]
-        found[term] = Score(score[index], (information + information.T) / 2, driver_score[:, index], own)
-    return found
+        scores[term] = Score(score[index], (information + information.T) / 2, driver_score[:, index], own)
+    return scores
 
 
-def clock_evidence(state: FitState, found: dict[Term, Score]) -> float:
+def clock_evidence(state: FitState, scores: dict[Term, Score]) -> float:
     """Evidence [nats] for clock offsets, from the scores of a state."""
-    score = found[clocks.CLOCK_OFFSET]
+    score = scores[clocks.CLOCK_OFFSET]
     return clocks.Clocks(state.data).evidence(score.driver_score, score.driver_information)
 
 
-def evidences(state: FitState, found: dict[Term, Score], layout: Layout) -> dict[Term, float]:
+def evidences(state: FitState, scores: dict[Term, Score], layout: Layout) -> dict[Term, float]:
     """Evidence [nats] for every candidate; if it is positive, the smallest value over leaving out one driver."""
-    evidence = {clocks.CLOCK_OFFSET: clock_evidence(state, found)}
+    evidence = {clocks.CLOCK_OFFSET: clock_evidence(state, scores)}
     for term, candidate in layout.candidates.items():
-        score, scale = found[term], layout.scale[list(candidate.look)]
+        score, scale = scores[term], layout.scale[list(candidate.look)]
         value = float(_evidence(score.score[None], score.information[None], scale)[0])
         if value > 0 and len(score.driver_score) > 1:
             without = score.score - score.driver_score

@@ -126,8 +126,8 @@ def _errors(named: pd.DataFrame) -> Section:
         share = {f"share{end}": 100 * tested[f"{protocol}_change_share{end}"] for end in ("", "_low", "_high")}
         tables.append(table_of(f"{spoken(protocol)}: {words}", tested.assign(**share), columns))
     words = (
-        "Mean over the drivers reported on, who took no part in the fit or the search, of the root mean square error "
-        "of the gap, simulated behind the measured leader.",
+        "Root mean square error of the gap, simulated behind the measured leader; mean over the report drivers, "
+        "who were used neither in the fit nor in the search.",
     )
     return Section("Gap error before and after, by protocol", words, tuple(tables))
 
@@ -169,9 +169,10 @@ def _time_gaps(facts: pd.DataFrame) -> Section:
     }
     shown = facts.assign(name=facts["car"] + ", " + facts["setting"], **spread)
     words = (
-        "Measured without a model: median of gap over speed in stretches near equilibrium, and one standard error "
-        "between runs on either side. Calibrated: the chosen car-following model at the speed that is usual in these "
-        "stretches, median of a car's tracks.",
+        "Measured without a model: median of gap over speed in intervals near equilibrium, and one standard "
+        "error "
+        "between runs on either side. Calibrated: the chosen car-following model at the median speed of these "
+        "intervals, median over a car's tracks.",
     )
     tables = tuple(
         table_of(str(title), own.dropna(axis=1, how="all"), columns)

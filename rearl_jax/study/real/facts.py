@@ -120,8 +120,8 @@ def _measured(data: Measured, is_steady: np.ndarray, pieces: np.ndarray) -> dict
 
 def _middle(values: Float[np.ndarray, " tracks"]) -> float:
     """Median of the known values; NaN if fewer than half are known."""
-    found = values[np.isfinite(values)]
-    return float(np.median(found)) if len(found) and len(found) >= len(values) / 2 else np.nan
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) and len(known) >= len(values) / 2 else np.nan
 
 
 def differences_of(facts: pd.DataFrame, options: DiscoverConfig) -> pd.DataFrame:

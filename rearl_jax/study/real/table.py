@@ -35,27 +35,27 @@ def rows_of(name: str, title: str, group: str, verdict: Mapping[str, Any]) -> li
 
 
 def _row(
-    name: str, title: str, group: str, found: Mapping[str, Any], drivers: Mapping[str, int], usual: str
+    name: str, title: str, group: str, verdict: Mapping[str, Any], drivers: Mapping[str, int], usual: str
 ) -> dict[str, Any]:
-    base = found["base"]
-    protocols = found["error"]["protocols"]
-    gaps = {protocol: None if one is None else one["gap_rmse"]["mean"] for protocol, one in protocols.items()}
-    time_gaps = found.get("equilibrium_time_gap") or (base or {}).get("equilibrium_time_gap") or {}
+    base = verdict["base"]
+    protocols = verdict["error"]["protocols"]
+    gaps = {protocol: None if errors is None else errors["gap_rmse"]["mean"] for protocol, errors in protocols.items()}
+    time_gaps = verdict.get("equilibrium_time_gap") or (base or {}).get("equilibrium_time_gap") or {}
     row: dict[str, Any] = {
         "set": name,
         "title": title,
         "group": group,
         "drivers": sum(drivers.values()),
         "base": usual if base is None else base["chosen"],
-        "verdict": found["verdict"],
-        "effects": "; ".join(map(with_numbers, found["effects"])),
+        "verdict": verdict["verdict"],
+        "effects": "; ".join(map(with_numbers, verdict["effects"])),
         "worse_in": ",".join(
-            protocol for protocol in PROTOCOLS if (one := gaps[protocol]) and one["change_share"]["value"] > WORSE
+            protocol for protocol in PROTOCOLS if (errors := gaps[protocol]) and errors["change_share"]["value"] > WORSE
         ),
     }
     for protocol in PROTOCOLS:
-        one = protocols[protocol]
-        row[f"{protocol}_drivers"] = None if one is None else one["n_drivers"]
+        errors = protocols[protocol]
+        row[f"{protocol}_drivers"] = None if errors is None else errors["n_drivers"]
         for figure in FIGURES:
             row |= _figure(f"{protocol}_{figure}", (gaps[protocol] or {}).get(figure))
     for speed in SPEEDS:

@@ -110,10 +110,10 @@ def run(config: StudyRealTask) -> dict:
         for number, cell in enumerate(cells):
             bar.update(line, description=f"set {number + 1} of {len(cells)}: {cell.title}", completed=number)
             verdict = discovery.run(cell.part, show=False, bar=bar)
-            found = rows_of(cell.name, cell.title, cell.group, verdict)
-            rows += found
+            set_rows = rows_of(cell.name, cell.title, cell.group, verdict)
+            rows += set_rows
             if cell.car is not None:
-                facts.append(_facts(cell, cell.car, {row["group"]: row["base"] for row in found}, bar))
+                facts.append(_facts(cell, cell.car, {row["group"]: row["base"] for row in set_rows}, bar))
             for finished in set(bar.task_ids) - {line}:
                 bar.remove_task(finished)
     columns = ["set", "title", *FACT_COLUMNS]
@@ -148,10 +148,10 @@ def _facts(cell: Cell, car: str, bases: Mapping[str, str], bar: Progress) -> pd.
             lane_changes=cell.part.discover.lane_changes,
         )
         part.write_table("facts", table)
-    found = pd.read_parquet(Path(part.path) / "facts.parquet")
-    found.insert(0, "title", cell.title)
-    found.insert(0, "set", cell.name)
-    return found
+    stored = pd.read_parquet(Path(part.path) / "facts.parquet")
+    stored.insert(0, "title", cell.title)
+    stored.insert(0, "set", cell.name)
+    return stored
 
 
 def _is_zalazone(data: DataConfig) -> bool:
