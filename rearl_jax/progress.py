@@ -59,7 +59,7 @@ def progress_bar() -> Iterator[Progress]:
         if isinstance(handler, logging.StreamHandler) and handler.stream is sys.stderr
     ]
     with bar:
-        # The bar has put itself in the place of standard error; the handlers still hold the old one.
+        # The bar has replaced standard error; the log handlers still refer to the old stream.
         before = [handler.setStream(sys.stderr) for handler in handlers]
         try:
             yield bar

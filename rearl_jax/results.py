@@ -40,7 +40,7 @@ PREFIX = "rearl_jax."
 class Study:
     """One folder of results, `root/name`.
 
-    The metadata of each table holds `task`, `study`, `config_hash`, `config` (JSON), `code_version`, `code_hash`,
+    The metadata of each table contain `task`, `study`, `config_hash`, `config` (JSON), `code_version`, `code_hash`,
     `git_sha` (in a git checkout), `data_id` (if data were read), `generated` (`true` if any data were generated), and
     what the writer adds (seeds, definitions). `read_metadata` reads it back.
     """
@@ -226,7 +226,7 @@ def cell_folder(folder: Path, keys: Mapping[str, str]) -> Path:
 
 
 def first_part(summary: Any) -> Any:
-    """The first object of a `summary.json`, which may hold a list of them; each has the provenance."""
+    """The first object of a `summary.json`, which may be a list of objects; each contains the provenance."""
     return summary[0] if isinstance(summary, list) and summary else summary
 
 

@@ -1,6 +1,6 @@
 """Setup of JAX, once per process: cache of compiled programs on disk, a CPU device per core, precision.
 
-Also the description of the machine that goes with every measured speed. Names of hosts and users stay out.
+The module also describes the machine for speed measurements, without names of hosts and users.
 """
 
 import os
@@ -60,7 +60,7 @@ def cache_folder() -> Path:
 
 
 def load_average() -> float | None:
-    """Processes that wanted a core in the last minute, on average; None if the system does not tell."""
+    """Average number of processes that were ready to run in the last minute; None if the system does not report it."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 

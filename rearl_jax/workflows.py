@@ -135,7 +135,7 @@ class Discovered:
 
 
 def read_recordings(**keys: Any) -> Iterator[Recording]:
-    """Recordings, each read when it is asked for; the shipped ones by default. Example:
+    """Recordings, each read when it is needed; the shipped ones by default. Example:
 
         for recording in read_recordings(format="highd", root="/data/highD"):
             print(recording.info.id, recording.table["speed"].mean())

@@ -1,8 +1,7 @@
 """The protocol that makes a study blind: first the code is hashed, then a seed is drawn, then the truth is sealed.
 
-`protocol.json` holds the hashes of the code and of the thresholds of discovery, the master seed and the hash of
-`truth.json`; both files are finished before
-discovery sees the first data set, and only the scorer opens the truth.
+`protocol.json` contains the hashes of the code and of the thresholds of discovery, the master seed and the hash of
+`truth.json`; both files are finished before discovery sees the first data set, and only the scorer opens the truth.
 """
 
 import hashlib

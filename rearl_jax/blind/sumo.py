@@ -2,7 +2,7 @@
 know.
 
 Drivers and platoon leaders are drawn as by the generator of this package; followers are driven by SUMO. The simulation
-runs in a process of its own, because libsumo holds one simulation per process.
+runs in a separate process, because libsumo allows one simulation per process.
 
 Sources: Lopez et al., Microscopic Traffic Simulation using SUMO, IEEE ITSC 2018; names of models and attributes as in
 SUMO's documentation of vehicle types.

@@ -14,7 +14,8 @@ def continuous_distances(
 ) -> Float[np.ndarray, "centres curves"]:
     """Continuous Frechet distance of every curve to every centre.
 
-    The smallest e for which the free space of the pair holds a path that rises in both curves from start to end.
+    The smallest e for which the free space of the pair contains a path that is monotone in both curves from start to
+    end.
 
     Source: Alt & Godau, Computing the Frechet distance between two polygonal curves, Int. J. Comput. Geom. Appl. 5
     (1995) 75; bisection instead of their search over critical values.

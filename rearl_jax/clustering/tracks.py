@@ -32,7 +32,7 @@ class TrackCollector:
             del recording
 
     def collected(self) -> TrackSet:
-        """All tracks so far; parts are freed meanwhile, so that memory holds them only once.
+        """All tracks so far; parts are freed while they are joined, so that memory contains them only once.
 
         Raises:
             ValueError: No track is long enough.

@@ -51,7 +51,7 @@ def sweep_and_prune(
         state: The traffic; its order along the road is up to date.
         body: Sizes of the vehicles.
         collisions: Collisions found so far.
-        model: The time step.
+        model: Traffic model; only its time step is used.
     """
     order = state.order
     by_place = jax.tree.map(lambda values: take_vehicles(values, order), boxes)
@@ -114,7 +114,7 @@ def _sweep_further(
         farthest: Position beyond which no vehicle can be touched [m].
         places: The traffic by place.
         collisions: Collisions found so far.
-        model: The time step.
+        model: Traffic model; only its time step is used.
     """
     n_places = has_more.size
     flat_boxes, flat_farthest = jax.tree.map(jnp.ravel, (by_place, farthest))

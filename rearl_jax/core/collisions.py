@@ -29,7 +29,7 @@ def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficStat
     Args:
         state: The traffic; its order along the road is up to date.
         body: Sizes of the vehicles.
-        model: The time step.
+        model: Traffic model; only its time step is used.
     """
     # Contact has no derivative. Sizes must carry none into the loops either, because loops of unknown length have no
     # reverse mode; the barrier of `rollout` gives all values that pass it a derivative, even if it is zero.

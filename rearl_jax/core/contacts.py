@@ -23,7 +23,7 @@ class BoundingBox(eqx.Module):
         x: Centre along the road.
         y: Centre across the road.
         reach_x: Half the length of the box, plus the part of a time step's displacement not contained in `moved`.
-        reach_y: The same across the road.
+        reach_y: Half the width of the box, plus the corresponding part of a time step's displacement.
         moved: sqrt(2) times the displacement in a time step, taken as if it were along the road.
     """
 
@@ -42,7 +42,7 @@ def bounding_boxes(state: TrafficState, body: Body, model: TrafficModel) -> Boun
     Args:
         state: The traffic.
         body: Sizes of the vehicles.
-        model: The time step.
+        model: Traffic model; only its time step is used.
     """
     size = jnp.abs(state.heading)
     sine, missing_cosine = jnp.minimum(size, 1.0), jnp.minimum(size * size / 2, 2.0)
@@ -96,7 +96,7 @@ def contact(
         first: Vehicles of lower list index.
         second: Partners of `first`, in the same order.
         is_pair: Whether each pair is tested.
-        model: The time step.
+        model: Traffic model; only its time step is used.
     """
 
     def test() -> tuple[Array, Array, Array, Array]:

@@ -84,7 +84,7 @@ def compare_lanes(
         derived: Derived quantities of the traffic.
         options: Input of this time step.
         drivers: Parameters of all vehicles.
-        model: The road.
+        model: Traffic model; only its road is used.
     """
     due, vehicles = is_due(state, derived, drivers), options.vehicles
     none = no_neighbour(vehicles)
@@ -127,7 +127,7 @@ def desired_side(
         derived: Derived quantities of the traffic.
         accelerations: Accelerations on the lanes [m/s^2]. gains: Gains of the changes.
         drivers: Parameters of all vehicles.
-        model: The road.
+        model: Traffic model; only its road is used.
         before: Result of the last time step.
     """
     desired = jnp.zeros_like(before)

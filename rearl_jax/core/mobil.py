@@ -96,7 +96,7 @@ def evaluate_lanes(
         own: Acceleration of these vehicles on their own lane [m/s^2].
         due: Vehicles whose decision is due; results for others are undefined.
         drivers: Parameters of these vehicles.
-        model: The road.
+        model: Traffic model; only its road is used.
         among: The large traffic that contains them; None if they are all vehicles.
     """
     left_lane, right_lane, nothing = derived.lane - 1, derived.lane + 1, jnp.zeros_like(state.x)
@@ -186,7 +186,7 @@ def decide_lanes(
         due: Vehicles whose decision is due.
         accelerations: Accelerations on the lanes. gains: Gains of a change to the left and to the right [m/s^2].
         drivers: Parameters of these vehicles.
-        model: The road.
+        model: Traffic model; only its road is used.
     """
     willing = due & is_moving(state)
     target_lane = state.target_lane

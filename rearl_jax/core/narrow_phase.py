@@ -27,13 +27,13 @@ VEHICLES_PER_CHECKED = 64
 
 
 class Collisions(NamedTuple):
-    """Crash marks and pushes so far, by flat index over all vehicles of all scenarios.
+    """Collisions found so far: crash flags and displacements, by flat index over all vehicles of all scenarios.
 
     Attributes:
         crashed: Whether a vehicle has been in a collision.
-        partner: Highest list index, flat, of all that push a vehicle; NOBODY for none.
-        push_x: Displacement by that partner along the road [m].
-        push_y: The same across the road [m].
+        partner: Flat index of the collision partner with the highest list index; NOBODY for none.
+        push_x: Displacement along the road caused by that partner [m].
+        push_y: Displacement across the road caused by that partner [m].
     """
 
     crashed: Bool[Array, " all"]
@@ -81,7 +81,7 @@ def check_candidates(
         candidates: For each place the places ahead to test, as bits, the next one lowest.
         places: The traffic by place.
         collisions: Collisions found so far.
-        model: The time step.
+        model: Traffic model; only its time step is used.
     """
     flat = candidates.ravel()
 
@@ -109,7 +109,7 @@ def check_ahead(
         first: Places ahead of the lowest bit.
         places: The traffic by place.
         collisions: Collisions found so far.
-        model: The time step.
+        model: Traffic model; only its time step is used.
     """
     n_all = places.state.x.size
 

@@ -60,7 +60,7 @@ def separate(first: Rectangle, second: Rectangle, model: TrafficModel) -> tuple[
     Args:
         first: Rectangles, of one or all rows.
         second: Partners of `first`, in the same order.
-        model: The time step.
+        model: Traffic model; only its time step is used.
     """
     moved = _difference(_displacement(first, model), _displacement(second, model))
     touches, will_touch = [], []

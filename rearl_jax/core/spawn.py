@@ -43,7 +43,7 @@ def spawn(
 
     Args:
         keys: One random key per scenario.
-        model: The road.
+        model: Traffic model; only its road is used.
         n_vehicles: Vehicles per scenario.
         density: highway-env's `vehicles_density` [-].
         initial_speed: Speed of all vehicles [m/s]; None draws 70 to 80 % of the speed limit for each.

@@ -77,7 +77,7 @@ def stimulus(
         history: Last change of the leader.
         wanted_lane: The lane each vehicle wants to be on.
         time: Time since the start [s].
-        model: The road.
+        model: Traffic model; only its road is used.
     """
     (leader, second, third), follower = neighbours.ahead, neighbours.behind
     is_present = state.controller != Controller.ABSENT

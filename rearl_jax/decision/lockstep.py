@@ -1,8 +1,8 @@
 """The closed loop with a host policy, outside the compiled program: all scenarios in lockstep, in two halves.
 
-The halves are interleaved: while the answers for one are awaited, the other simulates its second and asks. With an
-equal policy the result is that of `loop.rollout_with_policy`, bit for bit: both call the same `advance`, `assess` and
-`accept`.
+The halves are interleaved: while the answers for one are awaited, the other simulates its second and submits its
+situation. With an equal policy the result is that of `loop.rollout_with_policy`, bit for bit: both call the same
+`advance`, `assess` and `accept`.
 """
 
 import functools

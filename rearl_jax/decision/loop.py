@@ -173,7 +173,7 @@ def rollout_with_policy(
 ) -> tuple[TrafficState, Frames, Decisions]:
     """State after some seconds, a frame after each of them, and what was detected and decided.
 
-    If no vehicle is ever asked, the frames are those of `core.rollout.rollout`, bit for bit.
+    If no vehicle ever needs a decision, the frames are those of `core.rollout.rollout`, bit for bit.
 
     Args:
         state: Initial state.

@@ -263,7 +263,7 @@ def is_in_crowded_bin(
     reference: Int[Array, "bins scenarios"],
     hist: HistConfig,
 ) -> Bool[Array, "vehicles scenarios"]:
-    """True where a vehicle's speed is in a bin that holds a larger share in the simulation than in the reference.
+    """True where a vehicle's speed is in a bin with a larger share in the simulation than in the reference.
 
     Args:
         speed: Speeds [m/s]; those outside the histogram count for its outer bins.

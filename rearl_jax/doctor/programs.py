@@ -1,4 +1,4 @@
-"""Packages this one needs, the optional ones of its extras, and programs beside Python."""
+"""Checks of required packages, optional packages of the extras, and programs besides Python."""
 
 import re
 import shutil

@@ -81,7 +81,7 @@ def command(task: str, config: Any) -> str:
     """The command that repeats a study: every key that differs from its default.
 
     Args:
-        task: The task and what is always said with it, such as `evaluate method=base`.
+        task: The task with its fixed keys, such as `evaluate method=base`.
         config: Record of the task.
     """
     usual, given = type(config)(), {word.partition("=")[0] for word in task.split()}

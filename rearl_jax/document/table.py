@@ -21,7 +21,7 @@ _SHORT = 40
 
 
 class Emphasis(Enum):
-    """Emphasis of a row: `strong` for a result, `subdued` for what it is compared with."""
+    """Emphasis of a row: `strong` for a result, `subdued` for a reference."""
 
     plain = auto()
     strong = auto()
@@ -76,7 +76,7 @@ class Table:
                 raise ValueError(f"{self.title}: row {row.title} has {len(row.cells)} cells for {len(self.headings)}")
 
     def alignment(self, column: int) -> Alignment:
-        """Alignment of a column, by what its cells hold."""
+        """Alignment of a column, by the content of its cells."""
         values = [row.cells[column].value for row in self.rows]
         if any(len(value) > _SHORT for value in values):
             return Alignment.text
@@ -89,12 +89,13 @@ def table_of(
     columns: Mapping[str, str] | Sequence[str],
     emphasis: Mapping[str, Emphasis] | None = None,
 ) -> Table:
-    """Table of a frame: the first column holds the titles, `x_low` and `x_high` are the interval of `x`.
+    """Table of a frame: the first column contains the titles, `x_low` and `x_high` are the interval of `x`.
 
     Args:
         title: Title.
         frame: The frame.
-        columns: Names of the columns shown, those that the frame has not left out; as keys of their headings.
+        columns: Names of the displayed columns, or a mapping from names to headings; columns missing in the frame are
+            ignored.
         emphasis: Emphasis of rows by title; the others are plain.
     """
     headings = dict(columns) if isinstance(columns, Mapping) else {name: spoken(name) for name in columns}
@@ -132,7 +133,7 @@ def number(value: Any, sign: str = "") -> str:
 
 
 def interval(low: Any, high: Any, sign: str = "") -> str:
-    """Text of an interval, empty if an end is missing."""
+    """Text of an interval, empty if a bound is missing."""
     ends = (number(low, sign), number(high, sign))
     return "" if NONE in ends else f"{ends[0]} to {ends[1]}"
 

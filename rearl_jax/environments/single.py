@@ -22,8 +22,8 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
         controlled vehicle has crashed. Truncated: the episode has lasted `duration` seconds. All are the same as in
         highway-env's `highway-v0`.
 
-    `info` holds `speed` [m/s] and `crashed` of the controlled vehicle. With `render_mode="rgb_array"`, `render` returns
-    a picture of the road around it, see `rendering`.
+    `info` contains `speed` [m/s] and `crashed` of the controlled vehicle. With `render_mode="rgb_array"`, `render`
+    returns a picture of the road around it, see `rendering`.
     """
 
     metadata = rendering.metadata()

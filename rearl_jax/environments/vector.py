@@ -28,11 +28,11 @@ from rearl_jax.problems import out_of_range
 
 
 class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """Scenarios with a controlled vehicle each; the description of `HighwayEnv` holds for each.
+    """Scenarios with a controlled vehicle each; the description of `HighwayEnv` applies to each.
 
-    Seeded with s, scenario i has the episodes of a `HighwayEnv` seeded with s + i, as in Gymnasium's `SyncVectorEnv`.
-    A finished scenario begins anew by `autoreset_mode`: in the next step, whose action is ignored and whose reward is
-    0; in the same step, with `final_obs` and `final_info` in the info; or (disabled) only by
+    Seeded with s, scenario i has the episodes of a `HighwayEnv` seeded with s + i, as in Gymnasium's `SyncVectorEnv`. A
+    finished scenario restarts according to `autoreset_mode`: in the next step, whose action is ignored and whose reward
+    is 0; in the same step, with `final_obs` and `final_info` in the info; or (disabled) only by
     `reset(options={"reset_mask": ...})`.
 
     Source of the modes: Gymnasium 1.4, `SyncVectorEnv`.
@@ -182,7 +182,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         return seed
 
     def _mask(self, options: dict[str, Any] | None) -> Bool[np.ndarray, " scenarios"]:
-        """Mask of the scenarios that begin anew."""
+        """Mask of the scenarios that restart."""
         mask = (options or {}).get("reset_mask")
         if mask is None:
             return np.ones(self.num_envs, bool)

@@ -38,7 +38,7 @@ def server_address(base_url: str) -> str:
     `v1beta`, or the query names a version, as for Azure.
 
     Raises:
-        InvalidInputError: It is not a server address, or contains a password.
+        InvalidInputError: The text is not a server address, or contains a password.
     """
     try:
         parts = urlsplit(base_url.strip())

@@ -15,7 +15,7 @@ from rearl_jax.llm.records import Answer, Cause, Question
 
 
 class LanguageModelPolicy:
-    """A `HostPolicy` that asks a language model about those vehicles that need a decision."""
+    """A `HostPolicy` that queries a language model about vehicles that need a decision."""
 
     def __init__(
         self,

@@ -35,7 +35,7 @@ class Prompter:
 
     Args:
         table: References.
-        model: The road.
+        model: Traffic model; only its road is used.
         options: Content of the questions.
         detection: Choices of the detection, whose speed bins the questions show.
         template: The template; None for that of `options`. Load it once for several batches.
@@ -75,10 +75,10 @@ class Prompter:
     def questions(self, situation: Situation, thresholds: Thresholds) -> list[Question]:
         """A question for every vehicle that needs a decision, sorted by (reference, scenario, vehicle).
 
-        To be called once for every simulated second, also if no vehicle is asked. A vehicle without any admissible
-        action is not asked, because no answer could be followed: it stays with IDM and MOBIL like a vehicle without a
-        valid answer, and `decision.execution.accept` counts it among those (`n_invalid`). There are as many of them as
-        `situation.detection.mask` has vehicles more than there are questions.
+        Call it once for every simulated second, even if there are no questions. There is no question about a vehicle
+        without admissible actions, because no answer could be followed. It is controlled by IDM and MOBIL like a
+        vehicle without a valid answer, and `decision.execution.accept` counts it among those (`n_invalid`). There are
+        as many of them as `situation.detection.mask` has vehicles more than there are questions.
 
         Raises:
             ValueError: A second was left out, or the template fails.
@@ -137,7 +137,7 @@ class Prompter:
 
 
 def _asked(situation: Situation) -> Asked:
-    """Vehicles that are asked, in the order of the questions."""
+    """Vehicles with a question, in the order of the questions."""
     is_asked = np.asarray(situation.detection.mask & situation.admissible.any(axis=0))
     vehicle, scenario = np.nonzero(is_asked)
     order = np.lexsort((vehicle, scenario, np.asarray(situation.detection.reference)[scenario]))

@@ -1,4 +1,4 @@
-"""Neighbours of some vehicles in one frame, ahead and behind, on the own lane and the two lanes beside it."""
+"""Neighbours of the given vehicles in one frame, ahead and behind, on the own and the two adjacent lanes."""
 
 from typing import NamedTuple
 

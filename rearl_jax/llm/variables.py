@@ -111,7 +111,7 @@ class Neighbour(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """Rows and columns of the vehicles that are asked about."""
+    """Rows and columns of the vehicles with a question."""
 
     vehicle: Int[np.ndarray, " asked"]
     scenario: Int[np.ndarray, " asked"]
@@ -172,7 +172,7 @@ def cars_of(situation: Situation, asked: Asked, model: TrafficModel) -> Iterator
 
 
 def ranks(values: ArrayLike, asked: Asked) -> Int[np.ndarray, " asked"]:
-    """Rank of each vehicle that is asked about in its scenario, 1 for the highest value."""
+    """Rank of each vehicle with a question in its scenario, 1 for the highest value."""
     values = np.asarray(values)
     own, rank = values[asked], np.ones(len(asked.vehicle), int)
     for other in values:

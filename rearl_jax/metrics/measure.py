@@ -76,7 +76,7 @@ def share_of(
     among: Bool[Array, "steps vehicles *scenarios"],
     dtype: jnp.dtype,
 ) -> Measure:
-    """Measure share of the entries of `among` where `mask` holds too."""
+    """Measure share of the entries of `among` for which `mask` is also true."""
     return ratio(scene_count(mask & among), scene_count(among), dtype)
 
 

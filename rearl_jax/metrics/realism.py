@@ -4,9 +4,8 @@ Waymo estimates, for every logged vehicle, how likely its logged values are unde
 vehicle's values in 32 simulations; the meta-metric is the weighted mean of the likelihoods of nine features
 (ten from 2025 on). What is kept here and what differs:
 
-- Features: linear speed, linear acceleration, distance to the nearest object, time to collision, collision.
-  The two angular features, the two map features and the traffic-light feature say nothing about a straight
-  carriageway.
+- Features: linear speed, linear acceleration, distance to the nearest object, time to collision, collision. The two
+angular features, the two map features and the traffic-light feature carry no information on a straight carriageway.
 - Our simulations share no vehicles with the recording, so a scene's simulated values are pooled over
   vehicles, frames and runs, and all its real values are scored under this one histogram. Waymo's
   scenario-generation challenge pools in the same way (`aggregate_objects: true`, with `independent_timesteps:

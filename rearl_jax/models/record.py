@@ -1,4 +1,4 @@
-"""A repaired traffic model: the drivers as they were calibrated with and without effects, and the effects.
+"""A repaired traffic model: drivers calibrated with and without effects, and the effects.
 
 Plain numbers and texts only, so that a model can be written by hand.
 """

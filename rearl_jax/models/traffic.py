@@ -55,7 +55,7 @@ def populate(
         drivers: Drivers of the traffic, whose lane-changing parameters are kept if the population has none.
         keys: One random key per scenario.
         population: Population of the drivers.
-        model: The road.
+        model: Traffic model; only its road is used.
     """
     n_vehicles, dtype = state.x.shape[0], state.x.dtype
     names = MODELS[population.car_following].names
@@ -159,7 +159,7 @@ def make_room(
     Args:
         state: The vehicles.
         length: Lengths of the vehicles [m].
-        model: The road.
+        model: Traffic model; only its road is used.
     """
     order = jnp.argsort(state.x, axis=0).astype(jnp.int32)
     lane = nearest_lane(state.y, model)

@@ -29,8 +29,8 @@ def embedded(value: Any) -> str:
 def replay_data(replay: Replay) -> dict[str, Any]:
     """Data of the player.
 
-    `lanes`, `laneWidth` [cm]: the simulated road; `seconds`: frames of a scene; `decisions`: whether the asked vehicles
-    are known; `scenes`: objects with `id`, `recording`, `start` [s], `run`, `h`, `sim` and `real`. Both have
+    `lanes`, `laneWidth` [cm]: the simulated road; `seconds`: frames of a scene; `decisions`: whether vehicles with
+    decisions are known; `scenes`: objects with `id`, `recording`, `start` [s], `run`, `h`, `sim` and `real`. Both have
     `vehicles`: pieces `{t, x, y, l}`, first frame, positions along and across the road as differences [cm], length
     [cm]; and `speed`, the mean of each frame [m/s]. `sim` has `crash` (frame of each vehicle's crash, -1 for none) and
     `asked`, `[frame, vehicle, action]`.

@@ -16,7 +16,7 @@ class Decision:
 
     Attributes:
         rollout: Number of the rollout.
-        second: Frame at whose end it was asked; the answer is followed in the second after it.
+        second: Frame at whose end the decision was made; the action is followed in the next second.
         vehicle: Number of the vehicle.
         action: Action it gets, in the order of `MetaAction`; NO_ACTION if the answer cannot be followed.
     """
@@ -57,7 +57,7 @@ class Replay:
         scenes: All recorded scenes.
         replayed: The chosen ones.
         origin: Where the rollouts come from, in a sentence or two.
-        has_decisions: Whether the method intervenes and it is known which vehicles were asked.
+        has_decisions: Whether the method intervenes and the vehicles with decisions are known.
     """
 
     config: EvaluateTask

@@ -53,7 +53,7 @@ class FinishedStudy:
         """The Parquet table of that name.
 
         Raises:
-            FileNotFoundError, ValueError: It is not there, or is not a Parquet file.
+            FileNotFoundError, ValueError: The file does not exist, or is not a Parquet file.
         """
         path = self.path / f"{name}.parquet"
         if not path.exists():
@@ -72,7 +72,7 @@ class FinishedStudy:
         """The content of the JSON file `name`.
 
         Raises:
-            FileNotFoundError, ValueError: It is not there, or is not JSON.
+            FileNotFoundError, ValueError: The file does not exist, or is not JSON.
         """
         return _read_json(self.path / name, self.remedy)
 
@@ -93,12 +93,12 @@ class FinishedStudy:
         return data_sources([next(iterate_recordings(self.config.data)).info])
 
     def needs(self, content: Mapping[str, Any] | pd.DataFrame, names: tuple[str, ...], where: str) -> None:
-        """Raise ValueError if keys or columns are not there, as in studies of an older version.
+        """Raise ValueError if keys or columns are missing, as in studies of an older version.
 
         Args:
             found: An object or a table of the study.
             names: Keys or columns that are needed.
-            where: Name of its file.
+            where: Name of the file.
         """
         for name in names:
             if name not in content:
@@ -118,7 +118,7 @@ def read_finished(root: str, name: str) -> FinishedStudy:
 
     Raises:
         FileNotFoundError: There is no such study, or it is not finished.
-        ValueError: The name does not stay inside the folder, or the study is of a version with other keys or tasks.
+        ValueError: The name leads out of the folder, or the study is of a version with other keys or tasks.
     """
     parts = PurePosixPath(name).parts
     if not parts or name.startswith("/") or ".." in parts:

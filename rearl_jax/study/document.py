@@ -61,7 +61,7 @@ def remarks_on(
     findings: Sequence[str],
     differences: Sequence[str],
 ) -> Remarks:
-    """Text that goes with the long table.
+    """Remarks on the long table.
 
     Args:
         config: The task.
@@ -94,7 +94,7 @@ def publish(
         scenes: All scenes; None without data.
         table: The long table.
         summary: Flat figures.
-        remarks: Text that goes with the table.
+        remarks: Remarks on the table.
         draw: Function that returns the figures, PNG by name; called after the tables are printed.
         **metadata: Metadata of the table besides its provenance.
     """

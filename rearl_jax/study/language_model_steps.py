@@ -1,7 +1,7 @@
 """Time of consecutive decision steps with a language model as policy: real questions to a real server.
 
-The steps are those of the program `loop` of the decision steps (traffic, references, every vehicle asked every second);
-only the policy differs. Stored answers would cost no time, so none are used.
+The steps are those of the program `loop` of the decision steps (traffic, references, a decision for every vehicle every
+second); only the policy differs. Stored answers would cost no time, so none are used.
 """
 
 import tempfile
@@ -34,7 +34,7 @@ class ModelSteps:
         repetition: Number of the measurement, from 0.
         wall_s: Elapsed time of all steps, simulation included [s].
         n_steps: Decision steps.
-        n_questions: Questions asked in them, one per vehicle that drives.
+        n_questions: Number of questions, one per vehicle that has not crashed.
         n_sent: Questions sent to the server; equal ones are sent once.
         n_answered: Questions that got an admissible answer.
     """

@@ -39,7 +39,7 @@ class Row:
         changes: Values of keys, as written on the command line.
         paper: Corresponding row of `published.TABLE1`; None without one.
         role: Comparisons of the row.
-        asks_model: Whether a language model is asked.
+        asks_model: Whether a language model is used.
         is_repaired: Whether it uses the traffic of a repaired model instead of highway-env's.
     """
 

@@ -1,4 +1,4 @@
-"""The cells of a multirun as a figure: every cell a line, every metric a panel, beside the rows to read it against."""
+"""The cells of a multirun as a figure: a line per cell, a panel per metric, with reference rows."""
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -10,7 +10,7 @@ from rearl_jax.evaluation.scores import COMPARING, REAL, REAL_VS_REAL, TITLES
 from rearl_jax.evaluation.tables import HEADINGS
 
 METRICS_DRAWN = ("h", "mape", "thw", "lcr", "collisions")
-"""Metrics with a panel; `mape` stands for the definition all cells share."""
+"""Metrics with a panel; `mape` is the definition common to all cells."""
 
 _RECORDED = "recorded scenes (real against real for H and MAPE)"
 
@@ -50,7 +50,7 @@ def draw_cells(config: EvaluateTask, names: list[str], table: pd.DataFrame, *, g
 def _marks(
     panel: Axes, table: pd.DataFrame, names: list[str], row: str, metric: str, label: str, marker: str, colour: str
 ) -> None:
-    """One mark per cell for a row to compare with."""
+    """Draws one mark per cell for a reference row."""
     figures = _figures(table, row, metric)
     if not figures.empty:
         at = [names.index(cell) for cell in figures.index]

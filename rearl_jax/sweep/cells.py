@@ -106,12 +106,12 @@ def run_table(cells: list[Cell]) -> pd.DataFrame:
 
 
 def _columns(cell: Cell) -> dict[str, str]:
-    """The swept keys as columns: `method`, which is also what a row of the table is, becomes `cell_method`."""
+    """The swept keys as columns; `method` becomes `cell_method`, because the table also has a column `method`."""
     return {"cell_method" if key == "method" else key: value for key, value in cell.keys.items()}
 
 
 def _long(cells: list[Cell], frames: list[pd.DataFrame]) -> pd.DataFrame:
-    """The tables of the cells below each other."""
+    """The concatenated tables of the cells."""
     parts = []
     for cell, frame in zip(cells, frames, strict=True):
         named = {"cell": cell.name, **_columns(cell)}

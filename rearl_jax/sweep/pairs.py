@@ -45,13 +45,13 @@ def threshold_pairs(sweep: SweepConfig, base: BaseValues) -> list[Pair]:
 
 @dataclass(frozen=True)
 class Choice:
-    """The best pair, and whether the tuning scenes can tell it from the next best.
+    """The best pair, and whether the tuning scenes can distinguish it from the next best.
 
     The score of a pair is its mean Hellinger distance plus its mean spacing error.
 
     Attributes:
         best: Index of the pair with the lowest score; of equal ones the first.
-        runner_up: Index of the next.
+        runner_up: Index of the second best pair.
         score: Score of each pair.
         win_share: Share of the resamples of the scenes in which each pair is best.
         lead: Score of the runner-up less that of the best.
@@ -88,8 +88,8 @@ def choose(
     Raises:
         ValueError: No scene has figures of all pairs.
 
-    Source: REARL (Bi et al.) does not say how its pair (30 %, 5 %) was picked; it is the one with the least sum in its
-    Table 3. Percentile bootstrap: Efron & Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
+    Source: REARL (Bi et al.) does not state how its pair (30 %, 5 %) was chosen; in its Table 3 it has the smallest
+        sum. Percentile bootstrap: Efron & Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
     """
     total = h + mape
     total = total[:, np.isfinite(total).all(axis=0)]

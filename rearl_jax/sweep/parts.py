@@ -37,7 +37,7 @@ def write_runs(
     The parts do not depend on the machine, so a study may be continued on another machine.
 
     Args:
-        study: Where the table goes.
+        study: Study of the table.
         rollouts: All rollouts, with eval.seed_scope=run_x_scene.
         scenes: All scenes.
         table_of: Rows of a part.

@@ -11,12 +11,13 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Task:
-    """One task. `run`, `config` and `collect` are addresses `module:name`; the function takes the record.
+    """One task. `run`, `config` and `collect` are addresses `module:name`; the function `run` takes the configuration
+    record.
 
-    `collect` combines the cells of a multirun: it takes the record with what all cells share, and for each cell
-    the values of the swept keys. `implied` names overrides that keys of a group imply. `goes_on` states that the same
+    `collect` combines the cells of a multirun: it takes the record common to all cells, and the values of the swept
+    keys for each cell. `implied` maps groups of keys to overrides that they imply. `goes_on` states that the same
     command resumes an interrupted task, `failures` names the figure in the function's result that makes `rearl` fail
-    unless it is 0. A task that does not use JAX does not wait for its import.
+    unless it is 0. With `uses_jax=False` the task starts without the import of JAX.
     """
 
     words: str

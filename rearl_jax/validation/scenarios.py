@@ -1,7 +1,8 @@
 """The scenes of the comparison, set by set, drawn from one seed.
 
-A scenario holds everything highway-env needs to build and drive a scene, so its identity is the hash of its content.
-Scene k of a set is the same whatever the number of scenes. NumPy only: worker processes import this without JAX.
+A scenario contains everything that highway-env needs to build and simulate a scene, so its identity is the hash of its
+content. Scene k of a set is the same whatever the number of scenes. NumPy only: worker processes import this without
+JAX.
 """
 
 import dataclasses
@@ -60,8 +61,7 @@ class Scenario:
     Attributes:
         set_name: The set it belongs to.
         index: Number within the set.
-        source: Who places the vehicles.
-        seed: Seed of highway-env's generator.
+        source: Origin of the vehicles. seed: Seed of highway-env's generator.
         n_idm: Vehicles driven by IDM and MOBIL.
         n_meta: Vehicles driven by meta-actions.
         speed_levels: Target speeds of the meta-actions [m/s].
@@ -104,8 +104,7 @@ class ScenarioSet:
     Attributes:
         name: Name in the configuration.
         size: Size class of the set: 2, 10, 30 or 60; an ego or further vehicles may be added.
-        source: Who places the vehicles.
-        n_idm: Vehicles driven by IDM and MOBIL.
+        source: Origin of the vehicles. n_idm: Vehicles driven by IDM and MOBIL.
         n_meta: Vehicles driven by meta-actions.
         speed_levels: Target speeds of the meta-actions [m/s].
         inject: Draws the vehicles of one scene, where we place them.

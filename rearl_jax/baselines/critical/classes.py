@@ -77,7 +77,7 @@ def populate(
         drivers: Drivers of the traffic.
         keys: Random keys the state was drawn from.
         shares: Shares of aggressive drivers, defensive drivers and trucks [-]; regular drivers get the remainder.
-        model: The road.
+        model: Traffic model; only its road is used.
     """
     n_vehicles, dtype = state.x.shape[0], state.x.dtype
 

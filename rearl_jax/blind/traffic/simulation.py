@@ -43,11 +43,11 @@ class Events:
         time: Times of each step since the recording began [s], [n_steps].
         position, speed, acceleration, wander: Position [m], speed [m/s], acceleration [m/s^2], lateral offset in the
             lane [m].
-        lane: 0 = leftmost.
+        lane: Lane, 0 = leftmost.
         leader: Index of the vehicle ahead; n without one.
         fleet: The vehicles.
         effects: Hidden effects.
-        section: Part of the road most vehicles reach and leave [m].
+        section: Part of the road that most vehicles reach and leave [m].
         n_emergencies: Number of vehicle steps with emergency braking.
     """
 
@@ -154,7 +154,7 @@ def _common_section(
 
 
 def _ornstein_uhlenbeck(n_steps: int, n: int, memory: float, rng: np.random.Generator) -> np.ndarray:
-    """Processes of unit variance, [n_steps, n]."""
+    """Ornstein-Uhlenbeck processes of unit variance, [n_steps, n]."""
     kept = np.exp(-SUB_STEP / memory)
     drawn = np.sqrt(1.0 - kept**2) * rng.standard_normal((n_steps, n))
     drawn[0] = rng.standard_normal(n)

@@ -21,7 +21,7 @@ class Snapshot:
     """The state of all vehicles and the neighbours that follow from it.
 
     Attributes:
-        time: Since the recording began [s]; negative before.
+        time: Time since the recording began [s]; negative before.
         step: Number of the sub-step.
         position, speed, acceleration, length, is_truck: State of every vehicle, and of the placeholder.
         lane: Lane of every vehicle, 0 = leftmost; without the placeholder, like the attributes below.
@@ -92,7 +92,9 @@ class Snapshot:
         return self.nearest(np.where(is_left & (offsets >= 0.0), offsets, np.inf))
 
     def nearest(self, offsets: np.ndarray) -> np.ndarray:
-        """Index of the vehicle with the smallest of offsets as of `offsets_beside`, n where all are infinite."""
+        """Index of the vehicle with the smallest of the given offsets (form of `offsets_beside`); n if all are
+        infinite.
+        """
         column = np.argmin(offsets, axis=1)
         is_there = np.isfinite(offsets[np.arange(self.n), column])
         return np.where(is_there, self.fleet.recording * self._shape[1] + column, self.n)

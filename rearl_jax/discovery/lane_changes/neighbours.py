@@ -1,4 +1,4 @@
-"""Vehicles ahead and behind on the own lane and on those beside, as rows of a table."""
+"""Vehicles ahead and behind on the own and the adjacent lanes, as rows of a table."""
 
 from dataclasses import dataclass
 

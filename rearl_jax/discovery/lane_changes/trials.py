@@ -1,4 +1,4 @@
-"""Trials of candidates beside the effects added before. Two parts of the drivers check each other's fits.
+"""Trials of candidates in addition to the effects added before. Two parts of the drivers check each other's fits.
 
 Changes are rare, so both parts together decide whether a candidate exceeds chance; the third part is not used.
 """
@@ -28,7 +28,7 @@ NEEDED = float(norm.isf(THRESHOLDS.lane_false_rate / 2 / sum(len(candidate.forms
 
 @dataclass(frozen=True)
 class Trial:
-    """A candidate in its best form, tested beside the effects added before.
+    """A candidate in its best form, tested in addition to the effects added before.
 
     Attributes:
         candidate, form: The candidate and its best form.

@@ -23,8 +23,8 @@ class Around:
             all leaders (see `leaders.states_all_leaders`), no other leader is used.
         follower: Next behind on the same lane.
         left: Next ahead on the lane to the left; the same position counts as ahead.
-        beside_speed: Slowest speed within BESIDE_RANGE on the lanes beside [m/s]; inf without one.
-        n_beside: Number of vehicles within BESIDE_RANGE on the lanes beside.
+        beside_speed: Slowest speed within BESIDE_RANGE on adjacent lanes [m/s]; inf without a vehicle.
+        n_beside: Number of vehicles within BESIDE_RANGE on adjacent lanes.
     """
 
     leader: np.ndarray
@@ -84,7 +84,7 @@ class _Lines:
         return np.where(is_there, row, NOBODY)
 
     def beside(self, speed: np.ndarray, lane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Slowest speed and number of vehicles beside each row."""
+        """Slowest speed and number of vehicles beside each row's vehicle."""
         slowest, number = np.full(len(lane), np.inf), np.zeros(len(lane))
         for side in (-1, 1):
             here = self.places(side)

@@ -39,7 +39,7 @@ class TimeGapVariation:
     Attributes:
         sd: Standard deviation [-]; 0 for a constant time gap.
         time: Correlation time [s].
-        noise_share: Share of the acceleration noise that remains beside it [-].
+        noise_share: Share of the acceleration noise that remains in addition [-].
     """
 
     sd: float = 0.0

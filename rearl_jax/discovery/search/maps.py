@@ -173,7 +173,7 @@ class Plane:
 
 
 def edges_of(variable: Reaction, weight: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, " edges"]:
-    """Edges of fields that hold equally many time steps, outliers left out."""
+    """Edges of fields with equally many time steps, outliers excluded."""
     edges = np.quantile(variable.values[weight > 0], np.linspace(OUTER / 2, 1 - OUTER / 2, FIELDS + 1))
     return edges + np.arange(FIELDS + 1) * 1e-9
 

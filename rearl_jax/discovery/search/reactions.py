@@ -16,7 +16,7 @@ MEMORY = 10.0
 """Time over which a driver may remember its own speed [s]."""
 
 LONGEST_TIME_GAP = 6.0
-"""Time gap beyond which nobody follows [s]."""
+"""Time gap above which a driver does not count as following [s]."""
 
 FASTEST_APPROACH = 10.0
 """Bound of approach rates to others than the leader [m/s]."""
