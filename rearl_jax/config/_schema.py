@@ -121,7 +121,7 @@ def from_plain(record: type[Record], plain: Mapping[str, Any], prefix: str = "")
     """The record from the result of `as_plain`; missing keys have their defaults.
 
     Raises:
-        InvalidInputError: A key is unknown, or a value is not of its type or none of its choices.
+        InvalidInputError: A key is unknown, or a value has a wrong type or is not among the choices.
     """
     if not isinstance(plain, Mapping):
         raise _wrong_type(prefix.rstrip(".") or "it", "a mapping of keys to values", plain)

@@ -3,10 +3,10 @@
 Arrays in JAX have fixed shapes. Four functions restrict an operation to the elements that need it, with the same result
 as the operation on all elements:
 
-- `if_any`: skip the work if no vehicle needs it; - `apply_where`: copy the scenarios concerned into a small batch,
-treat them, copy them back, until none is left; - `process_in_blocks`: list the vehicles concerned and treat blocks of
-fixed size until the list is done; - `compact`: copy a few vehicles of every scenario next to each other, up to a fixed
-number.
+- `if_any`: skip the computation if no vehicle needs it;
+- `apply_where`: copy the scenarios concerned into a small batch, process them and copy them back, until none is left;
+- `process_in_blocks`: list the vehicles concerned and process blocks of fixed size until the list is finished;
+- `compact`: copy a few vehicles of every scenario next to each other, up to a fixed number.
 
 Of all vehicles of all scenarios one in sixteen decides about its lane in a time step, and a handful touches another;
 a few per cent are changing lanes, and a conflict between two of those concerns a handful of a thousand

@@ -125,7 +125,8 @@ def desired_side(
     Args:
         state: The traffic.
         derived: Derived quantities of the traffic.
-        accelerations: Accelerations on the lanes [m/s^2]. gains: Gains of the changes.
+        accelerations: Accelerations on the lanes [m/s^2].
+        gains: Gains of the changes.
         drivers: Parameters of all vehicles.
         model: Traffic model; only its road is used.
         before: Result of the last time step.

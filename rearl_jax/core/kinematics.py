@@ -131,7 +131,8 @@ def control(
     Args:
         state: The traffic.
         derived: Derived quantities of the traffic.
-        target_lane: Target lanes of the vehicles. own: Car-following accelerations on the own lane [m/s^2].
+        target_lane: Target lanes of the vehicles.
+        own: Car-following accelerations on the own lane [m/s^2].
         on_target: Car-following accelerations on the target lane, if it differs [m/s^2].
         drivers: Parameters of all vehicles.
         model: The road and its clock.

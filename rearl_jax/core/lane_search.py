@@ -83,7 +83,8 @@ def find_ahead(
         state: The traffic.
         derived: Derived quantities of the traffic.
         vehicles: Observable state of each vehicle.
-        lane: Lane searched by each vehicle; -1 and n_lanes are empty. n_leaders: Vehicles to find.
+        lane: Lane searched by each vehicle; -1 and n_lanes are empty.
+        n_leaders: Vehicles to find.
     """
     own_index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
     none = no_neighbour(vehicles)

@@ -27,7 +27,8 @@ class LeaderHistory(eqx.Module):
 
     Attributes:
         leader: Index of the present leader, NOBODY for none.
-        gap: Bumper-to-bumper gap to the leader [m]. time_since_change: Time since it became the leader [s].
+        gap: Bumper-to-bumper gap to the leader [m].
+        time_since_change: Time since it became the leader [s].
         gap_lost: Gap lost by that change [m].
         time_gap: Time gap right after it [s].
     """
@@ -45,7 +46,8 @@ class LeaderHistory(eqx.Module):
         """The history at the start, as if the leader had never changed.
 
         Args:
-            leader: Index of each vehicle's leader, NOBODY for none. gap: Bumper-to-bumper gap to it [m].
+            leader: Index of each vehicle's leader, NOBODY for none.
+            gap: Bumper-to-bumper gap to it [m].
         """
         nothing = jnp.zeros_like(gap)
         return cls(leader, gap, nothing + NEVER_CHANGED, nothing, nothing + TIME_GAPS[1])
@@ -60,7 +62,8 @@ class LeaderHistory(eqx.Module):
         """The history one time step later.
 
         Args:
-            leader: Index of the present leader. gap: Bumper-to-bumper gap to it [m].
+            leader: Index of the present leader.
+            gap: Bumper-to-bumper gap to it [m].
             speed: Own speed [m/s].
             dt: Time step [s].
         """

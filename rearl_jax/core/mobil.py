@@ -184,7 +184,8 @@ def decide_lanes(
         state: The vehicles that decide.
         derived: Derived quantities of these vehicles.
         due: Vehicles whose decision is due.
-        accelerations: Accelerations on the lanes. gains: Gains of a change to the left and to the right [m/s^2].
+        accelerations: Accelerations on the lanes.
+        gains: Gains of a change to the left and to the right [m/s^2].
         drivers: Parameters of these vehicles.
         model: Traffic model; only its road is used.
     """

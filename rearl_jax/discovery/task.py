@@ -1,12 +1,11 @@
 """The task `rearl discover`: identifies effects missing from the traffic model in measured trajectories.
 
-Writes into the study folder `base.parquet` (car-following models compared, of every check driver), `null.parquet`
-(evidence where nothing is missing), `residuals.parquet` and
-`maps.parquet`, `planes.parquet` (what the calibrated model leaves, and on what it depends), `drivers.parquet`
-(calibrated parameters), `candidates.parquet`, `errors.parquet` (before and after, of every report driver),
-`lane_changes.parquet` (predicted and made, of every report driver, where enough are made),
-`model.yaml`, figures, `page.html`, `verdict.json`, `config.json` and, last of all, `summary.json`; without figures,
-page and maps where `discover.page` is false.
+Writes into the study folder `base.parquet` (comparison of car-following models, by check driver), `null.parquet` (null
+distribution of the evidence), `residuals.parquet` (residuals), `maps.parquet` and `planes.parquet` (residuals as
+functions of one and two variables), `drivers.parquet` (calibrated parameters), `candidates.parquet`, `errors.parquet`
+(errors before and after, by report driver), `lane_changes.parquet` (predicted and recorded lane changes, by report
+driver, if there are enough), `model.yaml`, figures, `page.html`, `verdict.json`, `config.json` and, last of all,
+`summary.json`. With `discover.page=false` there are no figures, page and maps.
 """
 
 import json

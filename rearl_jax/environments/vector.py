@@ -139,7 +139,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         observation, speed = _scenarios_first(outcome.observation), np.asarray(outcome.speed)
         reward = np.asarray(outcome.reward, np.float64)
         terminated, truncated = np.array(outcome.terminated), np.array(outcome.truncated)
-        everybody, extra = np.ones(self.num_envs, bool), {}
+        all_scenarios, extra = np.ones(self.num_envs, bool), {}
         if self._mode is AutoresetMode.NEXT_STEP and ended_before.any():
             start = self._restart(ended_before)
             observation, speed = _scenarios_first(start.observation), np.asarray(start.speed)
@@ -152,7 +152,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
             start = self._restart(self._has_ended)
             observation, speed = _scenarios_first(start.observation), np.asarray(start.speed)
             crashed = crashed & ~self._has_ended
-        return observation, reward, terminated, truncated, extra | _info(speed, crashed, everybody)
+        return observation, reward, terminated, truncated, extra | _info(speed, crashed, all_scenarios)
 
     def render(self) -> tuple[UInt8[np.ndarray, "height width 3"], ...] | None:  # type: ignore[override]
         """A picture of the present second of every scenario with `render_mode="rgb_array"`, else None.

@@ -49,8 +49,10 @@ class Client:
     """
 
     def __init__(self, config: LlmConfig, base_url: str, *, replay: bool = False, read: Read = understand) -> None:
-        """Prepares the client; nothing is opened yet.  Args: config: Model, sampling, time-outs, where answers are
-        kept.
+        """Prepares the client; nothing is opened yet.
+
+        Args:
+            config: Model, sampling, time-outs, and file of the answers.
             base_url: Address of the server, with or without `/v1` at its end; not used for a replay.
             replay: Whether only stored answers are given, without a server.
             read: Function that parses an answer; KEEP_OUT for an answer without an action.

@@ -35,8 +35,10 @@ _PATIENCE = 180.0
 
 
 def local_model() -> Path:
-    """Path of the weights.  Raises:
-    ImportError: The server or the weights are not installed.
+    """Path of the weights.
+
+    Raises:
+        ImportError: The server or the weights are not installed.
     """
     remedy = "install them with `make llm`, or name a server: decision.server=http://HOST:PORT/v1"
     if importlib.util.find_spec("xllamacpp") is None:

@@ -63,10 +63,10 @@ def understand(text: str, choices: tuple[int, ...], finish: str = "") -> tuple[i
     Reasoning is left out: everything up to the last `</think>`; if a `<think>` stays open there is no answer. In the
     rest, without the marks of code fences, the first of these that applies counts:
 
-    1. The whole text, apart from punctuation, is an identifier or a name of an action. 2. It is a JSON object with such
-    a value under a key about an action, else about an answer, else `id`. 3. The last identifier or name that closely
-    follows action, answer or id, or is the first thing after `####`. 4. The only whole number in the text, or the only
-    name in the spelling of `MetaAction`; if both, they must agree.
+    1. The whole text, apart from punctuation, is an identifier or a name of an action.
+    2. It is a JSON object with such a value under a key about an action, else about an answer, else `id`.
+    3. The last identifier or name that closely follows action, answer or id, or is the first thing after `####`.
+    4. The only whole number in the text, or the only name in the spelling of `MetaAction`; if both, they must agree.
 
     Negations are not understood.
 

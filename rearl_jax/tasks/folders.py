@@ -4,15 +4,19 @@ from pathlib import Path
 
 
 def conf_dir() -> Path:
-    """The folder of the configuration files: inside the package in a wheel, next to it in a checkout.  Raises:
-    FileNotFoundError: Neither exists, because the installation is incomplete.
+    """The folder of the configuration files: inside the package in a wheel, next to it in a checkout.
+
+    Raises:
+        FileNotFoundError: Neither exists, because the installation is incomplete.
     """
     return _beside("conf")
 
 
 def sweeps_dir() -> Path:
-    """The folder of the sweep files, next to that of `conf_dir`.  Raises: FileNotFoundError: The folder does not exist,
-    because the installation is incomplete.
+    """The folder of the sweep files, next to that of `conf_dir`.
+
+    Raises:
+        FileNotFoundError: The folder does not exist, because the installation is incomplete.
     """
     return _beside("sweeps")
 

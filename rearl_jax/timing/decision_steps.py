@@ -81,7 +81,8 @@ class Batch(eqx.Module):
 
     Attributes:
         state: Initial traffic.
-        drivers: Drivers of the traffic. keys: Random keys of the policy.
+        drivers: Drivers of the traffic.
+        keys: Random keys of the policy.
         table: The references.
         thresholds: Infinite, so that no value passes them.
         recorded: Traffic at the end of successive seconds, for programs that only evaluate it; else None.

@@ -61,7 +61,8 @@ class Scenario:
     Attributes:
         set_name: The set it belongs to.
         index: Number within the set.
-        source: Origin of the vehicles. seed: Seed of highway-env's generator.
+        source: Origin of the vehicles.
+        seed: Seed of highway-env's generator.
         n_idm: Vehicles driven by IDM and MOBIL.
         n_meta: Vehicles driven by meta-actions.
         speed_levels: Target speeds of the meta-actions [m/s].
@@ -104,7 +105,8 @@ class ScenarioSet:
     Attributes:
         name: Name in the configuration.
         size: Size class of the set: 2, 10, 30 or 60; an ego or further vehicles may be added.
-        source: Origin of the vehicles. n_idm: Vehicles driven by IDM and MOBIL.
+        source: Origin of the vehicles.
+        n_idm: Vehicles driven by IDM and MOBIL.
         n_meta: Vehicles driven by meta-actions.
         speed_levels: Target speeds of the meta-actions [m/s].
         inject: Draws the vehicles of one scene, where we place them.

@@ -34,7 +34,8 @@ class BadAnswerError(ValueError):
 def read_mixture(text: str) -> Mixture:
     """The mixture in a text: the JSON object between its first { and its last }, after the last reasoning block.
 
-    Raises: BadAnswerError: The text contains no mixture.
+    Raises:
+        BadAnswerError: The text contains no mixture.
 
     Source: CRITICAL, main.py, for the braces.
     """

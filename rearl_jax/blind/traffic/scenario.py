@@ -27,23 +27,25 @@ class Planted:
 
 @dataclass(frozen=True)
 class Scenario:
-    """The scenario of one data set.  Attributes:
-    seed: Seed of all random draws; data sets with equal seed and fleet size have the same drivers.
-    planted: Hidden effects and artefacts; empty in a control.
-    n_recordings: Recordings of the same road, with different drivers.
-    n_vehicles: Vehicles per recording, a multiple of the lanes; the first of each lane is a platoon leader.
-    n_lanes: Number of lanes; there is one carriageway.
-    duration: Recorded time [s].
-    frame_rate: Frames per second [1/s]; a whole number of sub-steps fits between two.
-    lane_changes: Forced lane changes per recording.
-    free_changes: Whether drivers change lanes for their own gain, instead of forced changes.
-    spacing: Initial gaps as a share of the desired gaps [-].
-    pace: Factor on the speeds of platoon leaders [-].
-    spread: Factor on the differences between drivers [-].
-    driver_noise: Standard deviation of a driver's random acceleration [m/s^2].
-    position_noise: Standard deviation of measured positions [m].
-    noise_time: Time over which errors of positions are correlated [s]; 0 for white noise.
-    view: Length of road in the view of a camera [m]; None if every vehicle is seen all the time.
+    """The scenario of one data set.
+
+    Attributes:
+        seed: Seed of all random draws; data sets with equal seed and fleet size have the same drivers.
+        planted: Hidden effects and artefacts; empty in a control.
+        n_recordings: Recordings of the same road, with different drivers.
+        n_vehicles: Vehicles per recording, a multiple of the lanes; the first of each lane is a platoon leader.
+        n_lanes: Number of lanes; there is one carriageway.
+        duration: Recorded time [s].
+        frame_rate: Frames per second [1/s]; a whole number of sub-steps fits between two.
+        lane_changes: Forced lane changes per recording.
+        free_changes: Whether drivers change lanes for their own gain, instead of forced changes.
+        spacing: Initial gaps as a share of the desired gaps [-].
+        pace: Factor on the speeds of platoon leaders [-].
+        spread: Factor on the differences between drivers [-].
+        driver_noise: Standard deviation of a driver's random acceleration [m/s^2].
+        position_noise: Standard deviation of measured positions [m].
+        noise_time: Time over which errors of positions are correlated [s]; 0 for white noise.
+        view: Length of road in the view of a camera [m]; None if every vehicle is seen all the time.
     """
 
     seed: int

@@ -67,7 +67,8 @@ class CarFollowing(eqx.Module):
         """Acceleration behind a leader [m/s^2].
 
         Args:
-            gap: Bumper-to-bumper gap to the leader [m]. speed: Own speed [m/s].
+            gap: Bumper-to-bumper gap to the leader [m].
+            speed: Own speed [m/s].
             approach_rate: Own minus leader's speed dv [m/s].
         """
 

@@ -11,7 +11,8 @@ class SideLane(eqx.Module):
 
     Attributes:
         direction: -1 for the lane on the left, +1 for that on the right.
-        has_leader: Whether a vehicle is ahead on it. gap: Bumper-to-bumper gap to that vehicle [m].
+        has_leader: Whether a vehicle is ahead on it.
+        gap: Bumper-to-bumper gap to that vehicle [m].
         leader_speed: Speed of that vehicle [m/s].
         leader_is_truck: Whether it is a truck.
         has_follower: Whether a vehicle is behind on it.

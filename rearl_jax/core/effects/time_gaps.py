@@ -109,13 +109,15 @@ class Relaxation(Effect):
 
     def perceive(self, seen: Stimulus, memory: None) -> Stimulus:
         """Stimulus with part of the lost gap added."""
-        return replace(seen, gap=seen.gap + self.gap_share * seen.gap_lost * self._left(seen))
+        return replace(seen, gap=seen.gap + self.gap_share * seen.gap_lost * self._remaining_share(seen))
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
         """Time gap, shorter if the gap after the change was shorter."""
-        return value + self.time_gap_share * jnp.minimum(seen.time_gap_at_change - value, 0.0) * self._left(seen)
+        return value + self.time_gap_share * jnp.minimum(seen.time_gap_at_change - value, 0.0) * self._remaining_share(
+            seen
+        )
 
-    def _left(self, seen: Stimulus) -> Float[Array, "*n"]:
+    def _remaining_share(self, seen: Stimulus) -> Float[Array, "*n"]:
         return jnp.exp(-seen.time_since_change / self.relaxation_time)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from rearl_jax.discovery.groups.mixture import Mixture, Seen, drawn_from, one_group, split_further
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.kalman import Noise
-from rearl_jax.discovery.observe.observer import unrest
+from rearl_jax.discovery.observe.observer import squared_leader_acceleration
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -185,7 +185,7 @@ def _noise_of_drivers(solver: Solver, fit: Fit) -> tuple[np.ndarray, np.ndarray]
     noise, data = fit.noise, fit.state.data
     looks = slice(None, None, data.stride)
     weight = (data.weight[looks] > 0) * noise.independent
-    unequal = 1 + noise.growth * unrest(data)[looks]
+    unequal = 1 + noise.growth * squared_leader_acceleration(data)[looks]
 
     def likely(other: Noise) -> np.ndarray:
         gain = other.gain(data.dt, data.stride)

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from rearl_jax.discovery.observe.autocorrelation import autocorrelation
 from rearl_jax.discovery.observe.fit_state import FitState, copied, new_state, with_noise
 from rearl_jax.discovery.observe.kalman import Noise
-from rearl_jax.discovery.observe.observer import unrest
+from rearl_jax.discovery.observe.observer import squared_leader_acceleration
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.smoothing import lasting_noise
@@ -80,8 +80,9 @@ def under_best_noise(
 
 
 def under_best_time(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple[FitState, Noise]:
-    """The same for an unknown correlation time. For each correlation time the state is solved again under its most
-    likely noise before likelihoods are compared, because parameters found under one noise favour that noise.
+    """The state under the most likely noise of an unknown correlation time, and that noise. For each correlation time
+    the state is solved again under its most likely noise before likelihoods are compared, because parameters found
+    under one noise favour that noise.
     """
     chosen = []
     for time in dict.fromkeys(noise.time for noise in tried):
@@ -127,7 +128,7 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     for _ in range(SPREAD_ITERATIONS):
         state = copied(state, spread=spread_of(state))
         solver.solve([state], iterations=5, tolerance=0.3)
-    noise = _as_innovations_are(solver, state, noise)
+    noise = _with_growth_and_independence(solver, state, noise)
     state = with_noise(state, noise)
     solver.solve([state], iterations=10)
     return state, noise
@@ -150,7 +151,7 @@ def spread_of(state: FitState) -> Float[np.ndarray, " own"]:
     return np.clip(np.sqrt(square), *SPREADS)
 
 
-def _as_innovations_are(solver: Solver, state: FitState, noise: Noise) -> Noise:
+def _with_growth_and_independence(solver: Solver, state: FitState, noise: Noise) -> Noise:
     """The noise with its growth and its share of independent innovations, estimated from the innovations of a fitted
     state.
 
@@ -162,7 +163,7 @@ def _as_innovations_are(solver: Solver, state: FitState, noise: Noise) -> Noise:
     data = state.data
     (innovation,) = solver.innovations([state])
     relative = innovation**2 / state.variances[data.driver]
-    counts, size = data.weight, unrest(data)
+    counts, size = data.weight, squared_leader_acceleration(data)
     size_mean, mean = (float((values * counts).sum() / counts.sum()) for values in (size, relative))
     slope = float(
         (relative * (size - size_mean) * counts).sum() / max(float(((size - size_mean) ** 2 * counts).sum()), 1e-9)

@@ -3,8 +3,8 @@
 Each step predicts with the model and corrects by a gain times the innovation, measured minus predicted position
 (`kalman`).
 
-    gain 0: the closed-loop simulation, with the errors usually reported; steady-state Kalman gain: innovations of a
-    right model are white, so tests on them are calibrated.
+    gain 0: the closed-loop simulation, with the errors usually reported;
+    steady-state Kalman gain: innovations of a right model are white, so tests on them are calibrated.
 
 Source: prediction-error method, Ljung, System Identification (1999), chapter 7.
 """
@@ -184,10 +184,10 @@ def pieces_of(data: Measured, noise: Noise) -> Pieces:
 
 def weights(data: Measured, noise: Noise) -> Float[np.ndarray, "steps pieces"]:
     """Weight of each innovation: effective share of independent information over its relative variance [-]."""
-    return data.weight * noise.independent / (1 + noise.growth * unrest(data))
+    return data.weight * noise.independent / (1 + noise.growth * squared_leader_acceleration(data))
 
 
-def unrest(data: Measured) -> Float[np.ndarray, "steps pieces"]:
+def squared_leader_acceleration(data: Measured) -> Float[np.ndarray, "steps pieces"]:
     """Squared acceleration of the leader [m^2/s^4], bounded. The driver's own would depend on its noise."""
     return np.minimum(data.around.leader_acceleration**2, MOST_UNREST)
 

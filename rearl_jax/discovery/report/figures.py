@@ -32,7 +32,7 @@ def draw_evidence(rows: Sequence[Mapping[str, Any]], null: Null, *, generated: b
     Args:
         rows: Entries `candidates` of the verdict.
         null: Null distribution of the evidence; candidates outside it have no band.
-        generated: Whether the data are no measurements.
+        generated: Whether the data were generated, not measured.
     """
     shown, threshold = rows[:BARS], null.threshold(THRESHOLDS.candidate_z_score)
     terms = [Term(row["name"], row["variables"][0] if row["kind"] == "generic" else None) for row in shown]

@@ -5,13 +5,14 @@ verdicts, each effect names its group, and errors are those of all reported driv
 Candidates, unseen effects and adequacy are in the verdict of each group, `groups/<name>/verdict.json`. Additional keys:
 
 groups    [{by, value, drivers, driver_seconds, cars, shared, labels, verdict, effects, error, car_following, base,
-equilibrium_time_gap, notes}]: `labels` {label: {value, share}} the most common value of each label and its share of the
-drivers, `cars` the number of persons or cars, null if no identity is known; `shared` the number of them among both
-fitted and reported drivers; `equilibrium_time_gap` {speed [m/s]: {value, low, high}}, the median over fitted drivers of
-gap over speed [s] behind a leader of that speed in the calibrated model, null if fewer than half of the drivers have a
-higher desired speed grouping  {by, left_out: {value: drivers}}: number of drivers outside all groups; for kinds found
-without labels also {kinds,
-          evidence, distinctness, gain, chance, uncertain, purity: {label: {value, by_chance}}}, see `groups.kinds`
+          equilibrium_time_gap, notes}]: `labels` {label: {value, share}} the most common value of each label and its
+          share of the drivers, `cars` the number of persons or cars, null if no identity is known; `shared` the number
+          of them among both fitted and reported drivers; `equilibrium_time_gap` {speed [m/s]: {value, low, high}}, the
+          median over fitted drivers of gap over speed [s] behind a leader of that speed in the calibrated model, null
+          if fewer than half of the drivers have a higher desired speed
+grouping  {by, left_out: {value: drivers}}: number of drivers outside all groups; for kinds found without labels also
+          {kinds, evidence, distinctness, gain, chance, uncertain, purity: {label: {value, by_chance}}}, see
+          `groups.kinds`
 """
 
 from collections import Counter
@@ -68,8 +69,8 @@ def verdict_of_groups(
 def _row(options: DiscoverConfig, name: str, discovery: Discovery) -> dict[str, Any]:
     verdict, behind = discovery.verdict, _behind(discovery)
     parts, first = behind.parts, behind.search.first.state
-    everybody = parts.fitted.beside(parts.checked).beside(parts.reported)
-    persons = known_again(everybody)
+    all_drivers = parts.fitted.beside(parts.checked).beside(parts.reported)
+    persons = known_again(all_drivers)
     return {
         "by": options.by,
         "value": name,
@@ -77,7 +78,7 @@ def _row(options: DiscoverConfig, name: str, discovery: Discovery) -> dict[str, 
         "driver_seconds": verdict["data"]["driver_seconds"],
         "cars": persons or None,
         "shared": in_both(parts.fitted, parts.reported),
-        "labels": _most_common(everybody),
+        "labels": _most_common(all_drivers),
         "verdict": verdict["verdict"],
         "effects": verdict["effects"],
         "error": verdict["error"],
@@ -110,21 +111,21 @@ def _joined(groups: Sequence[Mapping[str, ModelErrors]]) -> dict[str, ModelError
         parts = [errors.get(model, errors["before"]) for errors in groups]
         by_driver = {name: np.concatenate([part.by_driver[name] for part in parts]) for name in parts[0].by_driver}
         floor = np.concatenate([part.floor for part in parts])
-        protocols = {name: _under_one([part.protocols[name] for part in parts]) for name in parts[0].protocols}
+        protocols = {name: _joined_protocol([part.protocols[name] for part in parts]) for name in parts[0].protocols}
         joined[model] = ModelErrors(by_driver, floor, protocols, responses=None)
     return joined
 
 
-def _under_one(groups: Sequence[ProtocolErrors | None]) -> ProtocolErrors | None:
+def _joined_protocol(groups: Sequence[ProtocolErrors | None]) -> ProtocolErrors | None:
     """Errors of the drivers of all groups under one protocol; None if no driver could be tested."""
     tested = [errors for errors in groups if errors is not None]
     if not tested:
         return None
 
-    def together(name: str) -> dict[str, np.ndarray]:
+    def concatenated(name: str) -> dict[str, np.ndarray]:
         parts = [getattr(errors, name) for errors in tested]
         return {measure: np.concatenate([part[measure] for part in parts]) for measure in parts[0]}
 
     n_drivers = [len(errors.driver) for errors in tested]
     left_out = sum(errors.left_out for errors in tested)
-    return ProtocolErrors(np.arange(sum(n_drivers)), together("by_driver"), together("usual"), left_out)
+    return ProtocolErrors(np.arange(sum(n_drivers)), concatenated("by_driver"), concatenated("usual"), left_out)

@@ -26,7 +26,7 @@ def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, 
     Args:
         atlases: Maps `before`, and `after` if effects were added.
         added: Added acceleration at the knots of the variables that it depends on.
-        generated: Whether the data are no measurements.
+        generated: Whether the data were generated, not measured.
     """
     best = shown_maps(atlases)
     n_rows = -(-len(best) // COLUMNS)

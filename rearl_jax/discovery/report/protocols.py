@@ -70,13 +70,13 @@ def protocol_errors(
         runs: Splits of drivers with several runs, see `left_out_runs`.
     """
     data = state.data
-    whole, everybody = [Split(data, data)], np.arange(data.n_drivers)
-    usual = measures_of(whole, [_with_usual_drivers(solver, state)])
+    whole, all_drivers = [Split(data, data)], np.arange(data.n_drivers)
+    usual = measures_of(whole, [_with_population_parameters(solver, state)])
     return {
-        "population": ProtocolErrors(everybody, usual, usual, 0),
+        "population": ProtocolErrors(all_drivers, usual, usual, 0),
         "first_half": _predicted(solver, [halves(data)], fit),
         "other_runs": _predicted(solver, runs, fit),
-        IN_SAMPLE: ProtocolErrors(everybody, measures_of(whole, [in_sample]), usual, 0),
+        IN_SAMPLE: ProtocolErrors(all_drivers, measures_of(whole, [in_sample]), usual, 0),
     }
 
 
@@ -90,14 +90,14 @@ def _predicted(solver: Solver, splits: Sequence[Split], fit: Fit) -> ProtocolErr
         (trained,) = on_others(solver, split.training, [fit])
         tested = copied(trained, data=split.test, pieces=pieces_of(split.test, fit.noise))
         own.append(simulated_error(solver, tested))
-        usual.append(_with_usual_drivers(solver, tested))
+        usual.append(_with_population_parameters(solver, tested))
     by_driver, of_usual = (
         {name: values[used] for name, values in measures_of(splits, deviations).items()} for deviations in (own, usual)
     )
     return ProtocolErrors(used, by_driver, of_usual, splits[0].test.n_drivers - len(used))
 
 
-def _with_usual_drivers(solver: Solver, state: FitState) -> Deviation:
+def _with_population_parameters(solver: Solver, state: FitState) -> Deviation:
     """Deviations if every driver has the population parameters."""
     return simulated_error(solver, copied(state, z=state.mean[state.truck]))
 

@@ -184,7 +184,13 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
         return "artefact" if adequacy.is_enough and not search.is_contradicted else "unexplained"
     if search.clocks is not None:
         return "artefact"
-    if added or search.rejected or _is_sure(search.rounds[-1]) or leaves_shifts(search) or not adequacy.is_enough:
+    if (
+        added
+        or search.rejected
+        or _is_unconfirmed_dependence(search.rounds[-1])
+        or leaves_shifts(search)
+        or not adequacy.is_enough
+    ):
         return "unexplained"
     return "nothing"
 
@@ -194,7 +200,7 @@ def leaves_shifts(search: Search) -> bool:
     return search.clocks is None and search.rounds[-1].clock_z_score > THRESHOLDS.unexplained_z_score
 
 
-def _is_sure(last: Round) -> bool:
+def _is_unconfirmed_dependence(last: Round) -> bool:
     """True if a remaining dependence exceeds chance although the other drivers confirm none of its forms."""
     return any(z_score > THRESHOLDS.unexplained_z_score for z_score in last.z_score.values())
 

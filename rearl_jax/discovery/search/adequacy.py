@@ -118,9 +118,9 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
     state, last = search.last.state, search.rounds[-1]
     (before,) = solver.innovations([search.first.state])
     states = [state, *on_others(solver, search.checked, [search.last])]
-    everybody = residuals_of(solver, states, [search.last, search.last])
+    residuals = residuals_of(solver, states, [search.last, search.last])
     chance = by_noise_alone(solver, states, search.last, seed)
-    left = everybody[0]
+    left = residuals[0]
     weight = state.data.weight
     innovation, before = standardised(left.innovation, state.data), standardised(before, state.data)
     lag = state.data.stride
@@ -133,8 +133,8 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
         kurtosis_before=kurtosis(before, weight),
         autocorrelation=float(neighbours),
         unequal_noise=unequal_noise(left.innovation, state.data),
-        misjudgement=misjudgement(everybody, chance),
-        staleness=staleness(everybody, chance),
+        misjudgement=misjudgement(residuals, chance),
+        staleness=staleness(residuals, chance),
         remaining=(term, float(last.z_score[term])),
         driver_minutes=sum(solved.data.seconds for solved in states) / 60,
     )

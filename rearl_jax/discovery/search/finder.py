@@ -31,7 +31,9 @@ class Group:
     """The curve of one variable.
 
     Attributes:
-        variable: Name of the variable. acts_on: `acceleration` or `time_gap`. columns: Column indices of its knots.
+        variable: Name of the variable.
+        acts_on: `acceleration` or `time_gap`.
+        columns: Column indices of its knots.
         scale: Prior standard deviation of its values.
     """
 
@@ -46,7 +48,8 @@ class Selected:
     """A variable and how often it was selected.
 
     Attributes:
-        variable: Name of the variable. acts_on: `acceleration` or `time_gap`, whichever was selected more often.
+        variable: Name of the variable.
+        acts_on: `acceleration` or `time_gap`, whichever was selected more often.
         frequency: Share of the halves in which either was selected [-].
         first: Share of the halves in which it was selected before all others [-].
     """

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit_state import FitState, copied
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, Noise
-from rearl_jax.discovery.observe.observer import unrest
+from rearl_jax.discovery.observe.observer import squared_leader_acceleration
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.smoothing import cut_off, smoothed
@@ -93,7 +93,7 @@ def behind_noisy_drive(
 ) -> Float[np.ndarray, "steps pieces"]:
     """Measured positions minus positions simulated with each driver's own noise level behind the same leaders [m]."""
     data = state.data
-    uneven = (state.variances / state.variance)[data.driver] * (1 + noise.growth * unrest(data))
+    uneven = (state.variances / state.variance)[data.driver] * (1 + noise.growth * squared_leader_acceleration(data))
     known = smoothed_alike(driver_noise(noise, data.y.shape, data.dt, rng), data) * np.sqrt(uneven)
     (behind,) = solver.innovations([replace(state, pieces=replace(state.pieces, known=known))], CLOSED_LOOP)
     return behind

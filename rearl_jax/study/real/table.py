@@ -25,7 +25,8 @@ def rows_of(name: str, title: str, group: str, verdict: Mapping[str, Any]) -> li
 
     Args:
         name: Name of the set.
-        title: Name of the set in tables. group: Name of the drivers of a discovery without groups.
+        title: Name of the set in tables.
+        group: Name of the drivers of a discovery without groups.
         verdict: As in verdict.json.
     """
     usual = verdict["data"]["car_following"]
