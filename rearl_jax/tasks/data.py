@@ -46,7 +46,7 @@ DATA = (
         description=(
             "Calibrates every driver, examines what the model cannot predict, identifies the effect or the measurement "
             "fault that causes it, adds the effect, checks it on other drivers and reports the error before and after "
-            "on drivers that took no part in the fit. An interrupted study continues. Prints the verdict, "
+            "on drivers that were not used in the fit. An interrupted study continues. Prints the verdict, "
             "writes it as verdict.json, the repaired model as model.yaml, Parquet, figures and one HTML page."
         ),
         examples=(
