@@ -1,8 +1,9 @@
 """Lane changing: MOBIL decisions.
 
 Source: Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86; highway-env 1.12.1,
-`IDMVehicle.change_lane_policy` and `IDMVehicle.mobil`. As there, and unlike in the paper: the deciding driver's
-parameters replace those of all others, the own safety is not tested, and gains of left and right are not compared.
+`IDMVehicle.change_lane_policy` and `IDMVehicle.mobil`. As in highway-env, and unlike in the paper, the deciding
+driver's parameters replace those of all others, the own safety is not tested, and gains of left and right are not
+compared.
 """
 
 from collections.abc import Callable

@@ -59,7 +59,7 @@ def server_at(address: str) -> Iterator[str]:
 
     Raises:
         ImportError: The server or the weights are not installed.
-        OSError: It does not start.
+        OSError: The server does not start.
     """
     if address != LOCAL:
         yield address
@@ -78,7 +78,7 @@ def server_at(address: str) -> Iterator[str]:
 
 
 def _address(process: "subprocess.Popen[str]") -> str:
-    """Address that the server prints as `READY <address>` when it takes requests."""
+    """Address that the server prints as `READY <address>` when it accepts requests."""
     assert process.stdout is not None
     lines: queue.Queue[str] = queue.Queue()
     threading.Thread(target=_read, args=(process.stdout, lines), daemon=True).start()

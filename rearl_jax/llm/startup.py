@@ -41,7 +41,7 @@ async def meet(connection: Connection, config: LlmConfig) -> Server:
 
     Raises:
         ServerError: There is no server, or it does not become ready.
-        InvalidInputError: It does not have the model, or refuses what it is sent.
+        InvalidInputError: The server does not have the model, or refuses the trial request.
     """
     model, listed = await find_model(connection, config)
     profile = config.profile

@@ -88,8 +88,8 @@ def load_template(path: str) -> PromptTemplate:
 
     Raises:
         MissingInputError: There is no such file.
-        InvalidInputError: It is not a template, lacks a block or uses a variable that does not exist; the problem names
-            file and line.
+        InvalidInputError: The file is not a template, lacks a block or uses a variable that does not exist; the problem
+            names file and line.
     """
     file, loader = (
         (Path(path), FileSystemLoader(Path(path).parent))

@@ -32,7 +32,7 @@ def run(config: ReportTask) -> dict:
 
     Raises:
         FileNotFoundError: There is no such study, it is not finished, or a file of it is missing.
-        ValueError: It is of another version or of a task without reports, or requested scenes do not belong to it.
+        ValueError: The study has another version or a task without reports, or requested scenes do not belong to it.
     """
     study = read_finished(config.results.root, config.study)
     words = study.task.words

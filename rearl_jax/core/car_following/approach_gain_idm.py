@@ -23,10 +23,10 @@ class ApproachGainIDM(CarFollowing):
     """IDM with a separate parameter for the response to the approach rate.
 
     Attributes:
-        max_accel: a [m/s^2].
-        gap_exponent: p [-].
-        approach_gain: k [1/s].
-        speed_gain: k0 [1/s].
+        max_accel: Maximum acceleration a [m/s^2].
+        gap_exponent: Exponent p of the gap term [-].
+        approach_gain: Gain k of the approach rate [1/s].
+        speed_gain: Gain k0 of the difference to the desired speed [1/s].
     """
 
     declaration: ClassVar[DriverModel] = approach_gain_idm.MODEL
@@ -37,21 +37,21 @@ class ApproachGainIDM(CarFollowing):
     speed_gain: Float[Array, "*#n"]
 
     def free_acceleration(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """min(a, k0 (v0 - v))."""
+        """Free-road acceleration [m/s^2]: min(a, k0 (v0 - v))."""
         return jnp.minimum(self.max_accel, self._cap(speed))
 
     def acceleration(
         self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
     ) -> Float[Array, "*n"]:
-        """min(a [1 - (s* / s)^p] - k dv, k0 (v0 - v))."""
+        """Acceleration behind a leader [m/s^2]: min(a [1 - (s* / s)^p] - k dv, k0 (v0 - v))."""
         ratio = self.equilibrium_gap(jnp.maximum(speed, 0.0)) / jnp.maximum(gap, SMALLEST_GAP)
         following = self.max_accel * (1 - ratio**self.gap_exponent) - self.approach_gain * approach_rate
         return jnp.minimum(following, self._cap(speed))
 
     def equilibrium_gap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """s0 + v T."""
+        """Equilibrium gap [m]: s0 + v T."""
         return self.jam_gap + speed * self.time_gap
 
     def _cap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """k0 (v0 - v) [m/s^2]."""
+        """Upper bound of the acceleration: k0 (v0 - v) [m/s^2]."""
         return self.speed_gain * (self.desired_speed - speed)
