@@ -28,12 +28,12 @@ class Judged:
 
     @property
     def is_sumo(self) -> bool:
-        """True if SUMO made it."""
+        """True if SUMO generated the data set."""
         return self.truth["source"] == "sumo"
 
     @property
     def hidden_kind(self) -> str:
-        """`control`, `listed`, `unlisted`, `artefact`; of two effects the kind of the first."""
+        """Kind of the (first) hidden effect: `control`, `listed`, `unlisted` or `artefact`."""
         return self.truth["planted"][0]["kind"] if self.truth["planted"] else "control"
 
     @property
@@ -86,7 +86,7 @@ def _claims_traffic(case: Judged) -> bool:
     return any(kind != "artefact" for kind in case.judgement.false_kinds)
 
 
-def _is_not_there(case: Judged) -> bool:
+def _has_false_name(case: Judged) -> bool:
     """True if a false name is claimed, alone or beside a correct one."""
     return bool(case.judgement.false_names)
 
@@ -137,35 +137,35 @@ def _change(end: str, sign: int) -> Callable[[Judged], bool]:
 
 QUESTIONS = (
     Question("identified", "effects of the library named, usual strength", _in("named"), _has(*NAMED), 0.95),
-    Question("in_set", "the same, or among the alternatives", _in("named"), _in_set, 0.95),
-    Question("wrong_name", "a name that is not there, usual strength", _in("named"), _is_not_there, 0.02, True),
+    Question("in_set", "effects of the library named, or among alternatives", _in("named"), _in_set, 0.95),
+    Question("wrong_name", "a false name, usual strength", _in("named"), _has_false_name, 0.02, True),
     Question("half_identified", "named at half strength", _in("half"), _has(*NAMED), 0.6),
-    Question("half_wrong", "a name that is not there, half strength", _in("half"), _is_not_there, 0.0, True),
+    Question("half_wrong", "a false name, half strength", _in("half"), _has_false_name, 0.0, True),
     Question("half_4x_identified", "half strength, four times the data", _in("half_four_times"), _has(*NAMED), 0.9),
     Question("short_identified", "named in records of 14 s", _in("short"), _has(*NAMED), 0.8),
     Question("control_false", "controls with an effect named", _in("control"), _claims_traffic, 1 / 30, True),
     Question("control_clean", "controls in which nothing was found", _in("control"), _has("right"), 0.95),
     Question("artefact_identified", "artefacts named", _in("artefact"), _has(*NAMED), 0.9),
-    Question("artefact_as_effect", "artefacts called an effect", _in("artefact"), _claims_traffic, 0.0, True),
-    Question("confusable_in_set", "of two alike, the true one kept", _in("confusable"), _in_set, 1.0),
-    Question("confusable_alone", "of two alike, only the true one kept", _in("confusable"), _alone, 0.8),
-    Question("cancelling_false", "two that cancel: a name not there", _in("cancelling"), _is_not_there, 0.0, True),
-    Question("variable", "no list holds it: the right variable", _unlisted(has_variable=True), _has(*NAMED), 0.9),
-    Question("flagged", "nothing measured explains it: said so", _unlisted(has_variable=False), _is_flagged, 0.8),
-    Question("both_named", "two at once: both named", _in("two"), _has(*NAMED), 0.8),
-    Question("one_and_flagged", "two at once: both, or one and that more is there", _in("two"), _both_or_flagged, 1.0),
+    Question("artefact_as_effect", "artefacts reported as an effect", _in("artefact"), _claims_traffic, 0.0, True),
+    Question("confusable_in_set", "similar effects: true one named or alternative", _in("confusable"), _in_set, 1.0),
+    Question("confusable_alone", "similar effects: only the true one named", _in("confusable"), _alone, 0.8),
+    Question("cancelling_false", "cancelling effects: a false name", _in("cancelling"), _has_false_name, 0.0, True),
+    Question("variable", "unlisted effects: right variable", _unlisted(has_variable=True), _has(*NAMED), 0.9),
+    Question("flagged", "no measured cause: unexplained", _unlisted(has_variable=False), _is_flagged, 0.8),
+    Question("both_named", "two effects: both named", _in("two"), _has(*NAMED), 0.8),
+    Question("one_and_flagged", "two effects: both, or one and an unexplained rest", _in("two"), _both_or_flagged, 1.0),
     Question("lane_choice_identified", "effects on lane choice named", _in("lane_choice"), _has(*NAMED), 0.9),
-    Question("lane_choice_false", "free lane changes, nothing hidden: an effect named",
+    Question("lane_choice_false", "free lane changes without effects: an effect named",
              _in("lane_choice_control"), _claims_traffic, 0.0, True),
     Question("sumo_family", "SUMO: effects named, or alternatives", _in_sumo("listed"), _has(*NAMED, "ambiguous"), 0.8),
-    Question("sumo_other", "SUMO: other models, unexplained or rightly named", _in_sumo("unlisted"), _is_flagged, 0.8),
+    Question("sumo_other", "SUMO: other models, unexplained or correctly named", _in_sumo("unlisted"), _is_flagged, 0.8),
     Question("sumo_control", "SUMO: controls with an effect named", _in_sumo("control"), _claims_traffic, 1 / 30, True),
-    Question("error_fell", "effects named whose error fell beyond its interval",
+    Question("error_fell", "named effects: error reduction beyond the interval",
              _named_in_named, _error_fell, 0.8, False, "after_high"),
-    Question("error_surely_fell", "the same, driver by driver",
+    Question("error_surely_fell", "named effects: significant reduction over drivers",
              _named_in_named, _change("high", -1), 0.8, False, "change_high"),
-    Question("sumo_error", "SUMO's other models: error lower after", _other_model, _change("value", -1), 0.95),
-    Question("error_rose", "something added: error surely higher after",
+    Question("sumo_error", "SUMO's other models: lower error after repair", _other_model, _change("value", -1), 0.95),
+    Question("error_rose", "repaired models: significantly higher error",
              _changes_the_model, _change("low", +1), 0.0, True, "change_low"),
     Question("failed", "data sets on which discovery stopped with an error", lambda _: True, _has("failed"), 0.0, True),
 )  # fmt: skip

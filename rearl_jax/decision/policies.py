@@ -87,7 +87,7 @@ def imitate(
         level_step: Difference of two neighbouring speed levels [m/s].
 
     Source: our deterministic stand-in for the language model of REARL (Bi et al.), which is instructed to find the most
-        similar vehicle and to approach it.
+    similar vehicle and to approach it.
     """
     speed, spacing = situation.frame.speed, situation.spacing
     is_rank = options.space is MatchSpace.rank

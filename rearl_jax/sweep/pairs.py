@@ -54,9 +54,9 @@ class Choice:
         runner_up: Index of the second best pair.
         score: Score of each pair.
         win_share: Share of the resamples of the scenes in which each pair is best.
-        lead: Score of the runner-up less that of the best.
-        lead_low: Lower end of the paired bootstrap interval of the lead.
-        lead_high: Upper end.
+        lead: Score of the runner-up minus that of the best pair.
+        lead_low: Lower bound of the paired bootstrap interval of the lead.
+        lead_high: Upper bound of the same interval.
     """
 
     best: int
@@ -78,7 +78,7 @@ def choose(
 ) -> Choice:
     """The pair with the lowest mean Hellinger distance plus mean spacing error.
 
-    Scenes in which a pair has no figure are left out for all pairs.
+    Scenes without a value for any one of the pairs are excluded for all pairs.
 
     Args:
         h: Mean Hellinger distance over runs of every pair and scene [-].
@@ -89,7 +89,7 @@ def choose(
         ValueError: No scene has figures of all pairs.
 
     Source: REARL (Bi et al.) does not state how its pair (30 %, 5 %) was chosen; in its Table 3 it has the smallest
-        sum. Percentile bootstrap: Efron & Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
+    sum. Percentile bootstrap: Efron & Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
     """
     total = h + mape
     total = total[:, np.isfinite(total).all(axis=0)]

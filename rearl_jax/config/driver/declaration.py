@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class DriverParameter:
-    """One parameter of a driver; parameters are positive and differ between drivers by a factor.
+    """One parameter of a driver. Parameters are positive; their logarithms vary between drivers.
 
     Attributes:
         name: Field of the model's class.

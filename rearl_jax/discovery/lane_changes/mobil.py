@@ -101,7 +101,8 @@ class CalibratedMobil:
 
 
 def calibrated_mobil(table: Opportunities, confidence: float) -> CalibratedMobil:
-    """MOBIL calibrated to opportunities, on a grid of all its parameters with the rates that are best for each.
+    """MOBIL calibrated to opportunities: a grid search over its parameters, with the most likely rates at each grid
+    point.
 
     An accepted change must be more likely than a refused one; if no rule on the grid achieves this, the default rule is
     kept. Intervals come from the posterior on the grid at the given confidence. They are somewhat too narrow because

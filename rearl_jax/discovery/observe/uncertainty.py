@@ -75,7 +75,7 @@ def price(solver: Solver, state: FitState, places: Sequence[int]) -> float:
     from its mean.
 
     Source: Laplace approximation of the evidence, MacKay, Neural Comput. 4 (1992) 415; for uninformative priors, half
-        the logarithm of the number of independent observations, Schwarz, Ann. Stat. 6 (1978) 461.
+    the logarithm of the number of independent observations, Schwarz, Ann. Stat. 6 (1978) 461.
     """
     layout, free = solver.layout, solver.free(state)
     _, information = _projected(state, len(free))
