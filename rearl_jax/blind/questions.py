@@ -158,7 +158,7 @@ QUESTIONS = (
     Question("lane_choice_false", "free lane changes without effects: an effect named",
              _in("lane_choice_control"), _claims_traffic, 0.0, True),
     Question("sumo_family", "SUMO: effects named, or alternatives", _in_sumo("listed"), _has(*NAMED, "ambiguous"), 0.8),
-    Question("sumo_other", "SUMO: other models, unexplained or correctly named", _in_sumo("unlisted"), _is_flagged, 0.8),
+    Question("sumo_other", "SUMO: other models, unexplained or correct", _in_sumo("unlisted"), _is_flagged, 0.8),
     Question("sumo_control", "SUMO: controls with an effect named", _in_sumo("control"), _claims_traffic, 1 / 30, True),
     Question("error_fell", "named effects: error reduction beyond the interval",
              _named_in_named, _error_fell, 0.8, False, "after_high"),
