@@ -63,7 +63,7 @@ class Point(eqx.Module):
     Attributes:
         gain: Sum of a vehicle's rewards until its crash or the end; mean over vehicles.
         crashed: Share of the vehicles that crash.
-        speed: Mean speed of those that drive [m/s].
+        speed: Mean speed of the vehicles that drive [m/s].
         actions: Share of each action in all decisions, in the order of `MetaAction`.
         losses: Means over the gradient steps.
     """
@@ -81,7 +81,7 @@ class Training:
 
     Attributes:
         network: The trained network.
-        curve: All updates, `[n_updates]`.
+        curve: Figures of every update, `[n_updates]`.
         n_before: Updates made by an earlier process.
         compile_s: Time of compiling [s].
         seconds: Time of the updates of this process [s].

@@ -36,7 +36,7 @@ from rearl_jax.detection.table import ReferenceTable
 
 @dataclasses.dataclass(frozen=True)
 class LoopOptions:
-    """Static options of the closed loop: another value means another compilation."""
+    """Static options of the closed loop: a changed value compiles the loop again."""
 
     detection: DetectionOptions = dataclasses.field(default_factory=DetectionOptions)
     admissible: AdmissibleConfig = dataclasses.field(default_factory=AdmissibleConfig)
@@ -130,7 +130,7 @@ def assess(
     state, frame = loop.state, frame_of(loop.state, model)
     detector, detection = detect(loop.detector, frame, table, thresholds, options.detection)
     situation = Situation(
-        second=loop.detector.second,  # `detector` has counted on to the next one
+        second=loop.detector.second,  # the second just detected; `detector` has the next
         frame=frame,
         target_lane=state.target_lane,
         detection=detection,

@@ -27,7 +27,7 @@ class Spread:
     greatest: float
 
     def figures(self, name: str) -> dict[str, float]:
-        """The three under the keys of a summary."""
+        """Median, least and greatest value, under the keys that a summary uses."""
         return {name: self.median, f"{name}_min": self.least, f"{name}_max": self.greatest}
 
 
@@ -47,7 +47,7 @@ class Measurement:
         cpu_s: CPU time of the stepping over all threads of the process [s].
         wall_s: Elapsed time of the stepping [s].
         mean_speed: Mean speed of all vehicles at the end [m/s].
-        lane_changes: Changes of lane seen between whole seconds; None if they are not reported.
+        lane_changes: Lane changes detected between consecutive whole seconds; None if they are not reported.
         crashed: Vehicles that have collided by the end; None if the program has no collisions.
         peak_memory_bytes: Largest resident memory of the process so far; None if it is not reported.
     """
@@ -75,7 +75,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Series:
-    """The repetitions of one program at one number of vehicles, and the facts of the program."""
+    """Repeated measurements of one program at one number of vehicles, and facts about the program."""
 
     program: str
     n_vehicles: int

@@ -1,4 +1,4 @@
-"""Drivers who make room for others."""
+"""Cooperation: drivers open a gap for a lane change of another vehicle."""
 
 from typing import ClassVar
 
