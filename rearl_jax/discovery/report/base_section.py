@@ -61,8 +61,8 @@ def _anew(base: Mapping[str, Any]) -> str:
     if base.get("before") is None:
         return ""
     return (
-        f"with the effects that were found beside {spoken(base['before'])}, {spoken(base['chosen'])} is "
-        "significantly more likely: the search was repeated with this model"
+        f"the search started beside {spoken(base['before'])} and was repeated beside {spoken(base['chosen'])}: with "
+        "this model the effects found are significantly more likely, or have a name that they did not have before"
     )
 
 
