@@ -115,7 +115,7 @@ class Thresholds:
     """Gain of the fitted drivers, less the complexity penalty, that a candidate must exceed [nats]."""
 
     least_total: float = 16.0
-    """Gain plus check, less the null mean, that a candidate must exceed [nats]."""
+    """Gain and check, less the null mean, that a candidate must exceed [nats]."""
 
     worst_check: float = -3.0
     """Gain of the checked drivers that a candidate must exceed [nats]; at lower values they contradict it."""
