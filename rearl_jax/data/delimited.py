@@ -25,7 +25,8 @@ from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording,
 _OPENERS = {".gz": gzip.GzipFile, ".bz2": bz2.BZ2File, ".xz": lzma.LZMAFile}
 _DELIMITERS = (",", ";", "\t", "|")
 _LOOKED_AT = 20  # lines that tell the decimal point
-_DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error)
+DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error)
+"""What reading a damaged file raises."""
 
 
 def text_endings(ending: str) -> tuple[str, ...]:
@@ -61,11 +62,12 @@ def first_lines(path: Path, number: int) -> list[str]:
         with opened(path) as file:
             lines = (line.decode(errors="replace").strip() for line in file)
             return list(islice((line for line in lines if line), number))
-    except _DAMAGED as error:
-        raise _damaged(path, error) from None
+    except DAMAGED as error:
+        raise damaged(path, error) from None
 
 
-def _damaged(path: Path, error: Exception) -> BadRecordingError:
+def damaged(path: Path, error: Exception) -> BadRecordingError:
+    """The error for a file that cannot be read or unpacked."""
     text = f"the file cannot be read ({str(error) or type(error).__name__})"
     return bad_recording("not-text", text, "the file is damaged: copy it again", path)
 
@@ -99,8 +101,8 @@ def read_header(path: Path) -> list[str]:
         names = next(header_csv.reader([line], delimiter=_delimiter(line), skipinitialspace=True), [])
     except (UnicodeDecodeError, header_csv.Error) as error:
         raise bad_recording("not-text", f"not a text file ({error})", "give a CSV file in UTF-8", path) from None
-    except _DAMAGED as error:
-        raise _damaged(path, error) from None
+    except DAMAGED as error:
+        raise damaged(path, error) from None
     if not line:
         raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
     return [name.strip() for name in names]
@@ -145,8 +147,8 @@ def read_blank_separated(
     try:
         with opened(path) as file:
             content = b"\n".join(b",".join(line.split()) for line in file)
-    except _DAMAGED as error:
-        raise _damaged(path, error) from None
+    except DAMAGED as error:
+        raise damaged(path, error) from None
     return _Lines(path, list(names), content).table(columns, on_bad)
 
 
@@ -236,8 +238,8 @@ class _Lines:
         try:
             with opened(self.path) as file:
                 return file.read()
-        except _DAMAGED as error:
-            raise _damaged(self.path, error) from None
+        except DAMAGED as error:
+            raise damaged(self.path, error) from None
 
     @property
     def _header_lines(self) -> int:
