@@ -123,10 +123,10 @@ def _grown(joints: list[_Joint], steps: Steps) -> np.ndarray:
     n_links = int(steps.link.max()) + 1
     rows = _rows_of(steps.link, n_links)
     ends = [np.quantile(steps.along[part], (_OUTER, 1.0 - _OUTER)) if part.size else np.zeros(2) for part in rows]
-    neighbours: dict[int, list[tuple[int, int, float]]] = {}
+    neighbours: dict[int, list[tuple[int, int, float]]] = {link: [] for link in range(n_links)}
     for joint in joints:
-        neighbours.setdefault(joint.behind, []).append((-joint.n, joint.ahead, joint.apart))
-        neighbours.setdefault(joint.ahead, []).append((-joint.n, joint.behind, -joint.apart))
+        neighbours[joint.behind].append((-joint.n, joint.ahead, joint.apart))
+        neighbours[joint.ahead].append((-joint.n, joint.behind, -joint.apart))
     begins = np.full(n_links, np.nan)
     placed: list[np.ndarray] = []
     waiting = [(0, int(np.argmax([part.size for part in rows])), 0.0)]
@@ -135,9 +135,13 @@ def _grown(joints: list[_Joint], steps: Steps) -> np.ndarray:
         here = begin + ends[link]
         if not np.isnan(begins[link]) or any(_beside(here, other) for other in placed):
             continue
+        # Between two links of the road only what both are joined to: a ramp is joined to one.
+        sides = {apart > 0.0 for _, other, apart in neighbours[link] if not np.isnan(begins[other])}
+        if placed and np.nanmin(begins) < begin < np.nanmax(begins) and len(sides) < 2:
+            continue
         begins[link] = begin
         placed.append(here)
-        for n, other, apart in neighbours.get(link, ()):
+        for n, other, apart in neighbours[link]:
             heapq.heappush(waiting, (n, other, begin + apart))
     return begins - np.nanmin(begins)
 
