@@ -130,7 +130,36 @@ def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tupl
         raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=twice[0])
     header, *lines = first_lines(path, 1 + _LOOKED_AT)
     delimiter = _delimiter(header)
-    return _Lines(path, present, None, delimiter, _decimal_point(lines, delimiter)).table(columns, on_bad)
+    return _Lines(path, present, 1, None, delimiter, _decimal_point(lines, delimiter)).table(columns, on_bad)
+
+
+def read_below(
+    path: Path, header: Sequence[str], n_above: int, columns: dict[str, pa.DataType], delimiter: str, on_bad: OnBad
+) -> tuple[pa.Table, int]:
+    """The same of a file with other lines above its table.
+
+    Args:
+        path: The file.
+        header: Names of its columns; those of empty fields at the ends of all lines may be missing.
+        n_above: Lines above the first row, the header among them.
+        columns: Name and type of every column to read.
+        delimiter: What separates fields.
+        on_bad: stop makes a broken line an error.
+    """
+    try:
+        with opened(path) as file:
+            line = next(islice(file, n_above, None), b"").decode(errors="replace").rstrip("\r\n")
+    except DAMAGED as error:
+        raise damaged(path, error) from None
+    if not line:
+        raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
+    first = line.split(delimiter)
+    names = list(header)
+    while len(names) > len(first) and not names[-1]:
+        names.pop()
+    if len(first) > len(names) and not "".join(first[len(names) :]).strip():
+        names += [""] * (len(first) - len(names))
+    return _Lines(path, names, n_above, None, delimiter).table(columns, on_bad)
 
 
 def read_blank_separated(
@@ -149,7 +178,7 @@ def read_blank_separated(
             content = b"\n".join(b",".join(line.split()) for line in file)
     except DAMAGED as error:
         raise damaged(path, error) from None
-    return _Lines(path, list(names), content).table(columns, on_bad)
+    return _Lines(path, list(names), 0, content).table(columns, on_bad)
 
 
 @dataclass(frozen=True)
@@ -159,6 +188,7 @@ class _Lines:
     Attributes:
         path: The file.
         names: Names of all its columns.
+        n_above: Lines above the first row, the header among them.
         content: Comma-separated lines without a header; None if the file itself holds the lines below its header.
         delimiter: What separates fields.
         decimal_point: Mark before the fraction of a number.
@@ -166,6 +196,7 @@ class _Lines:
 
     path: Path
     names: list[str]
+    n_above: int
     content: bytes | None = None
     delimiter: str = ","
     decimal_point: str = "."
@@ -216,9 +247,7 @@ class _Lines:
         return csv.read_csv(
             self.path if self._bytes is None else io.BytesIO(self._bytes),
             # Row numbers are known only to the sequential parser.
-            read_options=csv.ReadOptions(
-                use_threads=broken is None, column_names=self.names, skip_rows=self._header_lines
-            ),
+            read_options=csv.ReadOptions(use_threads=broken is None, column_names=self.names, skip_rows=self.n_above),
             parse_options=csv.ParseOptions(
                 delimiter=self.delimiter, invalid_row_handler=None if broken is None else skip
             ),
@@ -241,10 +270,6 @@ class _Lines:
         except DAMAGED as error:
             raise damaged(self.path, error) from None
 
-    @property
-    def _header_lines(self) -> int:
-        return 1 if self.content is None else 0
-
     def _require_text(self) -> None:
         with opened(self.path) as file:
             for number, line in enumerate(file, 1):
@@ -261,8 +286,8 @@ class _Lines:
         if n_rows > 1:
             text += f" (and {n_rows - 1} more lines)"
         remedy = f"the file is cut off or damaged: copy it again{DROP_HINT}"
-        # Arrow counts lines from 1, the header among them.
-        return bad_recording("line-broken", text, remedy, self.path, row=row.number - self._header_lines)
+        # Arrow counts lines from 1, those above the first row among them.
+        return bad_recording("line-broken", text, remedy, self.path, row=row.number - self.n_above)
 
     def _bad_value(self, message: str) -> BadRecordingError:
         """The error for a message such as `In CSV column #2: Row #5: CSV conversion error to double: ...`."""
@@ -272,6 +297,6 @@ class _Lines:
                 number = int(part.removeprefix("In CSV column #"))
                 column = self.names[number] if number < len(self.names) else None
             elif part.startswith("Row #"):
-                row = int(part.removeprefix("Row #")) - self._header_lines
+                row = int(part.removeprefix("Row #")) - self.n_above
         remedy = "the file is damaged: copy it again" if column is None else "write a number there"
         return bad_recording("value-unreadable", message.splitlines()[0], remedy, self.path, column=column, row=row)
