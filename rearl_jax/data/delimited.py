@@ -125,12 +125,16 @@ def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tupl
     """
     present = read_header(path)
     require_columns(present, tuple(columns), str(path))
-    twice = [name for name, n in Counter(present).items() if n > 1 and name in columns]
-    if twice:
-        raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=twice[0])
+    _require_once(present, columns, path)
     header, *lines = first_lines(path, 1 + _LOOKED_AT)
     delimiter = _delimiter(header)
     return _Lines(path, present, 1, None, delimiter, _decimal_point(lines, delimiter)).table(columns, on_bad)
+
+
+def _require_once(names: Sequence[str], columns: dict[str, pa.DataType], path: Path) -> None:
+    twice = [name for name, n in Counter(names).items() if n > 1 and name in columns]
+    if twice:
+        raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=twice[0])
 
 
 def read_below(
@@ -154,6 +158,7 @@ def read_below(
     if not line:
         raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
     first = line.split(delimiter)
+    _require_once(header, columns, path)
     names = list(header)
     while len(names) > len(first) and not names[-1]:
         names.pop()
