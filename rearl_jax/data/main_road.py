@@ -113,9 +113,9 @@ def _joints(behind: np.ndarray, ahead: np.ndarray, apart: np.ndarray) -> list[_J
 
 
 def _rows_of(group: np.ndarray, n_groups: int) -> list[np.ndarray]:
-    """Rows of every group."""
+    """Rows of every group; np.split gives one part too many where there is none."""
     order = np.argsort(group, kind="stable")
-    return np.split(order, np.searchsorted(group[order], np.arange(1, n_groups)))
+    return np.split(order, np.searchsorted(group[order], np.arange(1, n_groups)))[:n_groups]
 
 
 def _grown(joints: list[_Joint], steps: Steps) -> np.ndarray:
