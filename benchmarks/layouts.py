@@ -35,9 +35,8 @@ def traffic(n_rows: int) -> pd.DataFrame:
         front = 20.0 + np.cumsum(np.r_[0.0, speed[1:]]) * PERIOD
         rows = np.flatnonzero(front < ROAD)
         first = round(_HEADWAY / PERIOD) * (vehicle // 2)
-        parts.append(
-            (first + rows, np.full(rows.size, vehicle), front[rows], speed[rows], np.full(rows.size, is_truck))
-        )
+        own = np.full(rows.size, vehicle), np.full(rows.size, is_truck)
+        parts.append((first + rows, front[rows], speed[rows], *own))
         total += rows.size
         vehicle += 1
     frame, front, speed, vehicles, is_truck = (np.concatenate(values) for values in zip(*parts, strict=True))
