@@ -29,9 +29,6 @@ from rearl_jax.timing.process import fresh_environment
 
 TABLE = "bench_readers"
 
-MAX_JUMP = 50.0
-"""`data.max_jump` [m/s]; the simulators' vehicles change lanes within a step."""
-
 MEANINGS = {
     "file_mb_{layout}": "size of the file [MB]",
     "rows_{layout}": "rows of the table that was read",
@@ -97,7 +94,7 @@ def read(name: str, folder: Path) -> dict[str, Any]:
     Raises:
         BadRecordingError: A recording is not sound.
     """
-    data = DataConfig(DataFormat[LAYOUTS[name].format], str(folder), max_jump=MAX_JUMP)
+    data = DataConfig(DataFormat[LAYOUTS[name].format], str(folder))
     before, cpu, begin = peak_memory_bytes(), sum(os.times()[:2]), time.perf_counter()
     rows = sum(len(recording.table) for recording in iterate_recordings(data))
     wall_s, cpu_s = time.perf_counter() - begin, sum(os.times()[:2]) - cpu

@@ -108,7 +108,9 @@ def read_header(path: Path) -> list[str]:
     return [name.strip() for name in names]
 
 
-def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tuple[pa.Table, int]:
+def read_csv(
+    path: Path, columns: dict[str, pa.DataType], on_bad: OnBad, *, quoted: bool = True
+) -> tuple[pa.Table, int]:
     """The named columns of a CSV file, and the number of broken lines that were skipped.
 
     Fields may be separated by commas, semicolons, tabs or bars, and numbers may have a decimal comma. A line is broken
@@ -118,6 +120,7 @@ def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tupl
         path: The file, its first line names the columns.
         columns: Name, as in the file, and type of every column to read.
         on_bad: stop makes a broken line an error.
+        quoted: Whether fields may stand in quotes; if so, a stray one takes all lines up to the next with it.
 
     Raises:
         BadRecordingError: A column is missing or there twice, a value does not have the type of its column, the file
@@ -128,7 +131,8 @@ def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tupl
     _require_once(present, columns, path)
     header, *lines = first_lines(path, 1 + _LOOKED_AT)
     delimiter = _delimiter(header)
-    return _Lines(path, present, 1, None, delimiter, _decimal_point(lines, delimiter)).table(columns, on_bad)
+    point = _decimal_point(lines, delimiter)
+    return _Lines(path, present, 1, None, delimiter, point, quoted).table(columns, on_bad)
 
 
 def _require_once(names: Sequence[str], columns: dict[str, pa.DataType], path: Path) -> None:
@@ -140,7 +144,7 @@ def _require_once(names: Sequence[str], columns: dict[str, pa.DataType], path: P
 def read_below(
     path: Path, header: Sequence[str], n_above: int, columns: dict[str, pa.DataType], delimiter: str, on_bad: OnBad
 ) -> tuple[pa.Table, int]:
-    """The same of a file with other lines above its table.
+    """The same of a file with other lines above its table, whose fields do not stand in quotes.
 
     Args:
         path: The file.
@@ -164,7 +168,7 @@ def read_below(
         names.pop()
     if len(first) > len(names) and not "".join(first[len(names) :]).strip():
         names += [""] * (len(first) - len(names))
-    return _Lines(path, names, n_above, None, delimiter).table(columns, on_bad)
+    return _Lines(path, names, n_above, None, delimiter, quoted=False).table(columns, on_bad)
 
 
 def read_blank_separated(
@@ -197,6 +201,7 @@ class _Lines:
         content: Comma-separated lines without a header; None if the file itself holds the lines below its header.
         delimiter: What separates fields.
         decimal_point: Mark before the fraction of a number.
+        quoted: Whether fields may stand in quotes.
     """
 
     path: Path
@@ -205,6 +210,7 @@ class _Lines:
     content: bytes | None = None
     delimiter: str = ","
     decimal_point: str = "."
+    quoted: bool = True
 
     def table(self, columns: dict[str, pa.DataType], on_bad: OnBad) -> tuple[pa.Table, int]:
         """The columns, and the number of lines skipped."""
@@ -254,7 +260,9 @@ class _Lines:
             # Row numbers are known only to the sequential parser.
             read_options=csv.ReadOptions(use_threads=broken is None, column_names=self.names, skip_rows=self.n_above),
             parse_options=csv.ParseOptions(
-                delimiter=self.delimiter, invalid_row_handler=None if broken is None else skip
+                delimiter=self.delimiter,
+                quote_char='"' if self.quoted else False,
+                invalid_row_handler=None if broken is None else skip,
             ),
             convert_options=csv.ConvertOptions(
                 include_columns=list(columns),

@@ -24,8 +24,12 @@ time [s], track_id from 0, link (categories are the names of links), lane on the
 of the vehicle's front from the beginning of the link [m], speed [m/s], length [m], vehicle_class.
 """
 
+LANE_STEP = 4.0
+"""Distance [m] that a vehicle may move aside in a step: simulators change lanes at once; SUMO's are 3.2 m wide."""
+
 _KNOWN = ("time", "track_id", "link", "lane", "front", "speed", "length")
 _OFF = 0.05  # of a period by which a time may be off the clock of the simulation
+_LONGEST = 1e8  # s, three years
 _NAMED = 3  # links that a note names
 _FEWEST = 3  # rows of a lane that is used
 _BEFORE = 50.0  # m before its first link that a vehicle may begin
@@ -94,7 +98,8 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
     if starts.any():
         note = f"{int(starts.sum())} times a vehicle came back or began another lap: it goes on as another vehicle"
         info, table = replace(info, notes=(*info.notes, note)), split_tracks(table, starts)
-    table, dropped = validate(table, info, policy, losses)
+    patient = replace(policy, max_jump=max(policy.max_jump, LANE_STEP / period))
+    table, dropped = validate(table, info, patient, losses)
     # Of the rows that are left: a bad one must not stretch the road.
     end = float(np.max(table["position"].to_numpy() + 0.5 * table["length"].to_numpy()))
     return Recording(replace(info, road_length=end), table, dropped)
@@ -144,7 +149,7 @@ def _on_clock(
         raise bad_recording("wrong-units", text, remedy, info.file, column=info.columns.get("time", "time"))
     ticks = time * rate
     usual = ticks - np.sort(ticks)[len(ticks) // 2]  # the time of a row, as the median of two might be none
-    off = np.abs(usual - np.rint(usual)) > _OFF
+    off = (np.abs(usual - np.rint(usual)) > _OFF) | (np.abs(time) > _LONGEST)
     if off.any():
         text = f"time {time[int(np.argmax(off))]:g} s is none of the time steps, which are {1.0 / rate:g} s apart"
         finding = Finding("bad_time", "time", off, text, "write all vehicles at the same time steps")

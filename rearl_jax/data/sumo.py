@@ -79,7 +79,8 @@ def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Record
     if n_broken:
         losses.counts["broken_line"] = n_broken
     link, lane = _edges_and_lanes(pd.Series(raw["lane"]))
-    heading = np.deg2rad(raw["angle"].to_numpy())  # clockwise from north
+    angle = raw["angle"].to_numpy()
+    heading = np.deg2rad(np.where(np.isfinite(angle), angle, np.nan))  # clockwise from north
     rows = pd.DataFrame(
         {
             "time": raw["time"],

@@ -60,7 +60,7 @@ def _of_table(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
         numbers = [spelt for name, spelt in names.items() if _KINDS[name] == pa.float64()]
         rows = read_columns(path, numbers, [spelt for spelt in names.values() if spelt not in numbers])
     else:
-        table, n_broken = read_csv(path, {spelt: _KINDS[name] for name, spelt in names.items()}, on_bad)
+        table, n_broken = read_csv(path, {spelt: _KINDS[name] for name, spelt in names.items()}, on_bad, quoted=False)
         rows = _encoded(table, list(names.values())).to_pandas(split_blocks=True, self_destruct=True)
     rows = rows.rename(columns={spelt: name for name, spelt in names.items()})
     # Time steps without vehicles, and persons, leave the columns of vehicles empty.

@@ -21,7 +21,7 @@ TEXT = sumo_files.xml_of(ROWS)
 
 
 def read(root: Path, on_bad: OnBad = OnBad.stop):
-    (recording,) = iterate_recordings(DataConfig(DataFormat.sumo, str(root), on_bad=on_bad, max_jump=50.0))
+    (recording,) = iterate_recordings(DataConfig(DataFormat.sumo, str(root), on_bad=on_bad))
     return recording
 
 

@@ -15,7 +15,7 @@ TEXT = vissim_files.record_of(ROWS)
 
 
 def read(root, on_bad: OnBad = OnBad.stop):
-    (recording,) = iterate_recordings(DataConfig(DataFormat.vissim, str(root), on_bad=on_bad, max_jump=50.0))
+    (recording,) = iterate_recordings(DataConfig(DataFormat.vissim, str(root), on_bad=on_bad))
     return recording
 
 
