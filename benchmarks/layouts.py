@@ -135,11 +135,11 @@ class Layout:
 
 
 LAYOUTS = {
-    "sumo_xml": Layout("sumo", write_sumo_xml, 141.0),
-    "sumo_csv": Layout("sumo", write_sumo_csv, 67.0),
+    "sumo_xml": Layout("sumo", write_sumo_xml, 131.0),
+    "sumo_csv": Layout("sumo", write_sumo_csv, 63.0),
     "vissim": Layout("vissim", write_vissim, 44.0),
-    "openacc_raw": Layout("openacc", write_openacc, 97.0),
-    "table_csv": Layout("table", write_table, 70.0),
+    "openacc_raw": Layout("openacc", write_openacc, 102.0),
+    "table_csv": Layout("table", write_table, 69.0),
 }
 """Layouts by name."""
 

@@ -32,7 +32,6 @@ _OFF = 0.05  # of a period by which a time may be off the clock of the simulatio
 _LONGEST = 1e8  # s, three years
 _NAMED = 3  # links that a note names
 _FEWEST = 3  # rows of a lane that is used
-_BEFORE = 50.0  # m before its first link that a vehicle may begin
 
 
 @dataclass(frozen=True)
@@ -80,9 +79,7 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
     on_road = ~np.isnan(begin)
     n_lanes = _lanes_of_links(code, numbers["lane"], links, simulation.lanes)
     front = begin + numbers["front"]
-    rear = front - numbers["length"]
-    start = float(np.min(rear, where=rear > -_BEFORE, initial=0.0))
-    position = front - 0.5 * numbers["length"] - start
+    position = front - 0.5 * numbers["length"]
     lane = n_lanes[code] - 1.0 - numbers["lane"]
     further = ("acceleration", "width", "leader_id", *info.labels)
     table = rows[["track_id", "frame", "speed", "length", "vehicle_class", *(n for n in further if n in rows)]]
@@ -100,8 +97,12 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
         info, table = replace(info, notes=(*info.notes, note)), split_tracks(table, starts)
     patient = replace(policy, max_jump=max(policy.max_jump, LANE_STEP / period))
     table, dropped = validate(table, info, patient, losses)
-    # Of the rows that are left: a bad one must not stretch the road.
-    end = float(np.max(table["position"].to_numpy() + 0.5 * table["length"].to_numpy()))
+    # Of the rows that are left: a bad one must neither stretch nor move the road.
+    half = 0.5 * table["length"].to_numpy()
+    start = min(float(np.min(table["position"].to_numpy() - half)), 0.0)
+    moved = ("position",) if "hx" in rows else ("position", "x")
+    table = table.assign(**{name: table[name] - start for name in moved}) if start else table
+    end = float(np.max(table["position"].to_numpy() + half))
     return Recording(replace(info, road_length=end), table, dropped)
 
 
@@ -134,7 +135,8 @@ def _on_clock(
     rows: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses
 ) -> tuple[pd.DataFrame, float]:
     """The rows with their frame, and the time between two frames [s]."""
-    time, track = rows["time"].to_numpy(np.float64), rows["track_id"].to_numpy()
+    time = np.clip(rows["time"].to_numpy(np.float64), -2.0 * _LONGEST, 2.0 * _LONGEST)
+    track = rows["track_id"].to_numpy()
     order = np.lexsort((time, track))
     steps = np.diff(time[order])[np.diff(track[order]) == 0]
     steps = steps[steps > 0.0]

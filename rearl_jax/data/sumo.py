@@ -105,6 +105,8 @@ def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Record
         rows["leader_id"] = _numbers_of(pd.Series(raw["leaderID"]), raw["id"].cat.categories)
     del raw
     rows, notes = _with_types(rows, around, policy)
+    if n_broken and path.name.lower().endswith(XML):
+        notes.append("the file ends within an element: what came after is not known")
     low, high = SPEED_LIMITS
     info = RecordingInfo(
         id=recording_id(path),
@@ -146,9 +148,9 @@ def _edges_and_lanes(lanes: pd.Series) -> tuple[pd.Categorical, np.ndarray]:
 def _with_types(rows: pd.DataFrame, around: Surroundings, policy: DataConfig) -> tuple[pd.DataFrame, list[str]]:
     """The rows with length, width and class of their types, and notes on what is assumed."""
     names = [str(name) for name in rows["type"].cat.categories]
-    unknown = [name for name in names if name not in around.types]
     types = [around.types.get(name, VehicleType(name, None, None)) for name in names]
     classes = [_class_of(name, around.types) for name in names]
+    unknown = [name for name, kind in zip(names, types, strict=True) if kind.length is None]
     lengths = [policy.default_length if kind.length is None else kind.length for kind in types]
     widths = [np.nan if kind.width is None else kind.width for kind in types]
     codes = rows["type"].cat.codes.to_numpy()
@@ -159,8 +161,8 @@ def _with_types(rows: pd.DataFrame, around: Surroundings, policy: DataConfig) ->
     )
     notes = []
     if unknown:
-        text = f"no route or additional file tells the types {', '.join(unknown[:5])}: length "
-        notes.append(f"{text}{policy.default_length:g} m assumed, class by the name of the type")
+        text = f"no route or additional file tells the length of the types {', '.join(unknown[:5])}: "
+        notes.append(f"{text}{policy.default_length:g} m assumed, and the class by the name of the type")
     return rows, notes
 
 

@@ -70,7 +70,7 @@ def test_without_types_and_network_what_is_assumed_is_said(tmp_path):
     assert set(recording.table["length"]) == {4.5}
     assert set(recording.table["vehicle_class"]) == {"other"}
     notes = " ".join(recording.info.notes)
-    assert "pkw, lkw: length 4.5 m" in notes or "lkw, pkw: length 4.5 m" in notes
+    assert "lkw, pkw: 4.5 m assumed" in notes or "pkw, lkw: 4.5 m assumed" in notes
     assert "lanes are counted by the vehicles" in notes
     assert recording.info.speed_limit is None
 
@@ -141,6 +141,16 @@ def test_a_file_that_was_cut_off_is_read_up_to_there(tmp_path):
     recording = read(tmp_path, OnBad.drop_row)
     assert recording.dropped["broken_line"] == 1
     assert len(recording.table) > 0.8 * len(ROWS)
+    assert any("what came after is not known" in note for note in recording.info.notes)
+
+
+def test_a_damaged_row_does_not_move_the_others(tmp_path):
+    expected = read(sumo_files.write(tmp_path, TEXT)).table
+    rows = [dict(row) for row in ROWS]
+    next(row for row in rows if row["id"] == "flow.1" and row["time"] == 20.0)["pos"] = -3.0
+    table = read(sumo_files.write(tmp_path, sumo_files.xml_of(rows)), OnBad.drop_row).table
+    table, expected = (t[t["vehicle"] == "flow.2"].reset_index(drop=True) for t in (table, expected))
+    pd.testing.assert_frame_equal(table, expected)
 
 
 @pytest.mark.parametrize(("attribute", "factor"), [("speed", 3.6), ("pos", 3.28), ("time", 1000.0), ("x", 1e-5)])
