@@ -12,6 +12,7 @@ import pandas as pd
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import clock
+from rearl_jax.data.checks import LARGEST, MOST_LANES
 from rearl_jax.data.losses import Losses, reject, split_tracks
 from rearl_jax.data.main_road import Steps, main_road
 from rearl_jax.data.problems import Finding, bad_recording
@@ -67,17 +68,18 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
             breaks the schema, see `validate`.
     """
     info = simulation.info
+    links = rows["link"].cat.categories
+    # Before bad rows are dropped: with them a lane would be gone, and all others have other numbers.
+    n_lanes = _lanes_of_links(rows, simulation.lanes)
     rows = _known(rows, info, policy, losses)
     rows, period = _on_clock(rows, info, policy, losses)
     rows = rows.iloc[np.lexsort((rows["frame"].to_numpy(), rows["track_id"].to_numpy()))]
-    links = rows["link"].cat.categories
     code = rows["link"].cat.codes.to_numpy().astype(np.int64)
     numbers = {name: rows[name].to_numpy(np.float64) for name in ("front", "speed", "lane", "length")}
     track, frame = rows["track_id"].to_numpy(), rows["frame"].to_numpy()
     road = main_road(Steps(track, frame, code, numbers["front"], numbers["speed"], period))
     begin = road.begins[code]
     on_road = ~np.isnan(begin)
-    n_lanes = _lanes_of_links(code, numbers["lane"], links, simulation.lanes)
     front = begin + numbers["front"]
     position = front - 0.5 * numbers["length"]
     lane = n_lanes[code] - 1.0 - numbers["lane"]
@@ -124,7 +126,7 @@ def _known(rows: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: 
         column = rows[name]
         missing = column.isna().to_numpy()
         if pd.api.types.is_float_dtype(column.dtype):
-            missing = ~np.isfinite(column.to_numpy())
+            missing = ~(np.abs(column.to_numpy()) <= LARGEST)
         if missing.any():
             finding = Finding("not_finite", name, missing, "the value is missing or infinite", "complete it")
             rows = reject(rows, finding, info, policy, losses)
@@ -160,13 +162,17 @@ def _on_clock(
     return rows.assign(frame=np.rint(ticks).astype(np.int64)), 1.0 / rate
 
 
-def _lanes_of_links(code: np.ndarray, lane: np.ndarray, links: pd.Index, stated: Mapping[str, int]) -> np.ndarray:
+def _lanes_of_links(rows: pd.DataFrame, stated: Mapping[str, int]) -> np.ndarray:
     """Number of lanes of every link: as stated, or up to the leftmost that has rows enough to be no damage."""
-    used = np.ones(len(links))
-    lanes, n_rows = np.unique(np.stack([code, lane.astype(np.int64)]), axis=1, return_counts=True)
+    links = rows["link"].cat.categories
+    code, lane = rows["link"].cat.codes.to_numpy(), rows["lane"].to_numpy(np.float64)
+    known = (code >= 0) & (lane >= 0.0) & (lane < MOST_LANES)
+    pairs = np.stack([code[known], lane[known]]).astype(np.int64)
+    lanes, n_rows = np.unique(pairs, axis=1, return_counts=True)
     # Of a short link that few pass, every row counts.
-    lanes = lanes[:, n_rows >= np.minimum(_FEWEST, np.bincount(code, minlength=len(links))[lanes[0]] // 10)]
-    np.maximum.at(used, lanes[0], lanes[1] + 1.0)
+    enough = np.minimum(_FEWEST, np.bincount(pairs[0], minlength=len(links))[lanes[0]] // 10)
+    used = np.ones(len(links))
+    np.maximum.at(used, lanes[0, n_rows >= enough], lanes[1, n_rows >= enough] + 1.0)
     return np.array([stated.get(name, n) for name, n in zip(links, used, strict=True)], np.float64)
 
 
@@ -179,7 +185,8 @@ def _on_ground(table: pd.DataFrame, rows: pd.DataFrame, simulation: Simulation) 
             y=rows["y"].to_numpy() - half * rows["hy"].to_numpy(),
         )
     aside = rows["aside"].to_numpy() if "aside" in rows else 0.0
-    lateral = (table["lane"].to_numpy() + 0.5 + aside) * (simulation.lane_width or 1.0)
+    with np.errstate(over="ignore"):  # what is out of range is found by its check
+        lateral = (table["lane"].to_numpy() + 0.5 + aside) * (simulation.lane_width or 1.0)
     return table.assign(x=table["position"], y=lateral, lateral=lateral)
 
 
