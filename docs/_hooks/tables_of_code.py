@@ -14,6 +14,7 @@ BENCH = {
     "core": "benchmarks.core_results",
     "loop": "benchmarks.loop_results",
     "discover": "benchmarks.discover",
+    "readers": "benchmarks.readers",
 }
 """Module whose docstring explains the keys of a speed measurement, by benchmark."""
 

@@ -25,7 +25,8 @@ from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording,
 _OPENERS = {".gz": gzip.GzipFile, ".bz2": bz2.BZ2File, ".xz": lzma.LZMAFile}
 _DELIMITERS = (",", ";", "\t", "|")
 _LOOKED_AT = 20  # lines that tell the decimal point
-_DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error)
+DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error)
+"""What reading a damaged file raises."""
 
 
 def text_endings(ending: str) -> tuple[str, ...]:
@@ -61,11 +62,12 @@ def first_lines(path: Path, number: int) -> list[str]:
         with opened(path) as file:
             lines = (line.decode(errors="replace").strip() for line in file)
             return list(islice((line for line in lines if line), number))
-    except _DAMAGED as error:
-        raise _damaged(path, error) from None
+    except DAMAGED as error:
+        raise damaged(path, error) from None
 
 
-def _damaged(path: Path, error: Exception) -> BadRecordingError:
+def damaged(path: Path, error: Exception) -> BadRecordingError:
+    """The error for a file that cannot be read or unpacked."""
     text = f"the file cannot be read ({str(error) or type(error).__name__})"
     return bad_recording("not-text", text, "the file is damaged: copy it again", path)
 
@@ -99,14 +101,16 @@ def read_header(path: Path) -> list[str]:
         names = next(header_csv.reader([line], delimiter=_delimiter(line), skipinitialspace=True), [])
     except (UnicodeDecodeError, header_csv.Error) as error:
         raise bad_recording("not-text", f"not a text file ({error})", "give a CSV file in UTF-8", path) from None
-    except _DAMAGED as error:
-        raise _damaged(path, error) from None
+    except DAMAGED as error:
+        raise damaged(path, error) from None
     if not line:
         raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
     return [name.strip() for name in names]
 
 
-def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tuple[pa.Table, int]:
+def read_csv(
+    path: Path, columns: dict[str, pa.DataType], on_bad: OnBad, *, quoted: bool = True
+) -> tuple[pa.Table, int]:
     """The named columns of a CSV file, and the number of broken lines that were skipped.
 
     Fields may be separated by commas, semicolons, tabs or bars, and numbers may have a decimal comma. A line is broken
@@ -116,6 +120,7 @@ def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tupl
         path: The file, its first line names the columns.
         columns: Name, as in the file, and type of every column to read.
         on_bad: stop makes a broken line an error.
+        quoted: Whether fields may stand in quotes; if so, a stray one takes all lines up to the next with it.
 
     Raises:
         BadRecordingError: A column is missing or there twice, a value does not have the type of its column, the file
@@ -123,12 +128,47 @@ def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tupl
     """
     present = read_header(path)
     require_columns(present, tuple(columns), str(path))
-    twice = [name for name, n in Counter(present).items() if n > 1 and name in columns]
-    if twice:
-        raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=twice[0])
+    _require_once(present, columns, path)
     header, *lines = first_lines(path, 1 + _LOOKED_AT)
     delimiter = _delimiter(header)
-    return _Lines(path, present, None, delimiter, _decimal_point(lines, delimiter)).table(columns, on_bad)
+    point = _decimal_point(lines, delimiter)
+    return _Lines(path, present, 1, None, delimiter, point, quoted).table(columns, on_bad)
+
+
+def _require_once(names: Sequence[str], columns: dict[str, pa.DataType], path: Path) -> None:
+    twice = [name for name, n in Counter(names).items() if n > 1 and name in columns]
+    if twice:
+        raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=twice[0])
+
+
+def read_below(
+    path: Path, header: Sequence[str], n_above: int, columns: dict[str, pa.DataType], delimiter: str, on_bad: OnBad
+) -> tuple[pa.Table, int]:
+    """The same of a file with other lines above its table, whose fields do not stand in quotes.
+
+    Args:
+        path: The file.
+        header: Names of its columns; those of empty fields at the ends of all lines may be missing.
+        n_above: Lines above the first row, the header among them.
+        columns: Name and type of every column to read.
+        delimiter: What separates fields.
+        on_bad: stop makes a broken line an error.
+    """
+    try:
+        with opened(path) as file:
+            line = next(islice(file, n_above, None), b"").decode(errors="replace").rstrip("\r\n")
+    except DAMAGED as error:
+        raise damaged(path, error) from None
+    if not line:
+        raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
+    first = line.split(delimiter)
+    _require_once(header, columns, path)
+    names = list(header)
+    while len(names) > len(first) and not names[-1]:
+        names.pop()
+    if len(first) > len(names) and not "".join(first[len(names) :]).strip():
+        names += [""] * (len(first) - len(names))
+    return _Lines(path, names, n_above, None, delimiter, quoted=False).table(columns, on_bad)
 
 
 def read_blank_separated(
@@ -145,9 +185,9 @@ def read_blank_separated(
     try:
         with opened(path) as file:
             content = b"\n".join(b",".join(line.split()) for line in file)
-    except _DAMAGED as error:
-        raise _damaged(path, error) from None
-    return _Lines(path, list(names), content).table(columns, on_bad)
+    except DAMAGED as error:
+        raise damaged(path, error) from None
+    return _Lines(path, list(names), 0, content).table(columns, on_bad)
 
 
 @dataclass(frozen=True)
@@ -157,16 +197,20 @@ class _Lines:
     Attributes:
         path: The file.
         names: Names of all its columns.
+        n_above: Lines above the first row, the header among them.
         content: Comma-separated lines without a header; None if the file itself holds the lines below its header.
         delimiter: What separates fields.
         decimal_point: Mark before the fraction of a number.
+        quoted: Whether fields may stand in quotes.
     """
 
     path: Path
     names: list[str]
+    n_above: int
     content: bytes | None = None
     delimiter: str = ","
     decimal_point: str = "."
+    quoted: bool = True
 
     def table(self, columns: dict[str, pa.DataType], on_bad: OnBad) -> tuple[pa.Table, int]:
         """The columns, and the number of lines skipped."""
@@ -214,11 +258,11 @@ class _Lines:
         return csv.read_csv(
             self.path if self._bytes is None else io.BytesIO(self._bytes),
             # Row numbers are known only to the sequential parser.
-            read_options=csv.ReadOptions(
-                use_threads=broken is None, column_names=self.names, skip_rows=self._header_lines
-            ),
+            read_options=csv.ReadOptions(use_threads=broken is None, column_names=self.names, skip_rows=self.n_above),
             parse_options=csv.ParseOptions(
-                delimiter=self.delimiter, invalid_row_handler=None if broken is None else skip
+                delimiter=self.delimiter,
+                quote_char='"' if self.quoted else False,
+                invalid_row_handler=None if broken is None else skip,
             ),
             convert_options=csv.ConvertOptions(
                 include_columns=list(columns),
@@ -236,12 +280,8 @@ class _Lines:
         try:
             with opened(self.path) as file:
                 return file.read()
-        except _DAMAGED as error:
-            raise _damaged(self.path, error) from None
-
-    @property
-    def _header_lines(self) -> int:
-        return 1 if self.content is None else 0
+        except DAMAGED as error:
+            raise damaged(self.path, error) from None
 
     def _require_text(self) -> None:
         with opened(self.path) as file:
@@ -259,8 +299,8 @@ class _Lines:
         if n_rows > 1:
             text += f" (and {n_rows - 1} more lines)"
         remedy = f"the file is cut off or damaged: copy it again{DROP_HINT}"
-        # Arrow counts lines from 1, the header among them.
-        return bad_recording("line-broken", text, remedy, self.path, row=row.number - self._header_lines)
+        # Arrow counts lines from 1, those above the first row among them.
+        return bad_recording("line-broken", text, remedy, self.path, row=row.number - self.n_above)
 
     def _bad_value(self, message: str) -> BadRecordingError:
         """The error for a message such as `In CSV column #2: Row #5: CSV conversion error to double: ...`."""
@@ -270,6 +310,6 @@ class _Lines:
                 number = int(part.removeprefix("In CSV column #"))
                 column = self.names[number] if number < len(self.names) else None
             elif part.startswith("Row #"):
-                row = int(part.removeprefix("Row #")) - self._header_lines
+                row = int(part.removeprefix("Row #")) - self.n_above
         remedy = "the file is damaged: copy it again" if column is None else "write a number there"
         return bad_recording("value-unreadable", message.splitlines()[0], remedy, self.path, column=column, row=row)
