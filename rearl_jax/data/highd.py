@@ -19,7 +19,7 @@ from rearl_jax.data.delimited import read_csv, read_header
 from rearl_jax.data.folder import recordings_missing, visible_files
 from rearl_jax.data.highd_meta import read_recording_meta, read_tracks_meta
 from rearl_jax.data.losses import Losses, reject
-from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, file_missing
+from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, file_missing, without_value
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
 LICENCE = "highD licence: non-commercial research on request, no redistribution"
@@ -147,12 +147,12 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
     def sound(source: pd.DataFrame, finding: Finding | None) -> pd.DataFrame:
         return source if finding is None else reject(source, finding, info, policy, losses)
 
-    source = sound(source, _without_value(source, "track_id")).astype({"track_id": np.int64})
+    source = sound(source, without_value(source, "track_id")).astype({"track_id": np.int64})
     # Completeness before any other loss of single rows, which would make a track look cut off.
     _require_rows(source, meta, info.file, policy, losses)
     source = sound(source, _not_in_meta(source, meta))
     source = sound(source, _truncated(source, meta))
-    source = sound(source, _without_value(source, "laneId")).astype({"laneId": np.int64})
+    source = sound(source, without_value(source, "laneId")).astype({"laneId": np.int64})
     source = sound(source, _moving_otherwise(source, meta))
     source = sound(source, _no_lane(source, meta, recording.markings))
     lanes, notes = _lane_ids(source, meta, recording.markings)
@@ -178,12 +178,6 @@ def _read_tracks(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame
     # One column after the other, so that Arrow's copy of the text and NumPy's of the numbers do not add up.
     source = pd.DataFrame({name: rows.column(name).to_numpy() for name in _TRACKS}, copy=False)
     return source.rename(columns={"id": "track_id"})
-
-
-def _without_value(source: pd.DataFrame, name: str) -> Finding | None:
-    """Rows without the number of a vehicle or of a lane."""
-    missing = source[name].isna().to_numpy()
-    return Finding("not_finite", name, missing, "the value is missing", "complete the row") if missing.any() else None
 
 
 def _require_rows(source: pd.DataFrame, meta: pd.DataFrame, file: str, policy: DataConfig, losses: Losses) -> None:

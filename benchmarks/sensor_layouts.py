@@ -1,0 +1,142 @@
+"""Writers of large files in the layouts of recordings, for measurements of readers: write_NAME(path, n_bytes).
+
+All write the same made traffic: lanes of vehicles whose speeds swing in time, on a road that bends a little. None of it
+is measured.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+ROAD_LENGTH = 640.0
+"""Length of the road [m]."""
+RADIUS = 1500.0
+"""Radius of its bend [m]."""
+LANE_WIDTH = 3.6
+MEDIAN = 4.0
+"""Width between the two carriageways [m]."""
+HEADWAY = 2.4
+"""Time between two vehicles of a lane [s]."""
+SWING = 60.0
+"""Period of the speeds [s]."""
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """One vehicle that drives through.
+
+    Attributes:
+        number: From 1, in the order of the first row.
+        direction: 2 along the road, 1 against it.
+        lane: Rank from the left in every row.
+        time: [s], a multiple of the time between two frames.
+        along: Centre along its own direction [m].
+        lateral: Centre from the left edge of its carriageway [m].
+        speed: [m/s].
+        acceleration: [m/s^2].
+        length: [m].
+        width: [m].
+        is_truck: Whether it is a truck.
+    """
+
+    number: int
+    direction: int
+    lane: np.ndarray
+    time: np.ndarray
+    along: np.ndarray
+    lateral: np.ndarray
+    speed: np.ndarray
+    acceleration: np.ndarray
+    length: float
+    width: float
+    is_truck: bool
+
+
+def traffic(rate: float, *, n_lanes: int = 3, directions: tuple[int, ...] = (2, 1)) -> Iterator[Vehicle]:
+    """Vehicles without end, by the time at which they enter.
+
+    Args:
+        rate: Frames per second [1/s].
+        n_lanes: Lanes of each carriageway.
+        directions: Carriageways.
+    """
+    number, swing = 0, 2.0 * np.pi / SWING
+    while True:
+        for direction in directions:
+            for lane in range(n_lanes):
+                usual = 30.0 - 3.0 * lane
+                enters = HEADWAY * (number // (n_lanes * len(directions))) + 0.4 * lane + 0.2 * direction
+                number += 1
+                time = np.arange(np.ceil(enters * rate), np.ceil((enters + 60.0) * rate)) / rate
+                along = _driven(time, usual, swing) - _driven(np.array([enters]), usual, swing)
+                inside = along < ROAD_LENGTH
+                time, along = time[inside], along[inside]
+                change = 1.0 if number % 7 == 0 and lane + 1 < n_lanes else 0.0
+                rank = lane + change * np.clip((along - 300.0) / 100.0, 0.0, 1.0)
+                truck = number % 5 == 0
+                yield Vehicle(
+                    number=number,
+                    direction=direction,
+                    lane=np.floor(rank + 0.5).astype(np.int64),
+                    time=time,
+                    along=along,
+                    lateral=LANE_WIDTH * (rank + 0.5),
+                    speed=usual * (1.0 + 0.2 * np.sin(swing * time)),
+                    acceleration=usual * 0.2 * swing * np.cos(swing * time),
+                    length=14.0 if truck else 4.6,
+                    width=2.5 if truck else 1.9,
+                    is_truck=truck,
+                )
+
+
+def _driven(time: np.ndarray, usual: float, swing: float) -> np.ndarray:
+    return usual * (time - 0.2 / swing * np.cos(swing * time))
+
+
+def on_plane(vehicle: Vehicle, *, y_down: bool, turned: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
+    """Places on the plane of a map, or of a picture whose y points down [m]; the road is turned by an angle [rad]."""
+    ahead = vehicle.direction == 2
+    s = vehicle.along if ahead else ROAD_LENGTH - vehicle.along
+    off = (0.5 * MEDIAN + vehicle.lateral) * (1.0 if ahead else -1.0)
+    angle = s / RADIUS
+    # To the right is where y points to in a picture.
+    x, y = RADIUS * np.sin(angle) - off * np.sin(angle), RADIUS * (1.0 - np.cos(angle)) + off * np.cos(angle)
+    x, y = np.cos(turned) * x - np.sin(turned) * y, np.sin(turned) * x + np.cos(turned) * y
+    return 100.0 + x, (100.0 + y) * (1.0 if y_down else -1.0)
+
+
+def tgsim_rows(vehicle: Vehicle, run: int = 1) -> pd.DataFrame:
+    """Rows in the columns of TGSIM's I-90/I-94 tables; lanes of the other carriageway have negative numbers."""
+    x, y = on_plane(vehicle, y_down=True)
+    sign = 1 if vehicle.direction == 2 else -1
+    return pd.DataFrame(
+        {
+            "id": vehicle.number,
+            "time": vehicle.time.round(1),
+            "xloc-kf": x.round(3),
+            "yloc-kf": y.round(3),
+            "lane-kf": sign * (vehicle.lane + 1),
+            "speed-kf": vehicle.speed.round(3),
+            "acceleration-kf": vehicle.acceleration.round(3),
+            "length-smoothed": vehicle.length,
+            "width-smoothed": vehicle.width,
+            "type-most-common": "large-vehicle" if vehicle.is_truck else "small-vehicle",
+            "av": "yes" if vehicle.number == 3 else "no",
+            "run-index": run,
+        }
+    )
+
+
+def write_tgsim(path: Path, n_bytes: int) -> None:
+    """A table of TGSIM, about n_bytes long."""
+    with path.open("w", encoding="utf-8") as file:
+        vehicles = traffic(10.0)
+        header = True
+        while file.tell() < n_bytes:
+            rows = pd.concat([tgsim_rows(vehicle) for vehicle in islice(vehicles, 60)])
+            rows.to_csv(file, index=False, header=header)
+            header = False
