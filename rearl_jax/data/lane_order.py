@@ -13,6 +13,9 @@ WANDER = 3.0
 """Width [m] within which 90 % of the centres of vehicles in one lane are; those on a ramp that leaves are not."""
 
 
+_LARGEST = 1e15  # beyond every number of a lane, exact as float64
+
+
 @dataclass(frozen=True)
 class LaneOrder:
     """Lanes of one carriageway.
@@ -21,13 +24,11 @@ class LaneOrder:
         ranks: Number in the source -> rank, 0 = leftmost.
         left_edge: Place of the left edge of the leftmost lane across the road [m], positive to the right.
         apart: Numbers whose vehicles do not drive along the road, as on ramps that leave it.
-        rare: Numbers of so few rows that they are no lanes.
     """
 
     ranks: dict[int, int]
     left_edge: float
     apart: tuple[int, ...]
-    rare: tuple[int, ...]
 
     @property
     def count(self) -> int:
@@ -48,7 +49,7 @@ def lane_order(number: np.ndarray, across: np.ndarray) -> LaneOrder:
         number: Lane of each row in the source; NaN where it is unknown.
         across: Place of each row across the road, positive to the driver's right [m].
     """
-    known = np.isfinite(number) & np.isfinite(across)
+    known = (np.abs(number) < _LARGEST) & np.isfinite(across)
     numbers, which, n_rows = np.unique(number[known], return_inverse=True, return_counts=True)
     places = [across[known][which == lane] for lane in range(len(numbers))]
     low, middle, high = np.array([np.quantile(place, (0.05, 0.5, 0.95)) for place in places]).reshape(-1, 3).T
@@ -62,8 +63,8 @@ def lane_order(number: np.ndarray, across: np.ndarray) -> LaneOrder:
             rank += 0 if np.isinf(last) else max(int(np.rint((middle[lane] - last) / USUAL_WIDTH)), 1)
             last = middle[lane]
         ranks[int(numbers[lane])] = rank
-    apart, rare = (tuple(numbers[here].astype(int).tolist()) for here in (~is_lane & ~is_rare, is_rare))
+    apart = tuple(numbers[~is_lane & ~is_rare].astype(np.int64).tolist())
     middle = np.sort(middle[is_lane])
     left = float(middle[0]) if middle.size else 0.0
     width = (float(middle[-1]) - left) / rank if rank else USUAL_WIDTH
-    return LaneOrder(ranks, left - 0.5 * width, apart, rare)
+    return LaneOrder(ranks, left - 0.5 * width, apart)

@@ -34,6 +34,8 @@ class RoadAxis:
 
     def places(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distances along the axis from its first point and across it, positive to the right [m]."""
+        known = np.isfinite(x) & np.isfinite(y)
+        x, y = np.where(known, x, np.nan), np.where(known, y, np.nan)
         a, b = _on_line(x, y, self.origin, self.forward, self.right)
         steps = np.hypot(np.diff(self.along), np.diff(self.bend))
         length = np.concatenate([[0.0], np.cumsum(steps)])

@@ -86,7 +86,7 @@ def straightened(
         lateral[here] = way * across[here] - order.left_edge
         lane[here] = order.rank_of(number[here])
         off_road[here] = np.isin(number[here], order.apart)
-        no_lane[here] = np.isin(number[here], order.rare) | ~np.isfinite(number[here])
+        no_lane[here] = ~np.isfinite(lane[here]) & ~off_road[here]
     columns |= {"lateral": lateral, "lane": lane}
     return Straightened(pd.DataFrame(columns), lanes, length, off_road, no_lane, wrong)
 

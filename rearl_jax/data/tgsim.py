@@ -18,7 +18,7 @@ import pyarrow.compute as pc
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import clock
-from rearl_jax.data.checks import follows_row_before
+from rearl_jax.data.checks import LARGEST, follows_row_before
 from rearl_jax.data.delimited import read_csv, read_header, stem_of, text_endings
 from rearl_jax.data.folder import recordings_missing, visible_files
 from rearl_jax.data.losses import Losses, reject, split_tracks
@@ -121,6 +121,7 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
         file=str(path),
         columns={ours: names[ours] for ours in _COLUMNS} | {"position": names["x"], "lateral": names["y"]},
     )
+    rows["time"] = rows["time"].where(rows["time"].abs() <= LARGEST)
     for name in ("track_id", "time"):
         finding = without_value(rows, name)
         rows = rows if finding is None else reject(rows, finding, info, policy, losses)
