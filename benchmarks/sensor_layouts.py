@@ -4,6 +4,7 @@ All write the same made traffic: lanes of vehicles whose speeds swing in time, o
 is measured.
 """
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -17,6 +18,7 @@ ROAD_LENGTH = 640.0
 RADIUS = 1500.0
 """Radius of its bend [m]."""
 LANE_WIDTH = 3.6
+FOOT = 0.3048
 MEDIAN = 4.0
 """Width between the two carriageways [m]."""
 HEADWAY = 2.4
@@ -140,3 +142,42 @@ def write_tgsim(path: Path, n_bytes: int) -> None:
             rows = pd.concat([tgsim_rows(vehicle) for vehicle in islice(vehicles, 60)])
             rows.to_csv(file, index=False, header=header)
             header = False
+
+
+def i24_document(vehicle: Vehicle, begin: float = 1669123200.0, mile: float = 60.0) -> dict:
+    """A document of I-24 MOTION: the rear in feet from mile 0, y_position from the middle of the road."""
+    sign = 1 if vehicle.direction == 2 else -1
+    along = vehicle.along if sign > 0 else ROAD_LENGTH - vehicle.along
+    x = (along - 0.5 * sign * vehicle.length) / FOOT + 5280.0 * mile
+    y = 12.0 + 12.0 * vehicle.lateral / LANE_WIDTH
+    time = begin + vehicle.time
+    return {
+        "_id": {"$oid": f"{vehicle.number:024x}"},
+        "timestamp": time.tolist(),
+        "first_timestamp": time[0],
+        "last_timestamp": time[-1],
+        "x_position": x.tolist(),
+        "y_position": (-sign * y).tolist(),
+        "starting_x": x[0],
+        "ending_x": x[-1],
+        "length": vehicle.length / FOOT,
+        "width": vehicle.width / FOOT,
+        "height": 5.0,
+        "direction": sign,
+        "coarse_vehicle_class": 4 if vehicle.is_truck else 0,
+        "fine_vehicle_class": -1,
+        "merged_ids": [[{"$oid": f"{vehicle.number:024x}"}]],
+        "road_segment_ids": [-1],
+        "flags": [],
+    }
+
+
+def write_i24(path: Path, n_bytes: int) -> None:
+    """An array of documents of I-24 MOTION, about n_bytes long."""
+    with path.open("w", encoding="utf-8") as file:
+        for number, vehicle in enumerate(traffic(25.0, n_lanes=4)):
+            file.write(",\n" if number else "[")
+            file.write(json.dumps(i24_document(vehicle)))
+            if file.tell() >= n_bytes:
+                break
+        file.write("]\n")
