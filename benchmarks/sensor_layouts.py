@@ -181,3 +181,81 @@ def write_i24(path: Path, n_bytes: int) -> None:
             if file.tell() >= n_bytes:
                 break
         file.write("]\n")
+
+
+def exid_rows(vehicle: Vehicle, rate: float = 25.0) -> pd.DataFrame:
+    """Rows in the columns of exiD; a lanelet ends at the middle of the road, where another one begins."""
+    x, y = on_plane(vehicle, y_down=False)
+    half = (vehicle.along > 0.5 * ROAD_LENGTH).astype(int)
+    lanelet = 1000 * vehicle.direction + 100 * half + vehicle.lane
+    offset = vehicle.lateral - LANE_WIDTH * (vehicle.lane + 0.5)
+    n = len(vehicle.time)
+    return pd.DataFrame(
+        {
+            "recordingId": 0,
+            "trackId": vehicle.number,
+            "frame": np.rint(rate * vehicle.time).astype(np.int64),
+            "trackLifetime": np.arange(n),
+            "xCenter": x.round(5),
+            "yCenter": y.round(5),
+            "heading": 30.0,
+            "width": vehicle.width,
+            "length": vehicle.length,
+            "xVelocity": 0.0,
+            "yVelocity": 0.0,
+            "xAcceleration": 0.0,
+            "yAcceleration": 0.0,
+            "lonVelocity": vehicle.speed.round(5),
+            "latVelocity": 0.0,
+            "lonAcceleration": vehicle.acceleration.round(5),
+            "latAcceleration": 0.0,
+            "traveledDistance": vehicle.along.round(5),
+            "latLaneCenterOffset": offset.round(5).astype(str),
+            "laneWidth": str(LANE_WIDTH),
+            # Where a lane begins, two lanelets overlap.
+            "laneletId": np.where(np.arange(n) == 0, [f"{number};7" for number in lanelet], lanelet.astype(str)),
+            "laneChange": np.concatenate([[0], np.abs(np.diff(vehicle.lane))]),
+            "lonLaneletPos": vehicle.along.round(5).astype(str),
+            "laneletLength": str(0.5 * ROAD_LENGTH),
+            **dict.fromkeys(("leadDHW", "leadDV", "leadTHW", "leadTTC"), ""),
+            **dict.fromkeys(("leadId", "rearId", "leftLeadId", "leftRearId", "leftAlongsideId"), -1),
+            **dict.fromkeys(("rightLeadId", "rightRearId", "rightAlongsideId"), -1),
+            "odrRoadId": 1,
+            "odrSectionNo": 0,
+            "odrLaneId": -1 - vehicle.lane,
+        }
+    )
+
+
+def exid_meta(vehicle: Vehicle, rate: float = 25.0) -> dict:
+    """Row of NN_tracksMeta.csv."""
+    first = round(rate * float(vehicle.time[0]))
+    return {
+        "recordingId": 0,
+        "trackId": vehicle.number,
+        "initialFrame": first,
+        "finalFrame": first + len(vehicle.time) - 1,
+        "numFrames": len(vehicle.time),
+        "width": vehicle.width,
+        "length": vehicle.length,
+        "class": "truck" if vehicle.is_truck else "car",
+    }
+
+
+def write_exid(path: Path, n_bytes: int) -> None:
+    """NN_tracks.csv of exiD, about n_bytes long, and the two other files beside it.
+
+    Args:
+        path: The file, its name ends in _tracks.csv.
+        n_bytes: Its length.
+    """
+    vehicles, meta = traffic(25.0), []
+    with path.open("w", encoding="utf-8") as file:
+        while file.tell() < n_bytes:
+            some = list(islice(vehicles, 30))
+            pd.concat([exid_rows(vehicle) for vehicle in some]).to_csv(file, index=False, header=not meta)
+            meta += [exid_meta(vehicle) for vehicle in some]
+    name = path.name.removesuffix("_tracks.csv")
+    pd.DataFrame(meta).to_csv(path.with_name(f"{name}_tracksMeta.csv"), index=False)
+    info = {"recordingId": 0, "locationId": 0, "frameRate": 25, "speedLimit": -1, "weekday": "monday"}
+    pd.DataFrame([info]).to_csv(path.with_name(f"{name}_recordingMeta.csv"), index=False)

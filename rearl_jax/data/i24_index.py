@@ -24,6 +24,7 @@ MILES = (57.0, 65.0)
 LANE = 12.0
 """Width of a lane, and of the shoulder beside the median [ft]."""
 _FEET_PER_MILE = 5280.0
+_LARGEST = 2e18  # beyond every time, in nanoseconds too, and every place
 _FEWEST = 8  # documents that tell the unit of y_position
 _SINCE, _UNTIL = 1.5e9, 4.0e9  # s since 1970: the years 2017 and 2096
 _BACKWARD = 5.0 / FEET  # ft that a vehicle may end behind its begin, because of errors of the tracking
@@ -155,7 +156,9 @@ class Tracks:
 
 
 def _cell(values: np.ndarray, length: float | None) -> np.ndarray:
-    return np.zeros(len(values), np.int64) if length is None else np.floor(values / length).astype(np.int64)
+    if length is None:
+        return np.zeros(len(values), np.int64)
+    return np.floor(np.clip(values / length, -_LARGEST, _LARGEST)).astype(np.int64)
 
 
 def _file(index: Index, keys: np.ndarray, number: np.ndarray, sound: np.ndarray) -> None:
@@ -183,10 +186,9 @@ def _sound(
         return np.asarray(table[name].combine_chunks().value_lengths().fill_null(0))
 
     def unknown(name: str) -> np.ndarray:
-        column = table[name].combine_chunks()
-        n_null = np.asarray(column.flatten().is_null()).astype(np.int64)
+        values = table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False).astype(np.float64)
+        sums = np.concatenate([[0], np.cumsum(~(np.abs(values) <= _LARGEST))])
         ends = np.cumsum(lengths(name))
-        sums = np.concatenate([[0], np.cumsum(n_null)])
         return sums[ends] > sums[ends - lengths(name)]
 
     def twice() -> np.ndarray:
@@ -209,8 +211,14 @@ def _sound(
             for name in ("x_position", "y_position")
         ),
         *(
-            ("not_finite", name, lambda name=name: unknown(name), "a value of the array is missing")
+            ("not_finite", name, lambda name=name: unknown(name), "a value of the array is missing or impossible")
             for name in ("timestamp", "x_position")
+        ),
+        (
+            "not_finite",
+            "length",
+            lambda: ~(np.abs(table["length"].to_numpy()) <= _LARGEST),
+            "the value is impossible",
         ),
         (
             "wrong_direction",
@@ -274,9 +282,10 @@ def _require_units(times: np.ndarray, miles: np.ndarray, asides: np.ndarray, pat
         text = f"the times are about {time:.6g}"
         raise bad_recording("wrong-units", text, "give the times in s since 1970", path, column="timestamp")
     asides = asides[np.isfinite(asides)]
-    # Someone drives right of the second lane, and most drive right of the left shoulder.
-    if asides.size >= _FEWEST and (np.median(asides) < LANE or np.quantile(asides, 0.95) < 2.0 * LANE):
-        text = f"95 % of the vehicles are less than {np.quantile(asides, 0.95):.3g} ft beside the middle of the road"
+    # Most drive right of the left shoulder, someone right of the second lane, and nobody beyond the sixth.
+    far = float(np.quantile(asides, 0.95)) if asides.size else 0.0
+    if asides.size >= _FEWEST and (np.median(asides) < LANE or not 2.0 * LANE <= far <= 7.5 * LANE):
+        text = f"the outermost vehicles are {far:.3g} ft beside the middle of the road"
         raise bad_recording("wrong-units", text, "give y_position in feet", path, column="y_position")
 
 

@@ -142,6 +142,9 @@ def _table(text: bytes, schema: pa.Schema) -> pa.Table | None:
     options = json.ParseOptions(schema, newlines_in_values=True, unexpected_field_behavior="ignore")
     try:
         # One block, because a document must not lie across two.
-        return json.read_json(io.BytesIO(text), json.ReadOptions(use_threads=False, block_size=len(text) + 1), options)
+        blocks = json.ReadOptions(use_threads=False, block_size=len(text) + 1)
+        table = json.read_json(io.BytesIO(text), blocks, options)
+        table.validate(full=True)  # a damaged text is not UTF-8; pandas would notice where it is used
     except pa.ArrowInvalid:
         return None
+    return table

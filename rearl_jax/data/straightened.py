@@ -7,10 +7,11 @@ import pandas as pd
 
 from rearl_jax.data.checks import follows_row_before
 from rearl_jax.data.lane_order import LaneOrder, lane_order
+from rearl_jax.data.losses import Losses, split_tracks
 from rearl_jax.data.road_axis import SPACING, RoadAxis, road_axis
 
 _STANDING = 5.0  # m; a vehicle that moves less shows no direction
-_SHARED = 0.3  # share of the rows of a lane number that drive the other way if both carriageways use the number
+_SHARED = 0.3
 _REACH = 5.0 * SPACING  # m beyond the ends of the axis that vehicles may be at
 
 
@@ -47,7 +48,14 @@ class Straightened:
 
 
 def straightened(
-    track: np.ndarray, piece: np.ndarray, x: np.ndarray, y: np.ndarray, number: np.ndarray, *, y_down: bool
+    track: np.ndarray,
+    piece: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    number: np.ndarray,
+    *,
+    y_down: bool,
+    shared: float = _SHARED,
 ) -> Straightened | None:
     """The tracks on a straight road; None if nothing moves.
 
@@ -61,13 +69,15 @@ def straightened(
         y: The same [m].
         number: Lane in the source, NaN where it is unknown.
         y_down: y points down, as in pictures.
+        shared: Share of the rows of a lane number that must drive the other way if both carriageways use the number;
+            above .5 none does.
     """
     axis = road_axis(track, piece, x, y, y_down=y_down)
     if axis is None:
         return None
     along, across = axis.places(x, y)
-    ways, shared = _ways(track, along, number)
-    of_lane = pd.Series(number).map(shared).to_numpy(np.float64, na_value=np.nan)
+    ways, sides = _ways(track, along, number, shared)
+    of_lane = pd.Series(number).map(sides).to_numpy(np.float64, na_value=np.nan)
     wrong = np.isfinite(of_lane) & (of_lane != 0.0) & (ways != 0.0) & (of_lane != ways)
     # Who stands, or drives against all others, belongs where the lane does.
     ways = np.where((ways == 0.0) | wrong, np.where(np.isfinite(of_lane) & (of_lane != 0.0), of_lane, 1.0), ways)
@@ -91,7 +101,23 @@ def straightened(
     return Straightened(pd.DataFrame(columns), lanes, length, off_road, no_lane, wrong)
 
 
-def _ways(track: np.ndarray, along: np.ndarray, number: np.ndarray) -> tuple[np.ndarray, dict[float, float]]:
+def leave_out(table: pd.DataFrame, off_road: pd.Series, losses: Losses) -> pd.DataFrame:
+    """The table without the rows off the road, which are counted; a track that comes back continues under a new id."""
+    marked = off_road.reindex(table.index).to_numpy(bool)
+    if not marked.any() or marked.all():
+        return table
+    back = follows_row_before(table["track_id"].to_numpy())
+    back[1:] &= ~marked[1:] & marked[:-1]
+    before = table["track_id"].to_numpy()
+    ends = pd.Series(~marked).groupby(before).cumsum().to_numpy()
+    kept = losses.remove(table, marked, "off_road")
+    # Not at the first row of a track that is left: there is nothing before it.
+    return split_tracks(kept, (back & (ends > 1))[~marked])
+
+
+def _ways(
+    track: np.ndarray, along: np.ndarray, number: np.ndarray, shared: float
+) -> tuple[np.ndarray, dict[float, float]]:
     """The way along the axis, 1 or -1, or 0 if unknown, of the vehicle of each row; and of each lane, 0 for both."""
     starts = np.flatnonzero(~follows_row_before(track))
     ends = np.append(starts[1:], len(track)) - 1
@@ -101,7 +127,7 @@ def _ways(track: np.ndarray, along: np.ndarray, number: np.ndarray) -> tuple[np.
     moving = (ways != 0.0) & np.isfinite(number)
     lanes, which = np.unique(number[moving], return_inverse=True)
     forward = np.bincount(which, weights=ways[moving] > 0.0) / np.maximum(np.bincount(which), 1)
-    sides = np.where((forward >= _SHARED) & (forward <= 1.0 - _SHARED), 0.0, np.where(forward > 0.5, 1.0, -1.0))
+    sides = np.where((forward >= shared) & (forward <= 1.0 - shared), 0.0, np.where(forward > 0.5, 1.0, -1.0))
     return ways, dict(zip(lanes.tolist(), sides.tolist(), strict=True))
 
 

@@ -21,11 +21,11 @@ from rearl_jax.data import clock
 from rearl_jax.data.checks import LARGEST, follows_row_before
 from rearl_jax.data.delimited import read_csv, read_header, stem_of, text_endings
 from rearl_jax.data.folder import recordings_missing, visible_files
-from rearl_jax.data.losses import Losses, reject, split_tracks
+from rearl_jax.data.losses import Losses, reject
 from rearl_jax.data.ngsim_clock import plain
 from rearl_jax.data.problems import Finding, bad_recording, require_columns, without_value
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
-from rearl_jax.data.straightened import Straightened, straightened
+from rearl_jax.data.straightened import Straightened, leave_out, straightened
 
 LICENCE = "public domain (U.S. Government work)"
 ATTRIBUTION = (
@@ -158,20 +158,6 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
     table = leave_out(table, pd.Series(road.off_road, index=rows.index), losses)
     table, dropped = validate(table, info, policy, losses)
     return Recording(info, table, dropped)
-
-
-def leave_out(table: pd.DataFrame, off_road: pd.Series, losses: Losses) -> pd.DataFrame:
-    """The table without the rows off the road, which are counted; a track that comes back continues under a new id."""
-    marked = off_road.reindex(table.index).to_numpy(bool)
-    if not marked.any() or marked.all():
-        return table
-    back = follows_row_before(table["track_id"].to_numpy())
-    back[1:] &= ~marked[1:] & marked[:-1]
-    before = table["track_id"].to_numpy()
-    ends = pd.Series(~marked).groupby(before).cumsum().to_numpy()
-    kept = losses.remove(table, marked, "off_road")
-    # Not at the first row of a track that is left: there is nothing before it.
-    return split_tracks(kept, (back & (ends > 1))[~marked])
 
 
 def _names(path: Path) -> dict[str, str]:

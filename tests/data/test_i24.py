@@ -22,7 +22,7 @@ WHOLE: dict[str, Any] = {"window": None, "section": None}
 
 @pytest.fixture(scope="module")
 def vehicles() -> list:
-    return list(islice(traffic(25.0, n_lanes=4), 16))
+    return list(islice(traffic(10.0, n_lanes=4), 16))
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def read(tmp_path: Path):
 def test_both_carriageways_in_the_drivers_frame(vehicles, found, read):
     (recording,) = read(found)
     info, table = recording.info, recording.table
-    assert (info.id, info.frame_rate, info.lane_count, recording.dropped) == ("i24_day", 25.0, {1: 4, 2: 4}, {})
+    assert (info.id, info.frame_rate, info.lane_count, recording.dropped) == ("i24_day", 10.0, {1: 4, 2: 4}, {})
     for vehicle in vehicles[:8]:
         own = table[table["track_id"] == vehicle.number]
         assert (own["direction"] == vehicle.direction).all()
@@ -113,7 +113,7 @@ def test_rows_beside_the_lanes_have_no_lane(found, read):
 
 
 def test_times_between_frames_are_noted(found, read):
-    found[0]["timestamp"] = [time + 0.012 for time in found[0]["timestamp"]]
+    found[0]["timestamp"] = [time + 0.03 for time in found[0]["timestamp"]]
     (recording,) = read(found)
     assert any(note.startswith("1 vehicles have times between") for note in recording.info.notes)
 
