@@ -259,3 +259,57 @@ def write_exid(path: Path, n_bytes: int) -> None:
     pd.DataFrame(meta).to_csv(path.with_name(f"{name}_tracksMeta.csv"), index=False)
     info = {"recordingId": 0, "locationId": 0, "frameRate": 25, "speedLimit": -1, "weekday": "monday"}
     pd.DataFrame([info]).to_csv(path.with_name(f"{name}_recordingMeta.csv"), index=False)
+
+
+PNEUMA_BEGIN = (37.98, 23.735)
+"""Latitude and longitude where the street of `write_pneuma` begins [deg]."""
+_DEGREE = (110_995.0, 87_860.0)
+"""Metres of a degree of latitude and longitude there; World Geodetic System 1984."""
+
+
+def pneuma_stretch(margin: float = 40.0, n_lanes: int = 3) -> str:
+    """data.stretch for the middle of the street of `write_pneuma`.
+
+    Args:
+        margin: Distance of its ends from those of the street [m].
+        n_lanes: Lanes.
+    """
+    middle = np.full(2, 0.5 * n_lanes * LANE_WIDTH)
+    latitude, longitude = _on_globe(np.array([margin, ROAD_LENGTH - margin]), middle)
+    numbers = (latitude[0], longitude[0], latitude[1], longitude[1])
+    return ",".join(f"{value:.7f}" for value in numbers) + f",{n_lanes * LANE_WIDTH:g},{n_lanes}"
+
+
+def _on_globe(along: np.ndarray, lateral: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Latitude and longitude on a street that goes to the north-east [deg]."""
+    east, north = 0.8 * along + 0.6 * lateral, 0.6 * along - 0.8 * lateral
+    return PNEUMA_BEGIN[0] + north / _DEGREE[0], PNEUMA_BEGIN[1] + east / _DEGREE[1]
+
+
+def pneuma_line(vehicle: Vehicle) -> str:
+    """The row of a vehicle, without the end of its line; direction 1 drives against the street beside it."""
+    ahead = vehicle.direction == 2
+    along = vehicle.along if ahead else ROAD_LENGTH - vehicle.along
+    lateral = vehicle.lateral if ahead else -MEDIAN - vehicle.lateral
+    latitude, longitude = _on_globe(along, lateral)
+    columns = (latitude, longitude, 3.6 * vehicle.speed, vehicle.acceleration, 0.0 * vehicle.speed, vehicle.time)
+    forms = ("{:.6f}", "{:.6f}", "{:.4f}", "{:.4f}", "{:.4f}", "{:.6f}")
+    cells = [
+        form.format(value) for moment in zip(*columns, strict=True) for form, value in zip(forms, moment, strict=True)
+    ]
+    kind = "Bus" if vehicle.is_truck else "Taxi" if vehicle.number % 3 == 0 else "Car"
+    mean = 3.6 * float(np.mean(vehicle.speed))
+    return "; ".join([str(vehicle.number), kind, f"{np.ptp(vehicle.along):.2f}", f"{mean:.6f}", *cells]) + "; "
+
+
+PNEUMA_HEADER = "track_id; type; traveled_d; avg_speed; lat; lon; speed; lon_acc; lat_acc; time"
+
+
+def write_pneuma(path: Path, n_bytes: int) -> None:
+    """A file of pNEUMA, about n_bytes long; `pneuma_stretch` names its street."""
+    with path.open("w", encoding="utf-8") as file:
+        file.write(PNEUMA_HEADER + "\n")
+        for vehicle in traffic(25.0):
+            file.write(pneuma_line(vehicle) + "\n")
+            if file.tell() >= n_bytes:
+                break

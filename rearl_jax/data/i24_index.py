@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from rearl_jax.config.data import OnBad
-from rearl_jax.data import clock
+from rearl_jax.data.frame_rates import frame_rate_of
 from rearl_jax.data.json_documents import documents, parsed
 from rearl_jax.data.problems import DROP_HINT, bad_recording
 from rearl_jax.data.units import SI_FACTOR
@@ -127,7 +127,7 @@ def _index(path: Path, window: float | None, section: float | None, on_bad: OnBa
     if not begins:
         return index
     _require_units(np.concatenate(begins), np.concatenate(miles), np.concatenate(asides), path)
-    index.frame_rate = _frame_rate(np.concatenate(steps), path)
+    index.frame_rate = frame_rate_of(np.concatenate(steps), path, "timestamp")
     index.phase = _phase(np.concatenate(begins) * index.frame_rate)
     return index
 
@@ -287,19 +287,6 @@ def _require_units(times: np.ndarray, miles: np.ndarray, asides: np.ndarray, pat
     if asides.size >= _FEWEST and (np.median(asides) < LANE or not 2.0 * LANE <= far <= 7.5 * LANE):
         text = f"the outermost vehicles are {far:.3g} ft beside the middle of the road"
         raise bad_recording("wrong-units", text, "give y_position in feet", path, column="y_position")
-
-
-def _frame_rate(steps: np.ndarray, path: Path) -> float:
-    steps = steps[steps > 0.0]
-    if not steps.size:
-        text = "no vehicle has two rows with different times"
-        raise bad_recording("frame-rate-unknown", text, "complete the times", path, column="timestamp")
-    period = float(np.median(steps))
-    rate = clock.rate_of(period, 0.02 * period)
-    if not clock.PLAUSIBLE_RATES[0] <= rate <= clock.PLAUSIBLE_RATES[1]:
-        text = f"the times of a vehicle are {period:g} apart"
-        raise bad_recording("wrong-units", text, "give the times in s", path, column="timestamp")
-    return rate
 
 
 def _phase(frames: np.ndarray) -> float:

@@ -17,10 +17,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data import clock
 from rearl_jax.data.checks import LARGEST, follows_row_before
 from rearl_jax.data.delimited import read_csv, read_header, stem_of, text_endings
 from rearl_jax.data.folder import recordings_missing, visible_files
+from rearl_jax.data.frame_rates import frame_rate_of
 from rearl_jax.data.losses import Losses, reject
 from rearl_jax.data.ngsim_clock import plain
 from rearl_jax.data.problems import Finding, bad_recording, require_columns, without_value
@@ -126,7 +126,8 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
         finding = without_value(rows, name)
         rows = rows if finding is None else reject(rows, finding, info, policy, losses)
     rows = rows.astype({"track_id": np.int64}).sort_values(["track_id", "time"], kind="stable")
-    rate = _frame_rate(rows, info)
+    steps = np.diff(rows["time"].to_numpy(np.float64))[follows_row_before(rows["track_id"].to_numpy())[1:]]
+    rate = frame_rate_of(steps, path, names["time"])
     road = _straight(rows, info)
     notes = ["the road is straightened by the paths of its vehicles", *_lane_notes(road)]
     info = replace(
@@ -194,27 +195,6 @@ def _rows(path: Path, names: dict[str, str], run: int | None, policy: DataConfig
         raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
     rows = table.to_pandas(split_blocks=True, self_destruct=True).set_axis(index, axis=0)
     return rows.rename(columns={theirs: ours for ours, theirs in names.items()})
-
-
-def _frame_rate(rows: pd.DataFrame, info: RecordingInfo) -> float:
-    """Frames per second, from the steps of the times.
-
-    Raises:
-        BadRecordingError: The times are not in seconds, or no vehicle has two rows.
-    """
-    time = rows["time"].to_numpy(np.float64)
-    steps = np.diff(time)[follows_row_before(rows["track_id"].to_numpy())[1:]]
-    steps = steps[np.isfinite(steps) & (steps > 0.0)]
-    if not steps.size:
-        text = "no vehicle has two rows with different times"
-        raise bad_recording("frame-rate-unknown", text, "complete the times", info.file, column=info.columns["time"])
-    period = float(np.median(steps))
-    unit = clock.unit_of(period, None)
-    rate = clock.rate_of(period, 0.02 * period)
-    if unit is not None or not clock.PLAUSIBLE_RATES[0] <= rate <= clock.PLAUSIBLE_RATES[1]:
-        text = f"the times of a vehicle are {period:g} apart" + (f": they look like {unit}" if unit else "")
-        raise bad_recording("wrong-units", text, "give the times in s", info.file, column=info.columns["time"])
-    return rate
 
 
 def _straight(rows: pd.DataFrame, info: RecordingInfo) -> Straightened:
