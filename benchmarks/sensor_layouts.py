@@ -267,7 +267,7 @@ _DEGREE = (110_995.0, 87_860.0)
 """Metres of a degree of latitude and longitude there; World Geodetic System 1984."""
 
 
-def pneuma_stretch(margin: float = 40.0, n_lanes: int = 3) -> str:
+def pneuma_stretch(margin: float = 40.0, n_lanes: int = 3) -> tuple[float, ...]:
     """data.stretch for the middle of the street of `write_pneuma`.
 
     Args:
@@ -275,9 +275,8 @@ def pneuma_stretch(margin: float = 40.0, n_lanes: int = 3) -> str:
         n_lanes: Lanes.
     """
     middle = np.full(2, 0.5 * n_lanes * LANE_WIDTH)
-    latitude, longitude = _on_globe(np.array([margin, ROAD_LENGTH - margin]), middle)
-    numbers = (latitude[0], longitude[0], latitude[1], longitude[1])
-    return ",".join(f"{value:.7f}" for value in numbers) + f",{n_lanes * LANE_WIDTH:g},{n_lanes}"
+    latitude, longitude = (values.tolist() for values in _on_globe(np.array([margin, ROAD_LENGTH - margin]), middle))
+    return latitude[0], longitude[0], latitude[1], longitude[1], n_lanes * LANE_WIDTH, float(n_lanes)
 
 
 def _on_globe(along: np.ndarray, lateral: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

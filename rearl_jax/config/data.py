@@ -80,10 +80,10 @@ class DataConfig:
     section: float | None = key(
         1000.0, "length of the sections that recordings of miles (i24) are cut into [m], null = one; own choice"
     )
-    stretch: str | None = key(
+    stretch: tuple[float, ...] | None = key(
         None,
         "straight part of a street (pneuma): latitude and longitude [deg] of the middle of the carriageway where it "
-        "begins and ends, its width [m] and its lanes, comma-separated",
+        "begins and ends, its width [m] and its lanes, six numbers",
     )
 
     def check(self) -> None:

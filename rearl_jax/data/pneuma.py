@@ -18,6 +18,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.data.checks import LARGEST
 from rearl_jax.data.delimited import opened, read_header, stem_of, text_endings
 from rearl_jax.data.folder import recordings_missing, visible_files
 from rearl_jax.data.frame_rates import frame_rate_of
@@ -108,7 +109,7 @@ def read_recording(path: Path, policy: DataConfig) -> Recording:
         raise bad_recording("no-rows", "the file has no vehicle", "remove the file or complete it", path)
     frame_rate = frame_rate_of(np.array(steps), path, "time")
     if not pieces:
-        text = f"no vehicle drives along data.stretch={policy.stretch}"
+        text = "no vehicle drives along data.stretch"
         raise bad_recording("no-rows", text, "name a stretch within the area of the file", path)
     info = RecordingInfo(
         id=recording_id(path),
@@ -119,7 +120,7 @@ def read_recording(path: Path, policy: DataConfig) -> Recording:
         licence=LICENCE,
         attribution=ATTRIBUTION,
         notes=(
-            f"streets of Athens: only what drives along {policy.stretch}, with traffic lights at its ends",
+            f"streets of Athens: only what drives from {stretch.begin} to {stretch.end}, between traffic lights",
             f"lanes are {stretch.n_lanes} equal parts of {stretch.width:g} m, the source has none",
             "the source has no lengths: usual ones of each type are assumed",
         ),
@@ -175,6 +176,7 @@ def _vehicle(line: bytes, path: Path, row: int) -> _Vehicle:
         raise bad_recording("value-unreadable", fault, f"write a number there{DROP_HINT}", path, row=row + 1) from None
     if not abs(number) < 2**53:
         raise bad_recording("value-unreadable", f"track_id is {number}", "correct it", path, row=row + 1)
+    values = np.where(np.abs(values) <= LARGEST, values, np.nan)
     return _Vehicle(number, fields[1].strip(), values.reshape(-1, len(REPEATED)))
 
 

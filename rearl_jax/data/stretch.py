@@ -1,5 +1,6 @@
 """A straight part of a road in a city, named by the ends of its middle line on the globe."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,21 +47,18 @@ class Stretch:
         return east * ahead[0] + north * ahead[1], east * ahead[1] - north * ahead[0] + 0.5 * self.width
 
 
-def stretch_of(text: str | None) -> Stretch:
+def stretch_of(numbers: Sequence[float] | None) -> Stretch:
     """The stretch that the key data.stretch names.
 
     Raises:
         InvalidInputError: It names none.
     """
-    if not text:
+    if not numbers:
         message = f"{_FORM}: crossings and bends of the city cannot be read"
         raise InvalidInputError(Problem("stretch-missing", message, key="data.stretch"))
-    try:
-        numbers = [float(part) for part in text.strip("[]() ").split(",")]
-    except ValueError:
-        numbers = []
+    value = list(numbers)
     if len(numbers) != 6 or not np.all(np.isfinite(numbers)) or max(map(abs, numbers[0:3:2])) > 89.0:
-        raise InvalidInputError(Problem("stretch-unusable", _FORM, key="data.stretch", value=text))
+        raise InvalidInputError(Problem("stretch-unusable", _FORM, key="data.stretch", value=value))
     stretch = Stretch((numbers[0], numbers[1]), (numbers[2], numbers[3]), numbers[4], int(numbers[5]))
     limits = (
         (_LENGTHS[0] <= stretch.length <= _LENGTHS[1], f"must be {_LENGTHS[0]:g} to {_LENGTHS[1]:g} m long"),
@@ -69,7 +67,7 @@ def stretch_of(text: str | None) -> Stretch:
     )
     for holds, message in limits:
         if not holds:
-            raise InvalidInputError(Problem("stretch-unusable", message, key="data.stretch", value=text))
+            raise InvalidInputError(Problem("stretch-unusable", message, key="data.stretch", value=value))
     return stretch
 
 
