@@ -32,6 +32,7 @@ N_LANES = 4
 """Lanes of each direction that go through; further ones are counted where vehicles use them."""
 _MOST_LANES = 6
 _USED = 0.01  # share of the rows of a direction in a further lane from which it is one
+_AT_ONCE = 32 * 2**20  # bytes of documents that are parsed at a time
 _ASIDE = 0.1  # frames by which a document may miss the times of the others
 _BACKWARD = 1.0  # m/s; errors of the tracking make standing vehicles drive back
 _WINTER = timedelta(hours=-6)  # Central Standard Time; all published days are in it
@@ -96,12 +97,8 @@ def read_cell(path: Path, recording: str, cell: Cell, policy: DataConfig) -> Rec
     if cell == min(index.cells):
         losses.counts.update(index.dropped)
     numbers = np.array(index.cells[cell])
-    texts = read_documents(path, [index.starts[n] for n in numbers], [index.sizes[n] for n in numbers])
-    table, broken = parsed(texts, _FIELDS)
-    if broken.any():
-        text, row = "width or coarse_vehicle_class is no number", int(numbers[np.argmax(broken)]) + 1
-        raise bad_recording("not-a-number", text, "write a number", path, column="width", row=row)
-    return _recording(table, numbers, index, recording, cell, path, policy, losses)
+    rows = pd.concat([_rows(path, part, index, cell, policy) for part in _parts(numbers, index)])
+    return _recording(rows, index, recording, cell, path, policy, losses)
 
 
 def _index(path: Path, policy: DataConfig) -> Index:
@@ -118,60 +115,84 @@ def _name(cell: Cell, path: Path, policy: DataConfig) -> str:
     return name
 
 
-def _recording(
-    documents: pa.Table,
-    numbers: np.ndarray,
-    index: Index,
-    recording: str,
-    cell: Cell,
-    path: Path,
-    policy: DataConfig,
-    losses: Losses,
-) -> Recording:
+def _parts(numbers: np.ndarray, index: Index) -> list[np.ndarray]:
+    """The documents in groups that are not much longer than _AT_ONCE, so that few whole journeys are in memory."""
+    group = np.cumsum(np.array(index.sizes)[numbers]) // _AT_ONCE
+    return np.split(numbers, np.flatnonzero(np.diff(group)) + 1)
+
+
+def _rows(path: Path, numbers: np.ndarray, index: Index, cell: Cell, policy: DataConfig) -> pd.DataFrame:
+    """Rows of documents in a window and section [m, s]; the index counts the documents."""
+    texts = read_documents(path, [index.starts[n] for n in numbers], [index.sizes[n] for n in numbers])
+    documents, broken = parsed(texts, _FIELDS)
+    if broken.any():
+        text, row = "width or coarse_vehicle_class is no number", int(numbers[np.argmax(broken)]) + 1
+        raise bad_recording("not-a-number", text, "write a number", path, column="width", row=row)
     tracks = Tracks(documents)
 
-    def every_row(values: np.ndarray) -> np.ndarray:
-        return np.repeat(values, tracks.counts)
+    def every_row(name: str) -> np.ndarray:
+        return np.repeat(tracks.of_document(name), tracks.counts)
 
-    time, side = tracks.time, every_row(tracks.of_document("direction"))
-    rear, lateral = FEET * tracks.values("x_position"), FEET * (np.abs(tracks.values("y_position")) - LANE)
-    centre = rear + 0.5 * side * FEET * every_row(tracks.of_document("length"))
-    first = np.rint(time[tracks.begins] * index.frame_rate - index.phase)
-    aside = np.abs(time[tracks.begins] * index.frame_rate - index.phase - first) > _ASIDE
-    frame = every_row(first) + np.rint((time - every_row(time[tracks.begins])) * index.frame_rate)
-    speed = side * _slope(rear, time, tracks)
+    time, side, length = tracks.time, every_row("direction"), FEET * every_row("length")
+    rear = FEET * tracks.values("x_position")
+    begin = time[tracks.begins] * index.frame_rate - index.phase
+    frame = np.repeat(np.rint(begin), tracks.counts)
+    frame += np.rint((time - np.repeat(time[tracks.begins], tracks.counts)) * index.frame_rate)
+    rows = pd.DataFrame(
+        {
+            "frame": frame,
+            "side": side,
+            "centre": rear + 0.5 * side * length,
+            "lateral": FEET * (np.abs(tracks.values("y_position")) - LANE),
+            "speed": side * _slope(rear, time, tracks),
+            "length": length,
+            "width": FEET * every_row("width"),
+            "class": every_row("coarse_vehicle_class"),
+            "is_aside": np.repeat(np.abs(begin - np.rint(begin)) > _ASIDE, tracks.counts),
+        },
+        index=np.repeat(numbers, tracks.counts),
+    )
+    return rows.iloc[np.flatnonzero(_within(time, rows["centre"].to_numpy(), tracks, cell, policy))]
+
+
+def _recording(
+    rows: pd.DataFrame, index: Index, recording: str, cell: Cell, path: Path, policy: DataConfig, losses: Losses
+) -> Recording:
+    centre, side, lateral, speed, frame = (
+        rows[name].to_numpy() for name in ("centre", "side", "lateral", "speed", "frame")
+    )
+    start = float(centre.min()) if policy.section is None else cell[1] * policy.section
+    length = float(centre.max()) - start if policy.section is None else policy.section
+    along = centre - start
     backward = (speed < 0.0) & (speed >= -_BACKWARD)
-    rows = np.flatnonzero(_within(time, centre, tracks, cell, policy))
-    start = 0.0 if policy.section is None else cell[1] * policy.section
-    if policy.section is None:
-        start = float(centre[rows].min())
-    length = float(centre[rows].max()) - start if policy.section is None else policy.section
-    along = centre[rows] - start
-    lane, lane_count, unknown = _lanes(lateral[rows], side[rows])
+    lane, lane_count, unknown = _lanes(lateral, side)
     table = pd.DataFrame(
         {
-            "track_id": every_row(numbers + 1)[rows],
-            "frame": frame[rows] - frame[rows].min(),
-            "direction": np.where(side[rows] > 0.0, 2, 1),
+            "track_id": rows.index.to_numpy() + 1,
+            "frame": frame - frame.min(),
+            "direction": np.where(side > 0.0, 2, 1),
             "x": along,
-            "y": side[rows] * (lateral[rows] + FEET * LANE),
-            "position": np.where(side[rows] > 0.0, along, length - along),
-            "lateral": lateral[rows],
+            "y": side * (lateral + FEET * LANE),
+            "position": np.where(side > 0.0, along, length - along),
+            "lateral": lateral,
             "lane": lane,
-            "speed": np.where(backward, 0.0, speed)[rows],
-            "length": FEET * every_row(tracks.of_document("length"))[rows],
-            "width": FEET * every_row(tracks.of_document("width"))[rows],
-            "vehicle_class": _classes(every_row(tracks.of_document("coarse_vehicle_class"))[rows]),
+            "speed": np.where(backward, 0.0, speed),
+            "length": rows["length"].to_numpy(),
+            "width": rows["width"].to_numpy(),
+            "vehicle_class": _classes(rows["class"].to_numpy()),
         },
-        index=every_row(numbers)[rows],
+        index=rows.index,
     )
     notes = ["speeds are changes of position, accelerations are unknown; the road is straightened by the source"]
-    if backward[rows].any():
-        notes.append(f"{int(backward[rows].sum())} speeds between -{_BACKWARD:g} and 0 m/s set to 0")
+    if backward.any():
+        notes.append(f"{int(backward.sum())} speeds between -{_BACKWARD:g} and 0 m/s set to 0")
     if unknown:
         notes.append(f"{unknown} rows beside the lanes (12 ft each, from 12 ft off the median) have no lane")
+    aside = rows["is_aside"].to_numpy(bool)
     if aside.any():
-        notes.append(f"{int(aside.sum())} vehicles have times between those of the others, up to half a frame off")
+        notes.append(
+            f"{rows.index[aside].nunique()} vehicles have times between those of the others, up to half a frame off"
+        )
     info = RecordingInfo(
         id=recording,
         frame_rate=index.frame_rate,

@@ -120,7 +120,8 @@ def read_recording(path: Path, policy: DataConfig) -> Recording:
         licence=LICENCE,
         attribution=ATTRIBUTION,
         notes=(
-            f"streets of Athens: only what drives from {stretch.begin} to {stretch.end}, between traffic lights",
+            "streets of Athens, with traffic lights: only what drives from "
+            + " to ".join(f"{latitude:.6f}, {longitude:.6f}" for latitude, longitude in (stretch.begin, stretch.end)),
             f"lanes are {stretch.n_lanes} equal parts of {stretch.width:g} m, the source has none",
             "the source has no lengths: usual ones of each type are assumed",
         ),

@@ -12,7 +12,7 @@ import pytest
 
 from benchmarks.sensor_layouts import i24_document, traffic, write_i24
 from rearl_jax.config.data import DataConfig, DataFormat, OnBad
-from rearl_jax.data import json_documents
+from rearl_jax.data import i24, json_documents
 from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.problems import InvalidInputError, MissingInputError
 from tests.refusal import refused
@@ -86,6 +86,7 @@ def test_lines_arrays_and_small_blocks_say_the_same(found, read, monkeypatch):
     lines = "\n".join(json.dumps(document) for document in found)
     indented = json.dumps(found, indent=2)
     monkeypatch.setattr(json_documents, "BLOCK", 3000)
+    monkeypatch.setattr(i24, "_AT_ONCE", 10_000)
     for content in (lines, indented, "\ufeff" + indented):
         (other,) = read(content)
         pd.testing.assert_frame_equal(array.table, other.table)
