@@ -74,6 +74,17 @@ class DataConfig:
         4.5,
         "vehicle length if the source has none [m]; the median leader of the NGSIM I-80 pairs has 4.54 m",
     )
+    window: float | None = key(
+        300.0, "length of the windows that recordings of hours (i24) are cut into [s], null = one; own choice"
+    )
+    section: float | None = key(
+        1000.0, "length of the sections that recordings of miles (i24) are cut into [m], null = one; own choice"
+    )
+    stretch: tuple[float, ...] | None = key(
+        None,
+        "straight part of a street (pneuma): latitude and longitude [deg] of the middle of the carriageway where it "
+        "begins and ends, its width [m] and its lanes, six numbers",
+    )
 
     def check(self) -> None:
         """Raise InvalidInputError for a value out of range."""
@@ -85,3 +96,6 @@ class DataConfig:
             raise out_of_range("recordings", "must be a shell pattern such as *", repr(self.recordings))
         check_positive(self, "max_jump")
         check_within(self, 1.0, 30.0, "default_length")
+        for name in ("window", "section"):
+            if getattr(self, name) is not None:
+                check_positive(self, name)

@@ -25,6 +25,7 @@ from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording,
 _OPENERS = {".gz": gzip.GzipFile, ".bz2": bz2.BZ2File, ".xz": lzma.LZMAFile}
 _DELIMITERS = (",", ";", "\t", "|")
 _LOOKED_AT = 20  # lines that tell the decimal point
+_LARGEST_WHOLE = 2.0**63  # beyond it a number is no 64-bit integer
 DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error)
 """What reading a damaged file raises."""
 
@@ -237,9 +238,10 @@ class _Lines:
             if columns[name] == values.type:
                 continue
             numbers = values.to_numpy()
-            fraction = np.isfinite(numbers) & (numbers != np.rint(numbers))
-            if fraction.any():
-                row = int(np.argmax(fraction))
+            whole = (np.abs(numbers) < _LARGEST_WHOLE) & (numbers == np.rint(numbers))
+            unfit = values.is_valid().to_numpy() & ~whole
+            if unfit.any():
+                row = int(np.argmax(unfit))
                 text = f"{numbers[row]:g} is not a whole number"
                 raise bad_recording(
                     "value-unreadable", text, "write a whole number there", self.path, column=name, row=row + 1

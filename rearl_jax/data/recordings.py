@@ -79,7 +79,10 @@ def data_id(data: DataConfig) -> str:
 
     Equal files give equal ids on every machine.
     """
-    policy = (data.recordings, data.on_bad.name, data.max_jump, data.default_length)
+    policy: tuple[object, ...] = (data.recordings, data.on_bad.name, data.max_jump, data.default_length)
+    cut = (data.window, data.section, data.stretch)
+    if cut != (DataConfig.window, DataConfig.section, DataConfig.stretch):
+        policy += cut
     digest = hashlib.sha256(repr(policy).encode())
     if isinstance(data, TableInMemory):
         digest.update(str(data.root).encode())
