@@ -1,10 +1,10 @@
 """Configuration of the recordings: format, place, treatment of bad rows."""
 
 import pkgutil
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, EnumMeta
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rearl_jax.config._key import key
 from rearl_jax.config._ranges import check_positive, check_within
@@ -74,6 +74,28 @@ class DataConfig:
         4.5,
         "vehicle length if the source has none [m]; the median leader of the NGSIM I-80 pairs has 4.54 m",
     )
+    # Mutable, so excluded from the hash but not from equality.
+    columns: dict[str, Any] = field(
+        default_factory=dict,
+        hash=False,
+        metadata={
+            "help": (
+                "names of foreign columns by canonical name, for data=table, as in "
+                "'data.columns={track_id: Vehicle ID, position: x_m}', null = none; `rearl prepare FILE` finds them"
+            )
+        },
+    )
+    units: dict[str, Any] = field(
+        default_factory=dict,
+        hash=False,
+        metadata={
+            "help": (
+                "units of foreign columns by canonical name, for data=table, as in "
+                "'data.units={speed: km/h, time: ms}', frame: 25/s for the frame rate, "
+                "0.1 s for a multiple, -m for a reversed axis; SI for all others"
+            )
+        },
+    )
 
     def check(self) -> None:
         """Raise InvalidInputError for a value out of range."""
@@ -83,5 +105,9 @@ class DataConfig:
             raise InvalidInputError(Problem("root-missing", message, key="root"))
         if not self.recordings:
             raise out_of_range("recordings", "must be a shell pattern such as *", repr(self.recordings))
+        for name in ("columns", "units"):
+            if getattr(self, name) and self.format.name != "table":
+                message = "names columns of a foreign table: choose data=table, or leave it out"
+                raise InvalidInputError(Problem("key-without-effect", message, key=name, value=self.format.name))
         check_positive(self, "max_jump")
         check_within(self, 1.0, 30.0, "default_length")

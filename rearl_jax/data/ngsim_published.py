@@ -17,13 +17,14 @@ import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.checks import MOST_LANES
-from rearl_jax.data.delimited import first_lines, read_blank_separated, read_csv, read_header, text_endings
+from rearl_jax.data.delimited import read_blank_separated, read_csv, read_header, text_endings
 from rearl_jax.data.folder import recordings_missing, visible_files
 from rearl_jax.data.losses import Losses, reject
 from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE, US101_LENGTH
 from rearl_jax.data.ngsim_clock import ARTERIALS, LANES, impossible_times, places_of, plain, recordings_of
 from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.data.text_layout import first_lines
 from rearl_jax.data.units import to_si
 
 _CLASS = {1: "motorcycle", 2: "car", 3: "truck"}

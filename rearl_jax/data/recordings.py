@@ -81,6 +81,9 @@ def data_id(data: DataConfig) -> str:
     """
     policy = (data.recordings, data.on_bad.name, data.max_jump, data.default_length)
     digest = hashlib.sha256(repr(policy).encode())
+    for key, given in (("columns", data.columns), ("units", data.units)):
+        if given:
+            digest.update(repr((key, sorted((name, str(value)) for name, value in given.items()))).encode())
     if isinstance(data, TableInMemory):
         digest.update(str(data.root).encode())
         return f"{data.format.name}-{digest.hexdigest()[:12]}"
