@@ -92,7 +92,7 @@ class DataConfig:
             "help": (
                 "units of foreign columns by canonical name, for data=table, as in "
                 "'data.units={speed: km/h, time: ms}', frame: 25/s for the frame rate, "
-                "0.1 s for a multiple, -m for a reversed axis; SI for all others"
+                "0.1 s for a multiple, -m for a reversed axis, lane: from 1 if that is the leftmost; SI for all others"
             )
         },
     )

@@ -78,6 +78,8 @@ def _in_si(rows: pd.DataFrame, spelling: Spelling, file: str) -> pd.DataFrame:
             raise bad_recording("not-a-number", text, "write a number", file, column=column, row=number)
         if name == "frame":
             rows = rows.assign(time=values.astype(np.float64) / factor)
+        elif name == "lane":
+            rows = rows.assign(lane=factor * (values.astype(np.float64) - (spelling.leftmost or 0)))
         elif factor != 1.0:
             rows = rows.assign(**{name: values.astype(np.float64) * factor})
     return rows

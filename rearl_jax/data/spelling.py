@@ -1,6 +1,7 @@
 """Names and units of a foreign table: what `data.columns` and `data.units` say of its columns."""
 
 import difflib
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ from rearl_jax.problems import InvalidInputError, Problem
 
 KINDS = {column.name: column.unit for column in COLUMNS if column.unit in UNITS} | {"frame": "1/s"}
 """SI unit of the columns that may be in another unit; of frames, their rate."""
+_LANES = re.compile(r"(-?)\s*from\s+(\d{1,3})")
 _NAMES = tuple(column.name for column in COLUMNS)
 
 
@@ -24,10 +26,12 @@ class Spelling:
     Attributes:
         columns: Name in the table of every canonical column that it holds, by canonical name.
         factors: Factor to SI of the columns whose unit is stated, by canonical name.
+        leftmost: Number of the leftmost lane, where it is stated; `factors` tells whether numbers fall to the right.
     """
 
     columns: Mapping[str, str]
     factors: Mapping[str, float]
+    leftmost: int | None = None
 
     @property
     def has_clock(self) -> bool:
@@ -59,7 +63,7 @@ def spelling_of(data: DataConfig, present: Sequence[str], file: str) -> Spelling
         BadRecordingError: A key names a column that is not there.
     """
     _require_canonical(data.columns, "data.columns", _NAMES)
-    _require_canonical(data.units, "data.units", tuple(KINDS))
+    _require_canonical(data.units, "data.units", (*KINDS, "lane"))
     given = {name: None if source is None else str(source).strip() for name, source in data.columns.items()}
     by_source: dict[str, str] = {}
     for name, source in given.items():
@@ -76,18 +80,24 @@ def spelling_of(data: DataConfig, present: Sequence[str], file: str) -> Spelling
         by_source[source] = name
     own = {name: name for name in _NAMES if name in present and name not in given and name not in by_source}
     columns = {name: source for name in _NAMES if (source := (given | own).get(name)) is not None}
-    factors = {}
+    factors, leftmost = {}, None
     for name, unit in data.units.items():
-        factor = factor_of(str(unit), KINDS[name])
+        lanes = _LANES.fullmatch(str(unit).strip()) if name == "lane" else None
+        if lanes is not None:
+            factor, leftmost = -1.0 if lanes[1] else 1.0, int(lanes[2])
+        else:
+            factor = None if name == "lane" else factor_of(str(unit), KINDS[name])
         if factor is None:
-            known = ", ".join(UNITS[KINDS[name]])
+            known = ", ".join(UNITS[KINDS[name]]) if name in KINDS else ""
             message = f"must be one of {known}, with a number before it for a multiple"
+            if name == "lane":
+                message = "must say the number of the leftmost lane: from 1, or -from 4 if numbers fall to the right"
             raise InvalidInputError(Problem("unit-unknown", message, key=f"data.units.{name}", value=unit))
         if name not in columns:
             message = f"is the unit of a column that is not there: name it with data.columns.{name}"
             raise InvalidInputError(Problem("column-missing", message, key=f"data.units.{name}", file=file))
         factors[name] = factor
-    return Spelling(columns, factors)
+    return Spelling(columns, factors, leftmost)
 
 
 def require_known_columns(present: Sequence[str], wanted: Sequence[str], file: str) -> None:

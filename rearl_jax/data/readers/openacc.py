@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from rearl_jax.data import openacc, openacc_index
-from rearl_jax.data.reader import Reader, parts_of
+from rearl_jax.data.reader import Reader, by_columns, parts_of
 
 
 def files(root: Path) -> list[Path]:
@@ -16,5 +16,6 @@ READER = Reader(
     expected="the folder of the Parquet file of OpenACC platoons; leave it empty for the shipped one",
     entries=parts_of(openacc.find_platoons, openacc.platoon_recordings, openacc.read_platoon),
     files=files,
+    recognises=by_columns(openacc.COLUMNS),
     same=openacc.MODEL,
 )
