@@ -156,7 +156,7 @@ class TableFile:
         except BadRecordingError as error:
             if error.code != "value-unreadable" or error.problem.column not in (*ids, columns.get("time")):
                 raise
-            at_fault = ids if error.problem.column in ids else [error.problem.column]
+            at_fault = ids if error.problem.column in ids else [columns["time"]]
             if types[at_fault[0]] == pa.string():
                 raise
             return self._read_csv(types | dict.fromkeys(at_fault, pa.string()))

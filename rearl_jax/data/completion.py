@@ -87,13 +87,13 @@ def _in_si(rows: pd.DataFrame, spelling: Spelling, file: str) -> pd.DataFrame:
 
 def _with_frames(rows: pd.DataFrame, spelling: Spelling, file: str) -> tuple[pd.DataFrame, list[str]]:
     """The rows with frames that rise by 1, from the times where there are none."""
-    track = _numbers(rows["track_id"])
+    track = _numbers(pd.Series(rows["track_id"]))
     if "frame" not in rows:
         if "time" not in rows:
             text = "neither frames nor times are there"
             remedy = "name the column of times: 'data.columns={time: NAME}'"
             raise bad_recording("column-missing", text, remedy, file, column="frame")
-        found = clock.frames_of(track, _numbers(rows["time"]))
+        found = clock.frames_of(track, _numbers(pd.Series(rows["time"])))
         if found is None:
             text = "the times of a vehicle do not rise by multiples of one step, so they tell no frames"
             remedy = (
@@ -101,7 +101,7 @@ def _with_frames(rows: pd.DataFrame, spelling: Spelling, file: str) -> tuple[pd.
             )
             raise bad_recording("frames-unknown", text, remedy, file, column=spelling.columns.get("time", "time"))
         return rows.assign(frame=found[0]), ["frames counted from the times"]
-    frame = _numbers(rows["frame"])
+    frame = _numbers(pd.Series(rows["frame"]))
     known = np.isfinite(track) & np.isfinite(frame)
     order = np.flatnonzero(known)[np.lexsort((frame[known], track[known]))]
     steps = np.diff(frame[order])[np.diff(track[order]) == 0]

@@ -1,5 +1,7 @@
 """Times that are written as text: dates with a time of day, times of day, or numbers."""
 
+from datetime import UTC, datetime
+
 import numpy as np
 import pandas as pd
 
@@ -8,6 +10,7 @@ from rearl_jax.data.problems import bad_recording
 _DAYS = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%Y/%m/%d", "%Y.%m.%d", "%Y%m%d")
 _CLOCKS = ("%H:%M:%S.%f", "%I:%M:%S.%f %p")
 _FORMATS = (*(f"{day} {clock}" for day in _DAYS for clock in _CLOCKS), *_CLOCKS, "%M:%S.%f")
+_NO_DAY = datetime(1900, 1, 1, tzinfo=UTC).timestamp()  # s; what times of day are parsed as
 _MOST_DAMAGED = 0.05
 """Share of the times that may be unreadable before the column is no column of times."""
 
@@ -66,7 +69,7 @@ def _parsed(texts: pd.Series, form: str) -> pd.Series:
     moments = pd.Series(pd.to_datetime(texts, format=form, errors="coerce", utc=True), index=texts.index)
     seconds = (moments - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
     if "%d" not in form and form != "ISO8601":
-        seconds = seconds - (pd.Timestamp("1900-01-01") - pd.Timestamp(0)) / pd.Timedelta(seconds=1)
+        seconds = seconds - _NO_DAY
     return seconds.astype(np.float64)
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
+from typing import BinaryIO, cast
 
 from rearl_jax.data.problems import BadRecordingError, bad_recording, file_missing
 
@@ -124,7 +125,7 @@ def text_of(path: Path) -> io.TextIOWrapper:
         BadRecordingError: The file is damaged or not text.
     """
     encoding, _ = _encoding(path)
-    return io.TextIOWrapper(opened(path), encoding=encoding, newline="")
+    return io.TextIOWrapper(cast(BinaryIO, opened(path)), encoding=encoding, newline="")
 
 
 def first_lines(path: Path, number: int) -> list[str]:

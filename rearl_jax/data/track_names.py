@@ -31,16 +31,16 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
     Raises:
         BadRecordingError: A few ids are no numbers where the others are.
     """
-    texts = _texts(rows["track_id"])
+    texts = _texts(pd.Series(rows["track_id"]))
     if texts is None:
         return _with_numeric_leaders(rows, file, spelling), ()
     known = texts.notna().to_numpy()
     numbers = _whole_numbers(texts)
     is_number = np.isfinite(numbers)
-    if is_number[known].all() and _are_distinct(texts[known], numbers[known]):
+    if is_number[known].all() and _are_distinct(pd.Series(texts[known]), numbers[known]):
         return _with_numeric_leaders(rows.assign(track_id=numbers), file, spelling), ()
     rare = known & ~is_number
-    if rare.any() and rare.sum() <= _RARE * known.sum() and not texts[rare].duplicated().any():
+    if rare.any() and rare.sum() <= _RARE * known.sum() and not pd.Series(texts[rare]).duplicated().any():
         row = int(np.argmax(rare))
         raise bad_recording(
             "value-unreadable",
@@ -52,16 +52,16 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
         )
     codes, names = pd.factorize(texts)
     rows = rows.assign(track_id=np.where(codes < 0, np.nan, codes + 1.0), **{LABEL: texts})
-    kind = "numbers beyond 2^53" if is_number[known].any() or _are_digits(texts[known]) else "names"
+    kind = "numbers beyond 2^53" if is_number[known].any() or _are_digits(pd.Series(texts[known])) else "names"
     notes = [
         f"ids of tracks are {kind}: {len(names)} tracks numbered in order of appearance, "
         f"1 is {names[0]}; the label {LABEL} holds them"
     ]
     if "leader_id" in rows:
-        leader = _as_texts(rows["leader_id"])
+        leader = _as_texts(pd.Series(rows["leader_id"]))
         code = pd.Series(np.arange(1.0, len(names) + 1.0), index=names)
         nobody = leader.isna() | (leader.str.lower().isin(NOBODY) & ~leader.isin(names))
-        strangers = leader[~nobody & ~leader.isin(names)]
+        strangers = pd.Series(leader[~nobody & ~leader.isin(names)])
         others, which = np.unique(strangers.astype(str), return_inverse=True)
         number = leader.map(code).astype(np.float64)
         number[strangers.index] = len(names) + 1.0 + which
@@ -75,7 +75,7 @@ def _with_numeric_leaders(rows: pd.DataFrame, file: str, spelling: Mapping[str, 
     """The rows with numbers in `leader_id`; words for nobody are unknown."""
     if "leader_id" not in rows or pd.api.types.is_numeric_dtype(rows["leader_id"]):
         return rows
-    texts = _as_texts(rows["leader_id"])
+    texts = _as_texts(pd.Series(rows["leader_id"]))
     numbers = pd.Series(pd.to_numeric(texts, errors="coerce"), index=rows.index).astype(np.float64)
     bad = (numbers.isna() & texts.notna() & ~texts.str.lower().isin(NOBODY)).to_numpy()
     if bad.any():
@@ -103,8 +103,8 @@ def _as_texts(ids: pd.Series) -> pd.Series:
     if pd.api.types.is_float_dtype(ids.dtype) and (ids[known] == np.rint(ids[known])).all():
         ids = ids.astype(object).where(known, 0).astype(np.int64)  # 7 is written 7, not 7.0
     texts = pd.Series(np.full(len(ids), None, dtype=object), index=ids.index)
-    texts[known] = ids[known].astype(str).str.strip()
-    return texts.where(texts != "", None)
+    texts[known] = pd.Series(ids[known]).astype(str).str.strip()
+    return pd.Series(texts.where(texts != "", None))
 
 
 def _whole_numbers(texts: pd.Series) -> np.ndarray:

@@ -38,6 +38,10 @@ def truth(rate: float = 10.0, n_vehicles: int = 5, seconds: float = 8.0) -> pd.D
     return pd.concat(rows, ignore_index=True)
 
 
+def _milliseconds(rows: pd.DataFrame) -> np.ndarray:
+    return (1000.0 * rows["time"].to_numpy()).round().astype("timedelta64[ms]")
+
+
 def detector_feet(path: Path) -> None:
     """Feet, ft/s, ms since 1970, lanes from 1, as in tables of the U.S. DOT; sorted by time."""
     rows = truth()
@@ -61,16 +65,16 @@ def detector_feet(path: Path) -> None:
 def drone_kmh(path: Path) -> None:
     """Semicolons, decimal commas, km/h, German names in Windows-1252, dates and times of day."""
     rows = truth(25.0)
-    moments = pd.Timestamp("2024-05-31 08:00:00") + pd.to_timedelta(rows["time"], unit="s")
+    moments = pd.DatetimeIndex(np.datetime64("2024-05-31T08:00:00") + _milliseconds(rows))
     table = pd.DataFrame(
         {
             "Fahrzeug": rows["track_id"].map(lambda number: f"Fzg {number:03d}"),
-            "Zeitstempel": moments.dt.strftime("%d.%m.%Y %H:%M:%S,%f").str[:-3],
+            "Zeitstempel": moments.strftime("%d.%m.%Y %H:%M:%S,%f").str[:-3],
             "Position [m]": rows["position"].round(3),
             "Geschwindigkeit [km/h]": (rows["speed"] * 3.6).round(3),
             "Länge [m]": rows["length"],
             "Fahrstreifen": rows["lane"],
-            "Fahrzeugtyp": rows["vehicle_class"].map({"car": "PKW", "truck": "LKW"}),
+            "Fahrzeugtyp": rows["vehicle_class"].replace({"car": "PKW", "truck": "LKW"}),
         }
     )
     table.to_csv(path, index=False, sep=";", decimal=",", encoding="cp1252")
@@ -129,11 +133,11 @@ def corridor_uuid(path: Path) -> None:
 def probe_mph(path: Path) -> None:
     """Miles per hour beside feet, times of day at 1 Hz, UTF-16 with tabs, as spreadsheets export."""
     rows = truth(1.0, seconds=60.0)
-    moments = pd.Timestamp("2023-03-01 07:30:00") + pd.to_timedelta(rows["time"], unit="s")
+    moments = pd.DatetimeIndex(np.datetime64("2023-03-01T07:30:00") + _milliseconds(rows))
     table = pd.DataFrame(
         {
             "Vehicle No.": rows["track_id"],
-            "Time": moments.dt.strftime("%I:%M:%S %p"),
+            "Time": moments.strftime("%I:%M:%S %p"),
             "Distance (ft)": (rows["position"] / 0.3048).round(1),
             "Speed (mph)": (rows["speed"] / 0.44704).round(2),
         }
@@ -181,7 +185,7 @@ def parquet_runs(path: Path) -> None:
         {
             "run": both["run"],
             "vehicle_id": both["track_id"].astype("int32"),
-            "time": pd.to_timedelta(both["time"], unit="s"),
+            "time": pd.to_timedelta(both["time"].to_numpy(), unit="s"),
             "s": both["position"],
             "v": both["speed"].astype("float32"),
             "width": 99.0,

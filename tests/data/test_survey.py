@@ -117,7 +117,7 @@ RATES |= {"nameless.csv": 20, "parquet_runs.parquet": 10, "already_canonical.csv
 
 def _true(name: str) -> pd.DataFrame:
     special = {"simulation_blanks.txt": (2, 40.0), "probe_mph.txt": (1, 60.0), "camera_json_style.dat": (5, 16.0)}
-    rate, seconds = special.get(name, (RATES.get(name), 8.0))
+    rate, seconds = special.get(name, (RATES.get(name, 0), 8.0))
     return truth(rate, seconds=seconds)
 
 
@@ -160,9 +160,9 @@ def test_the_command_line_takes_a_file_and_the_printed_command_prepares_it(tmp_p
     monkeypatch.chdir(tmp_path)
     TABLES["drone_kmh.csv"](tmp_path / "mein Tag, früh.csv")
     assert main(["prepare", "mein Tag, früh.csv", "--json"]) == 0
-    found = json.loads(capfd.readouterr().out)
+    found = json.loads(capfd.readouterr().out.splitlines()[-1])
     words = shlex.split(found["command"])[1:]
-    assert main([*words, "scenes.seconds=6", "study=mine"]) == 0
+    assert main([*words, "scenes.seconds=6", "scenes.min_vehicles=5", "scenes.slots=5", "study=mine"]) == 0
     (row,) = pd.read_parquet("results/mine/recordings.parquet").to_dict("records")
     assert (row["vehicles"], row["frame_rate"], row["rows"]) == (5, 25.0, 1000)
     stored = pd.read_parquet("results/mine/tables/" + next((tmp_path / "results/mine/tables").iterdir()).name)
@@ -190,6 +190,7 @@ def test_known_formats_are_recognised(highd_files, tmp_path, capsys):
     assert recognised(tracks) is None
     for kind in ("us101", "i80", "i80_lateral", "openacc", "fhwa"):
         folder = DataFormat[kind].shipped
+        assert folder is not None
         name, root = recognised(folder) or ("", folder)
         assert name == kind
         assert recognised(next(folder.glob("*.parquet"))) == (name, root)

@@ -127,7 +127,7 @@ def _plain(column: pa.Array) -> pd.Series:
 def _column(name: str, values: pd.Series) -> FoundColumn:
     known = values.notna().to_numpy()
     texts = pd.Series(np.full(len(values), None, dtype=object))
-    texts[known] = values[known].astype(str).str.strip().to_numpy()
+    texts[known] = pd.Series(values[known]).astype(str).str.strip().to_numpy()
     texts = pd.Series(texts.where(~texts.isin(["", "NULL", "NaN", "nan", "NA", "None"]), None), dtype=object)
     n_known = int(texts.notna().sum())
     if not n_known:

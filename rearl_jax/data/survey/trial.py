@@ -72,7 +72,7 @@ def _read(data: DataConfig) -> Trial:
     try:
         for recording in iterate_recordings(data):
             info, table = recording.info, recording.table
-            counts = {"rows": len(table), "vehicles": int(table["track_id"].nunique()), "frame_rate": info.frame_rate}
+            counts = {"rows": len(table), "vehicles": len(table["track_id"].unique()), "frame_rate": info.frame_rate}
             trial.recordings.append({"id": info.id, **counts})
             trial.notes.extend(note for note in info.notes if note not in trial.notes)
             for cause, number in recording.dropped.items():
