@@ -85,7 +85,7 @@ def first_rows(path: Path, number: int) -> tuple[pd.DataFrame, int]:
     try:
         with text_of(path) as file:
             lines = list(islice(file, layout.header_lines, layout.header_lines + number))
-    except DAMAGED as error:
+    except (*DAMAGED, UnicodeDecodeError) as error:
         raise damaged(path, error) from None
     rows = [fields_of(line, layout.delimiter) for line in lines if line.strip()]
     whole = [row for row in rows if len(row) == len(names)]
@@ -106,11 +106,8 @@ def _lines_of(path: Path, names: list[str]) -> "_Lines":
                 content = file.read().encode()
                 return _Lines(path, names, content, layout.delimiter, layout.decimal_point, layout.header_lines)
             content = "\n".join("\t".join(line.split()) for line in islice(file, layout.header_lines, None)).encode()
-    except DAMAGED as error:
+    except (*DAMAGED, UnicodeDecodeError) as error:
         raise damaged(path, error) from None
-    except UnicodeDecodeError as error:
-        text = f"the file is not {layout.encoding_name} text ({error.reason})"
-        raise bad_recording("not-text", text, "the file is damaged: copy it again", path) from None
     return _Lines(path, names, content, "\t", layout.decimal_point)
 
 

@@ -210,8 +210,10 @@ def test_a_damaged_id_is_no_name(foreign, tmp_path):
         _in_file(tmp_path / "a.csv", columns=COLUMNS, units=UNITS)
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "latin-1"])
-@pytest.mark.parametrize("delimiter", [",", ";", "\t", "|", " "])
+@pytest.mark.parametrize(
+    ("encoding", "delimiter"),
+    [("utf-8", ","), ("utf-8-sig", ";"), ("utf-16", "\t"), ("utf-16-le", "|"), ("latin-1", " "), ("latin-1", ";")],
+)
 def test_encodings_and_delimiters_are_recognised(foreign, tmp_path, encoding, delimiter):
     name = "Länge" if delimiter != " " else "Geschwindigkeit_für"
     rows = foreign.rename(columns={"v": name, "Vehicle ID": "id", "lane no": "lane"}).drop(columns="speed")

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rearl_jax.data.clock import NTSC_RATES, STANDARD_RATES, unit_of
+from rearl_jax.data.clock import NTSC_RATES, PLAUSIBLE_RATES, STANDARD_RATES
 from rearl_jax.data.survey.clock import Clock, named
 from rearl_jax.data.survey.names import rank_of, unit_in
 from rearl_jax.data.survey.sample import FoundColumn
+from rearl_jax.data.unit_checks import ALIKE
 from rearl_jax.data.units import SI_FACTOR
 
 UNITS_TOGETHER = (
@@ -32,7 +33,9 @@ _SPREAD = 0.25  # of the ratios of single pieces, between the quartiles, relativ
 _PIECE = 10  # rows over which a step is taken, beyond most of the noise and rounding of positions
 _FEWEST = 8  # pieces that tell anything
 _OPPOSITE = 0.05  # share of pieces that go the other way from which on vehicles drive both ways
-_FAST = {"m/s": 50.0, "cm/s": 5000.0}  # above it the speeds of traffic are in ft/s, or in another unit
+_FAST = 50.0  # m/s; speeds of traffic above it are in ft/s
+_SLOWEST = 20.0  # s between rows, beyond which times are not in s
+_FEET_OR_METRES = "m and m/s cannot be told from ft and ft/s: neither names nor sizes of vehicles say it, m are assumed"
 _NO_MOTION = ("track_id", "frame", "time", "lane", "length", "width", "vehicle_class", "leader_id", "direction")
 
 
@@ -46,7 +49,7 @@ class Motion:
         units: Unit of either.
         clock_unit: Unit of the times, or rate of the frames such as 25/s.
         ratio: Step of position over speed x time in the units of the table.
-        is_certain: Whether names or values leave no choice of the units of length.
+        doubt: What names and values leave open of the units; empty for nothing.
         is_reversed: Positions fall while driving.
         is_negative: Speeds are negative.
         goes_both_ways: Some vehicles drive the other way.
@@ -57,7 +60,7 @@ class Motion:
     units: tuple[str, str]
     clock_unit: str
     ratio: float
-    is_certain: bool = True
+    doubt: str = ""
     is_reversed: bool = False
     is_negative: bool = False
     goes_both_ways: bool = False
@@ -66,14 +69,18 @@ class Motion:
 def motion_of(columns: Sequence[FoundColumn], clock: Clock) -> Motion | None:
     """The position and speed that belong together best; None if no two columns do."""
     pieces = _Pieces(clock)
+    if not pieces.time.size:
+        return None
     used = {clock.track.name, clock.counted.name} | ({clock.frame.name} if clock.frame else set())
     numbers = [column for column in columns if column.kind == "numbers" and column.name not in used]
-    for positions, speeds in _candidates(numbers):
+    for positions, speeds, is_named in _candidates(numbers):
         found = [
             motion
             for position in positions
             for speed in speeds
-            if position is not speed and (motion := _motion(position, speed, clock, pieces)) is not None
+            if position is not speed
+            and (is_named or pieces.go_together(position.values, speed.values))
+            and (motion := _motion(position, speed, clock, pieces)) is not None
         ]
         if found:
             return found[0]
@@ -81,22 +88,32 @@ def motion_of(columns: Sequence[FoundColumn], clock: Clock) -> Motion | None:
 
 
 def told_by(motion: Motion, columns: Sequence[FoundColumn]) -> Motion:
-    """The motion with feet instead of metres, or the other way, if lengths of vehicles or the speeds say so.
+    """The motion with feet instead of metres, or the other way, if sizes of vehicles or the speeds say so.
 
-    Steps alone do not tell m and m/s from ft and ft/s.
+    Steps alone do not tell m and m/s from ft and ft/s. Where names say one and sizes the other, that is a doubt.
     """
-    if motion.units not in (("m", "m/s"), ("ft", "ft/s")) or unit_in(motion.position.name, "m"):
+    if motion.units not in (("m", "m/s"), ("ft", "ft/s")):
         return motion
-    if unit_in(motion.speed.name, "m/s"):
-        return motion
+    by_name = unit_in(motion.position.name, "m") or (unit_in(motion.speed.name, "m/s") or "").partition("/")[0]
+    by_size = _unit_of_sizes(columns)
+    if by_size is None and float(np.nanquantile(np.abs(motion.speed.values), 0.95)) > _FAST:
+        by_size = "ft"
+    if by_name and by_size and by_name != by_size:
+        return replace(motion, doubt=f"names say {by_name}, sizes of vehicles or speeds say {by_size}")
+    unit = by_name or by_size
+    if not unit:
+        return replace(motion, doubt=_FEET_OR_METRES)
+    return replace(motion, units=(unit, f"{unit}/s"))
+
+
+def _unit_of_sizes(columns: Sequence[FoundColumn]) -> str | None:
+    """m or ft, by the median length or width of the vehicles."""
     for canonical in SIZES:
         for column in named([column for column in columns if column.kind == "numbers"], canonical):
             unit = unit_in(column.name, "m") or size_unit(canonical, float(np.nanmedian(column.values)))
             if unit in ("m", "ft"):
-                return replace(motion, units=(unit, f"{unit}/s"), is_certain=True)
-    if float(np.nanquantile(np.abs(motion.speed.values), 0.95)) > _FAST["m/s"]:
-        return replace(motion, units=("ft", "ft/s"), is_certain=True)
-    return replace(motion, is_certain=False)
+                return unit
+    return None
 
 
 def size_unit(canonical: str, median: float) -> str | None:
@@ -121,6 +138,14 @@ class _Pieces:
         values = values[self._order]
         return (values[self.length :] - values[: -self.length])[self._same]
 
+    def go_together(self, position: np.ndarray, speed: np.ndarray) -> bool:
+        """Whether steps of a column follow changes of another, which names would say of position and speed."""
+        step, expected = np.abs(self.steps(position)), np.abs(self.means(speed) * self.time)
+        known = np.isfinite(step) & np.isfinite(expected)
+        if known.sum() < _FEWEST or min(np.std(step[known]), np.std(expected[known])) == 0.0:
+            return False
+        return bool(np.corrcoef(step[known], expected[known])[0, 1] > ALIKE)
+
     def means(self, values: np.ndarray) -> np.ndarray:
         """Mean of a column over each piece, by the trapezoidal rule."""
         values = values[self._order]
@@ -128,14 +153,16 @@ class _Pieces:
         return np.convolve(middle, np.full(self.length, 1.0 / self.length), mode="valid")[self._same]
 
 
-def _candidates(numbers: Sequence[FoundColumn]) -> Iterator[tuple[list[FoundColumn], list[FoundColumn]]]:
-    """Positions and speeds to try: those with such names, then any column that is nothing else by its name."""
+def _candidates(numbers: Sequence[FoundColumn]) -> Iterator[tuple[list[FoundColumn], list[FoundColumn], bool]]:
+    """Positions and speeds to try, and whether both have such names; else any column that is nothing else by its name.
+
+    Where there are both names, and they do not agree, no other columns take their places.
+    """
     positions, speeds = named(numbers, "position"), named(numbers, "speed")
     free = [c for c in numbers if not any(rank_of(c.name, other) is not None for other in _NO_MOTION)]
-    yield positions, speeds
-    yield free, speeds
-    yield positions, free
-    yield free, free
+    yield positions, speeds, True
+    if not (positions and speeds):
+        yield positions or free, speeds or free, False
 
 
 def _motion(position: FoundColumn, speed: FoundColumn, clock: Clock, pieces: _Pieces) -> Motion | None:
@@ -156,10 +183,13 @@ def _motion(position: FoundColumn, speed: FoundColumn, clock: Clock, pieces: _Pi
     if found is None:
         return None
     forward = step[moving] > 0.0
+    units, clock_unit, doubt = found
     return Motion(
         position,
         speed,
-        *found,
+        units,
+        clock_unit,
+        doubt=doubt,
         ratio=float(middle),
         is_reversed=bool(np.mean(forward) < 0.5),
         is_negative=bool(np.mean(expected[moving] < 0.0) > 0.5),
@@ -167,34 +197,42 @@ def _motion(position: FoundColumn, speed: FoundColumn, clock: Clock, pieces: _Pi
     )
 
 
-def _units(ratio: float, position: FoundColumn, speed: FoundColumn, clock: Clock) -> tuple[tuple[str, str], str] | None:
-    """Units of position and speed and of the clock that explain a ratio, the likeliest."""
+def _units(
+    ratio: float, position: FoundColumn, speed: FoundColumn, clock: Clock
+) -> tuple[tuple[str, str], str, str] | None:
+    """Units of position and speed and of the clock that explain a ratio, the likeliest, and what they leave open."""
     of_position, of_speed = unit_in(position.name, "m"), unit_in(speed.name, "m/s")
-    together = [
-        pair for pair in UNITS_TOGETHER if of_position in (None, pair[0]) and of_speed in (None, pair[1])
-    ] or list(UNITS_TOGETHER)
+    together = [pair for pair in UNITS_TOGETHER if of_position in (None, pair[0]) and of_speed in (None, pair[1])]
     for clock_unit, seconds in _clock_units(clock):
         for pair in together:
             if abs(ratio / (SI_FACTOR[pair[1]] / SI_FACTOR[pair[0]] * seconds) - 1.0) <= TOLERANCE:
-                return pair, clock_unit
-    if clock.counted.kind == "moments" or not clock.counted.is_whole:
+                return pair, clock_unit, ""
+    if clock.counted.kind == "moments" or not clock.counted.is_whole or (clock.time and clock.step != 1.0):
         return None
-    for pair in together[:4]:
+    found = []
+    for pair in together:
         rate = SI_FACTOR[pair[1]] / SI_FACTOR[pair[0]] / ratio
         usual = min((*STANDARD_RATES, *NTSC_RATES), key=lambda known: abs(known / rate - 1.0))
         if abs(usual / rate - 1.0) <= _RATE_TOLERANCE:
-            # Frames that are not whole steps apart count at a multiple of the rate of rows, which is no matter here.
-            return pair, f"{usual:.10g}/s"
-    return None
+            found.append((pair, f"{usual:.10g}/s"))
+    if not found:
+        return None
+    others = [f"{unit} with {' and '.join(pair)}" for pair, unit in found[1:] if unit != found[0][1]]
+    doubt = f"the rate of the frames follows from steps and speeds; it could also be {' or '.join(others)}"
+    return *found[0], doubt if others else ""
 
 
 def _clock_units(clock: Clock) -> list[tuple[str, float]]:
-    """Units that the times can be in, the likeliest first, with their seconds."""
-    if clock.time is None:
+    """Units that the times can be in with a step of traffic recordings, the likeliest first, with their seconds."""
+    if clock.time is None or clock.step <= 0.0:
         return []
     if clock.time.kind == "moments":
         return [("s", 1.0)]
+    longest = {"s": _SLOWEST}
+    units = [
+        unit
+        for unit in ("s", "ms", "us", "ns")
+        if 1.0 / PLAUSIBLE_RATES[1] <= clock.step * SI_FACTOR[unit] <= longest.get(unit, 1.0 / PLAUSIBLE_RATES[0])
+    ]
     named_unit = unit_in(clock.time.name, "s")
-    by_step = unit_of(clock.step, None) if clock.step > 0.0 else None
-    units = [named_unit] if named_unit else list(dict.fromkeys([by_step or "s", "s", "ms", "us", "ns"]))
-    return [(unit, SI_FACTOR[unit]) for unit in units]
+    return [(unit, SI_FACTOR[unit]) for unit in sorted(units, key=lambda unit: unit != named_unit)]

@@ -120,7 +120,7 @@ def _take_motion(found: Proposal, clock: Clock, motion: Motion) -> None:
     )
     named_units = unit_in(motion.position.name, "m") or unit_in(motion.speed.name, "m/s")
     source = "names" if named_units else "sizes of vehicles or speeds" if of_position == "ft" else "steps"
-    explained = f"{ratio}: {of_position}, {of_speed}" + ("" if motion.is_certain else " (or ft, ft/s)")
+    explained = f"{ratio}: {of_position}, {of_speed}" + (" (not certain)" if motion.doubt else "")
     sign = "-" if motion.is_reversed else ""
     speed_sign = "-" if motion.is_negative else ""
     why = f"{explained}; units by {source}"
@@ -128,10 +128,8 @@ def _take_motion(found: Proposal, clock: Clock, motion: Motion) -> None:
     found.taken["position"] = Taken(motion.position.name, None if position == "m" else position, why)
     speed = f"{speed_sign}{of_speed}"
     found.taken["speed"] = Taken(motion.speed.name, None if speed == "m/s" else speed, why)
-    if not motion.is_certain:
-        found.doubts.append(
-            "m and m/s cannot be told from ft and ft/s: neither names nor sizes of vehicles say it, and m are assumed"
-        )
+    if motion.doubt:
+        found.doubts.append(motion.doubt)
     if motion.goes_both_ways:
         found.missing["position"] = (
             f"{motion.position.name} rises for some vehicles and falls for others: give each driving direction in a "
