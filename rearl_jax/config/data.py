@@ -105,9 +105,5 @@ class DataConfig:
             raise InvalidInputError(Problem("root-missing", message, key="root"))
         if not self.recordings:
             raise out_of_range("recordings", "must be a shell pattern such as *", repr(self.recordings))
-        for name in ("columns", "units"):
-            if getattr(self, name) and self.format.name != "table":
-                message = "names columns of a foreign table: choose data=table, or leave it out"
-                raise InvalidInputError(Problem("key-without-effect", message, key=name, value=self.format.name))
         check_positive(self, "max_jump")
         check_within(self, 1.0, 30.0, "default_length")

@@ -123,6 +123,11 @@ def _selected(data: DataConfig) -> list[Entry]:
     if isinstance(data, TableInMemory):
         entries = list(in_memory.entries(data))
     else:
+        for key in ("columns", "units"):
+            if getattr(data, key) and data.format.name != "table":
+                message = "is for foreign tables: choose data=table, or leave it out"
+                problem = Problem("key-without-effect", message, key=f"data.{key}", value=f"data={data.format.name}")
+                raise InvalidInputError(problem)
         entries = list(reader_of(data.format).entries(data, _root(data)))
     chosen = [entry for entry in entries if fnmatchcase(entry.id, data.recordings)]
     if not chosen:

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax import read_recordings
+from rearl_jax import cut_scenes, read_recordings
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.canonical import TableFile, write_recording
 from rearl_jax.data.in_memory import in_memory
@@ -95,8 +95,14 @@ def test_a_wrong_name_or_unit_is_named_with_the_nearest(foreign, columns, units,
 
 
 def test_other_formats_have_names_of_their_own():
-    with refused("key-without-effect", key="columns"):
-        list(read_recordings(format="highd", root="unused", columns={"x": "y"}))
+    with refused("key-without-effect", key="data.columns"):
+        list(read_recordings(columns={"x": "y"}))
+
+
+def test_a_table_in_memory_takes_names_and_units(foreign):
+    keys = {"columns": COLUMNS, "units": UNITS}
+    scenes = cut_scenes(foreign, data=keys, scenes={"seconds": 5, "min_vehicles": 3, "slots": 3})
+    assert len(scenes) == 1
 
 
 def test_units_have_multiples_signs_and_rates():
