@@ -15,7 +15,7 @@ from pyarrow import csv
 
 from rearl_jax.config.data import OnBad
 from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, require_columns
-from rearl_jax.data.text_layout import BLANKS, DAMAGED, OPENERS, damaged, fields_of, layout_of, opened, text_of
+from rearl_jax.data.text_layout import BLANKS, DAMAGED, OPENERS, damaged, fields_of, layout_of, text_of
 
 _UTF8 = ("utf-8", "utf-8-sig")
 
@@ -123,9 +123,9 @@ def read_blank_separated(
         on_bad: stop makes a broken line an error.
     """
     try:
-        with opened(path) as file:
-            content = b"\n".join(b",".join(line.split()) for line in file)
-    except DAMAGED as error:
+        with text_of(path) as file:
+            content = "\n".join(",".join(line.split()) for line in file).encode()
+    except (*DAMAGED, UnicodeDecodeError) as error:
         raise damaged(path, error) from None
     return _Lines(path, list(names), content).table(columns, on_bad)
 
