@@ -8,6 +8,8 @@ import rearl_jax
 from rearl_jax.config.data import DataFormat
 from rearl_jax.data.readers import reader_of
 from rearl_jax.data.schema import COLUMNS
+from rearl_jax.data.spelling import KINDS
+from rearl_jax.data.units import UNITS
 from rearl_jax.metrics import METRICS
 
 BENCH = {
@@ -47,6 +49,15 @@ def recording_formats() -> str:
         what = (module.__doc__ or "").partition("\n")[0].rstrip(".")
         rows.append(f"| `{kind.name}` | {what} | {_cell(reader_of(kind).expected)} |")
     return "\n".join(["| `data=` | what is read | `data.root` names |", "|---|---|---|", *rows])
+
+
+def units() -> str:
+    """The units of foreign tables, by the columns that may be in them."""
+    rows = []
+    for kind, known in UNITS.items():
+        columns = ", ".join(f"`{name}`" for name, unit in KINDS.items() if unit == kind)
+        rows.append(f"| {columns} | {', '.join(f'`{unit}`' for unit in known)} |")
+    return "\n".join(["| columns | units |", "|---|---|", *rows])
 
 
 def shipped_recordings() -> str:

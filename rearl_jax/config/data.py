@@ -1,10 +1,10 @@
 """Configuration of the recordings: format, place, treatment of bad rows."""
 
 import pkgutil
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, EnumMeta
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rearl_jax.config._key import key
 from rearl_jax.config._ranges import check_positive, check_within
@@ -84,6 +84,28 @@ class DataConfig:
         None,
         "straight part of a street (pneuma): latitude and longitude [deg] of the middle of the carriageway where it "
         "begins and ends, its width [m] and its lanes, six numbers",
+    )
+    # Mutable, so excluded from the hash but not from equality.
+    columns: dict[str, Any] = field(
+        default_factory=dict,
+        hash=False,
+        metadata={
+            "help": (
+                "names of foreign columns by canonical name, for data=table, as in "
+                "'data.columns={track_id: Vehicle ID, position: x_m}', null = none; `rearl prepare FILE` finds them"
+            )
+        },
+    )
+    units: dict[str, Any] = field(
+        default_factory=dict,
+        hash=False,
+        metadata={
+            "help": (
+                "units of foreign columns by canonical name, for data=table, as in "
+                "'data.units={speed: km/h, time: ms}', frame: 25/s for the frame rate, "
+                "0.1 s for a multiple, -m for a reversed axis, lane: from 1 if that is the leftmost; SI for all others"
+            )
+        },
     )
 
     def check(self) -> None:

@@ -40,6 +40,8 @@ _TRACKS = {
     "precedingId": pa.int64(),
     "laneId": pa.int64(),
 }
+COLUMNS = frozenset(_TRACKS)
+"""Columns by which a tracks file is recognised."""
 _SOURCE_COLUMNS = {
     "track_id": "id",
     "speed": "xVelocity",

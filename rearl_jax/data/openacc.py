@@ -33,6 +33,8 @@ MAX_GAP = 1000.0  # m; the widest gap of the set is 230 m
 MAX_BACKWARD = 1.0  # m/s; noise of the satellite receivers makes standing vehicles drive back by 0.07 m/s
 MAX_TIME = 86_400.0  # s from the median time of a run
 _NUMBERS = ("t_s", "pos", "speed_mps", "gap_to_follower_m")
+COLUMNS = ("file", *_NUMBERS)
+"""Columns by which a file is recognised."""
 MODEL = "model"
 """Label of tracks: the car model. A model is one physical car, which drove in many files."""
 _MOST_PLACES = 1000  # more vehicles than any platoon has

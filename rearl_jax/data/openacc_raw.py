@@ -18,13 +18,14 @@ import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data import openacc, openacc_index
-from rearl_jax.data.delimited import DAMAGED, damaged, opened, read_below, stem_of, text_endings
+from rearl_jax.data.delimited import read_below, stem_of, text_endings
 from rearl_jax.data.folder import is_visible, recordings_missing, visible_files
 from rearl_jax.data.losses import Losses
 from rearl_jax.data.openacc import FRAME_RATE, MAX_HOLE, MODEL, Platoon
 from rearl_jax.data.openacc_drivers import ACC
 from rearl_jax.data.problems import Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo
+from rearl_jax.data.text_layout import DAMAGED, damaged, opened
 
 SETTING = "setting"
 """Label of tracks: the distance that was set, in the words of the file; mixed where cars were set differently."""

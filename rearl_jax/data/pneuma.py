@@ -19,13 +19,14 @@ import pyarrow.compute as pc
 
 from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.checks import LARGEST
-from rearl_jax.data.delimited import opened, read_header, stem_of, text_endings
+from rearl_jax.data.delimited import read_header, stem_of, text_endings
 from rearl_jax.data.folder import recordings_missing, visible_files
 from rearl_jax.data.frame_rates import frame_rate_of
 from rearl_jax.data.losses import Losses
 from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.stretch import Stretch, stretch_of
+from rearl_jax.data.text_layout import opened
 from rearl_jax.data.units import to_si
 
 LICENCE = "stated at open-traffic.epfl.ch, free for research with attribution"

@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from xml.parsers import expat
 
-from rearl_jax.data.delimited import DAMAGED, damaged, opened
 from rearl_jax.data.problems import BadRecordingError, bad_recording
+from rearl_jax.data.text_layout import DAMAGED, damaged, opened
 
 XML = (".xml", ".xml.gz")
 """Endings of SUMO's XML files."""

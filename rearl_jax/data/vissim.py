@@ -15,12 +15,13 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data.delimited import DAMAGED, damaged, opened, read_below, stem_of, text_endings
+from rearl_jax.data.delimited import read_below, stem_of, text_endings
 from rearl_jax.data.folder import recordings_missing, visible_files
 from rearl_jax.data.losses import Losses
 from rearl_jax.data.problems import bad_recording, require_columns
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.simulated import Simulation, recording_of
+from rearl_jax.data.text_layout import DAMAGED, damaged, opened
 from rearl_jax.data.units import SI_FACTOR, to_si
 
 LANE_WIDTH = 3.5

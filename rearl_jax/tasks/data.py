@@ -7,14 +7,17 @@ DATA = (
         words="prepare",
         run="rearl_jax.data.prepare:run",
         config="rearl_jax.config:PrepareTask",
+        on_file="rearl_jax.data.survey.task:run",
         summary="read recordings, check them, write canonical tables and scenes",
         description=(
             "Reads trajectory recordings (highD family, NGSIM tables, OpenACC, FHWA pairs, canonical tables, shipped "
             "sets), checks every row, converts units once and writes canonical Parquet tables and 60 s scenes. "
-            "data=generated first writes new recordings in the highD three-file format."
+            "data=generated first writes new recordings in the highD three-file format. `rearl prepare FILE` says what "
+            "an unknown file holds, and the command that reads it."
         ),
         examples=(
             "rearl prepare",
+            "rearl prepare unknown.csv",
             "rearl prepare data=highd data.root=/data/highD study=highd",
             "rearl prepare data=generated study=generated generator.n_recordings=4",
         ),

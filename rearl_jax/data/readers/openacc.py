@@ -7,9 +7,10 @@ from pathlib import Path
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import openacc, openacc_index, openacc_raw
 from rearl_jax.data.folder import visible_files
-from rearl_jax.data.reader import Entry, Reader, parts_of
+from rearl_jax.data.reader import Entry, Reader, by_columns, parts_of
 
 _condensed = parts_of(openacc.find_platoons, openacc.platoon_recordings, openacc.read_platoon)
+_is_condensed_file = by_columns(openacc.COLUMNS)
 
 
 def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
@@ -39,5 +40,6 @@ READER = Reader(
     "the shipped ones",
     entries=entries,
     files=files,
+    recognises=by_columns(openacc.COLUMNS),
     same=openacc.MODEL,
 )
