@@ -102,7 +102,7 @@ def test_other_formats_have_names_of_their_own():
 def test_a_table_in_memory_takes_names_and_units(foreign):
     keys = {"columns": COLUMNS, "units": UNITS}
     scenes = cut_scenes(foreign, data=keys, scenes={"seconds": 5, "min_vehicles": 3, "slots": 3})
-    assert len(scenes) == 1
+    assert len(scenes) == 2  # of 5 s in 10 s
 
 
 def test_units_have_multiples_signs_and_rates():
