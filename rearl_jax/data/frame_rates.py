@@ -28,8 +28,9 @@ def frame_rate_of(steps: np.ndarray, file: Path | str, column: str) -> float:
         raise bad_recording("frame-rate-unknown", text, "complete the times", file, column=column)
     period = float(np.median(steps))
     unit = clock.unit_of(period, None)
+    is_other = unit not in (None, "s")
     rate = clock.rate_of(period, _TOLERANCE * period)
-    if unit is not None or not clock.PLAUSIBLE_RATES[0] <= rate <= clock.PLAUSIBLE_RATES[1]:
-        text = f"the times of a vehicle are {period:g} apart" + (f": they look like {unit}" if unit else "")
+    if is_other or not clock.PLAUSIBLE_RATES[0] <= rate <= clock.PLAUSIBLE_RATES[1]:
+        text = f"the times of a vehicle are {period:g} apart" + (f": they look like {unit}" if is_other else "")
         raise bad_recording("wrong-units", text, "give the times in s", file, column=column)
     return rate
