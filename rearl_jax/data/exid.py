@@ -41,6 +41,8 @@ _TRACKS = {
     "laneletId": pa.string(),
     "laneChange": pa.float64(),
 }
+COLUMNS = frozenset(_TRACKS)
+"""Columns of NN_tracks.csv that are read."""
 _SPELLING = {
     "track_id": "trackId",
     "x": "xCenter",

@@ -8,6 +8,7 @@ Source: Gloudemans, Wang, Ji, Zachar, Barbour and Work, I-24 MOTION: An instrume
 Transportation Research Part C 155 (2023) 104311; github.com/I24-MOTION/data_tutorial.
 """
 
+import re
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -17,7 +18,7 @@ import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.folder import recordings_missing, visible_files
-from rearl_jax.data.i24_index import FEET, LANE, Cell, Index, Tracks, index_of
+from rearl_jax.data.i24_index import FEET, LANE, NEEDED, Cell, Index, Tracks, index_of
 from rearl_jax.data.json_documents import parsed, read_documents
 from rearl_jax.data.losses import Losses
 from rearl_jax.data.problems import bad_recording
@@ -33,6 +34,7 @@ N_LANES = 4
 _MOST_LANES = 6
 _USED = 0.01  # share of the rows of a direction in a further lane from which it is one
 _AT_ONCE = 32 * 2**20  # bytes of documents that are parsed at a time
+_HEAD = 2**23  # bytes in which the first document ends, be it of a vehicle that drives for an hour
 _ASIDE = 0.1  # frames by which a document may miss the times of the others
 _BACKWARD = 1.0  # m/s; errors of the tracking make standing vehicles drive back
 _WINTER = timedelta(hours=-6)  # Central Standard Time; all published days are in it
@@ -70,6 +72,15 @@ def find_files(root: Path) -> list[Path]:
         wanted = "the folder with the trajectories of I-24 MOTION INCEPTION, as JSON"
         raise recordings_missing("no .json", root, wanted, (".json",))
     return found
+
+
+def is_one(path: Path) -> bool:
+    """Whether the first document has the fields of a trajectory, as far as it is looked at."""
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+    return re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*)?\{", head) is not None and all(
+        re.search(rb'"%s"\s*:' % name.encode(), head) for name in NEEDED
+    )
 
 
 def cells(path: Path, policy: DataConfig) -> dict[str, Cell]:

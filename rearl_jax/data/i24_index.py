@@ -37,7 +37,7 @@ _FIELDS = {
     "direction": pa.float64(),
     "length": pa.float64(),
 }
-_NEEDED = ("timestamp", "x_position", "y_position", "direction", "length")
+NEEDED = ("timestamp", "x_position", "y_position", "direction", "length")
 
 Cell = tuple[int, int]
 """Number of a window since 1970, and of a section since the mile marker 0."""
@@ -199,7 +199,7 @@ def _sound(
         return found
 
     questions: tuple[tuple[str, str, Callable[[], np.ndarray], str], ...] = (
-        *(("value_missing", name, lambda name=name: missing(name), "the value is missing") for name in _NEEDED),
+        *(("value_missing", name, lambda name=name: missing(name), "the value is missing") for name in NEEDED),
         ("no_rows", "timestamp", lambda: lengths("timestamp") == 0, "the array is empty"),
         *(
             (
@@ -256,7 +256,7 @@ def _leave_out(
 
 
 def _require_fields(table: pa.Table, path: Path) -> None:
-    for name in _NEEDED:
+    for name in NEEDED:
         if table.num_rows and table[name].null_count == table.num_rows:
             text = "no document of the block has the field"
             raise bad_recording("column-missing", text, "give trajectories of I-24 MOTION INCEPTION", path, column=name)

@@ -26,7 +26,7 @@ from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE, US101_LENGTH
 from rearl_jax.data.ngsim_clock import ARTERIALS, LANES, impossible_times, places_of, plain, recordings_of
 from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
-from rearl_jax.data.text_layout import fields_of, first_lines
+from rearl_jax.data.text_layout import first_lines, first_names
 from rearl_jax.data.units import to_si
 
 _CLASS = {1: "motorcycle", 2: "car", 3: "truck"}
@@ -189,8 +189,7 @@ def recognises(path: Path) -> Path | None:
         is_table = bool(lines) and all(len(line) == len(_TXT_COLUMNS) and _are_numbers(line) for line in lines)
         return path if is_table else None
     required = {name for name, _, needed in _PUBLISHED.values() if needed}
-    names = fields_of(first_lines(files[0], 1)[0], ",") if first_lines(files[0], 1) else []
-    return path if required <= {plain(name) for name in names} else None
+    return path if required <= {plain(name) for name in first_names(files[0])} else None
 
 
 def _are_numbers(words: list[str]) -> bool:

@@ -25,7 +25,7 @@ from rearl_jax.data.openacc import FRAME_RATE, MAX_HOLE, MODEL, Platoon
 from rearl_jax.data.openacc_drivers import ACC
 from rearl_jax.data.problems import Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo
-from rearl_jax.data.text_layout import DAMAGED, damaged, opened
+from rearl_jax.data.text_layout import DAMAGED, damaged, first_lines, opened
 
 SETTING = "setting"
 """Label of tracks: the distance that was set, in the words of the file; mixed where cars were set differently."""
@@ -73,6 +73,12 @@ def find_runs(root: Path) -> list[Path]:
         wanted = "the folder of the one Parquet file of OpenACC platoons, or of the published runs (.csv)"
         raise recordings_missing("no .parquet and no .csv", root, wanted, (".parquet", *_ENDINGS))
     return runs
+
+
+def is_run(path: Path) -> bool:
+    """Whether the first lines tell of a platoon, and a line below them names the columns."""
+    words = [line.partition(",")[0].strip() for line in first_lines(path, _MOST_ABOVE)]
+    return {*_ABOUT, "Time"} <= set(words)
 
 
 def runs_of(path: Path) -> dict[str, Platoon]:

@@ -26,7 +26,7 @@ from rearl_jax.data.losses import Losses
 from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.stretch import Stretch, stretch_of
-from rearl_jax.data.text_layout import opened
+from rearl_jax.data.text_layout import first_names, opened
 from rearl_jax.data.units import to_si
 
 LICENCE = "stated at open-traffic.epfl.ch, free for research with attribution"
@@ -83,6 +83,11 @@ def find_files(root: Path) -> list[Path]:
         wanted = "the folder with the files of pNEUMA, such as 20181024_d1_0830_0900.csv"
         raise recordings_missing("no .csv", root, wanted, endings)
     return found
+
+
+def is_one(path: Path) -> bool:
+    """Whether the first line names the columns of pNEUMA."""
+    return tuple(name for name in first_names(path) if name) == (*HEAD, *REPEATED)
 
 
 def recording_id(path: Path) -> str:

@@ -10,6 +10,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.columnar import column_names, is_parquet
 from rearl_jax.data.folder import visible_files
 from rearl_jax.data.records import Recording
+from rearl_jax.problems import ProblemError
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,23 @@ def parts_of(
             yield Entry(name, partial(read, path, name, part, data), file=path)
 
     return entries
+
+
+def by_first_file(find: Callable[[Path], list[Path]], is_one: Callable[[Path], bool]) -> Callable[[Path], Path | None]:
+    """Recognises the file, or the folder by the first of its files; data.root names what is given.
+
+    Args:
+        find: The recordings of a folder, or the file that is named.
+        is_one: Whether a file is in the format, by its first lines.
+    """
+
+    def recognises(path: Path) -> Path | None:
+        try:
+            return path if is_one(find(path)[0]) else None
+        except ProblemError:
+            return None  # nothing of the format, or damaged
+
+    return recognises
 
 
 def by_columns(columns: Collection[str]) -> Callable[[Path], Path | None]:

@@ -11,10 +11,11 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import OnBad
-from rearl_jax.data.columnar import column_names, read_columns
+from rearl_jax.data.columnar import column_names, is_parquet, read_columns
 from rearl_jax.data.delimited import read_csv, read_header, text_endings
 from rearl_jax.data.problems import DROP_HINT, bad_recording, require_columns
-from rearl_jax.data.sumo_xml import XML, CutOff, elements
+from rearl_jax.data.sumo_xml import XML, CutOff, elements, root_of
+from rearl_jax.data.text_layout import first_names
 
 TABLES = (".parquet", *text_endings(".csv"))
 """Endings of SUMO's tabular output."""
@@ -43,14 +44,26 @@ def read_fcd(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
     return table, n_broken
 
 
+def is_fcd(path: Path) -> bool:
+    """Whether the file is floating car data, by its first element or the names of its columns."""
+    if path.name.lower().endswith(XML):
+        return root_of(path) == ROOT
+    return {*NUMBERS, *TEXTS} <= _plain(column_names(path) if is_parquet(path) else first_names(path)).keys()
+
+
 def spelling(path: Path) -> dict[str, str]:
     """What the file calls the columns, by their names in XML."""
     if path.name.lower().endswith(XML):
         return {name: name for name in _KINDS}
     found = column_names(path) if path.suffix.lower() == ".parquet" else read_header(path)
-    plain = {name.removeprefix("vehicle_").removeprefix("timestep_"): name for name in found}
+    plain = _plain(found)
     require_columns(list(plain), (*NUMBERS, *TEXTS), str(path))
     return {name: plain[name] for name in _KINDS if name in plain}
+
+
+def _plain(names: Sequence[str]) -> dict[str, str]:
+    """Names in a table by those in XML."""
+    return {name.removeprefix("vehicle_").removeprefix("timestep_"): name for name in names}
 
 
 def _of_table(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:

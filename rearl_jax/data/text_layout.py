@@ -11,7 +11,7 @@ import zipfile
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, cast
@@ -129,13 +129,20 @@ def text_of(path: Path) -> io.TextIOWrapper:
 
 
 def first_lines(path: Path, number: int) -> list[str]:
-    """The first lines that are not empty, without what is not text."""
+    """The first lines that are not empty, without what is not text; a very long one comes in parts."""
     try:
         with opened(path) as file:
-            lines = (line.decode(errors="replace").strip() for line in file)
+            parts = iter(partial(file.readline, _HEAD), b"")
+            lines = (line.decode("utf-8-sig", errors="replace").strip() for line in parts)
             return list(islice((line for line in lines if line), number))
     except DAMAGED as error:
         raise damaged(path, error) from None
+
+
+def first_names(path: Path) -> list[str]:
+    """Fields of the first line that is not empty, whatever separates them."""
+    line = next(iter(first_lines(path, 1)), "")
+    return max((fields_of(line, delimiter) for delimiter in _DELIMITERS), key=len)
 
 
 def damaged(path: Path, error: Exception) -> BadRecordingError:

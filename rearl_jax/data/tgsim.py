@@ -26,6 +26,7 @@ from rearl_jax.data.ngsim_clock import plain
 from rearl_jax.data.problems import Finding, bad_recording, require_columns, without_value
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.straightened import Straightened, leave_out, straightened
+from rearl_jax.data.text_layout import first_names
 
 LICENCE = "public domain (U.S. Government work)"
 ATTRIBUTION = (
@@ -79,6 +80,11 @@ def find_files(root: Path) -> list[Path]:
             "no .csv", root, "the folder with the trajectories of TGSIM, such as I294_L1_final.csv", endings
         )
     return found
+
+
+def is_one(path: Path) -> bool:
+    """Whether the first line has the columns of TGSIM's highways."""
+    return set(_COLUMNS.values()) <= {plain(name) for name in first_names(path)}
 
 
 def runs(path: Path, policy: DataConfig) -> dict[str, int | None]:

@@ -21,7 +21,7 @@ from rearl_jax.data.losses import Losses
 from rearl_jax.data.problems import bad_recording, require_columns
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.simulated import Simulation, recording_of
-from rearl_jax.data.text_layout import DAMAGED, damaged, opened
+from rearl_jax.data.text_layout import DAMAGED, damaged, first_lines, opened
 from rearl_jax.data.units import SI_FACTOR, to_si
 
 LANE_WIDTH = 3.5
@@ -81,6 +81,11 @@ def find_records(root: Path) -> list[Path]:
     if not found:
         raise recordings_missing("no .fzp", root, "a vehicle record of Vissim, or a folder of them", _ENDINGS)
     return found
+
+
+def is_record(path: Path) -> bool:
+    """Whether a line names the columns of a vehicle record."""
+    return any(line.startswith(_HEADER) or _is_old(line) for line in first_lines(path, _MOST_ABOVE))
 
 
 def recording_id(path: Path) -> str:

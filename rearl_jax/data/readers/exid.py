@@ -8,7 +8,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data import exid
 from rearl_jax.data.highd import find_recordings
 from rearl_jax.data.reader import Entry, Reader
-from rearl_jax.data.readers.highd import files
+from rearl_jax.data.readers.highd import by_tracks, files
 
 
 def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
@@ -18,5 +18,8 @@ def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
 
 
 READER = Reader(
-    expected="the folder of NN_tracks.csv, NN_tracksMeta.csv and NN_recordingMeta.csv", entries=entries, files=files
+    expected="the folder of NN_tracks.csv, NN_tracksMeta.csv and NN_recordingMeta.csv",
+    entries=entries,
+    files=files,
+    recognises=by_tracks(exid.COLUMNS),
 )

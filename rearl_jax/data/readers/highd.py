@@ -1,13 +1,13 @@
 """highD: `x`, `y` are the corner of the box, y points down, `width` is the length of the vehicle."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import highd
-from rearl_jax.data.delimited import read_header
 from rearl_jax.data.reader import Entry, Reader
+from rearl_jax.data.text_layout import first_names
 from rearl_jax.problems import MissingInputError
 
 
@@ -36,17 +36,21 @@ def entries_of(data: DataConfig, root: Path, *, generated: bool) -> Iterator[Ent
         yield Entry(name, partial(highd.read_recording, path, data, generated=generated), file=path)
 
 
-def recognises(path: Path) -> Path | None:
-    """The folder of three files per recording, the first of which has the columns of highD."""
-    folder = path if path.is_dir() else path.parent
-    if path.is_file() and not path.name.endswith(("_tracks.csv", "_tracksMeta.csv", "_recordingMeta.csv")):
-        return None
-    try:
-        first = highd.find_recordings(folder)[0]
-    except MissingInputError:
-        return None
-    is_whole = all(file.is_file() for file in highd.recording_files(first))
-    return folder if is_whole and highd.COLUMNS <= set(read_header(first)) else None
+def by_tracks(columns: Collection[str]) -> Callable[[Path], Path | None]:
+    """Recognises the folder of three files per recording by columns of the first tracks."""
+
+    def recognises(path: Path) -> Path | None:
+        folder = path if path.is_dir() else path.parent
+        if path.is_file() and not path.name.endswith(("_tracks.csv", "_tracksMeta.csv", "_recordingMeta.csv")):
+            return None
+        try:
+            first = highd.find_recordings(folder)[0]
+        except MissingInputError:
+            return None
+        is_whole = all(file.is_file() for file in highd.recording_files(first))
+        return folder if is_whole and set(columns) <= set(first_names(first)) else None
+
+    return recognises
 
 
 READER = Reader(
@@ -54,5 +58,5 @@ READER = Reader(
     entries=entries,
     files=files,
     generated=is_generated,
-    recognises=recognises,
+    recognises=by_tracks(highd.COLUMNS),
 )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import i24
-from rearl_jax.data.reader import Entry, Reader
+from rearl_jax.data.reader import Entry, Reader, by_first_file
 
 
 def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
@@ -16,4 +16,9 @@ def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
             yield Entry(name, partial(i24.read_cell, path, name, cell, data), file=path)
 
 
-READER = Reader(expected="the folder of the trajectories (.json), or one file", entries=entries, files=i24.find_files)
+READER = Reader(
+    expected="the folder of the trajectories (.json), or one file",
+    entries=entries,
+    files=i24.find_files,
+    recognises=by_first_file(i24.find_files, i24.is_one),
+)

@@ -7,10 +7,11 @@ from pathlib import Path
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import openacc, openacc_index, openacc_raw
 from rearl_jax.data.folder import visible_files
-from rearl_jax.data.reader import Entry, Reader, by_columns, parts_of
+from rearl_jax.data.reader import Entry, Reader, by_columns, by_first_file, parts_of
 
 _condensed = parts_of(openacc.find_platoons, openacc.platoon_recordings, openacc.read_platoon)
-_is_condensed_file = by_columns(openacc.COLUMNS)
+_recognises_condensed = by_columns(openacc.COLUMNS)
+_recognises_runs = by_first_file(openacc_raw.find_runs, openacc_raw.is_run)
 
 
 def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
@@ -31,6 +32,11 @@ def files(root: Path) -> list[Path]:
     return [platoons, index] if index.is_file() else [platoons]
 
 
+def recognises(path: Path) -> Path | None:
+    """The folder of the Parquet file, or the file or folder of published runs."""
+    return _recognises_condensed(path) or _recognises_runs(path)
+
+
 def _is_condensed(root: Path) -> bool:
     return bool(visible_files(root, (".parquet",)))
 
@@ -40,6 +46,6 @@ READER = Reader(
     "the shipped ones",
     entries=entries,
     files=files,
-    recognises=by_columns(openacc.COLUMNS),
+    recognises=recognises,
     same=openacc.MODEL,
 )

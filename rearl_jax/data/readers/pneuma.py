@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import pneuma
-from rearl_jax.data.reader import Entry, Reader
+from rearl_jax.data.reader import Entry, Reader, by_first_file
 
 
 def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
@@ -15,4 +15,9 @@ def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
         yield Entry(pneuma.recording_id(path), partial(pneuma.read_recording, path, data), file=path)
 
 
-READER = Reader(expected="the folder of the files of pNEUMA (.csv)", entries=entries, files=pneuma.find_files)
+READER = Reader(
+    expected="the folder of the files of pNEUMA (.csv)",
+    entries=entries,
+    files=pneuma.find_files,
+    recognises=by_first_file(pneuma.find_files, pneuma.is_one),
+)

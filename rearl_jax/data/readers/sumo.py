@@ -6,7 +6,8 @@ from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import sumo
-from rearl_jax.data.reader import Entry, Reader
+from rearl_jax.data.reader import Entry, Reader, by_first_file
+from rearl_jax.data.sumo_fcd import is_fcd
 
 
 def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
@@ -31,4 +32,5 @@ READER = Reader(
     entries=entries,
     files=files,
     generated=is_generated,
+    recognises=by_first_file(sumo.find_fcd, is_fcd),
 )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import tgsim
-from rearl_jax.data.reader import Entry, Reader
+from rearl_jax.data.reader import Entry, Reader, by_first_file
 
 
 def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
@@ -16,4 +16,9 @@ def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
             yield Entry(name, partial(tgsim.read_run, path, name, run, data), file=path)
 
 
-READER = Reader(expected="the folder of the TGSIM trajectories (.csv)", entries=entries, files=tgsim.find_files)
+READER = Reader(
+    expected="the folder of the TGSIM trajectories (.csv)",
+    entries=entries,
+    files=tgsim.find_files,
+    recognises=by_first_file(tgsim.find_files, tgsim.is_one),
+)

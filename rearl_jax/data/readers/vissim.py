@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import vissim
-from rearl_jax.data.reader import Entry, Reader
+from rearl_jax.data.reader import Entry, Reader, by_first_file
 
 
 def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
@@ -25,4 +25,5 @@ READER = Reader(
     entries=entries,
     files=vissim.find_records,
     generated=is_generated,
+    recognises=by_first_file(vissim.find_records, vissim.is_record),
 )
