@@ -1,6 +1,7 @@
 """Files of any size in the layouts of recordings, written from made-up traffic, for the benchmark of the readers.
 
-A layout is a function that writes one recording of some traffic into a folder; `LAYOUTS` names them.
+A layout writes one recording of about so many bytes into a folder; `LAYOUTS` names them. Those of sensors have their
+traffic in `sensor_layouts`, on a road that bends.
 """
 
 from collections.abc import Callable, Iterator
@@ -9,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+
+from benchmarks.sensor_layouts import pneuma_stretch, write_exid, write_i24, write_pneuma, write_tgsim
 
 PERIOD = 0.1
 """Time between two frames [s]."""
@@ -119,27 +122,41 @@ def write_table(rows: pd.DataFrame, folder: Path) -> None:
     pd.DataFrame(table).sort_values(["track_id", "frame"]).to_csv(folder / "t.csv", index=False, float_format="%.3f")
 
 
+def _of_traffic(write: Callable[[pd.DataFrame, Path], None], row_bytes: float) -> Callable[[Path, int], None]:
+    """Writes about so many bytes of `traffic`, of which a row has about `row_bytes`."""
+    return lambda folder, n_bytes: write(traffic(round(n_bytes / row_bytes)), folder)
+
+
+def _of_sensors(write: Callable[[Path, int], None], name: str) -> Callable[[Path, int], None]:
+    """Writes about so many bytes into the file of that name."""
+    return lambda folder, n_bytes: write(folder / name, n_bytes)
+
+
 @dataclass(frozen=True)
 class Layout:
     """Files of a format.
 
     Attributes:
         format: The value of data.format that reads them.
-        write: Writes rows of `traffic` into a folder.
-        row_bytes: Size of a row in them [bytes], about.
+        write: Writes about so many bytes into a folder.
+        stretch: The value of data.stretch; None for formats that need none.
     """
 
     format: str
-    write: Callable[[pd.DataFrame, Path], None]
-    row_bytes: float
+    write: Callable[[Path, int], None]
+    stretch: tuple[float, ...] | None = None
 
 
 LAYOUTS = {
-    "sumo_xml": Layout("sumo", write_sumo_xml, 131.0),
-    "sumo_csv": Layout("sumo", write_sumo_csv, 63.0),
-    "vissim": Layout("vissim", write_vissim, 44.0),
-    "openacc_raw": Layout("openacc", write_openacc, 102.0),
-    "table_csv": Layout("table", write_table, 69.0),
+    "sumo_xml": Layout("sumo", _of_traffic(write_sumo_xml, 131.0)),
+    "sumo_csv": Layout("sumo", _of_traffic(write_sumo_csv, 63.0)),
+    "vissim": Layout("vissim", _of_traffic(write_vissim, 44.0)),
+    "openacc_raw": Layout("openacc", _of_traffic(write_openacc, 102.0)),
+    "table_csv": Layout("table", _of_traffic(write_table, 69.0)),
+    "tgsim": Layout("tgsim", _of_sensors(write_tgsim, "I294_L1_final.csv")),
+    "i24": Layout("i24", _of_sensors(write_i24, "day.json")),
+    "exid": Layout("exid", _of_sensors(write_exid, "00_tracks.csv")),
+    "pneuma": Layout("pneuma", _of_sensors(write_pneuma, "20181024_d1_0830_0900.csv"), pneuma_stretch()),
 }
 """Layouts by name."""
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import pandas as pd
 
-from benchmarks.layouts import LAYOUTS, traffic
+from benchmarks.layouts import LAYOUTS
 from benchmarks.options import ReadersBenchmark
 from benchmarks.terminal import print_table
 from rearl_jax import runtime
@@ -76,9 +76,8 @@ def measure(name: str, megabytes: float) -> dict[str, Any]:
     Raises:
         RuntimeError: The file was not read.
     """
-    layout = LAYOUTS[name]
     with tempfile.TemporaryDirectory(prefix="rearl_readers_") as folder:
-        layout.write(traffic(round(1e6 * megabytes / layout.row_bytes)), Path(folder))
+        LAYOUTS[name].write(Path(folder), round(1e6 * megabytes))
         size = max(file.stat().st_size for file in Path(folder).iterdir())
         command = [sys.executable, "-m", "benchmarks.readers", name, folder]
         done = subprocess.run(command, capture_output=True, text=True, env=fresh_environment(on_cpu=True))
@@ -94,7 +93,8 @@ def read(name: str, folder: Path) -> dict[str, Any]:
     Raises:
         BadRecordingError: A recording is not sound.
     """
-    data = DataConfig(DataFormat[LAYOUTS[name].format], str(folder))
+    layout = LAYOUTS[name]
+    data = DataConfig(DataFormat[layout.format], str(folder), stretch=layout.stretch)
     before, cpu, begin = peak_memory_bytes(), sum(os.times()[:2]), time.perf_counter()
     rows = sum(len(recording.table) for recording in iterate_recordings(data))
     wall_s, cpu_s = time.perf_counter() - begin, sum(os.times()[:2]) - cpu

@@ -139,7 +139,7 @@ def write_tgsim(path: Path, n_bytes: int) -> None:
         vehicles = traffic(10.0)
         header = True
         while file.tell() < n_bytes:
-            rows = pd.concat([tgsim_rows(vehicle) for vehicle in islice(vehicles, 60)])
+            rows = pd.concat([tgsim_rows(vehicle) for vehicle in islice(vehicles, 12)])
             rows.to_csv(file, index=False, header=header)
             header = False
 
@@ -252,7 +252,7 @@ def write_exid(path: Path, n_bytes: int) -> None:
     vehicles, meta = traffic(25.0), []
     with path.open("w", encoding="utf-8") as file:
         while file.tell() < n_bytes:
-            some = list(islice(vehicles, 30))
+            some = list(islice(vehicles, 6))
             pd.concat([exid_rows(vehicle) for vehicle in some]).to_csv(file, index=False, header=not meta)
             meta += [exid_meta(vehicle) for vehicle in some]
     name = path.name.removesuffix("_tracks.csv")
