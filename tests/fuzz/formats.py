@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rearl_jax.config.data import DataFormat
-from tests.fuzz import traffic
+from tests.fuzz import recorders, traffic
 from tests.fuzz.traffic import Source
 
 
@@ -87,6 +87,39 @@ _I80_LATERAL = _kinds(
     width=("width_f_m", "leader_width_m"),
 )
 _OPENACC = {"speed": ("speed_mps",), "gap": ("gap_to_follower_m",), "time": ("t_s",)}
+_TGSIM = _kinds(
+    "xloc-kf yloc-kf length-smoothed width-smoothed",
+    "speed-kf acceleration-kf",
+    position=("xloc-kf", "yloc-kf"),
+    speed=("speed-kf",),
+    acceleration=("acceleration-kf",),
+    length=("length-smoothed",),
+    width=("width-smoothed",),
+    time=("time",),
+)
+_EXID = _kinds(
+    "xCenter yCenter length width",
+    "lonVelocity lonAcceleration speedLimit",
+    position=("xCenter", "yCenter"),
+    speed=("lonVelocity",),
+    acceleration=("lonAcceleration",),
+    length=("length",),
+    width=("width",),
+    frame_rate=("frameRate",),
+    speed_limit=("speedLimit",),
+)
+_OPENACC_RAW = {
+    "speed": tuple(f"Speed{k}" for k in (1, 2, 3, 4)),
+    "gap": tuple(f"IVS{k}" for k in (1, 2, 3)),
+    "time": ("Time",),
+}
+_VISSIM = _kinds("POS LENGTH", "SPEED", position=("POS",), speed=("SPEED",), length=("LENGTH",), time=("SIMSEC",))
+_SUMO = {
+    "position": ("vehicle_pos",),
+    "ground": ("vehicle_x", "vehicle_y"),
+    "speed": ("vehicle_speed",),
+    "time": ("timestep_time",),
+}
 
 FORMATS = {
     "highd": Format(DataFormat.highd, traffic.highd, _HIGHD),
@@ -96,6 +129,11 @@ FORMATS = {
     "i80": Format(DataFormat.i80, traffic.i80, _I80),
     "i80_lateral": Format(DataFormat.i80_lateral, traffic.i80_lateral, _I80_LATERAL),
     "openacc": Format(DataFormat.openacc, traffic.openacc, _OPENACC),
+    "openacc_raw": Format(DataFormat.openacc, recorders.openacc_raw, _OPENACC_RAW),
+    "tgsim": Format(DataFormat.tgsim, recorders.tgsim, _TGSIM),
+    "exid": Format(DataFormat.exid, recorders.exid, _EXID),
+    "vissim": Format(DataFormat.vissim, recorders.vissim, _VISSIM),
+    "sumo": Format(DataFormat.sumo, recorders.sumo, _SUMO),
     "table_csv": Format(DataFormat.table, lambda: traffic.canonical("a.csv", described=True), _CANONICAL),
     "table_parquet": Format(DataFormat.table, lambda: traffic.canonical("a.parquet", described=True), _CANONICAL),
     "table_foreign": Format(DataFormat.table, lambda: traffic.canonical("a.csv", described=False), _CANONICAL),

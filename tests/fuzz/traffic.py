@@ -4,7 +4,7 @@ Two lanes of four vehicles whose speeds swing, so that positions, speeds, accele
 recording. A recording is a dictionary of tables by file name, in the columns and units of its source.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -31,23 +31,31 @@ class Source:
         tables: Columns by file name and name.
         texts: Other files, as text.
         metadata: Schema metadata of the Parquet tables, by file name.
+        heads: What stands above the names of columns in text tables, by file name.
+        delimiters: What separates fields, by file name; a comma where it is not stated.
     """
 
     tables: dict[str, dict[str, Column]]
     texts: dict[str, str] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    heads: dict[str, str] = field(default_factory=dict)
+    delimiters: dict[str, str] = field(default_factory=dict)
 
     def copy(self) -> "Source":
         """One that can be changed: columns may be replaced, their cells not."""
         tables = {name: dict(columns) for name, columns in self.tables.items()}
-        return Source(tables, dict(self.texts), {name: dict(texts) for name, texts in self.metadata.items()})
+        metadata = {name: dict(texts) for name, texts in self.metadata.items()}
+        return replace(self, tables=tables, texts=dict(self.texts), metadata=metadata)
 
     def files(self) -> dict[str, bytes]:
         """Content of every file."""
         found = {name: text.encode() for name, text in self.texts.items()}
         for name, columns in self.tables.items():
-            is_parquet = name.endswith(".parquet")
-            found[name] = _parquet(columns, self.metadata.get(name, {})) if is_parquet else _text(name, columns)
+            if name.endswith(".parquet"):
+                found[name] = _parquet(columns, self.metadata.get(name, {}))
+            else:
+                text = _text(name, columns, self.delimiters.get(name, ","))
+                found[name] = (self.heads.get(name, "") + text).encode()
         return found
 
 
@@ -63,11 +71,11 @@ def _columns(name: str, frame: pd.DataFrame) -> dict[str, Column]:
     return {str(column): ["" if value != value else str(value) for value in frame[column].tolist()] for column in frame}
 
 
-def _text(name: str, columns: dict[str, Column]) -> bytes:
+def _text(name: str, columns: dict[str, Column], delimiter: str) -> str:
     rows = zip(*columns.values(), strict=False)
     if name.endswith(".txt"):
-        return "\n".join(map(" ".join, rows)).encode()
-    return "\n".join([",".join(columns), *map(",".join, rows), ""]).encode()
+        return "\n".join(map(" ".join, rows))
+    return "\n".join([delimiter.join(columns), *map(delimiter.join, rows), ""])
 
 
 def _parquet(columns: dict[str, Column], metadata: dict[str, str]) -> bytes:
