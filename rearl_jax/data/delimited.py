@@ -1,5 +1,6 @@
 """Reads text tables into Arrow tables; a broken line is an error with its number, or is skipped and counted."""
 
+import codecs
 import io
 import re
 from collections import Counter
@@ -28,6 +29,7 @@ from rearl_jax.data.text_layout import (
 )
 
 _LARGEST_WHOLE = 2.0**63  # beyond it a number is no 64-bit integer
+_BLOCK = 2**20  # bytes
 _UTF8 = ("utf-8", "utf-8-sig")
 
 
@@ -211,12 +213,25 @@ class _Lines:
         # Whole numbers may be written as 12.0, as pandas does where a column holds gaps.
         lenient = {name: pa.float64() if pa.types.is_integer(kind) else kind for name, kind in columns.items()}
         try:
-            table = self._parsed(lenient, broken)
+            table = self._as_text()._parsed(lenient, broken)
         except pa.ArrowInvalid as error:
             raise self._bad_value(str(error)) from None
         if broken and on_bad is OnBad.stop:
             raise self._broken_line(broken[0], len(broken))
         return self._whole(table, columns), len(broken)
+
+    def _as_text(self) -> "_Lines":
+        """The same lines; in memory, if some are not UTF-8, which broken ones must be for Arrow to hand them over."""
+        with self.path.open("rb") if self.content is None else io.BytesIO(self.content) as file:
+            decoder = codecs.getincrementaldecoder("utf-8")()
+            try:
+                while block := file.read(_BLOCK):
+                    decoder.decode(block)
+                decoder.decode(b"", final=True)
+            except UnicodeDecodeError:
+                file.seek(0)
+                return replace(self, content=file.read().decode(errors="replace").encode())
+        return self
 
     def _whole(self, table: pa.Table, columns: dict[str, pa.DataType]) -> pa.Table:
         """The table with whole numbers in the columns that must hold them."""

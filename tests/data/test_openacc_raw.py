@@ -143,6 +143,18 @@ def test_other_units_are_refused(tmp_path, name, factor):
     assert caught.value.problem.code == "wrong-units"
 
 
+@pytest.mark.parametrize("place", [10, len(T) - 1])
+def test_a_line_of_other_bytes_is_a_broken_one(tmp_path, place):
+    path = openacc_files.write(tmp_path, TEXT) / "Vicolungo" / "part1.csv"
+    lines = path.read_bytes().splitlines(keepends=True)
+    lines[6 + place] = b"53\xff\xc3"
+    path.write_bytes(b"".join([*lines[: 7 + place], b"\n", *lines[7 + place :]]))
+    with refused("line-broken", row=place + 1):
+        read(tmp_path)
+    (run,) = read(tmp_path, OnBad.drop_row)
+    assert run.dropped["broken_line"] == 1
+
+
 def test_commas_of_a_spreadsheet_behind_the_rows_do_not_matter(tmp_path):
     head, rows = TEXT.splitlines()[:6], TEXT.splitlines()[6:]
     openacc_files.write(tmp_path, "\n".join([*head, *(f"{row},," for row in rows)]))
