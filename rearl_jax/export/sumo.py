@@ -4,7 +4,7 @@ Each type is one driver with all its parameters, so the correlations between the
 whose equation SUMO has are written.
 
 Sources: SUMO 1.28, "Definition of Vehicles, Vehicle Types, and Routes" (attributes) and the sources of `MSCFModel_IDM`,
-`MSCFModel_KraussOrig1`, `MSCFModel_ACC` (equations).
+`MSCFModel_Krauss`, `MSCFModel_ACC` (equations).
 """
 
 import xml.etree.ElementTree as ET
@@ -50,10 +50,13 @@ class SumoModel:
 MODELS = {
     "idm": SumoModel("IDM", SETPOINTS | _BOUNDS, {"delta": "4"}, {}),
     "krauss": SumoModel(
-        "KraussOrig1",
+        "Krauss",
         SETPOINTS | _BOUNDS,
         {"sigma": "0"},
-        {"equation": "SUMO takes the safe speed within one step, this model approaches it within a time T"},
+        {
+            "equation": "SUMO takes the safe speed within one step, this model approaches it within a time T",
+            "comfort_decel": "of the leader's braking SUMO takes the leader's value, this model the follower's",
+        },
     ),
     "constant_time_headway": SumoModel(
         "ACC",
@@ -65,8 +68,8 @@ MODELS = {
         },
         {"accel": f"{HARDEST_ACCELERATION:g}", "decel": f"{-HARDEST_BRAKING:g}"},
         {
-            "equation": "SUMO follows below a gap of 100 m and controls the speed alone above 120 m; one gain serves all "
-            "three of its modes of following",
+            "equation": "SUMO follows below a gap of 100 m and controls the speed alone above 120 m",
+            "jam_gap": "SUMO adds 2 m below 10.8 m/s, less above, nothing from 15 m/s on",
             "speed_gain": "the desired speed is a bound while following",
         },
     ),
@@ -88,13 +91,25 @@ def to_sumo(population: Population, n_types: int, seed: int) -> Exported:
         InvalidInputError: SUMO has no car-following model with this equation.
     """
     model = sumo_model(population.car_following)
-    root = ET.Element("additional")
-    distribution = ET.SubElement(root, "vTypeDistribution", id=DISTRIBUTION)
-    for number, own in enumerate(type_attributes(draw(population, n_types, seed), population.effects)):
-        ET.SubElement(distribution, "vType", {"id": f"{DISTRIBUTION}_{number}", "probability": "1", **own})
-    ET.indent(root)
-    text = '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+    drivers = type_attributes(draw(population, n_types, seed), population.effects)
+    types = {f"{DISTRIBUTION}_{number}": {"probability": "1", **own} for number, own in enumerate(drivers)}
+    text = sumo_file(types, DISTRIBUTION)
     return Exported(text, tuple(_said(population, model)))
+
+
+def sumo_file(types: Mapping[str, Mapping[str, str]], distribution: str | None = None) -> str:
+    """Content of an additional file with vehicle types.
+
+    Args:
+        types: Attributes of each type by its id.
+        distribution: Id of the distribution that they form; None for none.
+    """
+    root = ET.Element("additional")
+    parent = root if distribution is None else ET.SubElement(root, "vTypeDistribution", id=distribution)
+    for name, attributes in types.items():
+        ET.SubElement(parent, "vType", {"id": name, **attributes})
+    ET.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
 def sumo_model(car_following: str) -> SumoModel:
@@ -170,7 +185,7 @@ def _said(population: Population, model: SumoModel) -> list[Said]:
     delayed = [effect for effect in population.effects if isinstance(effect, ReactionDelay)]
     for effect in delayed:
         if reaction_delay((effect,)) > 0:
-            remark = "not a delay: drivers act at steps of twice its length and hold the acceleration; a jam starts elsewhere"
+            remark = "not a delay: drivers act in steps of twice its length, on what is half of a step old on average"
             said.append(Said(effect.name, "actionStepLength", remark))
         else:
             said += unsaid_effects([effect], "SUMO")

@@ -20,8 +20,8 @@ FASTEST = 60.0
 LEADER = "leader"
 """Id of the first vehicle, and of its type."""
 
-# The leader may do what it was measured to do.
-_LEADER_TYPE = '<vType id="leader" length="{length:.6g}" maxSpeed="60" accel="20" decel="20" speedFactor="1" speedDev="0"/>'
+# The leader moves as it was measured; what followers think of its braking is what they think of their own.
+_LEADER_TYPE = '<vType id="leader" length="{length:.6g}" maxSpeed="60" accel="20" decel="{decel:.6g}" speedFactor="1" speedDev="0"/>'
 _VEHICLE = (
     '<vehicle id="{id}" type="{type}" depart="0" departLane="0" departPos="{front:.6f}" departSpeed="{speed:.6f}"'
     ' insertionChecks="none"><route edges="road"/></vehicle>'
@@ -84,7 +84,8 @@ def _simulate_one(
             _VEHICLE.format(id=own, type=kind, front=place, speed=leader_speed[0])
             for own, kind, place in zip(ids, (LEADER, *names), front, strict=True)
         ]
-        leader = _LEADER_TYPE.format(length=start.length[0, number])
+        decel = np.asarray(start.drivers.car_following.comfortable_deceleration())[0, number]
+        leader = _LEADER_TYPE.format(length=start.length[0, number], decel=decel)
         routes.write_text(f"<routes>{leader}{''.join(vehicles)}</routes>", encoding="utf-8")
         files = ["-n", network, "-r", routes, "-a", additional, "--fcd-output", fcd, "--seed", seed]
         sumo.start(["sumo", *map(str, files), *_OPTIONS.split()])
