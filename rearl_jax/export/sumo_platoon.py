@@ -36,7 +36,8 @@ def check_sumo() -> None:
     """Raises ModuleNotFoundError with the remedy where libsumo is missing."""
     if find_spec("libsumo") is None:
         raise ModuleNotFoundError(
-            'libsumo is not installed, which export.check needs: pip install "rearl-jax[sumo]", or leave the check out'
+            'libsumo is not installed, which export.compare needs: install the extra with '
+            'pip install "rearl-jax[sumo]", or leave export.compare out'
         )
 
 
