@@ -34,7 +34,8 @@ def round_trip(
     """Gaps in SUMO less those in this package: one row for car following alone, one with effects and noise if any.
 
     Columns: `compared`, `gap` (mean, here) and, of the absolute differences, `difference` (mean), `first` and `last`
-    (mean of the first and of the last follower), `largest` [m]; `crashed` (share of followers with a gap below 0 in SUMO).
+    (mean of the first and of the last follower), `largest` [m]; `crashed` (share of
+    followers whose gap falls below 0 in SUMO).
     """
     bare = replace(population, effects=(), is_noisy=False)
     rows = [_round_trip_row("car following", bare, bare, leader_speed, n_followers, seed)]

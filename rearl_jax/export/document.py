@@ -28,7 +28,9 @@ def document_of(
     program = PROGRAMS[summary["target"]]
     said = tables["said"]
     sections = [_said_section(said, program)]
-    verdict = f"{summary['n_types']} drivers for {program} in {path}; {summary['n_unsaid']} of {len(said)} parts not said"
+    verdict = (
+        f"{summary['n_types']} drivers for {program} in {path}; {summary['n_unsaid']} of {len(said)} parts not said"
+    )
     if "round_trip" in tables:
         sections.append(_comparison(config, tables))
         verdict += (

@@ -165,14 +165,16 @@ def type_attributes(drivers: DrawnDrivers, effects: tuple[Effect, ...]) -> list[
 
 
 ACTION_STEPS_PER_DELAY = 2.0
-"""`actionStepLength` over the reaction delay [-]: what a driver acts on is between nothing and one action step old, half
-of one on average.
+"""`actionStepLength` over the reaction delay [-]: what a driver acts on is between nothing and one action step old,
+half of one on average.
 """
 
 
 def reaction_delay(effects: tuple[Effect, ...]) -> float:
     """Mean of both delays of the effect `reaction_delay` [s]; 0 without it."""
-    delays = [float(np.mean([effect.delay, effect.own_delay])) for effect in effects if isinstance(effect, ReactionDelay)]
+    delays = [
+        float(np.mean([effect.delay, effect.own_delay])) for effect in effects if isinstance(effect, ReactionDelay)
+    ]
     return sum(delays)
 
 
@@ -192,9 +194,7 @@ def _said(population: Population, model: SumoModel) -> list[Said]:
     said += unsaid_effects([effect for effect in population.effects if effect not in delayed], "SUMO")
     if population.is_noisy:
         said.append(Said("noise_sd, noise_time", None, "SUMO's sigma only slows drivers down"))
-    if population.lane_changing is not None:
-        said.append(Said("lane changing", None, _NO_LANE_CHANGES))
-    return said
+    return [*said, Said("lane changing", None, _NO_LANE_CHANGES)]
 
 
 def _number(value: float) -> str:

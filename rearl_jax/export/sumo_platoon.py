@@ -21,7 +21,10 @@ LEADER = "leader"
 """Id of the first vehicle, and of its type."""
 
 # The leader moves as it was measured; what followers think of its braking is what they think of their own.
-_LEADER_TYPE = '<vType id="leader" length="{length:.6g}" maxSpeed="60" accel="20" decel="{decel:.6g}" speedFactor="1" speedDev="0"/>'
+_LEADER_TYPE = (
+    '<vType id="leader" length="{length:.6g}" maxSpeed="60" accel="20" decel="{decel:.6g}" speedFactor="1"'
+    ' speedDev="0"/>'
+)
 _VEHICLE = (
     '<vehicle id="{id}" type="{type}" depart="0" departLane="0" departPos="{front:.6f}" departSpeed="{speed:.6f}"'
     ' insertionChecks="none"><route edges="road"/></vehicle>'
@@ -36,13 +39,17 @@ def check_sumo() -> None:
     """Raises ModuleNotFoundError with the remedy where libsumo is missing."""
     if find_spec("libsumo") is None:
         raise ModuleNotFoundError(
-            'libsumo is not installed, which export.compare needs: install the extra with '
+            "libsumo is not installed, which export.compare needs: install the extra with "
             'pip install "rearl-jax[sumo]", or leave export.compare out'
         )
 
 
 def simulate_in_sumo(
-    start: Start, leader_speed: Float[np.ndarray, "steps platoons"], types: str, names: Sequence[Sequence[str]], seed: int
+    start: Start,
+    leader_speed: Float[np.ndarray, "steps platoons"],
+    types: str,
+    names: Sequence[Sequence[str]],
+    seed: int,
 ) -> Motion:
     """The platoons behind first vehicles that move by their measured speeds, in SUMO.
 
@@ -76,7 +83,9 @@ def _simulate_one(
     ids = [LEADER, *(f"follower_{k}" for k in range(1, len(names) + 1))]
     with tempfile.TemporaryDirectory(prefix="rearl_export_") as name:
         folder = Path(name)
-        network, routes, additional, fcd = (folder / file for file in ("road.net.xml", "traffic.rou.xml", "types.add.xml", "fcd.xml"))
+        network, routes, additional, fcd = (
+            folder / file for file in ("road.net.xml", "traffic.rou.xml", "types.add.xml", "fcd.xml")
+        )
         front = np.asarray(start.state.x)[:, number] + start.length[:, number] / 2
         length = float(np.ceil(front[0] + FASTEST * len(leader_speed) / STEPS_PER_SECOND))
         network.write_text(draw_network(1, length, FASTEST), encoding="utf-8")
@@ -88,8 +97,8 @@ def _simulate_one(
         decel = np.asarray(start.drivers.car_following.comfortable_deceleration())[0, number]
         leader = _LEADER_TYPE.format(length=start.length[0, number], decel=decel)
         routes.write_text(f"<routes>{leader}{''.join(vehicles)}</routes>", encoding="utf-8")
-        files = ["-n", network, "-r", routes, "-a", additional, "--fcd-output", fcd, "--seed", seed]
-        sumo.start(["sumo", *map(str, files), *_OPTIONS.split()])
+        inputs = ["-n", network, "-r", routes, "-a", additional, "--fcd-output", fcd, "--seed", seed]
+        sumo.start(["sumo", *map(str, inputs), *_OPTIONS.split()])
         try:
             sumo.simulationStep()  # the vehicles enter
             missing = sorted(set(ids) - set(sumo.vehicle.getIDList()))

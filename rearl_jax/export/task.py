@@ -63,12 +63,13 @@ def run(config: ExportTask) -> dict[str, Any]:
         tables["flow"] = flow(population, exported.text, speed, options.n_followers, options.seed)
     for name, table in tables.items():
         study.write_table(name, table, seeds=f"export.seed={options.seed}")
+    n_said = sum(one.where is not None for one in exported.said)
     summary = {
         "target": config.to.name,
         "car_following": population.car_following,
         "n_types": options.n_types,
-        "n_said": int(said["where"].notna().sum()),
-        "n_unsaid": int(said["where"].isna().sum()),
+        "n_said": n_said,
+        "n_unsaid": len(said) - n_said,
         **_figures(tables),
     }
     print_document(document_of(config, summary, tables, str(path), generated=generated))
@@ -107,7 +108,7 @@ def _figures(tables: dict[str, pd.DataFrame]) -> dict[str, float]:
     found = {}
     for suffix, row in zip(("", "_effects"), rows, strict=False):
         found |= {f"difference_mean{suffix}": row["difference"], f"difference_largest{suffix}": row["largest"]}
-    traffic = tables["flow"].set_index("traffic")
+    traffic = {row["traffic"]: row for row in tables["flow"].to_dict("records")}
     for name, suffix in (("SUMO", ""), ("here, other drivers", "_floor")):
-        found |= {f"{column}{suffix}": float(traffic.loc[name, column]) for column in ("h_speed", "h_headway")}
+        found |= {f"{column}{suffix}": traffic[name][column] for column in ("h_speed", "h_headway")}
     return found

@@ -9,8 +9,8 @@ EXCHANGE = (
         config="rearl_jax.config:ExportTask",
         summary="write calibrated drivers for SUMO or highway-env",
         description=(
-            "Draws drivers from a population and writes each as a vehicle type of SUMO or as attributes of highway-env's "
-            "IDMVehicle, which keeps the correlations of the parameters. Prints where every part of the model went and "
+            "Draws drivers from a population and writes each as a vehicle type of SUMO or as attributes of "
+            "highway-env's IDMVehicle, which keeps the correlations of the parameters. Prints where every part of the model went and "
             "what the other program cannot say. export.compare=true simulates the exported drivers in SUMO and here "
             "behind the same measured leaders and states the difference."
         ),
@@ -28,8 +28,8 @@ EXCHANGE = (
         config="rearl_jax.config:ImportTask",
         summary="read vehicle types of SUMO as a population of drivers",
         description=(
-            "Reads the vTypes of a SUMO file, with the probabilities of their distribution, and writes the population as "
-            "model.yaml: means, spreads and correlations of the parameters of each class of vehicles. Prints which "
+            "Reads the vTypes of a SUMO file, with the probabilities of their distribution, and writes the population "
+            "as model.yaml: means, spreads and correlations of the parameters of each class of vehicles. Prints which "
             "attributes were read, which are SUMO's defaults and which have no counterpart here."
         ),
         examples=(
