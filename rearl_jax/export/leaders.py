@@ -39,8 +39,9 @@ def _pieces(table: pd.DataFrame, frame_rate: float, seconds: int) -> list[Float[
     """Consecutive pieces of the tracks without a leader in one recording."""
     alone = table.groupby("track_id")["leader_id"].transform(lambda leader: leader.isna().all())
     n_steps, pieces = seconds * STEPS_PER_SECOND + 1, []
-    for _, track in table[alone].groupby("track_id"):
-        time = (track["frame"].to_numpy() - track["frame"].iloc[0]) / frame_rate
+    for _, track in table.loc[alone].groupby("track_id"):
+        frame = track["frame"].to_numpy()
+        time = (frame - frame[0]) / frame_rate
         clock = np.arange(0, time[-1] + 1e-9, 1 / STEPS_PER_SECOND)
         speed = np.interp(clock, time, track["speed"].to_numpy())
         pieces += [speed[start : start + n_steps] for start in range(0, len(speed) - n_steps + 1, n_steps)]
