@@ -90,7 +90,7 @@ def _said(population: Population, drawn: DrawnDrivers) -> list[Said]:
     said += [Said(name, None, "highway-env draws it with each vehicle") for name in population.drawn]
     if population.lane_changing is not None:
         said += [Said(f"lane_changing {name}", attribute) for name, attribute in LANE_CHANGING.items()]
-    said += unsaid_effects(population.effects, "highway-env")
+    said += unsaid_effects((effect.name for effect in population.effects), "highway-env")
     if population.is_noisy:
         said.append(Said("noise_sd, noise_time", None, "highway-env's drivers have no noise"))
     if population.is_resized:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import pandas as pd
 
 from rearl_jax.core.effects import EFFECTS
-from rearl_jax.core.effects.effect import Effect
 
 
 @dataclass(frozen=True)
@@ -42,11 +41,11 @@ def said_table(said: Sequence[Said]) -> pd.DataFrame:
     return pd.DataFrame([(one.what, one.where, one.remark) for one in said], columns=["what", "where", "remark"])
 
 
-def unsaid_effects(effects: Iterable[Effect], program: str) -> list[Said]:
+def unsaid_effects(names: Iterable[str], program: str) -> list[Said]:
     """The effects that a program has no counterpart of.
 
     Args:
-        effects: These effects.
+        names: Names of these effects.
         program: Its name.
     """
     reasons = {
@@ -56,4 +55,4 @@ def unsaid_effects(effects: Iterable[Effect], program: str) -> list[Said]:
         "road": "belongs to the road, not to its drivers: put it into the network",
         "lane_change": f"{program}'s lane changing has no such term",
     }
-    return [Said(effect.name, None, reasons[EFFECTS[effect.name].kind]) for effect in effects]
+    return [Said(name, None, reasons[EFFECTS[name].kind]) for name in names]

@@ -190,8 +190,8 @@ def _said(population: Population, model: SumoModel) -> list[Said]:
             remark = "not a delay: drivers act in steps of twice its length, on what is half of a step old on average"
             said.append(Said(effect.name, "actionStepLength", remark))
         else:
-            said += unsaid_effects([effect], "SUMO")
-    said += unsaid_effects([effect for effect in population.effects if effect not in delayed], "SUMO")
+            said += unsaid_effects([effect.name], "SUMO")
+    said += unsaid_effects((effect.name for effect in population.effects if not isinstance(effect, ReactionDelay)), "SUMO")
     if population.is_noisy:
         said.append(Said("noise_sd, noise_time", None, "SUMO's sigma only slows drivers down"))
     return [*said, Said("lane changing", None, _NO_LANE_CHANGES)]

@@ -1,11 +1,14 @@
-"""The same platoons in SUMO, through libsumo; what happened is read from its floating car data (FCD)."""
+"""The same platoons in SUMO, simulated by `sumo_worker`; what happened is read from its floating car data (FCD)."""
 
+import json
+import subprocess
+import sys
 import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,6 +19,9 @@ from rearl_jax.export.sumo_road import draw_network
 
 FASTEST = 60.0
 """Limit of the road [m/s], which limits nobody."""
+
+FCD = "fcd_{}.xml"
+"""Floating car data of one platoon."""
 
 LEADER = "leader"
 """Id of the first vehicle, and of its type."""
@@ -64,58 +70,57 @@ def simulate_in_sumo(
 
     Raises:
         ModuleNotFoundError: libsumo is not installed.
-        RuntimeError: SUMO did not put all vehicles on the road.
+        RuntimeError: SUMO failed; the message holds what it said.
     """
     check_sumo()
-    parts = [
-        _simulate_one(start, leader_speed[:, number], types, own, number, seed + number)
-        for number, own in enumerate(names)
-    ]
-    position, speed, length = (np.stack(arrays, axis=-1) for arrays in zip(*parts, strict=True))
-    return Motion(position, speed, length)
-
-
-def _simulate_one(
-    start: Start, leader_speed: np.ndarray, types: str, names: Sequence[str], number: int, seed: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centres [m], speeds [m/s] and lengths [m] of one platoon."""
-    sumo = import_module("libsumo")
-    ids = [LEADER, *(f"follower_{k}" for k in range(1, len(names) + 1))]
     with tempfile.TemporaryDirectory(prefix="rearl_export_") as name:
         folder = Path(name)
-        network, routes, additional, fcd = (
-            folder / file for file in ("road.net.xml", "traffic.rou.xml", "types.add.xml", "fcd.xml")
-        )
-        front = np.asarray(start.state.x)[:, number] + start.length[:, number] / 2
-        length = float(np.ceil(front[0] + FASTEST * len(leader_speed) / STEPS_PER_SECOND))
-        network.write_text(draw_network(1, length, FASTEST), encoding="utf-8")
-        additional.write_text(types, encoding="utf-8")
-        vehicles = [
-            _VEHICLE.format(id=own, type=kind, front=place, speed=leader_speed[0])
-            for own, kind, place in zip(ids, (LEADER, *names), front, strict=True)
+        types_file = folder / "types.add.xml"
+        types_file.write_text(types, encoding="utf-8")
+        orders = [
+            _order(folder, start, leader_speed[:, number], types_file, own, number, seed + number)
+            for number, own in enumerate(names)
         ]
-        decel = np.asarray(start.drivers.car_following.comfortable_deceleration())[0, number]
-        leader = _LEADER_TYPE.format(length=start.length[0, number], decel=decel)
-        routes.write_text(f"<routes>{leader}{''.join(vehicles)}</routes>", encoding="utf-8")
-        inputs = ["-n", network, "-r", routes, "-a", additional, "--fcd-output", fcd, "--seed", seed]
-        sumo.start(["sumo", *map(str, inputs), *_OPTIONS.split()])
-        try:
-            sumo.simulationStep()  # the vehicles enter
-            missing = sorted(set(ids) - set(sumo.vehicle.getIDList()))
-            if missing:
-                raise RuntimeError(f"SUMO did not put {', '.join(missing)} on the road")
-            lengths = np.array([sumo.vehicle.getLength(own) for own in ids])
-            sumo.vehicle.setSpeedMode(LEADER, 0)
-            for own in ids:
-                sumo.vehicle.setLaneChangeMode(own, 0)
-            for speed in leader_speed[1:].tolist():
-                sumo.vehicle.setSpeed(LEADER, speed)
-                sumo.simulationStep()
-        finally:
-            sumo.close()
-        table = read_fcd(fcd)
-    tracks = [table.pivot(index="time", columns="id", values=column)[ids].to_numpy() for column in ("pos", "speed")]
-    return tracks[0] - lengths / 2, tracks[1], lengths
+        lengths = _run(folder, orders)
+        tables = [read_fcd(folder / FCD.format(number)) for number in range(len(orders))]
+    tracks = [
+        [table.pivot(index="time", columns="id", values=column)[order["ids"]].to_numpy() for column in ("pos", "speed")]
+        for order, table in zip(orders, tables, strict=True)
+    ]
+    front, speed = (np.stack(arrays, axis=-1) for arrays in zip(*tracks, strict=True))
+    return Motion(front - lengths / 2, speed, lengths)
+
+
+def _order(
+    folder: Path, start: Start, leader_speed: np.ndarray, types: Path, names: Sequence[str], number: int, seed: int
+) -> dict[str, Any]:
+    """One platoon as its files, the options of SUMO, and what its first vehicle does."""
+    ids = [LEADER, *(f"follower_{k}" for k in range(1, len(names) + 1))]
+    network, routes, fcd = (folder / file.format(number) for file in ("road_{}.net.xml", "traffic_{}.rou.xml", FCD))
+    front = np.asarray(start.state.x)[:, number] + start.length[:, number] / 2
+    length = float(np.ceil(front[0] + FASTEST * len(leader_speed) / STEPS_PER_SECOND))
+    network.write_text(draw_network(1, length, FASTEST), encoding="utf-8")
+    vehicles = [
+        _VEHICLE.format(id=own, type=kind, front=place, speed=leader_speed[0])
+        for own, kind, place in zip(ids, (LEADER, *names), front, strict=True)
+    ]
+    decel = np.asarray(start.drivers.car_following.comfortable_deceleration())[0, number]
+    leader = _LEADER_TYPE.format(length=start.length[0, number], decel=decel)
+    routes.write_text(f"<routes>{leader}{''.join(vehicles)}</routes>", encoding="utf-8")
+    inputs = ["-n", network, "-r", routes, "-a", types, "--fcd-output", fcd, "--seed", seed]
+    return {"ids": ids, "options": [*map(str, inputs), *_OPTIONS.split()], "speeds": leader_speed.tolist()}
+
+
+def _run(folder: Path, orders: list[dict[str, Any]]) -> Float[np.ndarray, "vehicles platoons"]:
+    """Lengths of the vehicles [m], after SUMO has simulated all platoons."""
+    asked, answered = folder / "orders.json", folder / "lengths.json"
+    asked.write_text(json.dumps(orders), encoding="utf-8")
+    # By its path: the package, which is not needed there, brings pyarrow.
+    command = [sys.executable, str(Path(__file__).with_name("sumo_worker.py")), str(asked), str(answered)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise RuntimeError(f"SUMO failed: {done.stderr.strip()[-2000:]}")
+    return np.array(json.loads(answered.read_text(encoding="utf-8"))).T
 
 
 def read_fcd(path: Path) -> pd.DataFrame:

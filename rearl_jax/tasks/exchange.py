@@ -11,8 +11,8 @@ EXCHANGE = (
         description=(
             "Draws drivers from a population and writes each as a vehicle type of SUMO or as attributes of "
             "highway-env's IDMVehicle, which keeps the correlations of the parameters. Prints where every part of the "
-            "model went and what the other program cannot say. export.compare=true simulates the exported drivers in SUMO and here "
-            "behind the same measured leaders and states the difference."
+            "model went and what the other program cannot say. export.compare=true simulates the exported drivers in "
+            "SUMO and here behind the same measured leaders and states the difference."
         ),
         examples=(
             "rearl export model=results/discover/model.yaml",
