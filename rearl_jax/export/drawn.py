@@ -3,29 +3,30 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float, Key
 
 from rearl_jax.config.driver import MODELS
 from rearl_jax.core.drivers import Drivers, highway_env_drivers
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import TrafficState, make_state
 from rearl_jax.models.population import Population
-from rearl_jax.models.traffic import populate
+from rearl_jax.models.traffic import DrawnDrivers, draw_drivers, populate
 
 SPACING = 100.0
 """Distance [m] at which vehicles are placed while their drivers are drawn; nobody drives from there."""
 
 
 @dataclass(frozen=True)
-class DrawnDrivers:
+class DriverColumns:
     """Some drivers of one population.
 
     Attributes:
         car_following: Name of their car-following model.
-        values: Value of each parameter of the model for each driver; parameters that highway-env draws with the initial
-            state are left out.
+        values: Value of each parameter of the model for each driver, nan where highway-env draws it with the initial
+            state; parameters that it draws for all drivers are left out.
         length: Lengths of the vehicles [m].
         is_truck: Whether each is a truck.
     """
@@ -39,7 +40,7 @@ class DrawnDrivers:
         return len(self.length)
 
 
-def draw(population: Population, n: int, seed: int) -> DrawnDrivers:
+def draw(population: Population, n: int, seed: int) -> DriverColumns:
     """Drivers drawn as a simulation of the population draws them, with the correlations of their parameters.
 
     Args:
@@ -47,8 +48,16 @@ def draw(population: Population, n: int, seed: int) -> DrawnDrivers:
         n: How many; each is as probable as the others.
         seed: Seed of the draw.
     """
-    _, drivers = place(population, np.zeros((n, 1)), TrafficModel(n_lanes=1, speed_limit=None), seed)
-    return columns(population, drivers, n, 0)
+    drawn = _draw(jax.random.split(jax.random.key(seed), 1), n, population)
+    values = {name: np.asarray(value)[:, 0] for name, value in drawn.values.items() if name not in population.drawn}
+    return DriverColumns(
+        population.car_following, values, np.asarray(drawn.length)[:, 0], np.asarray(drawn.is_truck)[:, 0]
+    )
+
+
+@eqx.filter_jit
+def _draw(keys: Key[Array, " scenarios"], n: int, population: Population) -> DrawnDrivers:
+    return draw_drivers(keys, n, population.median.dtype, population)
 
 
 def place(
@@ -68,10 +77,13 @@ def place(
     start = make_state(x, np.zeros_like(x), speed, road, dtype=dtype.type)
     keys = jax.random.split(jax.random.key(seed), n_scenarios)
     usual = highway_env_drivers(dtype=dtype, ticks_per_second=road.ticks_per_second)
-    return populate(start, usual, keys, population, road)
+    return _populate(start, usual, keys, population, road)
 
 
-def columns(population: Population, drivers: Drivers, n: int, scenario: int) -> DrawnDrivers:
+_populate = eqx.filter_jit(populate)
+
+
+def columns(population: Population, drivers: Drivers, n: int, scenario: int) -> DriverColumns:
     """The drivers of one scenario as columns.
 
     Args:
@@ -86,7 +98,7 @@ def columns(population: Population, drivers: Drivers, n: int, scenario: int) -> 
         return np.broadcast_to(every[:, min(scenario, every.shape[1] - 1)], (n,))
 
     names = [name for name in MODELS[population.car_following].names if name not in population.drawn]
-    return DrawnDrivers(
+    return DriverColumns(
         population.car_following,
         {name: column(getattr(drivers.car_following, name)) for name in names},
         column(drivers.body.length),

@@ -8,9 +8,11 @@ Source: highway-env 1.12.1, `vehicle/behavior.py` (IDMVehicle).
 
 import json
 
+import numpy as np
+
 from rearl_jax.config.driver import DEFAULT
 from rearl_jax.core.car_following.highway_env_idm import VEHICLE_LENGTH
-from rearl_jax.export.drawn import DrawnDrivers, draw
+from rearl_jax.export.drawn import DriverColumns, draw
 from rearl_jax.export.said import Exported, Said, unsaid_effects
 from rearl_jax.models.population import Population
 from rearl_jax.problems import InvalidInputError, Problem
@@ -67,8 +69,8 @@ def to_highway_env(population: Population, n_drivers: int, seed: int) -> Exporte
     return Exported(json.dumps(drivers, indent=1) + "\n", tuple(_said(population, drawn)))
 
 
-def _attributes(drawn: DrawnDrivers, k: int) -> dict[str, float]:
-    own = {ATTRIBUTES[name]: float(values[k]) for name, values in drawn.values.items()}
+def _attributes(drawn: DriverColumns, k: int) -> dict[str, float]:
+    own = {ATTRIBUTES[name]: float(values[k]) for name, values in drawn.values.items() if np.isfinite(values[k])}
     own["DISTANCE_WANTED"] += VEHICLE_LENGTH
     own["COMFORT_ACC_MIN"] *= -1
     if drawn.car_following == PUBLISHED:
@@ -83,7 +85,7 @@ def _lane_changing(population: Population) -> dict[str, float]:
     return {attribute: float(f"{float(getattr(own, name)):.6g}") for name, attribute in LANE_CHANGING.items()}
 
 
-def _said(population: Population, drawn: DrawnDrivers) -> list[Said]:
+def _said(population: Population, drawn: DriverColumns) -> list[Said]:
     is_other = drawn.car_following == PUBLISHED
     said = [Said(f"car_following {drawn.car_following}", "IDMVehicle", _CENTRES if is_other else "")]
     said += [Said(name, ATTRIBUTES[name], "plus 5 m" if name == "jam_gap" else "") for name in drawn.values]

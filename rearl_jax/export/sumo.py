@@ -16,7 +16,7 @@ import numpy as np
 from rearl_jax.core.effects.effect import Effect
 from rearl_jax.core.effects.perception import ReactionDelay
 from rearl_jax.core.following import HARDEST_ACCELERATION, HARDEST_BRAKING
-from rearl_jax.export.drawn import DrawnDrivers, draw
+from rearl_jax.export.drawn import DriverColumns, draw
 from rearl_jax.export.said import Exported, Said, unsaid_effects
 from rearl_jax.models.population import Population
 from rearl_jax.problems import InvalidInputError, Problem
@@ -131,7 +131,7 @@ def sumo_model(car_following: str) -> SumoModel:
     return MODELS[car_following]
 
 
-def type_attributes(drivers: DrawnDrivers, effects: tuple[Effect, ...]) -> list[dict[str, str]]:
+def type_attributes(drivers: DriverColumns, effects: tuple[Effect, ...]) -> list[dict[str, str]]:
     """Attributes of one vehicle type per driver, without id and probability.
 
     Args:
@@ -191,7 +191,9 @@ def _said(population: Population, model: SumoModel) -> list[Said]:
             said.append(Said(effect.name, "actionStepLength", remark))
         else:
             said += unsaid_effects([effect.name], "SUMO")
-    said += unsaid_effects((effect.name for effect in population.effects if not isinstance(effect, ReactionDelay)), "SUMO")
+    said += unsaid_effects(
+        (effect.name for effect in population.effects if not isinstance(effect, ReactionDelay)), "SUMO"
+    )
     if population.is_noisy:
         said.append(Said("noise_sd, noise_time", None, "SUMO's sigma only slows drivers down"))
     return [*said, Said("lane changing", None, _NO_LANE_CHANGES)]

@@ -2,6 +2,7 @@
 
 import json
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from highway_env.road.road import Road, RoadNetwork
@@ -32,8 +33,8 @@ def test_a_vehicle_with_the_attributes_accelerates_as_the_driver():
     for name, value in json.loads(exported.text)[0].items():
         assert hasattr(own, name)
         setattr(own, name, value)
-    driver = HighwayEnvIDM(accel_exponent=np.array([3.8]), **{name: np.array([value]) for name, value in usual.items()})
-    expected = driver.acceleration(np.array([28.0]), np.array([24.0]), np.array([3.0]))
+    driver = HighwayEnvIDM(accel_exponent=jnp.array([3.8]), **{name: jnp.array([v]) for name, v in usual.items()})
+    expected = driver.acceleration(jnp.array([28.0]), jnp.array([24.0]), jnp.array([3.0]))
     assert own.acceleration(own, leader) == pytest.approx(float(expected[0]), abs=1e-5)
     assert all(one.where for one in exported.said)
 

@@ -9,7 +9,7 @@ import pytest
 from rearl_jax.config.driver import MODELS as DECLARED
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.export import sumo, to_sumo
-from rearl_jax.export.drawn import DrawnDrivers
+from rearl_jax.export.drawn import DriverColumns
 from rearl_jax.export.said import unsaid_effects
 from rearl_jax.models.population import population_of_model
 from rearl_jax.models.record import EffectValues
@@ -24,7 +24,7 @@ def two(car_following, **values):
     """A car and a truck with the same parameters but for twice the time gap."""
     columns = {name: np.array([value, value]) for name, value in values.items()}
     columns["time_gap"] = columns["time_gap"] * [1, 2]
-    return DrawnDrivers(car_following, columns, np.array([4.5, 12.0]), np.array([False, True]))
+    return DriverColumns(car_following, columns, np.array([4.5, 12.0]), np.array([False, True]))
 
 
 def population(*effects, **changes):
