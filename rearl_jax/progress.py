@@ -1,16 +1,30 @@
-"""The progress bar of long work: on standard error, shown only if that is a terminal."""
+"""The progress of long work on standard error: a bar on a terminal, else a line now and then."""
 
 import logging
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+)
 from rich.text import Text
 
 _MEMORY = 600.0
 """How far back the steps lie from which the time left is estimated [s]; some steps take minutes."""
+
+QUIET = 15.0
+"""Time before the first line where there is no terminal, and between lines of one stage [s]."""
 
 
 class TimeLeftColumn(ProgressColumn):
@@ -42,14 +56,43 @@ def silent() -> Progress:
     return Progress(disable=True)
 
 
+class ProgressLines(Progress):
+    """A bar for files and logs: a line where a stage begins, and every now and then while it lasts."""
+
+    def __init__(self) -> None:
+        super().__init__(disable=True)
+        self._begin, self._written, self._stage = time.monotonic(), 0.0, ""
+
+    def update(self, task_id: TaskID, **changes: Any) -> None:
+        """Changes a line of the bar, and writes it if that is due."""
+        super().update(task_id, **changes)
+        self._write(task_id)
+
+    def advance(self, task_id: TaskID, advance: float = 1) -> None:
+        """Advances a line of the bar, and writes it if that is due."""
+        super().advance(task_id, advance)
+        self._write(task_id)
+
+    def _write(self, task_id: TaskID) -> None:
+        now, task = time.monotonic() - self._begin, self._tasks[task_id]
+        if now < QUIET or (task.description == self._stage and now - self._written < QUIET):
+            return
+        self._written, self._stage = now, task.description
+        steps = f", {task.completed:.0f} of {task.total:.0f}" if task.total else ""
+        print(f"{in_words(now)}: {task.description}{steps}", file=sys.stderr, flush=True)
+
+
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
-    """A live progress bar; what is logged meanwhile appears above it."""
+    """A live progress bar on a terminal, above which appears what is logged meanwhile; elsewhere lines."""
+    if sys.stderr is None or not sys.stderr.isatty():
+        with ProgressLines() as lines:
+            yield lines
+        return
     done = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeLeftColumn())
     bar = Progress(
         *done,
         console=Console(stderr=True),
-        disable=sys.stderr is None or not sys.stderr.isatty(),
         transient=True,
         speed_estimate_period=_MEMORY,
     )

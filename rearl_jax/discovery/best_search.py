@@ -1,4 +1,8 @@
-"""The search for what is missing, beside the car-following model that fits best with what is found."""
+"""The search for what is missing, beside the car-following model that fits best with what is found.
+
+Bare models are compared first, and what is missing pulls that comparison towards models that imitate it. So models are
+compared again with what was found, and where what was found has no name, others are searched beside for one that has.
+"""
 
 import logging
 from collections.abc import Sequence
@@ -8,7 +12,7 @@ from rich.progress import Progress
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.discovery.comparison.comparison import Comparison, comparison_of
-from rearl_jax.discovery.comparison.dependence import Beside, better_model, found_beside
+from rearl_jax.discovery.comparison.dependence import MOST_OTHERS, Beside, better_model, found_beside
 from rearl_jax.discovery.observe.base import Base
 from rearl_jax.discovery.observe.candidates import LENS
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
@@ -18,6 +22,7 @@ from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.search.confirmation import clocks_confirmed, confirmed, lens_confirmed
+from rearl_jax.discovery.search.explanation import is_explained, names_more
 from rearl_jax.discovery.search.null import Null, null_of
 from rearl_jax.discovery.search.procedure import Search, search
 from rearl_jax.progress import shown
@@ -32,7 +37,8 @@ def best_search(
     config: DiscoverTask, study: Study | None, priors: Sequence[Prior], parts: Parts, bar: Progress, whose: str
 ) -> tuple[Solver, Search, Comparison | None, list[Beside]]:
     """Search beside the model that fits best, and what was found in others; where another model surely fits better with
-    what was found, the search begins anew beside that one.
+    what was found, or accounts for the drivers by names where this one leaves a curve or a doubt, the search goes on
+    beside that one.
     """
     if len(priors) == 1:
         solver = solver_of(parts.fitted, priors[0])
@@ -48,6 +54,15 @@ def best_search(
         comparison, solver = comparison.going_on_with(better), solver_of(parts.fitted, better)
         outcome = _search(config, None, solver, parts, None, bar, whose)  # simulated nulls are of the first model
         beside = found_beside(solver, outcome, comparison.others, parts.fitted)
+    if is_explained(solver, outcome, config.discover.seed):
+        return solver, outcome, comparison, beside
+    for prior in comparison.next_best[:MOST_OTHERS]:
+        other = solver_of(parts.fitted, prior)
+        named = _search(config, None, other, parts, None, bar, f"{whose}beside {prior.name}, ", names_only=True)
+        if names_more(solver, outcome, other, named, config.discover.seed):
+            log.info("beside %s, what was found has a name, and other drivers are as likely", prior.name)
+            comparison = comparison.going_on_with(prior)
+            return other, named, comparison, found_beside(other, named, comparison.others, parts.fitted)
     return solver, outcome, comparison, beside
 
 
@@ -59,6 +74,8 @@ def _search(
     calibrated: Base | None,
     bar: Progress,
     whose: str,
+    *,
+    names_only: bool = False,
 ) -> Search:
     """Search for effects of car following beside a model, which may be calibrated; `whose` begins what the bar says."""
     options = config.discover
@@ -85,6 +102,7 @@ def _search(
         report,
         lane_changes=options.lane_changes,
         calibrated=calibrated,
+        names_only=names_only,
     )
     outcome = look()
     if not clocks_confirmed(solver, outcome, parts.checked, options.seed):

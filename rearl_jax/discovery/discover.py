@@ -40,7 +40,6 @@ from rearl_jax.discovery.report.verdict import (
     found_in_columns,
     is_on,
     lane_changes_block,
-    leaves_shifts,
     named_trial,
     unseen,
     verdict_of,
@@ -219,7 +218,7 @@ def _effects(
     """
     effects = [found_in_columns(finding, confidence) for finding in findings if finding.is_artefact]
     most, doubtful = THRESHOLDS.most_confidence, THRESHOLDS.doubtful_confidence
-    usual = most if left.is_enough and not leaves_shifts(outcome) else doubtful
+    usual = most if left.is_enough and not outcome.leaves_shifts else doubtful
     if outcome.clocks is not None:
         effects.append(differing_clocks(outcome.clocks, most if left.is_of_clocks else doubtful))
     theta = outcome.last.state.theta

@@ -65,6 +65,13 @@ class Comparison:
         """The rivals."""
         return [prior for name in self.rivals for prior in self.priors if prior.name == name]
 
+    @property
+    def next_best(self) -> list[Prior]:
+        """The models that were not chosen, the most likely first, surely less likely ones too."""
+        chosen = self.gains[self.choice.chosen]
+        others = [number for number in range(len(self.priors)) if number != self.choice.chosen]
+        return [self.priors[k] for k in sorted(others, key=lambda k: -float((self.gains[k] - chosen).sum()))]
+
     def going_on_with(self, prior: Prior) -> "Comparison":
         """The same, but another model was chosen, beside which the chosen one is the first rival."""
         others = tuple(name for name in self.rivals if name != prior.name)

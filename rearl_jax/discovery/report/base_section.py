@@ -60,8 +60,8 @@ def _anew(base: Mapping[str, Any]) -> str:
     if base.get("before") is None:
         return ""
     return (
-        f"with the effects that were found beside {spoken(base['before'])}, {spoken(base['chosen'])} is surely more "
-        "likely: the search began anew beside it"
+        f"the search first went beside {spoken(base['before'])}; it began anew beside {spoken(base['chosen'])}, with "
+        "which what was found is surely more likely, or has a name that it did not have"
     )
 
 

@@ -67,7 +67,7 @@ from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.families import told_apart_by
-from rearl_jax.discovery.search.procedure import Round, Search, is_free
+from rearl_jax.discovery.search.procedure import Search, is_free
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MISJUDGED = (
@@ -166,7 +166,7 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
     added = [trial.candidate.kind for trial in search.added]
     names = {trial.candidate.term.effect for trial in search.added if trial.candidate.kind in ("driver", "road")}
     if names:
-        is_doubtful = any(search.is_doubtful(trial) for trial in search.added) or leaves_shifts(search)
+        is_doubtful = any(search.is_doubtful(trial) for trial in search.added) or search.leaves_shifts
         is_stated = names <= {effect.name for effect in effects}
         return "named" if is_stated and adequacy.is_enough and not is_doubtful else "unexplained"
     if any(effect.kind in ("driver", "road") for effect in effects):
@@ -181,19 +181,9 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
         return "artefact" if adequacy.is_enough and not search.is_contradicted else "unexplained"
     if search.clocks is not None:
         return "artefact"
-    if added or search.rejected or _is_sure(search.rounds[-1]) or leaves_shifts(search) or not adequacy.is_enough:
+    if added or search.rejected or search.leaves_more or search.leaves_shifts or not adequacy.is_enough:
         return "unexplained"
     return "nothing"
-
-
-def leaves_shifts(search: Search) -> bool:
-    """True if something is left that shifts pairs of vehicles in time, and is neither clocks nor what was added."""
-    return search.clocks is None and search.rounds[-1].clock_z_score > THRESHOLDS.unexplained_z_score
-
-
-def _is_sure(last: Round) -> bool:
-    """True if something is left that the other drivers do not confirm in any form, and that is not chance."""
-    return any(z_score > THRESHOLDS.unexplained_z_score for z_score in last.z_score.values())
 
 
 def candidate_rows(search: Search) -> list[dict[str, Any]]:

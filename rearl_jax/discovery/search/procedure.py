@@ -157,6 +157,16 @@ class Search:
         denied = self.rounds[-1].contradicted if not self.added else []
         return any(not is_free(trial) for trial in (*self.rejected, *denied))
 
+    @property
+    def leaves_shifts(self) -> bool:
+        """True if something is left that shifts pairs of vehicles in time, and is neither clocks nor what was added."""
+        return self.clocks is None and self.rounds[-1].clock_z_score > THRESHOLDS.unexplained_z_score
+
+    @property
+    def leaves_more(self) -> bool:
+        """True if something is left that the other drivers do not confirm in any form, and that is not chance."""
+        return any(z_score > THRESHOLDS.unexplained_z_score for z_score in self.rounds[-1].z_score.values())
+
     def is_doubtful(self, trial: Trial) -> bool:
         """True if a named effect is beaten by what is not believed, comes before what simulations contradict or after a
         free curve, whose remainder it may be, or leaves a dependence on what it acts by, which then is another one than
@@ -188,6 +198,7 @@ def search(
     lane_changes: bool = True,
     calibrated: Base | None = None,
     excluded: frozenset[Term] = frozenset(),
+    names_only: bool = False,
 ) -> Search:
     """The loop: until nothing exceeds chance any more, or nothing that does is accepted.
 
@@ -200,6 +211,7 @@ def search(
         lane_changes: Whether what changes of lane bring with them is part of the calibrated model.
         calibrated: The calibrated model where it is known; None to calibrate.
         excluded: Candidates, or clocks, that are not looked for.
+        names_only: Whether the loop ends once a free curve is added, because names alone are asked for.
     """
     report("calibrating drivers", 0, 1)
     of_lanes = calibrated or base_of(solver, fitted, lane_changes=lane_changes)
@@ -224,7 +236,7 @@ def search(
             outcome.lane_changes = lane_change_trials(solver, of_lanes, outcome.checked)
         else:
             outcome.rounds.append(turn)
-            if turn.chosen is None:
+            if turn.chosen is None or (names_only and is_free(turn.chosen)):
                 break
             base = turn.chosen.fit
         everybody = with_others(solver, base, outcome.checked)
@@ -302,13 +314,14 @@ def _is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
 
 
 def _is_of_numerics(trial: Trial) -> bool:
-    """True if it is a reaction delay of less than a time step, or than the kernel that positions were smoothed
-    with, which is not of the driver.
+    """True if it is a reaction delay of less than two time steps, or than the kernel that positions were smoothed with.
+
+    Whoever decides once in a time step, and has it carried out in the next one, is as late as that without any delay.
     """
     if trial.candidate.term != Term("reaction_delay"):
         return False
     data, delays = trial.fit.state.data, trial.fit.state.theta[list(trial.candidate.free)]
-    return bool(np.abs(delays).max() < max(data.dt, data.smoothing))
+    return bool(np.abs(delays).max() < max(2 * data.dt, data.smoothing))
 
 
 def _is_additional(trial: Trial, added: list[Trial]) -> bool:

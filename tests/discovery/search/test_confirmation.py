@@ -5,36 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rearl_jax.discovery.observe.candidates import LENS, Term
+from rearl_jax.discovery.observe.candidates import LENS
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.fit_state import copied
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.confirmation import clocks_confirmed, confirmed, lens_confirmed
-from rearl_jax.discovery.search.decision import Trial
-from rearl_jax.discovery.search.null import Null
-from rearl_jax.discovery.search.procedure import Round, Search
+from tests.discovery.search.searches import search_that_added
 
 
 def search_with(solver, calibrated, delay):
     """A search that has added a reaction delay, right or wrong."""
     return search_that_added(solver, calibrated, ("reaction_delay", [delay, delay]))
-
-
-def search_that_added(solver, calibrated, *added):
-    """A search that has added candidates with some numbers, one after the other."""
-    state, noise = calibrated
-    rounds, fit = [], Fit(None, state, noise)
-    gains = state.penalised() * 0.0 + 10.0
-    for name, values in added:
-        candidate = solver.layout.candidates[Term.read(name)]
-        theta = fit.state.theta.copy()
-        theta[list(candidate.free)] = values
-        changed = copied(state, theta=theta, active=(*fit.state.active, candidate.term))
-        trial = Trial(candidate, Fit(candidate, changed, noise), gains, gains, changed, 0.0)
-        rounds.append(Round(fit, {}, {}, {}, frozenset(), [trial], [trial]))
-        fit = trial.fit
-    rounds.append(Round(fit, {}, {}, {}, frozenset(), [], []))
-    return Search(solver.layout, Null({}, {}, 1), {}, state.data, None, rounds)
 
 
 def test_an_addition_that_makes_simulations_worse_is_taken_back(solver, calibrated):
