@@ -12,13 +12,12 @@ from rearl_jax.config.blind import BlindConfig
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, KlConfig
 from rearl_jax.config.core import CoreConfig, InitConfig
 from rearl_jax.config.critical import CriticalConfig
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.config.decision import AdmissibleConfig, DecisionConfig, ExecConfig, MatcherConfig, PolicyName
 from rearl_jax.config.detection import DetectionConfig, ReferenceConfig
 from rearl_jax.config.discover import DiscoverConfig
 from rearl_jax.config.driver import CALIBRATED, DEFAULT, DriverConfig, record_of
 from rearl_jax.config.evaluation import EvaluationConfig, Method, Variant
-from rearl_jax.config.export import ExportConfig, SumoFileConfig, Target
 from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.llm import LlmConfig, PromptConfig
 from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
@@ -231,57 +230,6 @@ class ValidateTask:
 
 
 _ROWS_DECIDE = "base; each row of the table sets its own method"
-
-
-def _platoons() -> DataConfig:
-    """Shipped recordings with first vehicles that nobody is ahead of."""
-    return DataConfig(DataFormat.openacc, on_bad=OnBad.drop_row)
-
-
-@dataclass(unsafe_hash=True)
-class ExportTask:
-    """Drivers for other programs."""
-
-    study: str = _study("export")
-    to: Target = key(Target.sumo, "program that the drivers are written for")
-    model: str | None = key(
-        None, "repaired model, a model.yaml written by `rearl discover`; null = the drivers of `driver` and `mobil`"
-    )
-    variant: Variant = key(Variant.repaired, _ONE_VARIANT)
-    results: ResultsConfig = _group(ResultsConfig)
-    data: DataConfig = key(_platoons, "Recordings of the first vehicles of export.compare")
-    driver: DriverConfig = key(
-        record_of("idm"), "Car following, sizes and classes of the drivers; driver=NAME chooses the model"
-    )
-    mobil: MobilConfig = _group(MobilConfig)
-    export: ExportConfig = _group(ExportConfig)
-
-    def check(self) -> None:
-        """Raise InvalidInputError for drivers given twice, for both variants at once, and for what is not compared."""
-        if self.variant is Variant.all:
-            message = "must be repaired or calibrated: a file holds one population"
-            raise out_of_range("variant", message, self.variant.name)
-        if self.model is not None and self.driver != record_of("idm")():
-            message = "has its own drivers: leave out the keys of driver, or leave out model"
-            raise InvalidInputError(Problem("drivers-twice", message, key=f"model={self.model}"))
-        if self.export.compare and self.to is not Target.sumo:
-            message = "must be false: only exported drivers of to=sumo are compared"
-            raise out_of_range("export.compare", message, True)
-
-
-@dataclass(unsafe_hash=True)
-class ImportTask:
-    """Drivers from another program."""
-
-    study: str = _study("import")
-    results: ResultsConfig = _group(ResultsConfig)
-    sumo: SumoFileConfig = _group(SumoFileConfig)
-
-    def check(self) -> None:
-        """Raise InvalidInputError if no file is named."""
-        if self.sumo.file is None:
-            message = "must name a file of SUMO with vType elements"
-            raise InvalidInputError(Problem("key-missing", message, key="sumo.file"))
 
 
 @dataclass(unsafe_hash=True)

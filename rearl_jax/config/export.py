@@ -1,10 +1,16 @@
-"""Keys of models that leave for other programs or come from them."""
+"""Drivers for other programs and from them: the configuration of both tasks."""
 
 from dataclasses import dataclass
 from enum import Enum
 
+from rearl_jax.config import _ONE_VARIANT, ResultsConfig, _group, _study
 from rearl_jax.config._key import key
 from rearl_jax.config._ranges import check_least, check_positive, check_within
+from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.driver import DriverConfig, record_of
+from rearl_jax.config.evaluation import Variant
+from rearl_jax.config.mobil import MobilConfig
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 class Target(Enum):
@@ -46,3 +52,54 @@ class SumoFileConfig:
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
         check_positive(self, "speed_limit")
+
+
+def _platoons() -> DataConfig:
+    """Shipped recordings with first vehicles that nobody is ahead of."""
+    return DataConfig(DataFormat.openacc, on_bad=OnBad.drop_row)
+
+
+@dataclass(unsafe_hash=True)
+class ExportTask:
+    """Drivers for other programs."""
+
+    study: str = _study("export")
+    to: Target = key(Target.sumo, "program that the drivers are written for")
+    model: str | None = key(
+        None, "repaired model, a model.yaml written by `rearl discover`; null = the drivers of `driver` and `mobil`"
+    )
+    variant: Variant = key(Variant.repaired, _ONE_VARIANT)
+    results: ResultsConfig = _group(ResultsConfig)
+    data: DataConfig = key(_platoons, "Recordings of the first vehicles of export.compare")
+    driver: DriverConfig = key(
+        record_of("idm"), "Car following, sizes and classes of the drivers; driver=NAME chooses the model"
+    )
+    mobil: MobilConfig = _group(MobilConfig)
+    export: ExportConfig = _group(ExportConfig)
+
+    def check(self) -> None:
+        """Raise InvalidInputError for drivers given twice, for both variants at once, and for what is not compared."""
+        if self.variant is Variant.all:
+            message = "must be repaired or calibrated: a file holds one population"
+            raise out_of_range("variant", message, self.variant.name)
+        if self.model is not None and self.driver != record_of("idm")():
+            message = "has its own drivers: leave out the keys of driver, or leave out model"
+            raise InvalidInputError(Problem("drivers-twice", message, key=f"model={self.model}"))
+        if self.export.compare and self.to is not Target.sumo:
+            message = "must be false: only exported drivers of to=sumo are compared"
+            raise out_of_range("export.compare", message, True)
+
+
+@dataclass(unsafe_hash=True)
+class ImportTask:
+    """Drivers from another program."""
+
+    study: str = _study("import")
+    results: ResultsConfig = _group(ResultsConfig)
+    sumo: SumoFileConfig = _group(SumoFileConfig)
+
+    def check(self) -> None:
+        """Raise InvalidInputError if no file is named."""
+        if self.sumo.file is None:
+            message = "must name a file of SUMO with vType elements"
+            raise InvalidInputError(Problem("key-missing", message, key="sumo.file"))

@@ -5,7 +5,7 @@ from typing import Any
 
 import pandas as pd
 
-from rearl_jax.config import ExportTask
+from rearl_jax.config.export import ExportTask
 from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import table_of
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rearl_jax.code_version import __version__
-from rearl_jax.config import ImportTask
+from rearl_jax.config.export import ImportTask
 from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import table_of
 from rearl_jax.document.terminal import print_document

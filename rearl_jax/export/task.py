@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rearl_jax.config import ExportTask
 from rearl_jax.config.evaluation import Variant
-from rearl_jax.config.export import Target
+from rearl_jax.config.export import ExportTask, Target
 from rearl_jax.data.recordings import data_id, is_generated
 from rearl_jax.document.terminal import print_document
 from rearl_jax.export.check import flow, round_trip

@@ -6,7 +6,7 @@ EXCHANGE = (
     Task(
         words="export",
         run="rearl_jax.export.task:run",
-        config="rearl_jax.config:ExportTask",
+        config="rearl_jax.config.export:ExportTask",
         summary="write calibrated drivers for SUMO or highway-env",
         description=(
             "Draws drivers from a population and writes each as a vehicle type of SUMO or as attributes of "
@@ -25,7 +25,7 @@ EXCHANGE = (
     Task(
         words="import",
         run="rearl_jax.export.reading:run",
-        config="rearl_jax.config:ImportTask",
+        config="rearl_jax.config.export:ImportTask",
         summary="read vehicle types of SUMO as a population of drivers",
         description=(
             "Reads the vTypes of a SUMO file, with the probabilities of their distribution, and writes the population "

@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config import ExportTask, ResultsConfig
+from rearl_jax.config import ResultsConfig
 from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.config.driver import record_of
-from rearl_jax.config.export import ExportConfig, Target
+from rearl_jax.config.export import ExportConfig, ExportTask, Target
 from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.export import sumo_platoon
 from rearl_jax.export.drawn import columns

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config import ImportTask, ResultsConfig
-from rearl_jax.config.export import SumoFileConfig
+from rearl_jax.config import ResultsConfig
+from rearl_jax.config.export import ImportTask, SumoFileConfig
 from rearl_jax.export import read_types, to_sumo
 from rearl_jax.export.population_of_types import population_of_types
 from rearl_jax.export.reading import run
