@@ -97,9 +97,3 @@ class ImportTask:
     study: str = _study("import")
     results: ResultsConfig = _group(ResultsConfig)
     sumo: SumoFileConfig = _group(SumoFileConfig)
-
-    def check(self) -> None:
-        """Raise InvalidInputError if no file is named."""
-        if self.sumo.file is None:
-            message = "must name a file of SUMO with vType elements"
-            raise InvalidInputError(Problem("key-missing", message, key="sumo.file"))

@@ -18,6 +18,7 @@ from rearl_jax.export.said import said_table
 from rearl_jax.export.vehicle_types import read_types
 from rearl_jax.models.file import write_model
 from rearl_jax.models.record import RepairedModel, Source
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.results import Study
 
 FILE = "model.yaml"
@@ -29,9 +30,11 @@ def run(config: ImportTask) -> dict[str, Any]:
 
     Raises:
         MissingInputError: There is no such file.
-        InvalidInputError: It has no types that can be read as drivers.
+        InvalidInputError: No file is named, or it has no types that can be read as drivers.
     """
-    assert config.sumo.file is not None
+    if config.sumo.file is None:
+        message = "must name a file of SUMO with vType elements"
+        raise InvalidInputError(Problem("key-missing", message, key="sumo.file"))
     types = read_types(config.sumo.file, config.sumo.types)
     name, classes, attributes = population_of_types(types, config.sumo.speed_limit)
     identity = f"sumo-{hashlib.sha256(Path(config.sumo.file).read_bytes()).hexdigest()[:12]}"

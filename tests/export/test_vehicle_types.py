@@ -166,4 +166,4 @@ def test_the_task_writes_a_model_that_is_read(write, tmp_path, capsys):
 
 def test_the_task_needs_a_file():
     with refused("key-missing", key="sumo.file"):
-        ImportTask().check()
+        run(ImportTask())
