@@ -49,7 +49,8 @@ def draw(population: Population, n: int, seed: int) -> DriverColumns:
         seed: Seed of the draw.
     """
     drawn = _draw(jax.random.split(jax.random.key(seed), 1), n, population)
-    values = {name: np.asarray(value)[:, 0] for name, value in drawn.values.items() if name not in population.drawn}
+    names = [name for name in MODELS[population.car_following].names if name not in population.drawn]
+    values = {name: np.asarray(drawn.values[name])[:, 0] for name in names}
     return DriverColumns(
         population.car_following, values, np.asarray(drawn.length)[:, 0], np.asarray(drawn.is_truck)[:, 0]
     )
